@@ -1,0 +1,38 @@
+"""Array types and the read-only copies that the frozen dataclasses hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pushplan.errors import PushplanError
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+
+def frozen(values: ArrayLike, shape: Sequence[int | None], name: str) -> FloatArray:
+    """Return a read-only float copy of `values`, checked for shape and finiteness.
+
+    Args:
+        values: Anything NumPy can turn into floats.
+        shape: Expected shape; None stands for any length.
+        name: What the values are, for the error.
+
+    Raises:
+        PushplanError: On a wrong shape or a number that is not finite.
+    """
+    array = np.array(values, dtype=np.float64, copy=True)
+    fits = array.ndim == len(shape) and all(
+        want is None or want == have for want, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join("any" if n is None else str(n) for n in shape)
+        raise PushplanError(f"{name} has shape {array.shape}; it must be ({wanted})")
+    if not np.isfinite(array).all():
+        raise PushplanError(f"{name} holds a number that is not finite")
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,59 @@
+"""Planar poses (x, y, theta) and body twists (vx, vy, omega): composition, inverse, exact exponential."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pushplan.arrays import FloatArray
+
+
+def wrap_angle(angle: ArrayLike) -> FloatArray:
+    """Return `angle` shifted by turns into [-pi, pi), rad."""
+    return (np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def rotate(angle: ArrayLike, vectors: ArrayLike) -> FloatArray:
+    """Turn (..., 2) `vectors` counter-clockwise by `angle` (...), rad."""
+    vectors = np.asarray(vectors, dtype=np.float64)
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack(
+        [c * vectors[..., 0] - s * vectors[..., 1], s * vectors[..., 0] + c * vectors[..., 1]], axis=-1
+    )
+
+
+def transform_points(pose_a_b: ArrayLike, points_b: ArrayLike) -> FloatArray:
+    """Map (..., 2) points from frame b to frame a, given b's pose (3,) in a."""
+    pose = np.asarray(pose_a_b, dtype=np.float64)
+    return pose[:2] + rotate(pose[2], points_b)
+
+
+def compose(pose_a_b: ArrayLike, pose_b_c: ArrayLike) -> FloatArray:
+    """Return the pose(s) (..., 3) of c in a, from b in a and c in b."""
+    first, second = np.asarray(pose_a_b, dtype=np.float64), np.asarray(pose_b_c, dtype=np.float64)
+    position = first[..., :2] + rotate(first[..., 2], second[..., :2])
+    return np.concatenate([position, (first[..., 2] + second[..., 2])[..., None]], axis=-1)
+
+
+def inverse(pose_a_b: ArrayLike) -> FloatArray:
+    """Return the pose(s) (..., 3) of a in b, from the pose of b in a."""
+    pose = np.asarray(pose_a_b, dtype=np.float64)
+    position = rotate(-pose[..., 2], -pose[..., :2])
+    return np.concatenate([position, -pose[..., 2:]], axis=-1)
+
+
+def relative(pose_a_b: ArrayLike, pose_a_c: ArrayLike) -> FloatArray:
+    """Return the pose(s) (..., 3) of c in b, from both in a."""
+    return compose(inverse(pose_a_b), pose_a_c)
+
+
+def exp(twist: ArrayLike) -> FloatArray:
+    """Return the pose(s) (..., 3) reached from the origin by the body twist(s) (..., 3) in unit time.
+
+    The angle is not wrapped. With phi = omega: x = (sin phi / phi) vx - ((1 - cos phi) / phi) vy, and likewise y.
+    """
+    v = np.asarray(twist, dtype=np.float64)
+    phi = v[..., 2]
+    half = np.sinc(phi / (2.0 * np.pi))  # sin(phi/2) / (phi/2), exact through 0
+    a, b = half * np.cos(phi / 2.0), half * np.sin(phi / 2.0)
+    return np.stack([a * v[..., 0] - b * v[..., 1], b * v[..., 0] + a * v[..., 1], phi], axis=-1)

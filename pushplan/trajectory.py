@@ -1,0 +1,133 @@
+"""A timed trajectory: the body twist as a piecewise quadratic of time (constant jerk on every piece)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pushplan import se2
+from pushplan.arrays import FloatArray, frozen
+from pushplan.errors import PushplanError
+
+SAMPLE_RATE = 100.0
+"""Default rate at which trajectories are sampled and executed, Hz."""
+
+_GAUSS = np.sqrt(3.0) / 6.0
+
+
+def advance(coefficients: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the motion (m, 3) in the body frame under twists c0 + c1 tau + c2 tau^2 from `begin` to `end`.
+
+    Fourth-order Magnus expansion with two Gauss points; exact where the direction of the twist is constant.
+
+    Args:
+        coefficients: (m, 3, 3) polynomial coefficients, lowest first: [j] multiplies tau^j.
+        begin: (m,) local times, s.
+        end: (m,) local times, s.
+    """
+    h = end - begin
+    middle = 0.5 * (begin + end)
+    v1, v2 = (_polynomial(coefficients, middle + sign * _GAUSS * h) for sign in (-1.0, 1.0))
+    step = 0.5 * h[:, None] * (v1 + v2) - (np.sqrt(3.0) / 12.0) * (h**2)[:, None] * _bracket(v1, v2)
+    return se2.exp(step)
+
+
+def _polynomial(coefficients: FloatArray, tau: FloatArray) -> FloatArray:
+    c0, c1, c2 = coefficients[:, 0], coefficients[:, 1], coefficients[:, 2]
+    tau = tau[:, None]
+    return c0 + tau * (c1 + tau * c2)
+
+
+def _bracket(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Lie bracket [a, b] of planar twists."""
+    x = -a[:, 2] * b[:, 1] + b[:, 2] * a[:, 1]
+    y = a[:, 2] * b[:, 0] - b[:, 2] * a[:, 0]
+    return np.stack([x, y, np.zeros_like(x)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The commanded motion of the pusher.
+
+    Attributes:
+        start: (3,) pose of the chain frame in the world at time 0.
+        breaks: (q + 1,) times between which the twist is one polynomial, s; the first is 0.
+        coefficients: (q, 3, 3) twist on piece i at time t: sum_j coefficients[i, j] (t - breaks[i])^j.
+        arc: (q,) index of the path's arc that a piece belongs to (a blend counts to the arc it leaves).
+        rate: Samples per second of `t`, `poses` and `twists`.
+    """
+
+    start: FloatArray
+    breaks: FloatArray
+    coefficients: FloatArray
+    arc: FloatArray
+    rate: float = SAMPLE_RATE
+
+    def __post_init__(self) -> None:
+        pieces = len(self.coefficients)
+        object.__setattr__(self, "start", frozen(self.start, (3,), "start of the trajectory"))
+        object.__setattr__(self, "breaks", frozen(self.breaks, (pieces + 1,), "breaks of the trajectory"))
+        object.__setattr__(self, "coefficients", frozen(self.coefficients, (None, 3, 3), "coefficients"))
+        object.__setattr__(self, "arc", frozen(self.arc, (pieces,), "arc of the trajectory"))
+        if not self.rate > 0.0:
+            raise PushplanError(f"rate is {self.rate} Hz; it must be > 0")
+        if self.breaks[0] != 0.0 or (np.diff(self.breaks) <= 0.0).any():
+            raise PushplanError("breaks of the trajectory must start at 0 and increase")
+
+    @property
+    def duration(self) -> float:
+        """Length in time, s."""
+        return float(self.breaks[-1])
+
+    @cached_property
+    def t(self) -> FloatArray:
+        """(m,) sample times at the fixed rate, the end included, s."""
+        steps = np.arange(int(np.floor(self.duration * self.rate)) + 1) / self.rate
+        times = steps if steps[-1] == self.duration else np.append(steps, self.duration)
+        return frozen(times, (None,), "sample times")
+
+    @cached_property
+    def poses(self) -> FloatArray:
+        """(m, 3) poses of the chain frame in the world at `t`; the angle runs on, it is not wrapped."""
+        return frozen(self.poses_at(self.t), (None, 3), "poses")
+
+    @cached_property
+    def twists(self) -> FloatArray:
+        """(m, 3) body twists in the chain frame at `t`."""
+        return frozen(self.twists_at(self.t), (None, 3), "twists")
+
+    @cached_property
+    def break_poses(self) -> FloatArray:
+        """(q + 1, 3) poses of the chain frame in the world at `breaks`."""
+        steps = advance(self.coefficients, np.zeros(len(self.coefficients)), np.diff(self.breaks))
+        poses = [self.start]
+        for step in steps:
+            poses.append(se2.compose(poses[-1], step))
+        return frozen(poses, (None, 3), "break poses")
+
+    def piece_at(self, t: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+        """Return the index of the piece at each time (m,)."""
+        piece = np.searchsorted(self.breaks, np.asarray(t, dtype=np.float64), side="right") - 1
+        return np.clip(piece, 0, len(self.coefficients) - 1)
+
+    def twists_at(self, t: ArrayLike) -> FloatArray:
+        """Return the commanded twists (m, 3) at times (m,), clipped to the trajectory."""
+        t = np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
+        if len(self.coefficients) == 0:
+            return np.zeros((*t.shape, 3))
+        piece = self.piece_at(t)
+        return _polynomial(self.coefficients[piece], t - self.breaks[piece])
+
+    def poses_at(self, t: ArrayLike) -> FloatArray:
+        """Return the poses (m, 3) in the world at times (m,), clipped to the trajectory."""
+        t = np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
+        if len(self.coefficients) == 0:
+            return np.broadcast_to(self.start, (*t.shape, 3)).copy()
+        piece = self.piece_at(t)
+        tau = t - self.breaks[piece]
+        return se2.compose(
+            self.break_poses[piece], advance(self.coefficients[piece], np.zeros_like(tau), tau)
+        )
