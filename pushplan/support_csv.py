@@ -1,0 +1,43 @@
+"""Measured pressure distributions as CSV files."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.errors import SupportError
+
+
+def read_pressure_map(path: Path) -> FloatArray:
+    """Return the (k, 3) rows x (m), y (m), pressure (>= 0) of a CSV file with those three named columns.
+
+    Raises:
+        SupportError: With file and line, when the file cannot be read or a value is not allowed.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = [(reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise SupportError(f"{path}: cannot read the pressure map: {error}") from error
+    header = [cell.strip().lower() for cell in lines[0][1]] if lines else []
+    if sorted(header) != ["pressure", "x", "y"]:
+        raise SupportError(f"{path}:1: the header is {','.join(header)!r}; it must name x, y and pressure")
+    order = [header.index(name) for name in ("x", "y", "pressure")]
+    rows = [_map_row(path, number, cells, order) for number, cells in lines[1:]]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _map_row(path: Path, number: int, cells: list[str], order: list[int]) -> list[float]:
+    if len(cells) != 3:
+        raise SupportError(f"{path}:{number}: {len(cells)} cells; there must be 3 (x, y, pressure)")
+    try:
+        values = [float(cells[i]) for i in order]
+    except ValueError as error:
+        raise SupportError(f"{path}:{number}: {error}") from error
+    if not all(map(math.isfinite, values)) or values[2] < 0.0:
+        raise SupportError(f"{path}:{number}: x, y and pressure must be finite and pressure >= 0: {values}")
+    return values
