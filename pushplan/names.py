@@ -1,0 +1,30 @@
+"""The words and numbers that several parts of the package have to agree on."""
+
+from __future__ import annotations
+
+SCENARIO_FORMAT = "pushplan/1"
+"""What `format` says in a scenario file."""
+
+PLANNERS = ("rrt", "est", "kpiece", "sst", "rrt-dubins", "bitstar-dubins", "auto")
+"""Planners that `planner.name` may choose."""
+
+DEFAULT_PLANNER = "rrt"
+
+STABLE_SETS = ("ecof", "cof", "translation", "stable", "robust")
+"""Stable sets that `stability.set` may choose."""
+
+DEFAULT_STABLE_SET = "ecof"
+
+KNOWN_LOAD_SETS = ("ecof", "cof", "translation")
+"""Stable sets that need to know how every object's load rests on the floor."""
+
+TRAJECTORIES = ("exact", "blended")
+"""Ways of timing a path: with a stop at every corner, or with the corners blended."""
+
+DEFAULT_TRAJECTORY = "exact"
+
+RESERVED_NAMES = ("world", "chain", "pusher")
+"""Frames of a run log; no object may be called so."""
+
+COLLISION_CLEARANCE = 0.0005
+"""Distance that the pusher and every object keep from obstacles and from the workspace's walls, m."""
