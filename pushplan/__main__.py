@@ -1,0 +1,6 @@
+"""`python -m pushplan` is the command line."""
+
+from pushplan.cli import entry
+
+if __name__ == "__main__":
+    entry()
