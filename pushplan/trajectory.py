@@ -31,7 +31,7 @@ def advance(coefficients: FloatArray, begin: FloatArray, end: FloatArray) -> Flo
     h = end - begin
     middle = 0.5 * (begin + end)
     v1, v2 = (_polynomial(coefficients, middle + sign * _GAUSS * h) for sign in (-1.0, 1.0))
-    step = 0.5 * h[:, None] * (v1 + v2) - (np.sqrt(3.0) / 12.0) * (h**2)[:, None] * _bracket(v1, v2)
+    step = 0.5 * h[:, None] * (v1 + v2) + (np.sqrt(3.0) / 12.0) * (h**2)[:, None] * _bracket(v1, v2)
     return se2.exp(step)
 
 

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from pushplan import se2
 from pushplan.arrays import FloatArray
+from pushplan.contact_state import contact_state
+from pushplan.stable_set import StableSet
+from pushplan.trajectory import Trajectory, advance
+
+RESTING = 1e-9
+"""Twist components below this (m/s, rad/s) count as rest."""
+
+NUDGE = 1e-4
+"""How far from a sample at rest the direction of motion is looked up, s."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +44,10 @@ class Execution:
         t: (m,) times, s; ends early when stability was lost.
         poses: (m, 3) integrated pose of the chain frame in the world.
         twists: (m, 3) executed body twists in the chain frame.
-        margins: (m, n) margin of each contact; NaN-free: where the pusher rests, the margin of the twist direction
-            it is about to take or has just taken.
-        friction_margins: (m, n) angle of the contact force to the nearer edge of its friction cone, rad.
+        margins: (m, n) margin of each contact; where the pusher rests, that of the twist it is about to take (at
+            the end: has just taken).
+        friction_margins: (m, n) angle of the contact force to the nearer edge of its friction cone, rad; like
+            `lambdas` and `forces`, None where the loads on the floor are not known.
         lambdas: (m, n) where the force passes through the segment, 0 at the right end, 1 at the left end.
         forces: (m, n, 2) contact force on the pushed object, chain frame, N.
         loss: The first loss of stability, or None.
@@ -45,8 +58,73 @@ class Execution:
     poses: FloatArray
     twists: FloatArray
     margins: FloatArray
-    friction_margins: FloatArray
-    lambdas: FloatArray
-    forces: FloatArray
+    friction_margins: FloatArray | None
+    lambdas: FloatArray | None
+    forces: FloatArray | None
     loss: StabilityLoss | None
     goal_error: tuple[float, float]
+
+
+def simulate(trajectory: Trajectory, judge: StableSet, goal: FloatArray) -> Execution:
+    """Execute a trajectory: integrate the commanded twist exactly and watch every contact.
+
+    The integration does not use the trajectory's own poses. It stops at the first sample at which a contact's margin is
+    not positive.
+
+    Args:
+        trajectory: What is commanded.
+        judge: The stable set whose margins decide; the exact one (`ecof`) where the loads are known.
+        goal: (3,) pose of the chain frame in the world, for the error at the end.
+    """
+    poses = _integrate(trajectory)
+    directions = _directions(trajectory)
+    margins = judge.contact_margins(directions)
+    lost = np.flatnonzero(margins.min(axis=1) <= 0.0)
+    last = int(lost[0]) + 1 if len(lost) else len(poses)
+    loss = _loss(trajectory, poses, margins, last - 1) if len(lost) else None
+    state = contact_state(judge.chain, directions[:last]) if judge.loads_known else None
+    return Execution(
+        trajectory.t[:last],
+        poses[:last],
+        trajectory.twists[:last],
+        margins[:last],
+        None if state is None else state.friction_margins,
+        None if state is None else state.lambdas,
+        None if state is None else state.forces,
+        loss,
+        pose_error(poses[last - 1], goal),
+    )
+
+
+def pose_error(pose: FloatArray, goal: FloatArray) -> tuple[float, float]:
+    """Return the distance (m) and the absolute angle (rad) between two poses (3,)."""
+    return (
+        float(np.hypot(*(pose[:2] - goal[:2]))),
+        float(abs(se2.wrap_angle(pose[2] - goal[2]))),
+    )
+
+
+def _integrate(trajectory: Trajectory) -> FloatArray:
+    """Poses (m, 3) at the sample times: one exact step between any two of samples and breaks."""
+    ticks = np.union1d(trajectory.t, trajectory.breaks)
+    piece = trajectory.piece_at(ticks[:-1])
+    begin = ticks[:-1] - trajectory.breaks[piece]
+    steps = advance(trajectory.coefficients[piece], begin, begin + np.diff(ticks))
+    theta = trajectory.start[2] + np.concatenate([[0.0], np.cumsum(steps[:, 2])])
+    moves = se2.rotate(theta[:-1], steps[:, :2])
+    xy = trajectory.start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)])
+    poses = np.column_stack([xy, theta])
+    return poses[np.searchsorted(ticks, trajectory.t)]
+
+
+def _directions(trajectory: Trajectory) -> FloatArray:
+    """Twists (m, 3) at the samples; where the pusher rests, the one that comes next (at the end: came last)."""
+    nudged = trajectory.t + np.where(trajectory.t < trajectory.duration, NUDGE, -NUDGE)
+    resting = np.abs(trajectory.twists).max(axis=1) < RESTING
+    return np.where(resting[:, None], trajectory.twists_at(nudged), trajectory.twists)
+
+
+def _loss(trajectory: Trajectory, poses: FloatArray, margins: FloatArray, i: int) -> StabilityLoss:
+    contact = int(np.argmin(margins[i]))
+    x, y, theta = (float(value) for value in poses[i])
+    return StabilityLoss(float(trajectory.t[i]), contact, float(margins[i, contact]), (x, y, theta))

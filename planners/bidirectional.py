@@ -1,0 +1,261 @@
+"""Compiled bidirectional search: two trees of exact words, one from the start, one to the goal (RRT-Connect for a system
+that is steered exactly; Kuffner and LaValle 2000), pruned by the cost of the best path."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pushplan.arrays import FloatArray
+from pushplan.planners.collision import separation, step, sweep_is_free
+from pushplan.planners.search import Problem, random, remaining
+from pushplan.planners.steering import MAX_WORDS, connect, find_words
+
+NODE = 17
+"""Columns of a node: x, y, theta, cost to the tree's root, parent, and up to three arcs (vx, vy, omega, length) between
+the node and its parent, in the order of travel."""
+
+NEAREST = 4
+"""Nodes of a tree, nearest to a sample, from which words are tried."""
+
+GOAL_SHARE = 0.05
+"""Share of the samples that are the other tree's root."""
+
+
+class Forest(NamedTuple):
+    """Both trees and what grows them.
+
+    Attributes:
+        ahead: (capacity, NODE) tree from the start.
+        behind: (capacity, NODE) tree to the goal.
+        counts: (2,) nodes in each.
+        box: (4,) xmin, ymin, xmax, ymax that positions are drawn from.
+        heading_length: Metres that a radian counts as in the choice of the nearest nodes.
+        reach: Longest piece of a word that is added at a time, m of cost.
+        state: (1,) of the random generator.
+    """
+
+    ahead: FloatArray
+    behind: FloatArray
+    counts: np.ndarray
+    box: FloatArray
+    heading_length: float
+    reach: float
+    state: np.ndarray
+
+
+@njit(cache=True)
+def _sample(problem, forest, start, bound, pose):  # type: ignore[no-untyped-def]
+    """Draw a free pose that a path cheaper than the bound could pass; give up after some tries."""
+    box, state = forest.box, forest.state
+    for _ in range(100):
+        pose[0] = box[0] + (box[2] - box[0]) * random(state)
+        pose[1] = box[1] + (box[3] - box[1]) * random(state)
+        pose[2] = 2.0 * math.pi * random(state)
+        cost = remaining(pose[0], pose[1], pose[2], problem.goal) + remaining(
+            start[0], start[1], start[2], pose
+        )
+        if (
+            cost < bound
+            and separation(problem.scene, pose[0], pose[1], pose[2], 0.01) >= problem.scene.clearance
+        ):
+            return True
+    return False
+
+
+@njit(cache=True)
+def _nearest(tree, count, pose, heading_length, found):  # type: ignore[no-untyped-def]
+    """Fill `found` with the rows of the nodes nearest to a pose, nearest first; return how many."""
+    distances = np.full(found.shape[0], np.inf)
+    n = 0
+    for i in range(count):
+        turn = abs((tree[i, 2] - pose[2] + math.pi) % (2.0 * math.pi) - math.pi)
+        d = math.hypot(tree[i, 0] - pose[0], tree[i, 1] - pose[1]) + heading_length * turn
+        if d < distances[-1]:
+            k = min(n, found.shape[0] - 1)
+            while k > 0 and distances[k - 1] > d:
+                distances[k], found[k] = distances[k - 1], found[k - 1]
+                k -= 1
+            distances[k], found[k] = d, i
+            n = min(n + 1, found.shape[0])
+    return n
+
+
+@njit(cache=True)
+def _best_word(families, start, goal, words, word):  # type: ignore[no-untyped-def]
+    """Copy the cheapest word over all families, as (3, 4) arcs, into `word`; return its cost."""
+    best = np.inf
+    for f in range(families.shape[0]):
+        n = find_words(families[f], start, goal, words)
+        for i in range(n):
+            if words[i, 0] < best:
+                best = words[i, 0]
+                for k in range(3):
+                    word[k, :3] = families[f, int(words[i, 1 + k])]
+                    word[k, 3] = words[i, 4 + k]
+    return best
+
+
+@njit(cache=True)
+def _clip(word, reach, from_end):  # type: ignore[no-untyped-def]
+    """Shorten a word to `reach`, keeping its beginning, or its end."""
+    total = word[0, 3] + word[1, 3] + word[2, 3]
+    excess = total - reach
+    for i in range(3):
+        k = i if from_end else 2 - i
+        cut = min(max(excess, 0.0), word[k, 3])
+        word[k, 3] -= cut
+        excess -= cut
+
+
+@njit(cache=True)
+def _walk(scene, pose, word, sign):  # type: ignore[no-untyped-def]
+    """Pose after a word (sign +1), or from which it leads to the given pose (-1), and whether all of it is free."""
+    x, y, theta = pose[0], pose[1], pose[2]
+    for i in range(3):
+        k = i if sign > 0.0 else 2 - i
+        length = word[k, 3]
+        if length > 0.0:
+            vx, vy, omega = sign * word[k, 0], sign * word[k, 1], sign * word[k, 2]
+            if not sweep_is_free(scene, x, y, theta, vx, vy, omega, length):
+                return False, x, y, theta
+            x, y, theta = step(x, y, theta, vx, vy, omega, length)
+    return True, x, y, theta
+
+
+@njit(cache=True)
+def _add(tree, counts, which, parent, x, y, theta, word):  # type: ignore[no-untyped-def]
+    """Append a node; return its row."""
+    row = counts[which]
+    tree[row, 0], tree[row, 1], tree[row, 2] = x, y, theta
+    tree[row, 3] = tree[parent, 3] + word[0, 3] + word[1, 3] + word[2, 3]
+    tree[row, 4] = parent
+    for i in range(3):
+        tree[row, 5 + 4 * i : 9 + 4 * i] = word[i]
+    counts[which] = row + 1
+    return row
+
+
+@njit(cache=True)
+def _extend(problem, forest, which, sample, bound, words, word):  # type: ignore[no-untyped-def]
+    """Grow one tree towards a sample; return the new node's row, or -1."""
+    tree = forest.ahead if which == 0 else forest.behind
+    near = np.empty(NEAREST, dtype=np.int64)
+    n = _nearest(tree, forest.counts[which], sample, forest.heading_length, near)
+    for i in range(n):
+        parent = near[i]
+        node = tree[parent, :3]
+        if which == 0:
+            cost = _best_word(problem.families, node, sample, words, word)
+        else:
+            cost = _best_word(problem.families, sample, node, words, word)
+        if cost == np.inf:
+            continue
+        _clip(word, forest.reach, which == 1)
+        free, x, y, theta = _walk(problem.scene, node, word, 1.0 if which == 0 else -1.0)
+        if not free:
+            continue
+        so_far = tree[parent, 3] + word[0, 3] + word[1, 3] + word[2, 3]
+        root = forest.behind[0] if which == 0 else forest.ahead[0]
+        if so_far + remaining(x, y, theta, root) < bound:
+            return _add(tree, forest.counts, which, parent, x, y, theta, word)
+    return -1
+
+
+@njit(cache=True)
+def _join(problem, forest, which, row, bound, arcs):  # type: ignore[no-untyped-def]
+    """Connect a node exactly to the root and the nearest nodes of the other tree.
+
+    Returns:
+        (cost of the whole path, row in the other tree), infinite when nothing below the bound is free.
+    """
+    tree, other = (forest.ahead, forest.behind) if which == 0 else (forest.behind, forest.ahead)
+    near = np.empty(NEAREST, dtype=np.int64)
+    n = _nearest(other, forest.counts[1 - which], tree[row, :3], forest.heading_length, near)
+    best, partner = np.inf, -1
+    word = np.empty((3, 4))
+    for i in range(-1, n):
+        j = 0 if i < 0 else near[i]
+        so_far = tree[row, 3] + other[j, 3]
+        first, last = (tree[row], other[j]) if which == 0 else (other[j], tree[row])
+        limit = min(bound, best) - so_far
+        if limit > 0.0:
+            cost, _ = connect(problem.scene, problem.families, first[:3], last[:3], limit, word)
+            if so_far + cost < best:
+                best, partner = so_far + cost, j
+                arcs[:] = word
+    return best, partner
+
+
+@njit(cache=True)
+def _whole(forest, ahead, behind, word, path):  # type: ignore[no-untyped-def]
+    """Write the arcs start tree, connection, goal tree into `path`; return how many."""
+    depth = 0
+    i = ahead
+    while forest.ahead[i, 4] >= 0.0:
+        depth += 1
+        i = int(forest.ahead[i, 4])
+    n = 3 * depth
+    i = ahead
+    for k in range(depth - 1, -1, -1):
+        for a in range(3):
+            path[3 * k + a] = forest.ahead[i, 5 + 4 * a : 9 + 4 * a]
+        i = int(forest.ahead[i, 4])
+    for a in range(3):
+        path[n] = word[a]
+        n += 1
+    i = behind
+    while forest.behind[i, 4] >= 0.0:
+        for a in range(3):
+            path[n] = forest.behind[i, 5 + 4 * a : 9 + 4 * a]
+            n += 1
+        i = int(forest.behind[i, 4])
+    return n
+
+
+@njit(cache=True)
+def plant(forest, start, goal):  # type: ignore[no-untyped-def]
+    """Reduce both trees to their roots."""
+    forest.ahead[0, :] = 0.0
+    forest.behind[0, :] = 0.0
+    forest.ahead[0, :3] = start
+    forest.behind[0, :3] = goal
+    forest.ahead[0, 4] = -1.0
+    forest.behind[0, 4] = -1.0
+    forest.counts[:] = 1
+
+
+@njit(cache=True)
+def grow_both(problem: Problem, forest: Forest, bound, iterations, path):  # type: ignore[no-untyped-def]
+    """Grow the trees in turn until a path below the bound is found.
+
+    Args:
+        problem: What to plan.
+        forest: The trees; both have room for `iterations` more nodes.
+        bound: Cost that a path must stay below.
+        iterations: Extensions to try, at most.
+        path: (capacity, 4) filled with the path's twists and lengths.
+
+    Returns:
+        (done, arcs): extensions tried; arcs of the path found, 0 if none.
+    """
+    sample = np.empty(3)
+    word, arcs = np.empty((3, 4)), np.empty((3, 4))
+    words = np.empty((MAX_WORDS, 7))
+    for done in range(1, iterations + 1):
+        which = (forest.counts[0] > forest.counts[1]) * 1
+        if random(forest.state) < GOAL_SHARE:
+            sample[:] = forest.behind[0, :3] if which == 0 else forest.ahead[0, :3]
+        elif not _sample(problem, forest, forest.ahead[0], bound, sample):
+            continue
+        row = _extend(problem, forest, which, sample, bound, words, word)
+        if row < 0:
+            continue
+        cost, partner = _join(problem, forest, which, row, bound, arcs)
+        if cost < bound:
+            ahead, behind = (row, partner) if which == 0 else (partner, row)
+            return done, _whole(forest, ahead, behind, arcs, path)
+    return iterations, 0

@@ -1,0 +1,118 @@
+"""The independent check of a motion: shapely on a fine resampling; no code shared with the planners' collision check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from pushplan import se2
+from pushplan.arrays import FloatArray
+from pushplan.scenario import CircleObstacle, Scenario
+
+SPACING = 0.002
+"""No point of the body moves farther than this (m) between two poses that are checked."""
+
+CIRCLE_SEGMENTS = 64
+"""Segments per quarter of a round obstacle; its polygon is enlarged so as to contain the circle."""
+
+BATCH = 20_000
+"""Poses checked at a time, to bound the memory."""
+
+
+@dataclass(frozen=True)
+class Collision:
+    """Where a motion meets something.
+
+    Attributes:
+        pose: (x, y, theta) of the chain frame in the world.
+        body: `pusher` or the object's name.
+        obstacle: Index of the obstacle, or None for the workspace's walls.
+    """
+
+    pose: tuple[float, float, float]
+    body: str
+    obstacle: int | None
+
+
+def find_collision(scenario: Scenario, poses: FloatArray) -> Collision | None:
+    """Return the first collision along poses (m, 3) of the chain frame, refined to `SPACING`, or None."""
+    dense = densify(poses, _reach(scenario), SPACING)
+    for begin in range(0, len(dense), BATCH):
+        found = _first_collision(scenario, dense[begin : begin + BATCH])
+        if found is not None:
+            return found
+    return None
+
+
+def densify(poses: FloatArray, reach: float, spacing: float) -> FloatArray:
+    """Insert poses on the constant-twist motion between neighbours until no body point moves more than `spacing`."""
+    if len(poses) < 2:
+        return poses
+    relative = se2.relative(poses[:-1], poses[1:])
+    travel = np.hypot(relative[:, 0], relative[:, 1]) + np.abs(relative[:, 2]) * reach
+    counts = np.maximum(1, np.ceil(travel / spacing)).astype(int)
+    owner = np.repeat(np.arange(len(counts)), counts)
+    share = (np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[owner]
+    inner = se2.compose(poses[owner], se2.exp(_log(relative[owner]) * share[:, None]))
+    return np.concatenate([inner, poses[-1:]])
+
+
+def _log(pose: FloatArray) -> FloatArray:
+    """Body twists (k, 3) whose exponential are the poses (k, 3); the inverse of `se2.exp`."""
+    half = 0.5 * pose[:, 2]
+    diagonal = 1.0 / np.where(
+        np.abs(half) < 1e-6, 1.0 + half**2 / 3.0, np.tan(half) / np.where(half == 0, 1, half)
+    )
+    x = diagonal * pose[:, 0] + half * pose[:, 1]
+    y = -half * pose[:, 0] + diagonal * pose[:, 1]
+    return np.stack([x, y, pose[:, 2]], axis=1)
+
+
+def _bodies(scenario: Scenario) -> list[tuple[str, FloatArray]]:
+    objects = [(obj.name, obj.outline_chain) for obj in scenario.chain.objects]
+    return [("pusher", scenario.chain.pusher.outline), *objects]
+
+
+def _reach(scenario: Scenario) -> float:
+    return max(float(np.linalg.norm(outline, axis=1).max()) for _, outline in _bodies(scenario))
+
+
+def _obstacles(scenario: Scenario) -> list[shapely.Geometry]:
+    grown = 1.0 / np.cos(np.pi / (4 * CIRCLE_SEGMENTS))
+    return [
+        shapely.Point(o.center).buffer(o.radius * grown, quad_segs=CIRCLE_SEGMENTS)
+        if isinstance(o, CircleObstacle)
+        else shapely.Polygon(o.outline)
+        for o in scenario.obstacles
+    ]
+
+
+def _first_collision(scenario: Scenario, poses: FloatArray) -> Collision | None:
+    """The earliest collision among poses (m, 3), checked as they are."""
+    tree = shapely.STRtree(_obstacles(scenario))
+    hits: list[tuple[int, str, int | None]] = []
+    for name, outline in _bodies(scenario):
+        corners = poses[:, None, :2] + se2.rotate(poses[:, 2:3], outline[None])
+        placed = shapely.polygons(corners)
+        pairs = tree.query(placed, predicate="intersects")
+        if pairs.shape[1]:
+            first = int(np.argmin(pairs[0]))
+            hits.append((int(pairs[0, first]), name, int(pairs[1, first])))
+        hits += [(i, name, None) for i in _outside(scenario, corners)]
+    if not hits:
+        return None
+    index, name, obstacle = min(hits, key=lambda hit: hit[0])
+    x, y, theta = (float(value) for value in poses[index])
+    return Collision((x, y, theta), name, obstacle)
+
+
+def _outside(scenario: Scenario, corners: FloatArray) -> list[int]:
+    """Index of the first pose at which a corner (m, v, 2) leaves the workspace, if any."""
+    area = scenario.workspace
+    if area is None:
+        return []
+    low, high = np.array([area.xmin, area.ymin]), np.array([area.xmax, area.ymax])
+    out = ((corners < low) | (corners > high)).any(axis=(1, 2))
+    return [int(np.argmax(out))] if out.any() else []

@@ -1,0 +1,219 @@
+"""Compiled collision checks of the rigid chain against the obstacles: separation and swept arcs.
+
+A swept arc is proven free by conservative advancement (Mirtich 1996): from a pose whose separation from every obstacle
+is d, no point of the body can touch anything before it has travelled d.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pushplan.arrays import FloatArray, IntArray
+
+EXACT_BELOW = 0.01
+"""Separations under this (m) are refined from the separating-axis bound to the exact distance."""
+
+
+class Shapes(NamedTuple):
+    """Convex polygons, flattened.
+
+    Attributes:
+        corners: (v, 4) counter-clockwise corners and the outward unit normal of the edge that begins there.
+        starts: (q + 1,) index of each polygon's first corner.
+        bounds: (q, 3) centre and radius of a circle around each polygon.
+    """
+
+    corners: FloatArray
+    starts: IntArray
+    bounds: FloatArray
+
+
+class Scene(NamedTuple):
+    """What moves and what stands still.
+
+    Attributes:
+        body: Convex pieces of pusher and objects in the chain frame.
+        body_bound: (3,) centre and radius of a circle around the body, chain frame.
+        obstacles: Convex pieces of the polygonal obstacles, world frame.
+        circles: (c, 3) centre and radius of the round obstacles, world frame.
+        walls: (4,) workspace (xmin, ymin, xmax, ymax); infinite where there is none.
+        clearance: Distance (m) to keep from everything.
+    """
+
+    body: Shapes
+    body_bound: FloatArray
+    obstacles: Shapes
+    circles: FloatArray
+    walls: FloatArray
+    clearance: float
+
+
+@njit(cache=True)
+def _axis_separation(a, a0, a1, b, b0, b1, c, s, x, y):  # type: ignore[no-untyped-def]
+    """Largest separation along the edge normals of polygon a (moved by the pose) from polygon b."""
+    best = -np.inf
+    for i in range(a0, a1):
+        nx = c * a[i, 2] - s * a[i, 3]
+        ny = s * a[i, 2] + c * a[i, 3]
+        offset = nx * (x + c * a[i, 0] - s * a[i, 1]) + ny * (y + s * a[i, 0] + c * a[i, 1])
+        nearest = np.inf
+        for j in range(b0, b1):
+            nearest = min(nearest, nx * b[j, 0] + ny * b[j, 1])
+        best = max(best, nearest - offset)
+    return best
+
+
+@njit(cache=True)
+def _point_segment(px, py, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Squared distance of a point from a segment."""
+    ex, ey = bx - ax, by - ay
+    t = ((px - ax) * ex + (py - ay) * ey) / (ex * ex + ey * ey)
+    t = min(1.0, max(0.0, t))
+    dx, dy = px - ax - t * ex, py - ay - t * ey
+    return dx * dx + dy * dy
+
+
+@njit(cache=True)
+def _corner_distance(a, a0, a1, b, b0, b1, c, s, x, y):  # type: ignore[no-untyped-def]
+    """Smallest squared distance from a corner of a (moved by the pose) to an edge of b."""
+    best = np.inf
+    for i in range(a0, a1):
+        px = x + c * a[i, 0] - s * a[i, 1]
+        py = y + s * a[i, 0] + c * a[i, 1]
+        for j in range(b0, b1):
+            k = j + 1 if j + 1 < b1 else b0
+            best = min(best, _point_segment(px, py, b[j, 0], b[j, 1], b[k, 0], b[k, 1]))
+    return best
+
+
+@njit(cache=True)
+def _polygon_separation(a, a0, a1, b, b0, b1, c, s, x, y):  # type: ignore[no-untyped-def]
+    """Distance of two convex polygons, or a lower bound of it while it is above EXACT_BELOW; <= 0 on overlap."""
+    forward = _axis_separation(a, a0, a1, b, b0, b1, c, s, x, y)
+    if forward >= EXACT_BELOW:
+        return forward
+    ix, iy = -(c * x + s * y), s * x - c * y
+    separation = max(forward, _axis_separation(b, b0, b1, a, a0, a1, c, -s, ix, iy))
+    if separation <= 0.0 or separation >= EXACT_BELOW:
+        return separation
+    nearest = min(
+        _corner_distance(a, a0, a1, b, b0, b1, c, s, x, y),
+        _corner_distance(b, b0, b1, a, a0, a1, c, -s, ix, iy),
+    )
+    return math.sqrt(nearest)
+
+
+@njit(cache=True)
+def _disc_separation(a, a0, a1, cx, cy, r, c, s, x, y):  # type: ignore[no-untyped-def]
+    """Distance of a convex polygon (moved by the pose) from a disc; <= 0 on overlap."""
+    px = c * (cx - x) + s * (cy - y)
+    py = -s * (cx - x) + c * (cy - y)
+    inside = -np.inf
+    nearest = np.inf
+    for i in range(a0, a1):
+        k = i + 1 if i + 1 < a1 else a0
+        inside = max(inside, a[i, 2] * (px - a[i, 0]) + a[i, 3] * (py - a[i, 1]))
+        nearest = min(nearest, _point_segment(px, py, a[i, 0], a[i, 1], a[k, 0], a[k, 1]))
+    return inside - r if inside <= 0.0 else math.sqrt(nearest) - r
+
+
+@njit(cache=True)
+def _wall_separation(body, walls, c, s, x, y):  # type: ignore[no-untyped-def]
+    """Distance of the body from the workspace's walls; negative outside."""
+    best = np.inf
+    for i in range(body.shape[0]):
+        px = x + c * body[i, 0] - s * body[i, 1]
+        py = y + s * body[i, 0] + c * body[i, 1]
+        best = min(best, px - walls[0], py - walls[1], walls[2] - px, walls[3] - py)
+    return best
+
+
+@njit(cache=True)
+def _body_to_polygon(scene, o, c, s, x, y, enough):  # type: ignore[no-untyped-def]
+    """Separation of the body from obstacle polygon o, as far as it is below `enough`."""
+    body, obstacles = scene.body, scene.obstacles
+    best = enough
+    for p in range(body.starts.shape[0] - 1):
+        dx = x + c * body.bounds[p, 0] - s * body.bounds[p, 1] - obstacles.bounds[o, 0]
+        dy = y + s * body.bounds[p, 0] + c * body.bounds[p, 1] - obstacles.bounds[o, 1]
+        reach = best + body.bounds[p, 2] + obstacles.bounds[o, 2]
+        if dx * dx + dy * dy < reach * reach:
+            d = _polygon_separation(
+                body.corners, body.starts[p], body.starts[p + 1],
+                obstacles.corners, obstacles.starts[o], obstacles.starts[o + 1], c, s, x, y,
+            )  # fmt: skip
+            best = min(best, d)
+    return best
+
+
+@njit(cache=True)
+def _body_to_disc(scene, o, c, s, x, y, enough):  # type: ignore[no-untyped-def]
+    """Separation of the body from round obstacle o, as far as it is below `enough`."""
+    body, disc = scene.body, scene.circles
+    best = enough
+    for p in range(body.starts.shape[0] - 1):
+        first, last = body.starts[p], body.starts[p + 1]
+        d = _disc_separation(body.corners, first, last, disc[o, 0], disc[o, 1], disc[o, 2], c, s, x, y)
+        best = min(best, d)
+    return best
+
+
+@njit(cache=True)
+def separation(scene, x, y, theta, enough):  # type: ignore[no-untyped-def]
+    """Return a lower bound (m) on the distance of the body at a pose from everything, capped at `enough`."""
+    c, s = math.cos(theta), math.sin(theta)
+    best = min(enough, _wall_separation(scene.body.corners, scene.walls, c, s, x, y))
+    cx = x + c * scene.body_bound[0] - s * scene.body_bound[1]
+    cy = y + s * scene.body_bound[0] + c * scene.body_bound[1]
+    for o in range(scene.obstacles.bounds.shape[0]):
+        dx, dy = cx - scene.obstacles.bounds[o, 0], cy - scene.obstacles.bounds[o, 1]
+        reach = best + scene.body_bound[2] + scene.obstacles.bounds[o, 2]
+        if dx * dx + dy * dy < reach * reach:
+            best = _body_to_polygon(scene, o, c, s, x, y, best)
+    for o in range(scene.circles.shape[0]):
+        dx, dy = cx - scene.circles[o, 0], cy - scene.circles[o, 1]
+        reach = best + scene.body_bound[2] + scene.circles[o, 2]
+        if dx * dx + dy * dy < reach * reach:
+            best = _body_to_disc(scene, o, c, s, x, y, best)
+    return best
+
+
+@njit(cache=True)
+def _top_speed(scene, vx, vy, omega):  # type: ignore[no-untyped-def]
+    """Largest speed of any point of the body under a body twist; convex, so found at a corner."""
+    best = 0.0
+    for i in range(scene.body.corners.shape[0]):
+        px, py = vx - omega * scene.body.corners[i, 1], vy + omega * scene.body.corners[i, 0]
+        best = max(best, px * px + py * py)
+    return math.sqrt(best)
+
+
+@njit(cache=True)
+def step(x, y, theta, vx, vy, omega, length):  # type: ignore[no-untyped-def]
+    """Return the pose after moving along a constant body twist for `length` (exact exponential)."""
+    half = 0.5 * omega * length
+    chord = length if abs(half) < 1e-8 else length * math.sin(half) / half
+    c, s = chord * math.cos(theta + half), chord * math.sin(theta + half)
+    return x + c * vx - s * vy, y + s * vx + c * vy, theta + 2.0 * half
+
+
+@njit(cache=True)
+def sweep_is_free(scene, x, y, theta, vx, vy, omega, length):  # type: ignore[no-untyped-def]
+    """Return whether the body keeps its clearance along an arc: proven, never merely sampled.
+
+    An arc may be refused although it is free when it comes closer than `scene.clearance` to something.
+    """
+    top = _top_speed(scene, vx, vy, omega)
+    done = 0.0
+    while True:
+        px, py, pt = step(x, y, theta, vx, vy, omega, done)
+        gap = separation(scene, px, py, pt, (length - done) * top + 2.0 * scene.clearance)
+        if gap < scene.clearance:
+            return False
+        if done >= length:
+            return True
+        done = min(length, done + gap / top)

@@ -1,0 +1,78 @@
+"""From a scenario and a stable set to the arrays of the compiled search."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.names import COLLISION_CLEARANCE
+from pushplan.planners.collision import Scene
+from pushplan.planners.controls import MARGIN_FLOOR, control_segments, steering_families
+from pushplan.planners.scene import build_scene, chain_outlines
+from pushplan.planners.search import Problem
+from pushplan.scenario import CircleObstacle, Scenario
+from pushplan.stable_set import StableSet
+
+ROUNDING = 0.9
+"""Share of the stated clearance that the search keeps: a pose exactly at the clearance must not fail by rounding."""
+
+LONGEST_SHARE = 0.3
+"""Longest arc sampled, as a share of the sampling box's diagonal."""
+
+Box = tuple[float, float, float, float]
+
+
+def build_problem(scenario: Scenario, stable: StableSet) -> Problem:
+    """Return the compiled problem.
+
+    Raises:
+        EmptyStableSetError: When no twist is stable for the pusher's drive.
+    """
+    drive = scenario.chain.pusher.drive
+    margin = max(MARGIN_FLOOR, scenario.stability.margin)
+    xmin, ymin, xmax, ymax = sampling_box(scenario)
+    return Problem(
+        scenario_scene(scenario),
+        control_segments(stable, drive, margin),
+        steering_families(stable, drive, margin),
+        np.array(scenario.goal.pose_chain, dtype=np.float64),
+        LONGEST_SHARE * math.hypot(xmax - xmin, ymax - ymin),
+    )
+
+
+def scenario_scene(scenario: Scenario) -> Scene:
+    """Return what moves and what stands still in a scenario."""
+    circles = [(*o.center, o.radius) for o in scenario.obstacles if isinstance(o, CircleObstacle)]
+    polygons = [o.outline for o in scenario.obstacles if not isinstance(o, CircleObstacle)]
+    return build_scene(scenario.chain, polygons, circles, _walls(scenario), ROUNDING * COLLISION_CLEARANCE)
+
+
+def _walls(scenario: Scenario) -> Box:
+    area = scenario.workspace
+    if area is None:
+        return (-math.inf, -math.inf, math.inf, math.inf)
+    return (area.xmin, area.ymin, area.xmax, area.ymax)
+
+
+def sampling_box(scenario: Scenario) -> Box:
+    """Return (xmin, ymin, xmax, ymax) to sample from: the workspace, or start, goal and obstacles with room to turn."""
+    if scenario.workspace is not None:
+        return _walls(scenario)
+    points = [np.array([scenario.start[:2], scenario.goal.pose_chain[:2]])]
+    for obstacle in scenario.obstacles:
+        if isinstance(obstacle, CircleObstacle):
+            points.append(obstacle.center + obstacle.radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+        else:
+            points.append(obstacle.outline)
+    corners = np.concatenate(points)
+    room = 4.0 * body_reach(scenario) + 0.25 * float(np.ptp(corners, axis=0).max())
+    low, high = corners.min(axis=0) - room, corners.max(axis=0) + room
+    return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+
+def body_reach(scenario: Scenario) -> float:
+    """Return the distance from the chain frame's origin to the farthest point of pusher and objects, m."""
+    corners: FloatArray = np.concatenate(chain_outlines(scenario.chain))
+    return float(np.linalg.norm(corners, axis=1).max())

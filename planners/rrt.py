@@ -1,0 +1,13 @@
+"""OMPL's control RRT (LaValle and Kuffner 2001) on the stable set."""
+
+from __future__ import annotations
+
+from ompl import control as oc
+
+from pushplan.planners import control_planners
+from pushplan.planners.session import Session
+
+
+def search(session: Session, box: tuple[float, float, float, float], heading_length: float) -> None:
+    """Run RRT until the session is finished; see `control_planners.search`."""
+    control_planners.search(session, box, heading_length, oc.RRT)

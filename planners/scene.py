@@ -1,0 +1,95 @@
+"""From a scenario to the arrays of the compiled collision check: convex pieces with bounding circles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import shapely
+
+from pushplan.arrays import FloatArray
+from pushplan.chain import Chain
+from pushplan.planners.collision import Scene, Shapes
+
+
+def convex_pieces(outline: FloatArray) -> list[FloatArray]:
+    """Return counter-clockwise convex polygons (k, 2) that cover a simple polygon, itself if it is convex."""
+    polygon = shapely.Polygon(outline)
+    if polygon.equals(polygon.convex_hull):
+        return [_ring(polygon)]
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    return [_ring(piece) for piece in _merged(list(triangles))]
+
+
+def _merged(pieces: list[shapely.Polygon]) -> list[shapely.Polygon]:
+    """Join neighbouring pieces for as long as the union stays convex (Hertel and Mehlhorn 1983)."""
+    for i, first in enumerate(pieces):
+        for j in range(i + 1, len(pieces)):
+            union = shapely.union(first, pieces[j])
+            convex = (
+                union.geom_type == "Polygon" and union.convex_hull.area - union.area <= 1e-12 * union.area
+            )
+            if convex:
+                rest = [piece for k, piece in enumerate(pieces) if k not in (i, j)]
+                return _merged([union, *rest])
+    return pieces
+
+
+def _ring(polygon: shapely.Polygon) -> FloatArray:
+    """Corners of a convex polygon, counter-clockwise, without the repeated end and points inside an edge."""
+    ring = shapely.orient_polygons(shapely.simplify(polygon.convex_hull, 0.0))
+    return shapely.get_coordinates(ring.exterior)[:-1]
+
+
+def flatten(polygons: Sequence[FloatArray]) -> Shapes:
+    """Return convex polygons as flat arrays with edge normals and bounding circles."""
+    if not polygons:
+        return Shapes(np.zeros((0, 4)), np.zeros(1, dtype=np.int64), np.zeros((0, 3)))
+    corners = []
+    for polygon in polygons:
+        edge = np.roll(polygon, -1, axis=0) - polygon
+        normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1, keepdims=True)
+        corners.append(np.hstack([polygon, normal]))
+    starts = np.concatenate([[0], np.cumsum([len(polygon) for polygon in polygons])]).astype(np.int64)
+    bounds = np.array([bounding_circle(polygon) for polygon in polygons])
+    return Shapes(np.ascontiguousarray(np.concatenate(corners)), starts, bounds)
+
+
+def bounding_circle(points: FloatArray) -> FloatArray:
+    """Return centre and radius (3,) of the smallest circle around points (k, 2)."""
+    circle = shapely.minimum_bounding_circle(shapely.MultiPoint(points))
+    center = shapely.get_coordinates(circle.centroid)[0]
+    return np.append(center, np.linalg.norm(points - center, axis=1).max())
+
+
+def chain_outlines(chain: Chain) -> list[FloatArray]:
+    """Return the outlines (k, 2) of the pusher and of every object, in the chain frame."""
+    return [chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)]
+
+
+def build_scene(
+    chain: Chain,
+    polygons: Iterable[FloatArray],
+    circles: Iterable[tuple[float, float, float]],
+    walls: tuple[float, float, float, float],
+    clearance: float,
+) -> Scene:
+    """Return the compiled scene.
+
+    Args:
+        chain: What moves, pusher included.
+        polygons: Outlines (k, 2) of polygonal obstacles, world frame.
+        circles: (x, y, radius) of round obstacles, world frame.
+        walls: Workspace (xmin, ymin, xmax, ymax); infinite where there is none.
+        clearance: Distance to keep from everything, m, > 0.
+    """
+    body = [piece for outline in chain_outlines(chain) for piece in convex_pieces(outline)]
+    standing = [piece for outline in polygons for piece in convex_pieces(outline)]
+    return Scene(
+        flatten(body),
+        bounding_circle(np.concatenate(body)),
+        flatten(standing),
+        np.array(list(circles), dtype=np.float64).reshape(-1, 3),
+        np.array(walls, dtype=np.float64),
+        clearance,
+    )

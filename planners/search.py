@@ -1,0 +1,157 @@
+"""The compiled search: a tree of stable arcs with an exact connection to the goal from every node."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pushplan.arrays import FloatArray
+from pushplan.path import TURN_WEIGHT
+from pushplan.planners.collision import Scene, step, sweep_is_free
+from pushplan.planners.steering import connect
+
+NODE = 9
+"""Columns of a tree's node: x, y, theta, cost from the start, parent, and the arc that led here (vx, vy, omega, length)."""
+
+LETTER_SHARE = 0.3
+"""Share of the sampled controls that are the twists of a steering family (tightest turns and straight pushes)."""
+
+END_SHARE = 0.25
+"""Share of the other controls that lie on either end of their segment, the boundary of the stable set."""
+
+
+class Problem(NamedTuple):
+    """What the compiled search needs to know.
+
+    Attributes:
+        scene: The body and what it must not touch.
+        segments: (k, 6) stable twists between two end twists: every positive combination of them is stable.
+        families: (f, 3, 3) left, straight and right twists for exact connections.
+        goal: (3,) pose of the chain frame in the world.
+        longest: Longest arc sampled, m of cost.
+    """
+
+    scene: Scene
+    segments: FloatArray
+    families: FloatArray
+    goal: FloatArray
+    longest: float
+
+
+@njit(cache=True)
+def choose_twist(problem, u0, u1):  # type: ignore[no-untyped-def]
+    """Map two numbers in [0, 1] onto the stable set: a twist scaled to a cost rate of 1."""
+    families, segments = problem.families, problem.segments
+    if u0 < LETTER_SHARE:
+        i = min(int(u0 / LETTER_SHARE * 3 * families.shape[0]), 3 * families.shape[0] - 1)
+        twist = families[i // 3, i % 3]
+        if twist[0] != 0.0 or twist[1] != 0.0 or twist[2] != 0.0:
+            return twist[0], twist[1], twist[2]
+        u0 = LETTER_SHARE + (1.0 - LETTER_SHARE) * u1
+    u0 = (u0 - LETTER_SHARE) / (1.0 - LETTER_SHARE)
+    i = min(int(u0 * segments.shape[0]), segments.shape[0] - 1)
+    b = min(1.0, max(0.0, (u1 - END_SHARE) / (1.0 - 2.0 * END_SHARE)))
+    vx = (1.0 - b) * segments[i, 0] + b * segments[i, 3]
+    vy = (1.0 - b) * segments[i, 1] + b * segments[i, 4]
+    omega = (1.0 - b) * segments[i, 2] + b * segments[i, 5]
+    rate = math.hypot(vx, vy) + TURN_WEIGHT * abs(omega)
+    return vx / rate, vy / rate, omega / rate
+
+
+@njit(cache=True)
+def remaining(x, y, theta, goal):  # type: ignore[no-untyped-def]
+    """Lower bound on the cost from a pose to the goal: straight travel plus the smallest turn."""
+    turn = abs((goal[2] - theta + math.pi) % (2.0 * math.pi) - math.pi)
+    return math.hypot(goal[0] - x, goal[1] - y) + TURN_WEIGHT * turn
+
+
+@njit(cache=True)
+def extend(problem, nodes, count, parent, u0, u1, u2, bound):  # type: ignore[no-untyped-def]
+    """Grow the tree by one arc.
+
+    Args:
+        problem: What to plan.
+        nodes: (capacity, NODE) the tree; row `count` is filled on success.
+        count: Nodes so far, below the capacity.
+        parent: Row to grow from.
+        u0: Control in [0, 1]: which segment of the stable set.
+        u1: Control in [0, 1]: where on the segment.
+        u2: Control in [0, 1]: length of the arc.
+        bound: Cost that a path through the new node must stay below.
+
+    Returns:
+        Whether the arc is free and worth keeping.
+    """
+    x, y, theta, cost = nodes[parent, 0], nodes[parent, 1], nodes[parent, 2], nodes[parent, 3]
+    vx, vy, omega = choose_twist(problem, u0, u1)
+    length = u2 * problem.longest
+    nx, ny, nt = step(x, y, theta, vx, vy, omega, length)
+    if length <= 0.0 or cost + length + remaining(nx, ny, nt, problem.goal) >= bound:
+        return False
+    if not sweep_is_free(problem.scene, x, y, theta, vx, vy, omega, length):
+        return False
+    node = nodes[count]
+    node[0], node[1], node[2], node[3], node[4] = nx, ny, nt, cost + length, parent
+    node[5], node[6], node[7], node[8] = vx, vy, omega, length
+    return True
+
+
+@njit(cache=True)
+def grow(problem, nodes, count, parent, u0, u1, u2, bound, word):  # type: ignore[no-untyped-def]
+    """Grow the tree by one arc and try the exact connection from its end to the goal, in one compiled call.
+
+    Args:
+        problem: What to plan.
+        nodes: The tree; row `count` is filled unless `parent` is negative, in which case that row is the root.
+        count: See `extend`.
+        parent: See `extend`; negative to connect from the root alone.
+        u0: See `extend`.
+        u1: See `extend`.
+        u2: See `extend`.
+        bound: Cost that a whole path must stay below.
+        word: (3, 4) filled with the connection's twists and lengths.
+
+    Returns:
+        (kept, cost): whether there is a new node; and the cost of the whole path through it, infinite when the
+        connection is blocked.
+    """
+    if parent >= 0 and not extend(problem, nodes, count, parent, u0, u1, u2, bound):
+        return False, np.inf
+    so_far = nodes[count, 3]
+    cost, promise = connect(
+        problem.scene, problem.families, nodes[count, :3], problem.goal, bound - so_far, word
+    )
+    return so_far + promise < bound or promise == np.inf, so_far + cost
+
+
+@njit(cache=True)
+def trace(nodes, node, last, path):  # type: ignore[no-untyped-def]
+    """Write the arcs from the root to a node and then `last` (3, 4) into `path`; return how many."""
+    depth = 0
+    i = node
+    while nodes[i, 4] >= 0.0:
+        depth += 1
+        i = int(nodes[i, 4])
+    i = node
+    for k in range(depth - 1, -1, -1):
+        path[k] = nodes[i, 5:9]
+        i = int(nodes[i, 4])
+    for k in range(3):
+        if last[k, 3] > 0.0:
+            path[depth] = last[k]
+            depth += 1
+    return depth
+
+
+@njit(cache=True)
+def random(state):  # type: ignore[no-untyped-def]
+    """Draw a number in [0, 1) from the generator's state (1,) uint64 (splitmix64, Steele et al. 2014)."""
+    state[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = state[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)

@@ -1,0 +1,160 @@
+"""One planning run: the tree, the best path so far and the budget, shared by every planner."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.planners.polish import shorten
+from pushplan.planners.search import NODE, Problem, grow, remaining, trace
+from pushplan.result import ProgressPoint
+
+FIRST_CAPACITY = 4096
+"""Nodes that a fresh tree has room for; doubled when full."""
+
+POLISH_ATTEMPTS = 400
+"""Shortcuts tried on every new best path."""
+
+GAIN = 1e-9
+"""A path counts as better when it is cheaper by this much, m."""
+
+WORTHWHILE = 1e-4
+"""Share of the cost that an improvement has to save to put off the end by stalling."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """When a planner stops.
+
+    Attributes:
+        time_limit: Wall-clock seconds, at most.
+        stall: Stop after this many extensions without a better path, once there is one. It makes runs that end
+            within the time limit repeat bit by bit.
+        gap: Stop when the cost exceeds the lower bound by no more than this share.
+        first: Stop at the first path.
+    """
+
+    time_limit: float
+    stall: int = 20_000
+    gap: float = 1e-9
+    first: bool = False
+
+
+class Session:
+    """State of a search that planners drive and the caller reads afterwards.
+
+    Attributes:
+        problem: What to plan.
+        start: (3,) pose of the chain frame in the world.
+        best_arcs: (k, 4) twists and lengths of the best path, None while there is none.
+        best_cost: Its cost, m; infinite while there is none.
+        progress: Every improvement.
+        extensions: Arcs propagated.
+        branches: Endpoints of the best trees' branches, for the log.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        start: FloatArray,
+        budget: Budget,
+        seed: int,
+        on_progress: Callable[[ProgressPoint], None] | None = None,
+    ) -> None:
+        self.problem = problem
+        self.start = np.array(start, dtype=np.float64)
+        self.budget = budget
+        self.seed = seed
+        self.random = np.array([seed], dtype=np.uint64)
+        self.best_arcs: FloatArray | None = None
+        self.best_cost = math.inf
+        self.progress: list[ProgressPoint] = []
+        self.extensions = 0
+        self._improved_at = 0
+        self._on_progress = on_progress
+        self._word = np.zeros((3, 4))
+        self.nodes = np.zeros((FIRST_CAPACITY, NODE))
+        self.began = time.perf_counter()
+        self.restart()
+
+    @property
+    def lower_bound(self) -> float:
+        """Cost that no path can beat: straight travel and the smallest turn, m."""
+        return float(remaining(*self.start, self.problem.goal))
+
+    @property
+    def bound(self) -> float:
+        """Cost that a path has to stay below to count as better, m."""
+        return self.best_cost - GAIN
+
+    @property
+    def elapsed(self) -> float:
+        """Wall-clock seconds since the session began."""
+        return time.perf_counter() - self.began
+
+    @property
+    def finished(self) -> bool:
+        """Whether the budget is used up or nothing is left to gain."""
+        if self.elapsed >= self.budget.time_limit:
+            return True
+        if self.best_arcs is None:
+            return False
+        if self.budget.first or self.best_cost <= self.lower_bound * (1.0 + self.budget.gap) + 1e-12:
+            return True
+        return self.extensions - self._improved_at >= self.budget.stall
+
+    def restart(self) -> None:
+        """Drop the tree, keep the best path, and try the exact connection from the start."""
+        self.nodes[0, :] = 0.0
+        self.nodes[0, :3] = self.start
+        self.nodes[0, 4] = -1.0
+        self.count = 1
+        found = grow(self.problem, self.nodes, 0, -1, 0.0, 0.0, 0.0, self.bound, self._word)
+        self._consider(0, found[1])
+
+    def grow(self, parent: int, u0: float, u1: float, u2: float) -> int:
+        """Propagate one arc from node `parent` under controls in [0, 1].
+
+        Returns:
+            Row of the new node in `nodes`, or -1 when the arc is blocked or cannot lead to a better path.
+        """
+        if self.count == len(self.nodes):
+            self.nodes = np.concatenate([self.nodes, np.zeros_like(self.nodes)])
+        self.extensions += 1
+        node = self.count
+        kept, cost = grow(self.problem, self.nodes, node, parent, u0, u1, u2, self.best_cost, self._word)
+        if not kept:
+            return -1
+        self.count = node + 1
+        self._consider(node, cost)
+        return node
+
+    def _consider(self, node: int, cost: float) -> None:
+        """Take the connection from `node` if it is the best path so far."""
+        if cost >= self.bound:
+            return
+        path = np.empty((self.count + 3, 4))
+        arcs = path[: trace(self.nodes, node, self._word, path)]
+        self.offer(arcs)
+
+    def offer(self, arcs: FloatArray) -> None:
+        """Record a path (k, 4) to the goal that beats the best one, polished."""
+        self._record(arcs)
+        if not self.budget.first:
+            polished = shorten(self.problem, self.start, arcs, len(arcs), self.random, POLISH_ATTEMPTS)
+            if polished[:, 3].sum() < self.best_cost:
+                self._record(polished)
+
+    def _record(self, arcs: FloatArray) -> None:
+        cost = float(arcs[:, 3].sum())
+        if cost < self.best_cost * (1.0 - WORTHWHILE) or self.best_arcs is None:
+            self._improved_at = self.extensions
+        self.best_arcs, self.best_cost = arcs.copy(), cost
+        self.progress.append(ProgressPoint(self.elapsed, self.best_cost, self.extensions))
+        if self._on_progress is not None:
+            self._on_progress(self.progress[-1])

@@ -1,0 +1,188 @@
+"""Exact connection of two poses by three stable arcs, in closed form.
+
+With a stable left and right COR, fixed in the body, and one stable straight push, every pose is joined to every other one:
+the words turn-straight-turn and turn-turn-turn of Dubins (1957), for any two CORs and any straight direction (the geometry
+of body-fixed rotations and translations of Furtuna and Balkcom 2010). A turn about the body-fixed point c leaves c where it
+is, so only the straight part, or the middle turn, has to carry c's image at the start to its image at the goal.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from pushplan.planners.collision import step, sweep_is_free
+
+LEFT, STRAIGHT, RIGHT = 0, 1, 2
+"""Rows of a family: (3, 3) body twists scaled to a cost rate of 1; a row of zeros is a motion that is not stable."""
+
+MAX_WORDS = 12
+"""Words per family: four turn-straight-turn, each with up to two roots, and two turn-turn-turn with two apexes."""
+
+FULL_TURN_SLACK = 1e-11
+"""A turn this close (rad) below a full one is rounding and counts as none."""
+
+
+@njit(cache=True)
+def _turn(angle):  # type: ignore[no-untyped-def]
+    """Angle in [0, 2 pi), with rounding just below a full turn removed."""
+    wrapped = angle % (2.0 * math.pi)
+    return 0.0 if wrapped > 2.0 * math.pi - FULL_TURN_SLACK else wrapped
+
+
+@njit(cache=True)
+def _cor(twist):  # type: ignore[no-untyped-def]
+    """Centre of rotation of a turning body twist, in the body frame."""
+    return -twist[1] / twist[2], twist[0] / twist[2]
+
+
+@njit(cache=True)
+def _store(words, n, letters, lengths):  # type: ignore[no-untyped-def]
+    """Write one word: cost, three letters, three lengths."""
+    words[n, 0] = lengths[0] + lengths[1] + lengths[2]
+    for i in range(3):
+        words[n, 1 + i] = letters[i]
+        words[n, 4 + i] = lengths[i]
+    return n + 1
+
+
+@njit(cache=True)
+def _straight_words(family, first, last, start, goal, words, n):  # type: ignore[no-untyped-def]
+    """Append the words turn-straight-turn with the given turns; the straight part carries c1 to c2's goal."""
+    ux, uy = family[STRAIGHT, 0], family[STRAIGHT, 1]
+    c1x, c1y = _cor(family[first])
+    c2x, c2y = _cor(family[last])
+    px, py, _ = _moved(start, c1x, c1y)
+    qx, qy, _ = _moved(goal, c2x, c2y)
+    ex, ey = c2x - c1x, c2y - c1y
+    dx, dy = qx - px, qy - py
+    along = ex * ux + ey * uy
+    under_root = along * along - ex * ex - ey * ey + dx * dx + dy * dy
+    if under_root < 0.0:
+        return n
+    root = math.sqrt(under_root)
+    for sign in (1.0, -1.0):
+        p = -along + sign * root
+        if p < 0.0 or (sign < 0.0 and root == 0.0):
+            continue
+        if dx * dx + dy * dy > 1e-24:
+            heading = math.atan2(dy, dx) - math.atan2(ey + p * uy, ex + p * ux)
+        else:
+            heading = start[2]
+        omega1, omega2 = family[first, 2], family[last, 2]
+        turn1 = _turn(math.copysign(1.0, omega1) * (heading - start[2]))
+        turn2 = _turn(math.copysign(1.0, omega2) * (goal[2] - heading))
+        lengths = (turn1 / abs(omega1), p, turn2 / abs(omega2))
+        n = _store(words, n, (first, STRAIGHT, last), lengths)
+    return n
+
+
+@njit(cache=True)
+def _turning_words(family, first, middle, start, goal, words, n):  # type: ignore[no-untyped-def]
+    """Append the words turn-turn-turn whose outer turns are alike; the middle COR is the apex of a triangle."""
+    c1x, c1y = _cor(family[first])
+    c2x, c2y = _cor(family[middle])
+    px, py, _ = _moved(start, c1x, c1y)
+    qx, qy, _ = _moved(goal, c1x, c1y)
+    dx, dy = qx - px, qy - py
+    arm = math.hypot(c2x - c1x, c2y - c1y)
+    distance = math.hypot(dx, dy)
+    if distance > 2.0 * arm or distance < 1e-12:
+        return n
+    arm_angle = math.atan2(c2y - c1y, c2x - c1x)
+    opening = math.acos(distance / (2.0 * arm))
+    omega1, omega2 = family[first, 2], family[middle, 2]
+    for sign in (1.0, -1.0):
+        reach = math.atan2(dy, dx) + sign * opening
+        ax, ay = px + arm * math.cos(reach), py + arm * math.sin(reach)
+        heading1 = reach - arm_angle
+        heading2 = math.atan2(ay - qy, ax - qx) - arm_angle
+        turn1 = _turn(math.copysign(1.0, omega1) * (heading1 - start[2]))
+        turn2 = _turn(math.copysign(1.0, omega2) * (heading2 - heading1))
+        turn3 = _turn(math.copysign(1.0, omega1) * (goal[2] - heading2))
+        lengths = (turn1 / abs(omega1), turn2 / abs(omega2), turn3 / abs(omega1))
+        n = _store(words, n, (first, middle, first), lengths)
+    return n
+
+
+@njit(cache=True)
+def _moved(pose, x, y):  # type: ignore[no-untyped-def]
+    """World position of a body-fixed point at a pose (and the heading, unused)."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return pose[0] + c * x - s * y, pose[1] + s * x + c * y, pose[2]
+
+
+@njit(cache=True)
+def find_words(family, start, goal, words):  # type: ignore[no-untyped-def]
+    """Fill `words` (MAX_WORDS, 7) with cost, letters and lengths of every word; return how many there are."""
+    n = 0
+    left, right = family[LEFT, 2] > 0.0, family[RIGHT, 2] < 0.0
+    straight = family[STRAIGHT, 0] != 0.0 or family[STRAIGHT, 1] != 0.0
+    if straight and left:
+        n = _straight_words(family, LEFT, LEFT, start, goal, words, n)
+    if straight and right:
+        n = _straight_words(family, RIGHT, RIGHT, start, goal, words, n)
+    if straight and left and right:
+        n = _straight_words(family, LEFT, RIGHT, start, goal, words, n)
+        n = _straight_words(family, RIGHT, LEFT, start, goal, words, n)
+    if left and right:
+        n = _turning_words(family, LEFT, RIGHT, start, goal, words, n)
+        n = _turning_words(family, RIGHT, LEFT, start, goal, words, n)
+    return n
+
+
+@njit(cache=True)
+def word_is_free(scene, family, word, start):  # type: ignore[no-untyped-def]
+    """Return whether the three arcs of a word keep clear of everything."""
+    x, y, theta = start[0], start[1], start[2]
+    for i in range(3):
+        length = word[4 + i]
+        if length > 0.0:
+            twist = family[int(word[1 + i])]
+            if not sweep_is_free(scene, x, y, theta, twist[0], twist[1], twist[2], length):
+                return False
+            x, y, theta = step(x, y, theta, twist[0], twist[1], twist[2], length)
+    return True
+
+
+@njit(cache=True)
+def connect(scene, families, start, goal, bound, arcs):  # type: ignore[no-untyped-def]
+    """Find the cheapest free connection below a bound.
+
+    Args:
+        scene: See `collision.Scene`.
+        families: (f, 3, 3) left, straight and right twists.
+        start: (3,) pose.
+        goal: (3,) pose.
+        bound: Only words cheaper than this are looked at.
+        arcs: (3, 4) filled with the twists and lengths of the connection.
+
+    Returns:
+        (cost, promise): the connection's cost, infinite if there is none; and the cheapest word's cost, free or not.
+    """
+    words = np.empty((families.shape[0] * MAX_WORDS, 7))
+    owner = np.empty(families.shape[0] * MAX_WORDS, dtype=np.int64)
+    n = 0
+    for f in range(families.shape[0]):
+        added = find_words(families[f], start, goal, words[n:])
+        owner[n : n + added] = f
+        n += added
+    promise = np.inf
+    for i in range(n):
+        promise = min(promise, words[i, 0])
+    while True:
+        best = -1
+        for i in range(n):
+            if words[i, 0] < bound and (best < 0 or words[i, 0] < words[best, 0]):
+                best = i
+        if best < 0:
+            return np.inf, promise
+        family = families[owner[best]]
+        if word_is_free(scene, family, words[best], start):
+            for i in range(3):
+                arcs[i, :3] = family[int(words[best, 1 + i])]
+                arcs[i, 3] = words[best, 4 + i]
+            return words[best, 0], promise
+        words[best, 0] = np.inf

@@ -1,0 +1,151 @@
+"""Plan a push: from a scenario to a timed path to the goal pose on which no contact slips."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.errors import PlanningError
+from pushplan.kernels import warm_up
+from pushplan.path import PushPath
+from pushplan.planners.checker import find_collision
+from pushplan.planners.collision import separation
+from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.registry import planner_named
+from pushplan.planners.session import Budget, Session
+from pushplan.planners.timing import time_path
+from pushplan.result import PlanResult, ProgressPoint
+from pushplan.scenario import Scenario
+from pushplan.sim.kinematic import pose_error
+from pushplan.stable_set import StableSet
+from pushplan.stable_set import stable_set as make_stable_set
+from pushplan.trajectory import Trajectory
+
+EXACT = 1e-7
+"""Largest error (m, rad) of a path's end that counts as reaching the goal pose."""
+
+SHORTEST_ARC = 1e-10
+"""Arcs below this (m of cost) are rounding and are left out."""
+
+LOGGED_BRANCHES = 2_000
+"""Branches of the search tree that a result keeps, at most."""
+
+
+def plan(
+    scenario: Scenario,
+    *,
+    planner: str | None = None,
+    stable_set: str | None = None,
+    seed: int | None = None,
+    time_limit: float | None = None,
+    first: bool = False,
+    progress: Callable[[ProgressPoint], None] | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> PlanResult:
+    """Plan a push to the goal pose.
+
+    Args:
+        scenario: The problem; what the next four leave open is taken from it.
+        planner: Name of the planner.
+        stable_set: Name of the stable set that limits the pusher's twists.
+        seed: Of the random numbers; the same seed gives the same plan unless the time limit cuts it short.
+        time_limit: Wall-clock seconds of planning, at most.
+        first: Stop at the first path instead of shortening it.
+        progress: Called with every improvement.
+        tell: Called with sentences for the user about what takes long.
+
+    Returns:
+        The result; `solved` is False, with the reason, when no path was found in time.
+
+    Raises:
+        PlanningError: When the problem cannot be posed.
+        EmptyStableSetError: When no pusher twist keeps every contact.
+    """
+    warm_up(tell)
+    name = planner or scenario.planner.name
+    search = planner_named(name)
+    stable = make_stable_set(scenario.chain, stable_set or scenario.stability.set)
+    problem = build_problem(scenario, stable)
+    _check_ends(scenario, problem.scene)
+    used_seed = scenario.planner.seed if seed is None else seed
+    limit = scenario.planner.time_limit if time_limit is None else time_limit
+    session = Session(problem, scenario.start, Budget(limit, first=first), used_seed, progress)
+    if not session.finished:
+        search(session, sampling_box(scenario), body_reach(scenario))
+    seconds = session.elapsed
+    path = _path_of(session)
+    trajectory = None if path is None else time_path(path, scenario.chain.pusher.limits)
+    reason = _verdict(scenario, stable, path, trajectory, seconds, session.extensions)
+    solved = not reason
+    return PlanResult(
+        solved=solved,
+        reason=reason,
+        planner=name,
+        stable_set=stable.name,
+        seed=used_seed,
+        path=path if solved else None,
+        trajectory=trajectory if solved else None,
+        first_solution_s=session.progress[0].seconds if session.progress else None,
+        planning_s=seconds,
+        progress=tuple(session.progress),
+        extensions=session.extensions,
+        min_margin=None if path is None or not len(path.twists) else float(stable.margin(path.twists).min()),
+        tree=_branches(session),
+    )
+
+
+def _check_ends(scenario: Scenario, scene: object) -> None:
+    """Refuse a start or a goal that touches something, and a goal that is the start."""
+    for name, pose in (("start", scenario.start), ("goal", scenario.goal.pose_chain)):
+        gap = separation(scene, *pose, 1.0)
+        if gap < scene.clearance:  # type: ignore[attr-defined]
+            state = (
+                f"overlaps something by {-1e3 * gap:.1f} mm" if gap < 0 else f"keeps only {1e3 * gap:.2f} mm"
+            )
+            raise PlanningError(f"the {name} {state}; at least {1e3 * scene.clearance:.2f} mm must stay free")  # type: ignore[attr-defined]
+    if max(pose_error(scenario.start, scenario.goal.pose_chain)) < EXACT:
+        raise PlanningError("the chain is at the goal already: there is nothing to push")
+
+
+def _path_of(session: Session) -> PushPath | None:
+    """The best path, without arcs that are mere rounding."""
+    arcs = session.best_arcs
+    if arcs is None:
+        return None
+    arcs = arcs[arcs[:, 3] > SHORTEST_ARC]
+    return PushPath(session.start, arcs[:, :3], arcs[:, 3])
+
+
+def _verdict(
+    scenario: Scenario,
+    stable: StableSet,
+    path: PushPath | None,
+    trajectory: Trajectory | None,
+    seconds: float,
+    extensions: int,
+) -> str:
+    """Return why the result is no solution, empty if it is: judged by code that the planners do not use."""
+    if path is None or trajectory is None:
+        return f"no path found within {seconds:.2f} s ({extensions} extensions)"
+    error = pose_error(path.end, scenario.goal.pose_chain)
+    if max(error) > EXACT:
+        return f"the path misses the goal by {error[0]:.2g} m and {error[1]:.2g} rad"
+    margin = float(stable.margin(path.twists).min())
+    if margin <= scenario.stability.margin:
+        return f"the path's smallest margin is {margin:.3g}; it must be above {scenario.stability.margin:g}"
+    hit = find_collision(scenario, trajectory.poses)
+    if hit is not None:
+        other = "a wall of the workspace" if hit.obstacle is None else f"obstacle {hit.obstacle}"
+        return f"the path is not free: {hit.body} meets {other} with the chain frame at {hit.pose}"
+    return ""
+
+
+def _branches(session: Session) -> FloatArray:
+    """Poses (q, 2, 3) at both ends of the last tree's branches, thinned evenly."""
+    rows = np.arange(1, session.count)
+    if len(rows) > LOGGED_BRANCHES:
+        rows = rows[np.linspace(0, len(rows) - 1, LOGGED_BRANCHES).astype(int)]
+    parents = session.nodes[rows, 4].astype(int)
+    return np.stack([session.nodes[parents, :3], session.nodes[rows, :3]], axis=1)

@@ -1,0 +1,116 @@
+"""The compiled collision check against shapely: distances, overlaps, sweeps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from pushplan import se2
+from pushplan.arrays import FloatArray
+from pushplan.planners.collision import Scene, separation, step, sweep_is_free
+from pushplan.planners.scene import bounding_circle, convex_pieces, flatten
+
+INFINITE = np.array([-np.inf, -np.inf, np.inf, np.inf])
+
+
+def _convex(rng: np.random.Generator, size: float) -> FloatArray:
+    points = rng.normal(size=(rng.integers(3, 9), 2)) * size * rng.uniform(0.05, 1.0, 2)
+    hull = shapely.orient_polygons(shapely.MultiPoint(points).convex_hull)
+    return shapely.get_coordinates(hull)[:-1]
+
+
+def _scene(
+    body: list[FloatArray],
+    obstacles: list[FloatArray],
+    circles: list[list[float]] | None = None,
+    walls: FloatArray = INFINITE,
+) -> Scene:
+    discs = np.array(circles or [], dtype=np.float64).reshape(-1, 3)
+    bound = bounding_circle(np.concatenate(body))
+    return Scene(flatten(body), bound, flatten(obstacles), discs, walls, 5e-4)
+
+
+def _distance(scene_body: list[FloatArray], standing: list[shapely.Geometry], pose: FloatArray) -> float:
+    placed = [shapely.Polygon(se2.transform_points(pose, piece)) for piece in scene_body]
+    return min(a.distance(b) for a in placed for b in standing)
+
+
+def test_separation_is_a_lower_bound_and_exact_when_near() -> None:
+    rng = np.random.default_rng(1)
+    near = overlaps = 0
+    for _ in range(1500):
+        body = [_convex(rng, 0.1), _convex(rng, 0.1) + 0.1]
+        obstacles = [_convex(rng, 0.2) + rng.uniform(-0.6, 0.6, 2) for _ in range(3)]
+        disc = [*rng.uniform(-0.6, 0.6, 2), rng.uniform(0.01, 0.2)]
+        pose = rng.uniform(-0.5, 0.5, 3) * [1, 1, 6]
+        standing = [*map(shapely.Polygon, obstacles)]
+        exact = _distance(body, standing, pose)
+        exact = min(exact, _distance(body, [shapely.Point(disc[:2])], pose) - disc[2])
+        found = separation(_scene(body, obstacles, [disc]), *pose, 10.0)
+        if exact > 0.0:
+            assert found <= exact + 1e-12
+            if found < 0.01:
+                assert found == pytest.approx(exact, abs=1e-12)
+                near += 1
+        else:
+            assert found <= 1e-12
+            overlaps += 1
+    assert near > 20
+    assert overlaps > 200
+
+
+def test_walls_bound_the_body() -> None:
+    square = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.0, 0.1]])
+    scene = _scene([square], [], walls=np.array([0.0, 0.0, 1.0, 1.0]))
+    assert separation(scene, 0.3, 0.05, 0.0, 10.0) == pytest.approx(0.05)
+    assert separation(scene, 0.9, 0.5, 0.0, 10.0) == pytest.approx(-0.1)
+    assert separation(scene, 0.5, 0.5, np.pi / 2, 10.0) == pytest.approx(0.3)
+
+
+def test_a_free_sweep_never_comes_close_and_a_refused_one_does() -> None:
+    rng = np.random.default_rng(2)
+    free = refused = 0
+    for _ in range(400):
+        body = [_convex(rng, 0.08), _convex(rng, 0.08) + [0.1, 0.0]]
+        obstacles = [_convex(rng, 0.1) + rng.uniform(-0.6, 0.6, 2) for _ in range(2)]
+        twist = np.append(rng.normal(size=2), rng.normal() * 3.0)
+        pose = rng.uniform(-0.5, 0.5, 3) * [1, 1, 6]
+        length = rng.uniform(0.0, 0.5)
+        standing = [*map(shapely.Polygon, obstacles)]
+        along = [se2.compose(pose, se2.exp(twist * s)) for s in np.linspace(0.0, length, 300)]
+        nearest = min(_distance(body, standing, p) for p in along)
+        if sweep_is_free(_scene(body, obstacles), *pose, *twist, length):
+            assert nearest >= 5e-4 - 1e-9
+            free += 1
+        else:
+            assert nearest < 5e-4 + 2e-3 * np.linalg.norm(twist)
+            refused += 1
+    assert free > 50
+    assert refused > 50
+
+
+def test_a_thin_wall_between_two_free_poses_is_not_jumped() -> None:
+    square = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
+    sheet = np.array([[0.5, -1.0], [0.5001, -1.0], [0.5001, 1.0], [0.5, 1.0]])
+    scene = _scene([square], [sheet])
+    assert separation(scene, 0.0, 0.0, 0.0, 10.0) > 0.3
+    assert separation(scene, 1.0, 0.0, 0.0, 10.0) > 0.3
+    assert not sweep_is_free(scene, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0)
+
+
+def test_steps_are_the_exact_exponential() -> None:
+    rng = np.random.default_rng(3)
+    for scale in (1.0, 1e-6, 1e-9, 0.0):
+        pose, twist = rng.normal(size=3), rng.normal(size=3) * [1, 1, scale]
+        expected = se2.compose(pose, se2.exp(twist * 0.7))
+        np.testing.assert_allclose(step(*pose, *twist, 0.7), expected, atol=1e-14)
+
+
+def test_convex_pieces_cover_a_concave_outline_without_overlap() -> None:
+    outline = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]])
+    pieces = [shapely.Polygon(piece) for piece in convex_pieces(outline)]
+    assert shapely.union_all(pieces).symmetric_difference(shapely.Polygon(outline)).area < 1e-12
+    assert sum(piece.area for piece in pieces) == pytest.approx(5.0)
+    assert all(piece.convex_hull.area == pytest.approx(piece.area) for piece in pieces)
+    assert len(pieces) <= 3
