@@ -1,0 +1,135 @@
+"""The contact conditions [C1]-[C4] of Harada et al. 2006 for every contact of a tree, as one margin.
+
+Contact k has to transmit w_k, minus the friction wrenches of all objects that it carries. In a wrench space
+where moments are divided by the chain's characteristic length, the wrenches it can transmit form a cone with
+four unit facets g, and
+
+    margin_k = min over g of  g . w_k / |w_k|,
+
+the sine of the angle between w_k and the nearest facet: positive exactly where the contact holds.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from pushplan.arrays import FloatArray
+from pushplan.friction_kernel import carried_wrench
+from pushplan.packed import PackedChain
+
+
+@njit(cache=True, error_model="numpy")
+def accumulate(packed: PackedChain, k: int, vx: float, vy: float, omega: float, carried: FloatArray) -> None:
+    """Add object k's wrench to `carried[k]` (n, 3), which then is whole, and all of it to its pusher's."""
+    fx, fy, m = carried_wrench(packed, k, vx, vy, omega)
+    carried[k, 0] += fx
+    carried[k, 1] += fy
+    carried[k, 2] += m
+    pusher = packed.links[k, 3]
+    if pusher >= 0:
+        carried[pusher, 0] += carried[k, 0]
+        carried[pusher, 1] += carried[k, 1]
+        carried[pusher, 2] += carried[k, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def contact_wrenches(packed: PackedChain, vx: float, vy: float, omega: float, out: FloatArray) -> None:
+    """Fill `out` (n, 3) with the wrench that each contact transmits: f_x, f_y (N), moment about the origin (N m).
+
+    Only the twist's direction matters; the zero twist gives zero wrenches.
+    """
+    out[:] = 0.0
+    size = max(abs(vx), abs(vy), abs(omega) * packed.length)
+    if size > 0.0:
+        for k in range(len(packed.links) - 1, -1, -1):
+            accumulate(packed, k, vx / size, vy / size, omega / size, out)
+
+
+@njit(cache=True, error_model="numpy")
+def wrench_margin(packed: PackedChain, k: int, fx: float, fy: float, m: float) -> float:
+    """Return the margin of contact k when it transmits a wrench; 0 for no wrench."""
+    m /= packed.length
+    size = math.sqrt(fx * fx + fy * fy + m * m)
+    if size == 0.0:
+        return 0.0
+    lowest = math.inf
+    for j in range(4):
+        value = packed.rows[k, j, 0] * fx + packed.rows[k, j, 1] * fy + packed.rows[k, j, 2] * m
+        lowest = min(lowest, value)
+    return lowest / size
+
+
+@njit(cache=True, error_model="numpy")
+def contact_margins(packed: PackedChain, vx: float, vy: float, omega: float, out: FloatArray) -> None:
+    """Fill `out` (n,) with the margin of each contact at a body twist in the chain frame, in [-1, 1]."""
+    n = len(packed.links)
+    wrenches = np.empty((n, 3))
+    contact_wrenches(packed, vx, vy, omega, wrenches)
+    for k in range(n):
+        out[k] = wrench_margin(packed, k, wrenches[k, 0], wrenches[k, 1], wrenches[k, 2])
+
+
+@njit(cache=True, error_model="numpy")
+def margin_down_to(packed: PackedChain, vx: float, vy: float, omega: float, floor: float) -> float:
+    """Return `margin`, or, as soon as a contact's margin is at most `floor`, that one."""
+    n = len(packed.links)
+    size = max(abs(vx), abs(vy), abs(omega) * packed.length)
+    if not size > 0.0:
+        return 0.0
+    vx, vy, omega = vx / size, vy / size, omega / size
+    carried = np.zeros((n, 3))
+    lowest = 1.0
+    for k in range(n - 1, -1, -1):
+        accumulate(packed, k, vx, vy, omega, carried)
+        lowest = min(lowest, wrench_margin(packed, k, carried[k, 0], carried[k, 1], carried[k, 2]))
+        if lowest <= floor:
+            break
+    return lowest
+
+
+@njit(cache=True, error_model="numpy")
+def margin(packed: PackedChain, vx: float, vy: float, omega: float) -> float:
+    """Return the smallest margin over the contacts: > 0 exactly when the body twist keeps all of them."""
+    return margin_down_to(packed, vx, vy, omega, -2.0)
+
+
+@njit(cache=True, error_model="numpy")
+def margins_of(packed: PackedChain, twists: FloatArray, floor: float) -> FloatArray:
+    """Return `margin_down_to` (k,) of many twists (k, 3)."""
+    out = np.empty(len(twists))
+    for i in range(len(twists)):
+        out[i] = margin_down_to(packed, twists[i, 0], twists[i, 1], twists[i, 2], floor)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def wrenches_of(packed: PackedChain, twists: FloatArray) -> FloatArray:
+    """Return `contact_wrenches` (k, n, 3) of many twists (k, 3)."""
+    out = np.empty((len(twists), len(packed.links), 3))
+    for i in range(len(twists)):
+        contact_wrenches(packed, twists[i, 0], twists[i, 1], twists[i, 2], out[i])
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def contact_margins_of(packed: PackedChain, wrenches: FloatArray) -> FloatArray:
+    """Return the margins (k, n) of transmitted wrenches (k, n, 3)."""
+    out = np.empty(wrenches.shape[:2])
+    for i in range(out.shape[0]):
+        for k in range(out.shape[1]):
+            out[i, k] = wrench_margin(packed, k, wrenches[i, k, 0], wrenches[i, k, 1], wrenches[i, k, 2])
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def object_wrenches_of(packed: PackedChain, twists: FloatArray) -> FloatArray:
+    """Return the wrench (k, 3) that moves the first object at each of many twists (k, 3), none of them zero."""
+    out = np.empty((len(twists), 3))
+    for i in range(len(twists)):
+        vx, vy, omega = twists[i, 0], twists[i, 1], twists[i, 2]
+        size = max(abs(vx), abs(vy), abs(omega) * packed.length)
+        out[i, 0], out[i, 1], out[i, 2] = carried_wrench(packed, 0, vx / size, vy / size, omega / size)
+    return out

@@ -1,0 +1,96 @@
+"""Power series of the friction of a polygon whose COR is far away, where closed forms cancel.
+
+In complex notation, z about the anchor point with velocity v0 there: v = v0 (1 + u), u = i omega z / v0, and
+
+    v / |v| = (v0 / |v0|) (1 + u)^(1/2) (1 + conj u)^(-1/2),
+
+a double power series whose integrals over the polygon are its moments M_pq, the integrals of z^p conj(z)^q.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.special import binom
+
+from pushplan.arrays import FloatArray
+
+ComplexArray = NDArray[np.complex128]
+
+ORDER = 10
+"""Highest power of u kept."""
+REACH = 0.05
+"""Largest |omega| radius / |v0| at which the series is used: REACH^(ORDER + 1) is below rounding."""
+TERMS = (ORDER + 1) * (ORDER + 2) // 2
+WEIGHTS = ((0, 0), (0, 1), (1, 0), (0, 2), (1, 1))
+"""Powers (of z, of conj z) of the factors that the integrals of v / |v| are taken with."""
+
+
+def complex_moments(outline: FloatArray, order: int) -> ComplexArray:
+    """Return M (order + 1, order + 1), M[p, q] the integral of z^p conj(z)^q over a polygon, p + q <= order.
+
+    Exact: a function homogeneous of degree k integrates to sum_e d_e (its edge integral) / (k + 2), and Gauss
+    quadrature integrates polynomials along edges exactly.
+    """
+    z = outline[:, 0] + 1j * outline[:, 1]
+    step = np.roll(z, -1) - z
+    nodes, weights = np.polynomial.legendre.leggauss(order // 2 + 1)
+    points = z[:, None] + step[:, None] * (nodes + 1.0) / 2.0
+    d_ds = np.imag(np.conj(z) * step)[:, None] * weights / 2.0
+    moments = np.zeros((order + 1, order + 1), dtype=np.complex128)
+    for p in range(order + 1):
+        for q in range(order + 1 - p):
+            moments[p, q] = (d_ds * points**p * np.conj(points) ** q).sum() / (p + q + 2)
+    return moments
+
+
+def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
+    """Return the coefficients (5, TERMS) of (kappa radius)^p conj(kappa radius)^q, kappa = i omega / v0.
+
+    Row w holds the series of the integral of v / |v| times z^a conj(z)^b with (a, b) = WEIGHTS[w], for v0 > 0;
+    columns run over the total degree p + q, then over p. `outline` is about the anchor point.
+    """
+    moments = complex_moments(outline / radius, ORDER + 2) * radius**2
+    pairs = [(p, k - p) for k in range(ORDER + 1) for p in range(k + 1)]
+    return np.array(
+        [
+            [binom(0.5, p) * binom(-0.5, q) * moments[p + a, q + b] * radius ** (a + b) for p, q in pairs]
+            for a, b in WEIGHTS
+        ]
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def evaluate_series(
+    series: ComplexArray, first: int, count: int, v0: complex, kappa: complex, out: ComplexArray
+) -> None:
+    """Fill `out` (count,) with the integrals of rows first, first + 1, ... of `series`, kappa times radius given."""
+    direction = v0 / abs(v0)
+    size = abs(kappa)
+    turn = kappa / size if size > 0.0 else 1.0 + 0.0j
+    for w in range(count):
+        out[w] = 0.0
+    scale, term = 1.0, 0
+    spin, back = 1.0 + 0.0j, (turn * turn)
+    for k in range(ORDER + 1):
+        power = spin * scale
+        for _ in range(k + 1):
+            for w in range(count):
+                out[w] += series[first + w, term] * power
+            power *= back
+            term += 1
+        scale *= size
+        spin *= turn.conjugate()
+        if scale < 1e-18:
+            break
+    for w in range(count):
+        out[w] *= direction
+
+
+@njit(cache=True, error_model="numpy")
+def in_reach(speed: float, omega: float, radius: float) -> bool:
+    """Return whether the COR is so far away that the series applies."""
+    return math.fabs(omega) * radius < REACH * speed

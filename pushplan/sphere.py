@@ -1,0 +1,100 @@
+"""The sphere of twist directions: longitude is the direction of travel, latitude the share of rotation.
+
+V = (cos lat cos lon, cos lat sin lon, sin lat / L), L being the chain's characteristic length. On a meridian the
+CORs lie on a line through the chain frame's origin: c = L cot(lat) (-sin lon, cos lon); the equator is
+translation, the northern hemisphere turns counter-clockwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pushplan.arrays import FloatArray, frozen
+from pushplan.errors import PushplanError
+
+POLE = np.pi / 2.0
+"""Latitude of a counter-clockwise turn about the chain frame's origin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Meridians:
+    """Stable intervals of latitude, one row each; a longitude has none, one or several rows.
+
+    Attributes:
+        longitude: (k,) rad, in increasing order.
+        lower: (k,) rad; the margin at both ends exceeds the one asked for.
+        upper: (k,) rad, >= lower.
+    """
+
+    longitude: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("longitude", "lower", "upper"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (len(self.longitude),), name))
+
+    def __len__(self) -> int:
+        return len(self.longitude)
+
+
+@dataclass(frozen=True)
+class TurningRadii:
+    """Smallest distances from the origin to a stable COR, m; infinite where no turn of that sense is stable.
+
+    Attributes:
+        left: Of the counter-clockwise turns.
+        right: Of the clockwise turns.
+    """
+
+    left: float
+    right: float
+
+
+def twists_at(longitude: ArrayLike, latitude: ArrayLike, length: float) -> FloatArray:
+    """Return the unit twists (..., 3) at longitudes and latitudes (...)."""
+    lon, lat = np.broadcast_arrays(
+        np.asarray(longitude, dtype=np.float64), np.asarray(latitude, dtype=np.float64)
+    )
+    flat = np.cos(lat)
+    return np.stack([flat * np.cos(lon), flat * np.sin(lon), np.sin(lat) / length], axis=-1)
+
+
+def angles_of(twists: ArrayLike, length: float) -> tuple[FloatArray, FloatArray]:
+    """Return the longitudes and latitudes (...) of twists (..., 3); the inverse of `twists_at`."""
+    v = np.asarray(twists, dtype=np.float64)
+    speed = np.hypot(v[..., 0], v[..., 1])
+    return np.arctan2(v[..., 1], v[..., 0]), np.arctan2(length * v[..., 2], speed)
+
+
+def twists_about(cors: ArrayLike, sense: int) -> FloatArray:
+    """Return the twists (..., 3) with |omega| = 1 about centres of rotation (..., 2), turning with `sense` +1 or -1.
+
+    v = -omega J c.
+    """
+    if sense not in (1, -1):
+        raise PushplanError(f"sense is {sense}; it must be +1 (counter-clockwise) or -1 (clockwise)")
+    c = np.asarray(cors, dtype=np.float64)
+    return np.stack([sense * c[..., 1], -sense * c[..., 0], np.full(c.shape[:-1], float(sense))], axis=-1)
+
+
+def checked_twists(twists: ArrayLike) -> FloatArray:
+    """Return `twists` as a contiguous (k, 3) float array.
+
+    Raises:
+        PushplanError: On another shape, a number that is not finite, or a zero twist.
+    """
+    v = np.ascontiguousarray(twists, dtype=np.float64)
+    if v.ndim != 2 or v.shape[1] != 3:
+        raise PushplanError(f"twists have shape {v.shape}; it must be (k, 3): vx, vy, omega")
+    if not np.isfinite(v).all():
+        raise PushplanError("a twist holds a number that is not finite")
+    resting = ~v.any(axis=1)
+    if resting.any():
+        raise PushplanError(
+            f"twist {int(resting.argmax())} is zero; only the direction of a motion is stable or not"
+        )
+    return v
