@@ -8,6 +8,7 @@ translation, the northern hemisphere turns counter-clockwise.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,8 +42,7 @@ class Meridians:
         return len(self.longitude)
 
 
-@dataclass(frozen=True)
-class TurningRadii:
+class TurningRadii(NamedTuple):
     """Smallest distances from the origin to a stable COR, m; infinite where no turn of that sense is stable.
 
     Attributes:
@@ -71,7 +71,7 @@ def angles_of(twists: ArrayLike, length: float) -> tuple[FloatArray, FloatArray]
 
 
 def twists_about(cors: ArrayLike, sense: int) -> FloatArray:
-    """Return the twists (..., 3) with |omega| = 1 about centres of rotation (..., 2), turning with `sense` +1 or -1.
+    """Return the twists (..., 3) with omega = `sense`, +1 or -1, about centres of rotation (..., 2).
 
     v = -omega J c.
     """

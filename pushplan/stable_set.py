@@ -20,7 +20,7 @@ from pushplan.errors import PushplanError
 from pushplan.meridians import find_meridians
 from pushplan.peaks import margin_peaks
 from pushplan.refined_meridians import RefinedMeridians, refine_meridians
-from pushplan.sphere import Meridians, TurningRadii, angles_of, checked_twists
+from pushplan.sphere import Meridians, TurningRadii, angles_of, checked_twists, twists_at
 from pushplan.steering import SteeringPair, best_pair, leaning_pairs
 from pushplan.stable_extent import sphere_area, translation_cone, turning_radii
 
@@ -45,6 +45,15 @@ class StableSet(ABC):
         self.chain = chain
         self._meridians = lru_cache(maxsize=8)(self._find_meridians)
         self._refined = lru_cache(maxsize=8)(self._refine_meridians)
+
+    @property
+    def loads_known(self) -> bool:
+        """Whether the load distribution under every object is known, so that contact forces are."""
+        return all(obj.support.known for obj in self.chain.objects)
+
+    def twists_on_sphere(self, longitude: ArrayLike, latitude: ArrayLike) -> FloatArray:
+        """Return the unit twists (..., 3) at longitudes and latitudes (...) of the twist sphere, rad."""
+        return twists_at(longitude, latitude, self.chain.characteristic_length)
 
     @abstractmethod
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ position t of the two CORs along d, the CORs are t d + y J d with y -> infinity 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -42,6 +43,10 @@ class SteeringPair:
     straight: FloatArray | None
     right: FloatArray | None
     separation: float
+
+    def __iter__(self) -> Iterator[FloatArray | None]:
+        """Yield `left`, `straight` and `right`."""
+        return iter((self.left, self.straight, self.right))
 
 
 @dataclass(frozen=True, eq=False)
