@@ -1,0 +1,26 @@
+"""The forms that pictures are written in, known without loading the drawing library."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pushplan.errors import PushplanError
+
+PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+class PlotError(PushplanError, ValueError):
+    """A picture cannot be drawn, or not written in the asked form."""
+
+
+def check_picture_path(path: str | Path) -> Path:
+    """Return `path`, checked for a suffix that pictures can have.
+
+    Raises:
+        PlotError: On any other suffix.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in PICTURE_SUFFIXES:
+        suffix = path.suffix or "no suffix"
+        raise PlotError(f"{path}: a picture ends in {', '.join(PICTURE_SUFFIXES)}, not in {suffix}")
+    return path
