@@ -21,8 +21,8 @@ def inner_ends(
 ) -> FloatArray:
     """Return the last points (m,) with f > 0 on the way from `inside` (f > 0) to `outside` (f <= 0).
 
-    ITP method (Oliveira & Takahashi 2020): superlinear on smooth functions, never worse than bisection by more than
-    a step or two, jumps included. Bracket and values need not be finite differences of each other: only signs count.
+    ITP method (Oliveira & Takahashi 2020): superlinear on smooth functions, never worse than bisection by
+    more than a few steps, jumps included.
     """
     a, b, fa, fb = inside.copy(), outside.copy(), f_inside.copy(), f_outside.copy()
     width = np.abs(b - a)
@@ -45,7 +45,7 @@ def inner_ends(
 def _itp_point(
     a: FloatArray, b: FloatArray, fa: FloatArray, fb: FloatArray, kappa: FloatArray, steps_left: FloatArray
 ) -> FloatArray:
-    """Return the next points: regula falsi, perturbed towards the middle, projected onto the minmax interval."""
+    """Return the next points: regula falsi, moved towards the middle, projected onto the minmax interval."""
     half = 0.5 * (a + b)
     width = np.abs(b - a)
     falsi = (fb * a - fa * b) / (fb - fa)
@@ -59,7 +59,7 @@ def _itp_point(
 def maximise(
     f: Family, low: FloatArray, high: FloatArray, goal: float, iterations: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the best points and values (m,) of golden-section searches in brackets; each stops once above `goal`."""
+    """Return the best points and values (m,) of golden-section searches; each stops once above `goal`."""
     low, high = low.copy(), high.copy()
     everyone = np.arange(len(low))
     x1, x2 = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)

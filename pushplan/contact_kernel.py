@@ -37,7 +37,7 @@ def accumulate(packed: PackedChain, k: int, vx: float, vy: float, omega: float, 
 
 @njit(cache=True, error_model="numpy")
 def contact_wrenches(packed: PackedChain, vx: float, vy: float, omega: float, out: FloatArray) -> None:
-    """Fill `out` (n, 3) with the wrench that each contact transmits: f_x, f_y (N), moment about the origin (N m).
+    """Fill `out` (n, 3) with the wrench that each contact transmits: f_x, f_y (N), moment (N m) about 0.
 
     Only the twist's direction matters; the zero twist gives zero wrenches.
     """
@@ -117,16 +117,16 @@ def wrenches_of(packed: PackedChain, twists: FloatArray) -> FloatArray:
 @njit(cache=True, error_model="numpy")
 def contact_margins_of(packed: PackedChain, wrenches: FloatArray) -> FloatArray:
     """Return the margins (k, n) of transmitted wrenches (k, n, 3)."""
-    out = np.empty(wrenches.shape[:2])
-    for i in range(out.shape[0]):
-        for k in range(out.shape[1]):
+    out = np.empty((len(wrenches), len(packed.links)))
+    for i in range(len(out)):
+        for k in range(len(packed.links)):
             out[i, k] = wrench_margin(packed, k, wrenches[i, k, 0], wrenches[i, k, 1], wrenches[i, k, 2])
     return out
 
 
 @njit(cache=True, error_model="numpy")
 def object_wrenches_of(packed: PackedChain, twists: FloatArray) -> FloatArray:
-    """Return the wrench (k, 3) that moves the first object at each of many twists (k, 3), none of them zero."""
+    """Return the wrenches (k, 3) that move the first object at many twists (k, 3), none of them zero."""
     out = np.empty((len(twists), 3))
     for i in range(len(twists)):
         vx, vy, omega = twists[i, 0], twists[i, 1], twists[i, 2]

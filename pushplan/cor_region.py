@@ -1,7 +1,8 @@
 """Stable centres of rotation as polygons in the chain frame.
 
-The COR plane is the central projection of the twist sphere: meridians are lines through the origin, great circles
-are straight lines. Strips between neighbouring meridians are joined; what reaches the equator reaches to infinity.
+The COR plane is the central projection of the twist sphere: meridians are lines through the origin, great
+circles are straight lines. Strips between neighbouring meridians are joined; what reaches the equator
+reaches to infinity.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ def cor_polygons(refined: RefinedMeridians, length: float, sense: int, window: W
         raise PushplanError(f"sense is {sense}; it must be +1 (counter-clockwise) or -1 (clockwise)")
     box = _box(window, length)
     beyond = 2.0 * float(np.abs(shapely.get_coordinates(box)).max()) * np.sqrt(2.0)
-    polygons = shapely.polygons([shapely.linearrings(s) for s in _strips(refined, length, sense, beyond)])
-    return shapely.intersection(shapely.union_all(shapely.make_valid(polygons)), box)
+    strips = [shapely.Polygon(outline) for outline in _strips(refined, length, sense, beyond)]
+    return shapely.union_all([shapely.make_valid(strip) for strip in strips]).intersection(box)
 
 
 def _box(window: Window | None, length: float) -> shapely.Polygon:
@@ -85,7 +86,7 @@ def _intervals(refined: RefinedMeridians, sense: int) -> list[list[tuple[float, 
 
 
 def _outline(run: list[tuple[float, float, float]], length: float, sense: int, beyond: float) -> FloatArray:
-    """Return the outline (v, 2) of intervals (longitude, low, high) on consecutive meridians; empty for one."""
+    """Return the outline (v, 2) of consecutive intervals (longitude, low, high); empty for a single one."""
     if len(run) < 2:
         return np.empty((0, 2))
     lon, low, high = np.array(run).T

@@ -16,7 +16,8 @@ class EcofSet(StableSet):
         packed: The chain as arrays, for `contact_kernel.margin` in compiled code.
 
     Raises:
-        SupportError: When a load is not known, or a push at the contact height could lift a part of an object.
+        SupportError: When a load is not known, or a push at the contact height could lift a part of an
+            object.
     """
 
     name = "ecof"
@@ -30,5 +31,5 @@ class EcofSet(StableSet):
         return contact_margins_of(self.packed, wrenches_of(self.packed, twists))
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); those at most `floor` may be any number up to it."""
+        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
         return margins_of(self.packed, twists, floor)

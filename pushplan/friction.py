@@ -1,4 +1,4 @@
-"""Floor friction of one object: its wrench, its effective centre of friction (ECOF) and its centre of friction."""
+"""Floor friction of one object: its wrench, its effective centre (ECOF) and its centre (COF)."""
 
 from __future__ import annotations
 
@@ -33,9 +33,10 @@ def friction_wrench(obj: PushedObject, twists: ArrayLike, contact_height: float 
 
 
 def ecof(obj: PushedObject, cor: ArrayLike, sense: int = +1, contact_height: float = 0.0) -> FloatArray:
-    """Return the effective centre of friction (2,): the point of the friction's line of action nearest the COR.
+    """Return the effective centre of friction (2,): the point of friction's line of action nearest the COR.
 
-    ECOF - c = m_c (f_y, -f_x) / |f|^2 with the wrench (f, m_c) about the COR c (Harada et al. 2006, appendix).
+    ECOF - c = m_c (f_y, -f_x) / |f|^2 with the wrench (f, m_c) about the COR c (Harada et al. 2006,
+    appendix).
 
     Args:
         obj: The object; its load must be known.
@@ -59,5 +60,5 @@ def ecof(obj: PushedObject, cor: ArrayLike, sense: int = +1, contact_height: flo
 
 
 def cof(obj: PushedObject) -> FloatArray:
-    """Return the centre of friction (2,) in the chain frame, m: the centre of pressure, as friction is even."""
+    """Return the centre of friction (2,) in the chain frame, m; mu is even, so the centre of pressure."""
     return transform_points(obj.pose_chain, obj.support.center)

@@ -1,8 +1,8 @@
 """Closed-form friction of a polygon that turns about a point: uniform and affine pressure.
 
-With r = x - c for the COR c, and for every edge of the counter-clockwise polygon its outward unit normal n, unit
-tangent t, signed distance d = n . r and coordinate s = t . r, the divergence theorem and the rule for homogeneous
-functions turn the area integrals into edge integrals of rho = sqrt(s^2 + d^2):
+With r = x - c for the COR c, and for every edge of the counter-clockwise polygon its outward unit normal n,
+unit tangent t, signed distance d = n . r and coordinate s = t . r, the divergence theorem and the rule for
+homogeneous functions turn the area integrals into edge integrals of rho = sqrt(s^2 + d^2):
 
     integral of r / |r|     = sum n I,                 I = 1/2 [s rho] + 1/2 d^2 Lambda
     integral of |r|         = 1/3 sum d I

@@ -1,10 +1,12 @@
 """The wrench with which the floor resists one object, for every kind of known support, in compiled form.
 
-An object's load is a base distribution (of unit weight) plus, when it is pushed at a height h above the floor, an
-affine correction sigma(x) beta . (x - anchor) of a stiffness measure sigma: the load's centre moves by -h f / N. As
-the friction f is linear in beta, the correction is the solution of a 2 x 2 linear system,
+An object's load is a base distribution (of unit weight) plus, when it is pushed at a height h above the
+floor, an affine correction sigma(x) beta . (x - anchor) of a stiffness measure sigma: the load's centre
+moves by -h f / N. As the friction f is linear in beta, beta solves a 2 x 2 linear system,
 
-    (S - h mu T) beta = h mu F0,   S = sigma's second moments,   T = integral of (v / |v|) (x - anchor)^T dsigma.
+    (S - h mu T) beta = h mu F0,
+
+with sigma's second moments S and T the integral of (v / |v|) (x - anchor)^T d sigma.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from pushplan.packed import POINTS, UNIFORM, PackedChain
 def _uniform_sums(
     packed: PackedChain, i: int, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float]:
-    """Return the integral of v / |v| and its moment about the anchor for unit pressure; (vx, vy) at the anchor."""
+    """Return the integral of v / |v| over a polygon and its moment; v and moments refer to the anchor."""
     radius = packed.objects[i, 3]
     speed = math.sqrt(vx * vx + vy * vy)
     if in_reach(speed, omega, radius):
@@ -43,7 +45,7 @@ def _uniform_sums(
 def _polygon_sums(
     packed: PackedChain, i: int, vx: float, vy: float, omega: float, force: FloatArray, matrix: FloatArray
 ) -> None:
-    """Fill `force` (3,) as `_uniform_sums` does and `matrix` (3, 2) with the same for the pressures x and y."""
+    """Fill `force` (3,) as `_uniform_sums` does, and `matrix` (3, 2) likewise for the pressures x and y."""
     radius = packed.objects[i, 3]
     speed = math.sqrt(vx * vx + vy * vy)
     if in_reach(speed, omega, radius):

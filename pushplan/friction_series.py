@@ -50,8 +50,8 @@ def complex_moments(outline: FloatArray, order: int) -> ComplexArray:
 def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
     """Return the coefficients (5, TERMS) of (kappa radius)^p conj(kappa radius)^q, kappa = i omega / v0.
 
-    Row w holds the series of the integral of v / |v| times z^a conj(z)^b with (a, b) = WEIGHTS[w], for v0 > 0;
-    columns run over the total degree p + q, then over p. `outline` is about the anchor point.
+    Row w holds the series of the integral of v / |v| times z^a conj(z)^b with (a, b) = WEIGHTS[w], for v0 >
+    0; columns run over the total degree p + q, then over p. `outline` is about the anchor point.
     """
     moments = complex_moments(outline / radius, ORDER + 2) * radius**2
     pairs = [(p, k - p) for k in range(ORDER + 1) for p in range(k + 1)]
@@ -67,7 +67,7 @@ def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
 def evaluate_series(
     series: ComplexArray, first: int, count: int, v0: complex, kappa: complex, out: ComplexArray
 ) -> None:
-    """Fill `out` (count,) with the integrals of rows first, first + 1, ... of `series`, kappa times radius given."""
+    """Fill `out` (count,) with the integrals of rows `first`, ... of `series`; `kappa` is times the radius."""
     direction = v0 / abs(v0)
     size = abs(kappa)
     turn = kappa / size if size > 0.0 else 1.0 + 0.0j

@@ -7,11 +7,14 @@ from collections.abc import Callable
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.bracketing import Family, inner_ends, maximise
+from pushplan.bracketing import inner_ends, maximise
 from pushplan.sphere import POLE, Meridians, twists_at
 
 MarginFunction = Callable[[FloatArray, float], FloatArray]
 """margin(twists (k, 3), floor) -> (k,); values at or below the floor need not be exact, only not above it."""
+
+Excess = Callable[[FloatArray, FloatArray], FloatArray]
+"""excess(longitude (m,), latitude (m,)) -> margin minus the one asked for (m,)."""
 
 LATITUDES = 25
 """Latitudes at which every meridian is sampled before its extremes are searched between the samples."""
@@ -44,7 +47,7 @@ def find_meridians(margin: MarginFunction, length: float, longitude: FloatArray,
 
 
 def _extremes(
-    excess: Family, longitude: FloatArray, latitude: FloatArray, values: FloatArray, sign: float
+    excess: Excess, longitude: FloatArray, latitude: FloatArray, values: FloatArray, sign: float
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Search local maxima below 0 (`sign` +1), minima above 0 (-1) between samples.
 
@@ -65,7 +68,7 @@ def _extremes(
 
 
 def _intervals(
-    excess: Family, longitude: FloatArray, i: IntArray, lat: FloatArray, value: FloatArray
+    excess: Excess, longitude: FloatArray, i: IntArray, lat: FloatArray, value: FloatArray
 ) -> Meridians:
     """Return the runs of positive values among samples sorted by longitude index, then latitude."""
     positive = value > 0.0
@@ -82,7 +85,7 @@ def _intervals(
 
 
 def _ends(
-    excess: Family, lon: FloatArray, lat: FloatArray, value: FloatArray, inside: IntArray, outside: IntArray
+    excess: Excess, lon: FloatArray, lat: FloatArray, value: FloatArray, inside: IntArray, outside: IntArray
 ) -> FloatArray:
     def family(member: IntArray, x: FloatArray) -> FloatArray:
         return excess(lon[member], x)

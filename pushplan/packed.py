@@ -23,11 +23,11 @@ class PackedChain(NamedTuple):
     """Objects and contacts in the chain frame, for compiled code.
 
     Attributes:
-        objects: (n, 11) friction load mu N (N), anchor x, y, radius (m), density a and gradient b (2) of the base
-            pressure of a unit weight, h mu (m), stiffness moments S_xx, S_xy, S_yy. The anchor is the centroid of
-            a polygon, the stiffness centre of points.
-        parts: (e, 5) polygon edges (see `friction_closed_form`) or points about the anchor: x, y, fraction of the
-            weight, stiffness, 0.
+        objects: (n, 11) friction load mu N (N), anchor x, y, radius (m), density a and gradient b (2) of
+            the base pressure of a unit weight, h mu (m), stiffness moments S_xx, S_xy, S_yy. The anchor is
+            the centroid of a polygon, the stiffness centre of points.
+        parts: (e, 5) polygon edges (see `friction_closed_form`) or points about the anchor: x, y, fraction
+            of the weight, stiffness, 0.
         series: (5 n, TERMS) power series of the polygons (see `friction_series`); zero for points.
         links: (n, 4) kind, first part, one past the last part, pushing object or -1.
         rows: (n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length) > 0.
@@ -46,8 +46,8 @@ def pack_chain(chain: Chain) -> PackedChain:
     """Return the arrays of `chain`.
 
     Raises:
-        SupportError: When a load is not known, or a push at the pusher's contact height could lift a part of an
-            object.
+        SupportError: When a load is not known, or a push at the pusher's contact height could lift a part
+            of an object.
     """
     pushers = [contact.pusher for contact in chain.contacts]
     length = chain.characteristic_length
@@ -61,10 +61,10 @@ def pack_object(obj: PushedObject, contact_height: float = 0.0) -> PackedChain:
 
 
 def contact_rows(contact: Contact, length: float) -> FloatArray:
-    """Return the unit facets (4, 3) of the wrenches that a contact transmits, [C1] and [C2] in Harada et al. 2006.
+    """Return the unit facets (4, 3) of the wrenches that a contact transmits: the paper's [C1] and [C2].
 
-    Forces at the two ends of the segment span the cone of these wrenches, and its facets are: the two sides of the
-    friction cone, no tipping about the right end, no tipping about the left end.
+    Forces at the two ends of the segment span the cone of these wrenches, and its facets are: the two sides
+    of the friction cone, no tipping about the right end, no tipping about the left end.
 
     Args:
         contact: Its force acts on the pushed body, moments are about the chain frame's origin.
@@ -177,7 +177,7 @@ def _require_pressed(
     second: FloatArray,
     height: float,
 ) -> None:
-    """Raise SupportError if the load's shift, at most h mu in any direction, could make a pressure negative."""
+    """Raise SupportError if the load's shift, up to h mu in any direction, could make a pressure negative."""
     if height * obj.floor_friction == 0.0:
         return
     values = np.linalg.eigvalsh(second)
@@ -189,6 +189,6 @@ def _require_pressed(
     highest = float(np.min(base / np.maximum(lever, 1e-300))) / obj.floor_friction
     if height > highest:
         raise SupportError(
-            f"a push at height {height:.6g} m could lift a part of {obj.name!r}: the load's centre moves by up to "
-            f"{height * obj.floor_friction:.6g} m; the contact height must be at most {highest:.6g} m"
+            f"a push at height {height:.6g} m could lift a part of {obj.name!r}: the load's centre moves by up "
+            f"to {height * obj.floor_friction:.6g} m; the contact height must be at most {highest:.6g} m"
         )

@@ -60,4 +60,5 @@ def _neighbours(at: FloatArray, step: FloatArray, turn: float) -> FloatArray:
     spokes = (
         np.cos(angle)[None, :, None] * east[:, None, :] + np.sin(angle)[None, :, None] * north[:, None, :]
     )
-    return np.cos(step)[:, None, None] * at[:, None, :] + np.sin(step)[:, None, None] * spokes
+    step = step[:, None, None]
+    return np.asarray(np.cos(step) * at[:, None, :] + np.sin(step) * spokes, dtype=np.float64)

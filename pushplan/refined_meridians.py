@@ -105,4 +105,4 @@ def _bent(found: _Rows, new: _Rows, left: FloatArray, middle: FloatArray, right:
         for old, fresh in ((found.lower, new.lower), (found.upper, new.upper)):
             chord = np.arctan(0.5 * (np.tan(old[rows[0]]) + np.tan(old[rows[2]])) * stretch)
             bent[gap] |= np.abs(chord - fresh[rows[1]]) > FLATNESS
-    return bent
+    return np.asarray(bent, dtype=np.bool_)

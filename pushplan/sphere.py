@@ -1,8 +1,8 @@
 """The sphere of twist directions: longitude is the direction of travel, latitude the share of rotation.
 
-V = (cos lat cos lon, cos lat sin lon, sin lat / L), L being the chain's characteristic length. On a meridian the
-CORs lie on a line through the chain frame's origin: c = L cot(lat) (-sin lon, cos lon); the equator is
-translation, the northern hemisphere turns counter-clockwise.
+V = (cos lat cos lon, cos lat sin lon, sin lat / L), L being the chain's characteristic length. On a
+meridian the CORs lie on a line through the chain frame's origin: c = L cot(lat) (-sin lon, cos lon); the
+equator is translation, the northern hemisphere turns counter-clockwise.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ _PEAK_STEPS = 40
 
 
 def translation_cone(stable: StableSet, minimum: float) -> FloatArray | None:
-    """Return unit directions [right-most, left-most] (2, 2) between which translations have margin > `minimum`.
+    """Return unit directions [right-most, left-most] (2, 2) of translations with margin > `minimum`.
 
     Each contact allows a convex cone of directions, so that the intersection is one cone.
     """

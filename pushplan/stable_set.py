@@ -1,7 +1,7 @@
 """Stable sets: the body twists of the pusher that keep every contact of a chain, under one interface.
 
-A set is known by its margin, a function of the twist's direction; everything else (boundaries on the twist sphere,
-COR regions, cones, radii) follows from it by root finding.
+A set is known by its margin, a function of the twist's direction; everything else (boundaries on the twist
+sphere, COR regions, cones, radii) follows from it by root finding.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from pushplan.meridians import find_meridians
 from pushplan.peaks import margin_peaks
 from pushplan.refined_meridians import RefinedMeridians, refine_meridians
 from pushplan.sphere import Meridians, TurningRadii, angles_of, checked_twists, twists_at
-from pushplan.steering import SteeringPair, best_pair, leaning_pairs
 from pushplan.stable_extent import sphere_area, translation_cone, turning_radii
+from pushplan.steering import SteeringPair, best_pair, leaning_pairs
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -60,7 +60,7 @@ class StableSet(ABC):
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); those at most `floor` may be any number up to it."""
+        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
         del floor
         return np.asarray(self.contact_margin_values(twists).min(axis=1), dtype=np.float64)
 
@@ -116,11 +116,11 @@ class StableSet(ABC):
         return cor_polygons(self.refined_meridians(), self.chain.characteristic_length, sense, window)
 
     def translation_cone(self, minimum_margin: float = 0.0) -> FloatArray | None:
-        """Return the stable directions of translation as unit vectors [right-most, left-most] (2, 2), or None."""
+        """Return the stable translations as unit vectors [right-most, left-most] (2, 2), or None."""
         return translation_cone(self, minimum_margin)
 
     def turning_radii(self, minimum_margin: float = 0.0) -> TurningRadii:
-        """Return the smallest distance from the origin to a stable COR of either sense, m; inf where none is."""
+        """Return the smallest distance from the origin to a stable COR of either sense, m; inf for none."""
         return turning_radii(self, minimum_margin)
 
     def area(self) -> float:
@@ -132,7 +132,7 @@ class StableSet(ABC):
         return best_pair(self, minimum_margin)
 
     def steering_pairs(self, minimum_margin: float = 0.0, count: int = 5) -> tuple[SteeringPair, ...]:
-        """Return the best pair, then the best for each of `count` - 1 headings spread over the translations."""
+        """Return the best pair, then the best for each of `count` - 1 headings across the translations."""
         return leaning_pairs(self, minimum_margin, count)
 
     def _refine_meridians(self, minimum_margin: float) -> RefinedMeridians:

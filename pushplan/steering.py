@@ -1,9 +1,10 @@
 """Steering pairs: a left and a right turn of the chain that combine to Dubins' car.
 
-Positive combinations of turns about cL (counter-clockwise) and cR (clockwise) move the point (cL + cR) / 2 along
-J (cR - cL) with a curvature of at most 2 / |cL - cR|. They are the twists of a great circle of the twist sphere
-between the two turns, which passes through the translation d = J (cR - cL) / |cR - cL|: for a heading d and a
-position t of the two CORs along d, the CORs are t d + y J d with y -> infinity at the translation.
+Positive combinations of turns about cL (counter-clockwise) and cR (clockwise) move the point (cL + cR) / 2
+along J (cR - cL) with a curvature of at most 2 / |cL - cR|. They are the twists of a great circle of the
+twist sphere between the two turns, which passes through the translation d = J (cR - cL) / |cR - cL|: for a
+heading d and a position t of the two CORs along d, the CORs are t d + y J d with y -> infinity at the
+translation.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ _ZOOMS = 14
 class SteeringPair:
     """A left turn, a translation and a right turn on one great circle; None where no such twist is stable.
 
-    All twists between `left` and `right` are stable too, as far as sampling shows. Without a stable translation,
-    `left` and `right` are the tightest stable turns, and nothing holds between them.
+    All twists between `left` and `right` are stable too, as far as sampling shows. Without a stable
+    translation, `left` and `right` are the tightest stable turns, and nothing holds between them.
 
     Attributes:
         left: (3,) counter-clockwise unit twist.
@@ -51,7 +52,7 @@ class SteeringPair:
 
 @dataclass(frozen=True, eq=False)
 class _Arcs:
-    """Great circles through the translations of `heading` (m,), at positions L tan(`tilt`) (m,) along them."""
+    """Great circles through translations of `heading` (m,), at positions L tan(`tilt`) (m,) along them."""
 
     stable: StableSet
     minimum: float
@@ -70,7 +71,7 @@ class _Arcs:
         return self.stable.margin_values(self.twists(member, angle), self.minimum) - self.minimum
 
     def ends(self, side: float) -> FloatArray:
-        """Return the angle (m,) of the last stable twist on the way from the translation to one side, or 0."""
+        """Return the angle (m,) of the last stable twist from the translation to one side, or 0."""
         m = len(self.heading)
         angles = side * np.linspace(0.0, 0.5 * np.pi, _SAMPLES + 1)
         member = np.repeat(np.arange(m), len(angles))
@@ -121,7 +122,7 @@ def _headings(stable: StableSet, minimum: float) -> tuple[float, float] | None:
 
 
 def _closest(stable: StableSet, minimum: float, middle: FloatArray, spread: float) -> SteeringPair:
-    """Search the closest pair over headings within `spread` of `middle` and all tilts, zooming in on the best."""
+    """Search the closest pair over headings within `spread` of `middle` and all tilts, zooming in."""
     headings, tilts = (9 if spread > 0.0 else 1), 31
     at, half = (float(middle[0]), 0.0), [0.98 * spread, _REACH]
     best: tuple[float, tuple[float, ...]] = (np.inf, (at[0], 0.0, 0.0, 0.0))

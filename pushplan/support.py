@@ -171,8 +171,8 @@ class PressureMapSupport(Support):
     def from_csv(cls, path: str | Path) -> PressureMapSupport:
         """Read a CSV file with the columns x, y (m) and pressure (any unit, >= 0).
 
-        Every row stands for an equal area: the pressures are scaled to sum to 1. Rows with pressure 0 are left
-        out.
+        Every row stands for an equal area: the pressures are scaled to sum to 1. Rows with pressure 0 are
+        left out.
 
         Raises:
             SupportError: With file and line, when the file cannot be read or a value is not allowed.
