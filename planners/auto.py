@@ -1,7 +1,8 @@
-"""The project's own anytime planner: compiled bidirectional searches, restarted from scratch, each path polished.
+"""The project's own anytime planner: compiled bidirectional searches, restarted, each path polished.
 
-A restart after every path drives the search apart: what one pair of trees misses (the right passage), the next may find,
-and the best path's cost prunes them all. Trees are allowed to grow larger each time they find nothing.
+A restart after every path drives the search apart: what one pair of trees misses (the right passage), the
+next may find, and the best path's cost prunes them all. Trees are allowed to grow larger each time they
+find nothing.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def _forest(
 
 
 def _round(session: Session, forest: Forest, allowance: int) -> bool:
-    """Grow fresh trees until they find a better path or have used up their extensions; return whether they did."""
+    """Grow fresh trees until they find a better path (True) or have used up their extensions (False)."""
     plant(forest, session.start, session.problem.goal)
     path = np.empty((3 * sum(map(len, (forest.ahead, forest.behind))) + 3, 4))
     used = 0

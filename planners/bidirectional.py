@@ -1,5 +1,7 @@
-"""Compiled bidirectional search: two trees of exact words, one from the start, one to the goal (RRT-Connect for a system
-that is steered exactly; Kuffner and LaValle 2000), pruned by the cost of the best path."""
+"""Compiled bidirectional search: two trees of exact words, one from the start, one to the goal.
+
+RRT-Connect (Kuffner and LaValle 2000) for a system that is steered exactly, pruned by the best path's cost.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from pushplan.arrays import FloatArray
-from pushplan.planners.collision import separation, step, sweep_is_free
+from pushplan.arrays import FloatArray, IntArray, RandomState
+from pushplan.planners.collision import Scene, separation, step, sweep_is_free
 from pushplan.planners.search import Problem, random, remaining
 from pushplan.planners.steering import MAX_WORDS, connect, find_words
 
 NODE = 17
-"""Columns of a node: x, y, theta, cost to the tree's root, parent, and up to three arcs (vx, vy, omega, length) between
-the node and its parent, in the order of travel."""
+"""Columns of a node: x, y, theta, cost to the tree's root, parent, and up to three arcs (vx, vy, omega, length)
+between the node and its parent, in the order of travel."""
 
 NEAREST = 4
 """Nodes of a tree, nearest to a sample, from which words are tried."""
@@ -40,15 +42,15 @@ class Forest(NamedTuple):
 
     ahead: FloatArray
     behind: FloatArray
-    counts: np.ndarray
+    counts: IntArray
     box: FloatArray
     heading_length: float
     reach: float
-    state: np.ndarray
+    state: RandomState
 
 
 @njit(cache=True)
-def _sample(problem, forest, start, bound, pose):  # type: ignore[no-untyped-def]
+def _sample(problem: Problem, forest: Forest, start: FloatArray, bound: float, pose: FloatArray) -> bool:
     """Draw a free pose that a path cheaper than the bound could pass; give up after some tries."""
     box, state = forest.box, forest.state
     for _ in range(100):
@@ -67,7 +69,7 @@ def _sample(problem, forest, start, bound, pose):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True)
-def _nearest(tree, count, pose, heading_length, found):  # type: ignore[no-untyped-def]
+def _nearest(tree: FloatArray, count: int, pose: FloatArray, heading_length: float, found: IntArray) -> int:
     """Fill `found` with the rows of the nodes nearest to a pose, nearest first; return how many."""
     distances = np.full(found.shape[0], np.inf)
     n = 0
@@ -85,7 +87,9 @@ def _nearest(tree, count, pose, heading_length, found):  # type: ignore[no-untyp
 
 
 @njit(cache=True)
-def _best_word(families, start, goal, words, word):  # type: ignore[no-untyped-def]
+def _best_word(
+    families: FloatArray, start: FloatArray, goal: FloatArray, words: FloatArray, word: FloatArray
+) -> float:
     """Copy the cheapest word over all families, as (3, 4) arcs, into `word`; return its cost."""
     best = np.inf
     for f in range(families.shape[0]):
@@ -100,7 +104,7 @@ def _best_word(families, start, goal, words, word):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True)
-def _clip(word, reach, from_end):  # type: ignore[no-untyped-def]
+def _clip(word: FloatArray, reach: float, from_end: bool) -> None:
     """Shorten a word to `reach`, keeping its beginning, or its end."""
     total = word[0, 3] + word[1, 3] + word[2, 3]
     excess = total - reach
@@ -112,8 +116,8 @@ def _clip(word, reach, from_end):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _walk(scene, pose, word, sign):  # type: ignore[no-untyped-def]
-    """Pose after a word (sign +1), or from which it leads to the given pose (-1), and whether all of it is free."""
+def _walk(scene: Scene, pose: FloatArray, word: FloatArray, sign: float) -> tuple[bool, float, float, float]:
+    """Whether a word is free, and the pose after it (sign +1), or before it (-1)."""
     x, y, theta = pose[0], pose[1], pose[2]
     for i in range(3):
         k = i if sign > 0.0 else 2 - i
@@ -127,9 +131,18 @@ def _walk(scene, pose, word, sign):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _add(tree, counts, which, parent, x, y, theta, word):  # type: ignore[no-untyped-def]
+def _add(
+    tree: FloatArray,
+    counts: IntArray,
+    which: int,
+    parent: int,
+    x: float,
+    y: float,
+    theta: float,
+    word: FloatArray,
+) -> int:
     """Append a node; return its row."""
-    row = counts[which]
+    row = int(counts[which])
     tree[row, 0], tree[row, 1], tree[row, 2] = x, y, theta
     tree[row, 3] = tree[parent, 3] + word[0, 3] + word[1, 3] + word[2, 3]
     tree[row, 4] = parent
@@ -140,7 +153,15 @@ def _add(tree, counts, which, parent, x, y, theta, word):  # type: ignore[no-unt
 
 
 @njit(cache=True)
-def _extend(problem, forest, which, sample, bound, words, word):  # type: ignore[no-untyped-def]
+def _extend(
+    problem: Problem,
+    forest: Forest,
+    which: int,
+    sample: FloatArray,
+    bound: float,
+    words: FloatArray,
+    word: FloatArray,
+) -> int:
     """Grow one tree towards a sample; return the new node's row, or -1."""
     tree = forest.ahead if which == 0 else forest.behind
     near = np.empty(NEAREST, dtype=np.int64)
@@ -166,7 +187,9 @@ def _extend(problem, forest, which, sample, bound, words, word):  # type: ignore
 
 
 @njit(cache=True)
-def _join(problem, forest, which, row, bound, arcs):  # type: ignore[no-untyped-def]
+def _join(
+    problem: Problem, forest: Forest, which: int, row: int, bound: float, arcs: FloatArray
+) -> tuple[float, int]:
     """Connect a node exactly to the root and the nearest nodes of the other tree.
 
     Returns:
@@ -191,7 +214,7 @@ def _join(problem, forest, which, row, bound, arcs):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _whole(forest, ahead, behind, word, path):  # type: ignore[no-untyped-def]
+def _whole(forest: Forest, ahead: int, behind: int, word: FloatArray, path: FloatArray) -> int:
     """Write the arcs start tree, connection, goal tree into `path`; return how many."""
     depth = 0
     i = ahead
@@ -217,7 +240,7 @@ def _whole(forest, ahead, behind, word, path):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def plant(forest, start, goal):  # type: ignore[no-untyped-def]
+def plant(forest: Forest, start: FloatArray, goal: FloatArray) -> None:
     """Reduce both trees to their roots."""
     forest.ahead[0, :] = 0.0
     forest.behind[0, :] = 0.0
@@ -229,7 +252,9 @@ def plant(forest, start, goal):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def grow_both(problem: Problem, forest: Forest, bound, iterations, path):  # type: ignore[no-untyped-def]
+def grow_both(
+    problem: Problem, forest: Forest, bound: float, iterations: int, path: FloatArray
+) -> tuple[int, int]:
     """Grow the trees in turn until a path below the bound is found.
 
     Args:

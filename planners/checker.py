@@ -1,4 +1,4 @@
-"""The independent check of a motion: shapely on a fine resampling; no code shared with the planners' collision check."""
+"""The independent check of a motion: shapely on a fine resampling, no code shared with the planners."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def find_collision(scenario: Scenario, poses: FloatArray) -> Collision | None:
 
 
 def densify(poses: FloatArray, reach: float, spacing: float) -> FloatArray:
-    """Insert poses on the constant-twist motion between neighbours until no body point moves more than `spacing`."""
+    """Insert poses on the constant-twist motion between neighbours: no body point moves more than `spacing`."""
     if len(poses) < 2:
         return poses
     relative = se2.relative(poses[:-1], poses[1:])

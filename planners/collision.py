@@ -1,7 +1,7 @@
 """Compiled collision checks of the rigid chain against the obstacles: separation and swept arcs.
 
-A swept arc is proven free by conservative advancement (Mirtich 1996): from a pose whose separation from every obstacle
-is d, no point of the body can touch anything before it has travelled d.
+A swept arc is proven free by conservative advancement (Mirtich 1996): from a pose whose separation from
+every obstacle is d, no point of the body can touch anything before it has travelled d.
 """
 
 from __future__ import annotations
@@ -53,7 +53,9 @@ class Scene(NamedTuple):
 
 
 @njit(cache=True)
-def _axis_separation(a, a0, a1, b, b0, b1, c, s, x, y):  # type: ignore[no-untyped-def]
+def _axis_separation(
+    a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
+) -> float:
     """Largest separation along the edge normals of polygon a (moved by the pose) from polygon b."""
     best = -np.inf
     for i in range(a0, a1):
@@ -68,7 +70,7 @@ def _axis_separation(a, a0, a1, b, b0, b1, c, s, x, y):  # type: ignore[no-untyp
 
 
 @njit(cache=True)
-def _point_segment(px, py, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Squared distance of a point from a segment."""
     ex, ey = bx - ax, by - ay
     t = ((px - ax) * ex + (py - ay) * ey) / (ex * ex + ey * ey)
@@ -78,7 +80,9 @@ def _point_segment(px, py, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _corner_distance(a, a0, a1, b, b0, b1, c, s, x, y):  # type: ignore[no-untyped-def]
+def _corner_distance(
+    a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
+) -> float:
     """Smallest squared distance from a corner of a (moved by the pose) to an edge of b."""
     best = np.inf
     for i in range(a0, a1):
@@ -91,8 +95,10 @@ def _corner_distance(a, a0, a1, b, b0, b1, c, s, x, y):  # type: ignore[no-untyp
 
 
 @njit(cache=True)
-def _polygon_separation(a, a0, a1, b, b0, b1, c, s, x, y):  # type: ignore[no-untyped-def]
-    """Distance of two convex polygons, or a lower bound of it while it is above EXACT_BELOW; <= 0 on overlap."""
+def _polygon_separation(
+    a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
+) -> float:
+    """Distance of two convex polygons, or a lower bound while that is above EXACT_BELOW; <= 0 on overlap."""
     forward = _axis_separation(a, a0, a1, b, b0, b1, c, s, x, y)
     if forward >= EXACT_BELOW:
         return forward
@@ -108,7 +114,9 @@ def _polygon_separation(a, a0, a1, b, b0, b1, c, s, x, y):  # type: ignore[no-un
 
 
 @njit(cache=True)
-def _disc_separation(a, a0, a1, cx, cy, r, c, s, x, y):  # type: ignore[no-untyped-def]
+def _disc_separation(
+    a: FloatArray, a0: int, a1: int, cx: float, cy: float, r: float, c: float, s: float, x: float, y: float
+) -> float:
     """Distance of a convex polygon (moved by the pose) from a disc; <= 0 on overlap."""
     px = c * (cx - x) + s * (cy - y)
     py = -s * (cx - x) + c * (cy - y)
@@ -122,7 +130,7 @@ def _disc_separation(a, a0, a1, cx, cy, r, c, s, x, y):  # type: ignore[no-untyp
 
 
 @njit(cache=True)
-def _wall_separation(body, walls, c, s, x, y):  # type: ignore[no-untyped-def]
+def _wall_separation(body: FloatArray, walls: FloatArray, c: float, s: float, x: float, y: float) -> float:
     """Distance of the body from the workspace's walls; negative outside."""
     best = np.inf
     for i in range(body.shape[0]):
@@ -133,7 +141,7 @@ def _wall_separation(body, walls, c, s, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _body_to_polygon(scene, o, c, s, x, y, enough):  # type: ignore[no-untyped-def]
+def _body_to_polygon(scene: Scene, o: int, c: float, s: float, x: float, y: float, enough: float) -> float:
     """Separation of the body from obstacle polygon o, as far as it is below `enough`."""
     body, obstacles = scene.body, scene.obstacles
     best = enough
@@ -151,7 +159,7 @@ def _body_to_polygon(scene, o, c, s, x, y, enough):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True)
-def _body_to_disc(scene, o, c, s, x, y, enough):  # type: ignore[no-untyped-def]
+def _body_to_disc(scene: Scene, o: int, c: float, s: float, x: float, y: float, enough: float) -> float:
     """Separation of the body from round obstacle o, as far as it is below `enough`."""
     body, disc = scene.body, scene.circles
     best = enough
@@ -163,7 +171,7 @@ def _body_to_disc(scene, o, c, s, x, y, enough):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def separation(scene, x, y, theta, enough):  # type: ignore[no-untyped-def]
+def separation(scene: Scene, x: float, y: float, theta: float, enough: float) -> float:
     """Return a lower bound (m) on the distance of the body at a pose from everything, capped at `enough`."""
     c, s = math.cos(theta), math.sin(theta)
     best = min(enough, _wall_separation(scene.body.corners, scene.walls, c, s, x, y))
@@ -183,7 +191,7 @@ def separation(scene, x, y, theta, enough):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _top_speed(scene, vx, vy, omega):  # type: ignore[no-untyped-def]
+def _top_speed(scene: Scene, vx: float, vy: float, omega: float) -> float:
     """Largest speed of any point of the body under a body twist; convex, so found at a corner."""
     best = 0.0
     for i in range(scene.body.corners.shape[0]):
@@ -193,7 +201,9 @@ def _top_speed(scene, vx, vy, omega):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def step(x, y, theta, vx, vy, omega, length):  # type: ignore[no-untyped-def]
+def step(
+    x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
+) -> tuple[float, float, float]:
     """Return the pose after moving along a constant body twist for `length` (exact exponential)."""
     half = 0.5 * omega * length
     chord = length if abs(half) < 1e-8 else length * math.sin(half) / half
@@ -202,7 +212,9 @@ def step(x, y, theta, vx, vy, omega, length):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def sweep_is_free(scene, x, y, theta, vx, vy, omega, length):  # type: ignore[no-untyped-def]
+def sweep_is_free(
+    scene: Scene, x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
+) -> bool:
     """Return whether the body keeps its clearance along an arc: proven, never merely sampled.
 
     An arc may be refused although it is free when it comes closer than `scene.clearance` to something.

@@ -1,8 +1,9 @@
-"""OMPL's control planners (RRT, EST, KPIECE1) on the stable set, with the exact connection in their propagation.
+"""OMPL's control planners (RRT, EST, KPIECE1) on the stable set, propagated with exact connections.
 
-OMPL sees a metric embedding of the poses, (x, y, r cos theta, r sin theta), and one more coordinate of negligible length
-that carries the row of the tree's node; costs, arcs and exact poses live in the session's own compiled tree. One call of
-the propagator covers a whole arc, swept for collisions, and tries the exact connection from its end.
+OMPL sees a metric embedding of the poses, (x, y, r cos theta, r sin theta), and one more coordinate of
+negligible length that carries the row of the tree's node; costs, arcs and exact poses live in the session's
+own compiled tree. One call of the propagator covers a whole arc, swept for collisions, and tries the exact
+connection from its end.
 """
 
 from __future__ import annotations

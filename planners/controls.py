@@ -1,7 +1,8 @@
 """The controls of a planner: the stable set cut down to what the pusher's drive can do.
 
-Both come as arrays of stable twists: segments, of which every positive combination of the two ends is stable (meridians of
-the twist sphere, or pieces of the drive's own family), and steering families for exact connections.
+Both come as arrays of stable twists: segments, of which every positive combination of the two ends is
+stable (meridians of the twist sphere, or pieces of the drive's own family), and steering families for exact
+connections.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pushplan.arrays import FloatArray
 from pushplan.chain import Drive
 from pushplan.errors import EmptyStableSetError
 from pushplan.path import cost_rate
+from pushplan.sphere import twists_at
 from pushplan.stable_set import StableSet
 
 MARGIN_FLOOR = 1e-6
@@ -39,9 +41,8 @@ def control_segments(stable: StableSet, drive: Drive, margin: float) -> FloatArr
     """
     if drive.axle is None:
         meridians = stable.meridians(margin)
-        ends = [
-            stable.twists_on_sphere(meridians.longitude, lat) for lat in (meridians.lower, meridians.upper)
-        ]
+        length = stable.chain.characteristic_length
+        ends = [twists_at(meridians.longitude, lat, length) for lat in (meridians.lower, meridians.upper)]
         segments = np.hstack(ends)
     else:
         turns = _stable_turns(stable, drive, margin)
@@ -61,7 +62,8 @@ def steering_families(stable: StableSet, drive: Drive, margin: float) -> FloatAr
     """
     if drive.axle is None:
         pairs = stable.steering_pairs(margin, FAMILIES)
-        families = np.array([[_unit_cost(twist) for twist in pair] for pair in pairs]).reshape(-1, 3, 3)
+        turns = [(pair.left, pair.straight, pair.right) for pair in pairs]
+        families = np.array([[_unit_cost(twist) for twist in turn] for turn in turns]).reshape(-1, 3, 3)
     else:
         families = _drive_family(stable, drive, margin)[None]
     return families if len(families) else np.zeros((1, 3, 3))
@@ -72,7 +74,7 @@ def _unit_cost(twist: FloatArray | None) -> FloatArray:
 
 
 def _drive_twists(axle: FloatArray, turns: FloatArray) -> FloatArray:
-    """Twists (k, 3) in the chain frame that move the axle's middle straight ahead while turning at `turns` (k,) rad/m."""
+    """Twists (k, 3) that move the axle's middle ahead at 1 m/s while turning at `turns` (k,) rad/m."""
     x, y, heading = axle
     return np.column_stack([np.cos(heading) + turns * y, np.sin(heading) - turns * x, turns])
 
@@ -87,8 +89,8 @@ def _stable_turns(stable: StableSet, drive: Drive, margin: float) -> FloatArray:
     inside = _stable_at(stable, drive.axle, turns, margin)
     steps = np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))
     firsts, lasts = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) - 1
-    low = [_bisect(stable, drive.axle, turns, i, i - 1, margin) for i in firsts]
-    high = [_bisect(stable, drive.axle, turns, i, i + 1, margin) for i in lasts]
+    low = [_bisect(stable, drive.axle, turns, int(i), int(i) - 1, margin) for i in firsts]
+    high = [_bisect(stable, drive.axle, turns, int(i), int(i) + 1, margin) for i in lasts]
     return np.column_stack([low, high]) if low else np.zeros((0, 2))
 
 

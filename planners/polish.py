@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from pushplan.arrays import FloatArray, RandomState
 from pushplan.planners.collision import step
-from pushplan.planners.search import random
+from pushplan.planners.search import Problem, random
 from pushplan.planners.steering import connect
 
 GAIN = 1e-9
@@ -17,7 +18,7 @@ END_SHARE = 0.2
 
 
 @njit(cache=True)
-def _locate(start, arcs, n, s):  # type: ignore[no-untyped-def]
+def _locate(start: FloatArray, arcs: FloatArray, n: int, s: float) -> tuple[int, float, float, float, float]:
     """Return arc, cost into the arc and pose at cost `s` along the path."""
     x, y, theta = start[0], start[1], start[2]
     for i in range(n):
@@ -31,7 +32,7 @@ def _locate(start, arcs, n, s):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _append(arcs, n, twist, length):  # type: ignore[no-untyped-def]
+def _append(arcs: FloatArray, n: int, twist: FloatArray, length: float) -> int:
     """Append an arc, or lengthen the last one if it is the same motion; return how many there are."""
     if length <= 0.0:
         return n
@@ -44,7 +45,9 @@ def _append(arcs, n, twist, length):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def shorten(problem, start, arcs, n, state, attempts):  # type: ignore[no-untyped-def]
+def shorten(
+    problem: Problem, start: FloatArray, arcs: FloatArray, n: int, state: RandomState, attempts: int
+) -> FloatArray:
     """Return the shortened path (k, 4) of twists and lengths.
 
     Args:

@@ -16,7 +16,7 @@ from pushplan.scenario import CircleObstacle, Scenario
 from pushplan.stable_set import StableSet
 
 ROUNDING = 0.9
-"""Share of the stated clearance that the search keeps: a pose exactly at the clearance must not fail by rounding."""
+"""Share of the clearance that the search keeps: a pose exactly at it must not fail by rounding."""
 
 LONGEST_SHARE = 0.3
 """Longest arc sampled, as a share of the sampling box's diagonal."""
@@ -57,7 +57,7 @@ def _walls(scenario: Scenario) -> Box:
 
 
 def sampling_box(scenario: Scenario) -> Box:
-    """Return (xmin, ymin, xmax, ymax) to sample from: the workspace, or start, goal and obstacles with room to turn."""
+    """Return (xmin, ymin, xmax, ymax) to sample from: the workspace, or around everything with room to turn."""
     if scenario.workspace is not None:
         return _walls(scenario)
     points = [np.array([scenario.start[:2], scenario.goal.pose_chain[:2]])]

@@ -10,9 +10,10 @@ from pushplan.planners.session import Session
 
 Box = tuple[float, float, float, float]
 Planner = Callable[[Session, Box, float], None]
-"""Takes the session, the box to sample positions from (xmin, ymin, xmax, ymax), and the metres that a radian counts as."""
+"""Takes the session, the box (xmin, ymin, xmax, ymax) to sample from, and the metres that a radian counts as."""
 
 MODULES = {
+    "auto": "pushplan.planners.auto",
     "rrt": "pushplan.planners.rrt",
     "est": "pushplan.planners.est",
     "kpiece": "pushplan.planners.kpiece",

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from pushplan.arrays import FloatArray
 from pushplan.chain import Chain
@@ -21,7 +22,7 @@ def convex_pieces(outline: FloatArray) -> list[FloatArray]:
     return [_ring(piece) for piece in _merged(list(triangles))]
 
 
-def _merged(pieces: list[shapely.Polygon]) -> list[shapely.Polygon]:
+def _merged(pieces: list[BaseGeometry]) -> list[BaseGeometry]:
     """Join neighbouring pieces for as long as the union stays convex (Hertel and Mehlhorn 1983)."""
     for i, first in enumerate(pieces):
         for j in range(i + 1, len(pieces)):
@@ -35,10 +36,10 @@ def _merged(pieces: list[shapely.Polygon]) -> list[shapely.Polygon]:
     return pieces
 
 
-def _ring(polygon: shapely.Polygon) -> FloatArray:
+def _ring(polygon: BaseGeometry) -> FloatArray:
     """Corners of a convex polygon, counter-clockwise, without the repeated end and points inside an edge."""
     ring = shapely.orient_polygons(shapely.simplify(polygon.convex_hull, 0.0))
-    return shapely.get_coordinates(ring.exterior)[:-1]
+    return shapely.get_coordinates(ring)[:-1]
 
 
 def flatten(polygons: Sequence[FloatArray]) -> Shapes:

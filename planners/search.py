@@ -8,16 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from pushplan.arrays import FloatArray
+from pushplan.arrays import FloatArray, RandomState
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import Scene, step, sweep_is_free
 from pushplan.planners.steering import connect
 
 NODE = 9
-"""Columns of a tree's node: x, y, theta, cost from the start, parent, and the arc that led here (vx, vy, omega, length)."""
+"""Columns of a node: x, y, theta, cost from the start, parent, arc that led here (vx, vy, omega, length)."""
 
 LETTER_SHARE = 0.3
-"""Share of the sampled controls that are the twists of a steering family (tightest turns and straight pushes)."""
+"""Share of the sampled controls that are the twists of a steering family : turns and straight pushes."""
 
 END_SHARE = 0.25
 """Share of the other controls that lie on either end of their segment, the boundary of the stable set."""
@@ -42,7 +42,7 @@ class Problem(NamedTuple):
 
 
 @njit(cache=True)
-def choose_twist(problem, u0, u1):  # type: ignore[no-untyped-def]
+def choose_twist(problem: Problem, u0: float, u1: float) -> tuple[float, float, float]:
     """Map two numbers in [0, 1] onto the stable set: a twist scaled to a cost rate of 1."""
     families, segments = problem.families, problem.segments
     if u0 < LETTER_SHARE:
@@ -62,14 +62,23 @@ def choose_twist(problem, u0, u1):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def remaining(x, y, theta, goal):  # type: ignore[no-untyped-def]
+def remaining(x: float, y: float, theta: float, goal: FloatArray) -> float:
     """Lower bound on the cost from a pose to the goal: straight travel plus the smallest turn."""
     turn = abs((goal[2] - theta + math.pi) % (2.0 * math.pi) - math.pi)
-    return math.hypot(goal[0] - x, goal[1] - y) + TURN_WEIGHT * turn
+    return float(math.hypot(goal[0] - x, goal[1] - y) + TURN_WEIGHT * turn)
 
 
 @njit(cache=True)
-def extend(problem, nodes, count, parent, u0, u1, u2, bound):  # type: ignore[no-untyped-def]
+def extend(
+    problem: Problem,
+    nodes: FloatArray,
+    count: int,
+    parent: int,
+    u0: float,
+    u1: float,
+    u2: float,
+    bound: float,
+) -> bool:
     """Grow the tree by one arc.
 
     Args:
@@ -100,12 +109,22 @@ def extend(problem, nodes, count, parent, u0, u1, u2, bound):  # type: ignore[no
 
 
 @njit(cache=True)
-def grow(problem, nodes, count, parent, u0, u1, u2, bound, word):  # type: ignore[no-untyped-def]
+def grow(
+    problem: Problem,
+    nodes: FloatArray,
+    count: int,
+    parent: int,
+    u0: float,
+    u1: float,
+    u2: float,
+    bound: float,
+    word: FloatArray,
+) -> tuple[bool, float]:
     """Grow the tree by one arc and try the exact connection from its end to the goal, in one compiled call.
 
     Args:
         problem: What to plan.
-        nodes: The tree; row `count` is filled unless `parent` is negative, in which case that row is the root.
+        nodes: The tree; row `count` is filled, unless `parent` is negative: then it is the root already.
         count: See `extend`.
         parent: See `extend`; negative to connect from the root alone.
         u0: See `extend`.
@@ -115,8 +134,8 @@ def grow(problem, nodes, count, parent, u0, u1, u2, bound, word):  # type: ignor
         word: (3, 4) filled with the connection's twists and lengths.
 
     Returns:
-        (kept, cost): whether there is a new node; and the cost of the whole path through it, infinite when the
-        connection is blocked.
+        (kept, cost): whether there is a new node; and the cost of the whole path through it, infinite when
+        the connection is blocked.
     """
     if parent >= 0 and not extend(problem, nodes, count, parent, u0, u1, u2, bound):
         return False, np.inf
@@ -128,7 +147,7 @@ def grow(problem, nodes, count, parent, u0, u1, u2, bound, word):  # type: ignor
 
 
 @njit(cache=True)
-def trace(nodes, node, last, path):  # type: ignore[no-untyped-def]
+def trace(nodes: FloatArray, node: int, last: FloatArray, path: FloatArray) -> int:
     """Write the arcs from the root to a node and then `last` (3, 4) into `path`; return how many."""
     depth = 0
     i = node
@@ -147,11 +166,11 @@ def trace(nodes, node, last, path):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def random(state):  # type: ignore[no-untyped-def]
+def random(state: RandomState) -> float:
     """Draw a number in [0, 1) from the generator's state (1,) uint64 (splitmix64, Steele et al. 2014)."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     z = state[0]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     z = z ^ (z >> np.uint64(31))
-    return (z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+    return float(z >> np.uint64(11)) * (1.0 / 9007199254740992.0)

@@ -33,7 +33,8 @@ class Budget:
 
     Attributes:
         time_limit: Wall-clock seconds, at most.
-        stall: Stop after this many extensions without a better path, once there is one. It makes runs that end
+        stall: Stop after this many extensions without a better path, once there is one. It makes runs that
+        end
             within the time limit repeat bit by bit.
         gap: Stop when the cost exceeds the lower bound by no more than this share.
         first: Stop at the first path.
@@ -85,7 +86,8 @@ class Session:
     @property
     def lower_bound(self) -> float:
         """Cost that no path can beat: straight travel and the smallest turn, m."""
-        return float(remaining(*self.start, self.problem.goal))
+        x, y, theta = self.start
+        return float(remaining(x, y, theta, self.problem.goal))
 
     @property
     def bound(self) -> float:

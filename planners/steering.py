@@ -1,9 +1,10 @@
 """Exact connection of two poses by three stable arcs, in closed form.
 
-With a stable left and right COR, fixed in the body, and one stable straight push, every pose is joined to every other one:
-the words turn-straight-turn and turn-turn-turn of Dubins (1957), for any two CORs and any straight direction (the geometry
-of body-fixed rotations and translations of Furtuna and Balkcom 2010). A turn about the body-fixed point c leaves c where it
-is, so only the straight part, or the middle turn, has to carry c's image at the start to its image at the goal.
+With a stable left and right COR, fixed in the body, and one stable straight push, every pose is joined to
+every other one: the words turn-straight-turn and turn-turn-turn of Dubins (1957), for any two CORs and any
+straight direction (the geometry of body-fixed rotations and translations of Furtuna and Balkcom 2010). A
+turn about the body-fixed point c leaves c where it is, so only the straight part, or the middle turn, has
+to carry c's image at the start to its image at the goal.
 """
 
 from __future__ import annotations
@@ -13,33 +14,36 @@ import math
 import numpy as np
 from numba import njit
 
-from pushplan.planners.collision import step, sweep_is_free
+from pushplan.arrays import FloatArray
+from pushplan.planners.collision import Scene, step, sweep_is_free
 
 LEFT, STRAIGHT, RIGHT = 0, 1, 2
-"""Rows of a family: (3, 3) body twists scaled to a cost rate of 1; a row of zeros is a motion that is not stable."""
+"""Rows of a family: (3, 3) body twists scaled to a cost rate of 1; a row of zeros is a motion that is not used."""
 
 MAX_WORDS = 12
-"""Words per family: four turn-straight-turn, each with up to two roots, and two turn-turn-turn with two apexes."""
+"""Words per family: four turn-straight-turn with up to two roots each, two turn-turn-turn with two apexes."""
 
 FULL_TURN_SLACK = 1e-11
 """A turn this close (rad) below a full one is rounding and counts as none."""
 
 
 @njit(cache=True)
-def _turn(angle):  # type: ignore[no-untyped-def]
+def _turn(angle: float) -> float:
     """Angle in [0, 2 pi), with rounding just below a full turn removed."""
     wrapped = angle % (2.0 * math.pi)
     return 0.0 if wrapped > 2.0 * math.pi - FULL_TURN_SLACK else wrapped
 
 
 @njit(cache=True)
-def _cor(twist):  # type: ignore[no-untyped-def]
+def _cor(twist: FloatArray) -> tuple[float, float]:
     """Centre of rotation of a turning body twist, in the body frame."""
     return -twist[1] / twist[2], twist[0] / twist[2]
 
 
 @njit(cache=True)
-def _store(words, n, letters, lengths):  # type: ignore[no-untyped-def]
+def _store(
+    words: FloatArray, n: int, letters: tuple[int, int, int], lengths: tuple[float, float, float]
+) -> int:
     """Write one word: cost, three letters, three lengths."""
     words[n, 0] = lengths[0] + lengths[1] + lengths[2]
     for i in range(3):
@@ -49,13 +53,15 @@ def _store(words, n, letters, lengths):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _straight_words(family, first, last, start, goal, words, n):  # type: ignore[no-untyped-def]
+def _straight_words(
+    family: FloatArray, first: int, last: int, start: FloatArray, goal: FloatArray, words: FloatArray, n: int
+) -> int:
     """Append the words turn-straight-turn with the given turns; the straight part carries c1 to c2's goal."""
     ux, uy = family[STRAIGHT, 0], family[STRAIGHT, 1]
     c1x, c1y = _cor(family[first])
     c2x, c2y = _cor(family[last])
-    px, py, _ = _moved(start, c1x, c1y)
-    qx, qy, _ = _moved(goal, c2x, c2y)
+    px, py = _moved(start, c1x, c1y)
+    qx, qy = _moved(goal, c2x, c2y)
     ex, ey = c2x - c1x, c2y - c1y
     dx, dy = qx - px, qy - py
     along = ex * ux + ey * uy
@@ -67,10 +73,9 @@ def _straight_words(family, first, last, start, goal, words, n):  # type: ignore
         p = -along + sign * root
         if p < 0.0 or (sign < 0.0 and root == 0.0):
             continue
+        heading = start[2]
         if dx * dx + dy * dy > 1e-24:
             heading = math.atan2(dy, dx) - math.atan2(ey + p * uy, ex + p * ux)
-        else:
-            heading = start[2]
         omega1, omega2 = family[first, 2], family[last, 2]
         turn1 = _turn(math.copysign(1.0, omega1) * (heading - start[2]))
         turn2 = _turn(math.copysign(1.0, omega2) * (goal[2] - heading))
@@ -80,12 +85,20 @@ def _straight_words(family, first, last, start, goal, words, n):  # type: ignore
 
 
 @njit(cache=True)
-def _turning_words(family, first, middle, start, goal, words, n):  # type: ignore[no-untyped-def]
+def _turning_words(
+    family: FloatArray,
+    first: int,
+    middle: int,
+    start: FloatArray,
+    goal: FloatArray,
+    words: FloatArray,
+    n: int,
+) -> int:
     """Append the words turn-turn-turn whose outer turns are alike; the middle COR is the apex of a triangle."""
     c1x, c1y = _cor(family[first])
     c2x, c2y = _cor(family[middle])
-    px, py, _ = _moved(start, c1x, c1y)
-    qx, qy, _ = _moved(goal, c1x, c1y)
+    px, py = _moved(start, c1x, c1y)
+    qx, qy = _moved(goal, c1x, c1y)
     dx, dy = qx - px, qy - py
     arm = math.hypot(c2x - c1x, c2y - c1y)
     distance = math.hypot(dx, dy)
@@ -108,14 +121,14 @@ def _turning_words(family, first, middle, start, goal, words, n):  # type: ignor
 
 
 @njit(cache=True)
-def _moved(pose, x, y):  # type: ignore[no-untyped-def]
-    """World position of a body-fixed point at a pose (and the heading, unused)."""
+def _moved(pose: FloatArray, x: float, y: float) -> tuple[float, float]:
+    """World position of a body-fixed point at a pose."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    return pose[0] + c * x - s * y, pose[1] + s * x + c * y, pose[2]
+    return pose[0] + c * x - s * y, pose[1] + s * x + c * y
 
 
 @njit(cache=True)
-def find_words(family, start, goal, words):  # type: ignore[no-untyped-def]
+def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: FloatArray) -> int:
     """Fill `words` (MAX_WORDS, 7) with cost, letters and lengths of every word; return how many there are."""
     n = 0
     left, right = family[LEFT, 2] > 0.0, family[RIGHT, 2] < 0.0
@@ -134,7 +147,7 @@ def find_words(family, start, goal, words):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def word_is_free(scene, family, word, start):  # type: ignore[no-untyped-def]
+def word_is_free(scene: Scene, family: FloatArray, word: FloatArray, start: FloatArray) -> bool:
     """Return whether the three arcs of a word keep clear of everything."""
     x, y, theta = start[0], start[1], start[2]
     for i in range(3):
@@ -148,7 +161,9 @@ def word_is_free(scene, family, word, start):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def connect(scene, families, start, goal, bound, arcs):  # type: ignore[no-untyped-def]
+def connect(
+    scene: Scene, families: FloatArray, start: FloatArray, goal: FloatArray, bound: float, arcs: FloatArray
+) -> tuple[float, float]:
     """Find the cheapest free connection below a bound.
 
     Args:
@@ -160,7 +175,8 @@ def connect(scene, families, start, goal, bound, arcs):  # type: ignore[no-untyp
         arcs: (3, 4) filled with the twists and lengths of the connection.
 
     Returns:
-        (cost, promise): the connection's cost, infinite if there is none; and the cheapest word's cost, free or not.
+        (cost, promise): the connection's cost, infinite if there is none; and the cheapest word's cost,
+        free or not.
     """
     words = np.empty((families.shape[0] * MAX_WORDS, 7))
     owner = np.empty(families.shape[0] * MAX_WORDS, dtype=np.int64)

@@ -1,8 +1,9 @@
 """Exact timing of a path: along each arc a jerk-limited profile from rest to rest, computed by Ruckig.
 
 Along an arc of constant body twist xi = (v, omega) with parameter s, the contact midpoint has the acceleration
-(s'' v, s'^2 omega v) and the jerk (s''' v - s'^3 omega^2 v, 3 s' s'' omega v), tangential and normal. The limits of the arc
-parameter are chosen so that the magnitudes of both stay within the pusher's limits whatever the profile does.
+(s'' v, s'^2 omega v) and the jerk (s''' v - s'^3 omega^2 v, 3 s' s'' omega v), tangential and normal. The
+limits of the arc parameter are chosen so that the magnitudes of both stay within the pusher's limits
+whatever the profile does.
 """
 
 from __future__ import annotations

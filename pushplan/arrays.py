@@ -12,6 +12,8 @@ from pushplan.errors import PushplanError
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+RandomState = NDArray[np.uint64]
+"""(1,) state of a compiled random generator."""
 
 
 def frozen(values: ArrayLike, shape: Sequence[int | None], name: str) -> FloatArray:

@@ -1,8 +1,8 @@
 """A chain (or tree) of objects in contact, carried by one pusher: sections 3 and 4.1 of Harada et al. 2006.
 
-Frames: the *chain frame* has its origin at the midpoint of the pusher's contact with the first object, +x along
-the push normal, +y to the left. Objects are listed from the pusher outward; `objects[i]` is pushed through
-`contacts[i]`. The paper counts the other way round (its object 1 is the farthest one).
+Frames: the *chain frame* has its origin at the midpoint of the pusher's contact with the first object, +x
+along the push normal, +y to the left. Objects are listed from the pusher outward; `objects[i]` is pushed
+through `contacts[i]`. The paper counts the other way round (its object 1 is the farthest one).
 """
 
 from __future__ import annotations

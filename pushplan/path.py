@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,7 +62,7 @@ class PushPath:
     @property
     def end(self) -> FloatArray:
         """(3,) pose in the world at the end."""
-        return self.knots[-1]
+        return np.asarray(self.knots[-1])
 
     def poses_at(self, s: ArrayLike) -> FloatArray:
         """Return the poses (m, 3) in the world at the costs `s` (m,), clipped to the path."""
@@ -76,8 +77,5 @@ class PushPath:
     def sampled(self, spacing: float) -> FloatArray:
         """Return poses (m, 3) no farther apart than `spacing` in cost, every knot among them."""
         begins = np.concatenate([[0.0], np.cumsum(self.lengths)])
-        parts = [
-            np.linspace(a, b, max(2, int(np.ceil((b - a) / spacing)) + 1))
-            for a, b in zip(begins[:-1], begins[1:], strict=True)
-        ]
+        parts = [np.linspace(a, b, max(2, int(np.ceil((b - a) / spacing)) + 1)) for a, b in pairwise(begins)]
         return self.poses_at(np.unique(np.concatenate([*parts, [0.0]])))

@@ -11,7 +11,7 @@ from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.path import PushPath
 from pushplan.planners.checker import find_collision
-from pushplan.planners.collision import separation
+from pushplan.planners.collision import Scene, separation
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.registry import planner_named
 from pushplan.planners.session import Budget, Session
@@ -77,7 +77,7 @@ def plan(
     seconds = session.elapsed
     path = _path_of(session)
     trajectory = None if path is None else time_path(path, scenario.chain.pusher.limits)
-    reason = _verdict(scenario, stable, path, trajectory, seconds, session.extensions)
+    reason = _verdict(scenario, stable, path, trajectory, limit)
     solved = not reason
     return PlanResult(
         solved=solved,
@@ -96,15 +96,15 @@ def plan(
     )
 
 
-def _check_ends(scenario: Scenario, scene: object) -> None:
+def _check_ends(scenario: Scenario, scene: Scene) -> None:
     """Refuse a start or a goal that touches something, and a goal that is the start."""
     for name, pose in (("start", scenario.start), ("goal", scenario.goal.pose_chain)):
-        gap = separation(scene, *pose, 1.0)
-        if gap < scene.clearance:  # type: ignore[attr-defined]
+        gap = separation(scene, pose[0], pose[1], pose[2], 1.0)
+        if gap < scene.clearance:
             state = (
                 f"overlaps something by {-1e3 * gap:.1f} mm" if gap < 0 else f"keeps only {1e3 * gap:.2f} mm"
             )
-            raise PlanningError(f"the {name} {state}; at least {1e3 * scene.clearance:.2f} mm must stay free")  # type: ignore[attr-defined]
+            raise PlanningError(f"the {name} {state}; at least {1e3 * scene.clearance:.2f} mm must stay free")
     if max(pose_error(scenario.start, scenario.goal.pose_chain)) < EXACT:
         raise PlanningError("the chain is at the goal already: there is nothing to push")
 
@@ -123,12 +123,11 @@ def _verdict(
     stable: StableSet,
     path: PushPath | None,
     trajectory: Trajectory | None,
-    seconds: float,
-    extensions: int,
+    time_limit: float,
 ) -> str:
     """Return why the result is no solution, empty if it is: judged by code that the planners do not use."""
     if path is None or trajectory is None:
-        return f"no path found within {seconds:.2f} s ({extensions} extensions)"
+        return f"no path found within the time limit of {time_limit:g} s"
     error = pose_error(path.end, scenario.goal.pose_chain)
     if max(error) > EXACT:
         return f"the path misses the goal by {error[0]:.2g} m and {error[1]:.2g} rad"

@@ -44,7 +44,8 @@ class Execution:
         t: (m,) times, s; ends early when stability was lost.
         poses: (m, 3) integrated pose of the chain frame in the world.
         twists: (m, 3) executed body twists in the chain frame.
-        margins: (m, n) margin of each contact; where the pusher rests, that of the twist it is about to take (at
+        margins: (m, n) margin of each contact; where the pusher rests, that of the twist it is about to
+        take (at
             the end: has just taken).
         friction_margins: (m, n) angle of the contact force to the nearer edge of its friction cone, rad; like
             `lambdas` and `forces`, None where the loads on the floor are not known.
@@ -68,8 +69,8 @@ class Execution:
 def simulate(trajectory: Trajectory, judge: StableSet, goal: FloatArray) -> Execution:
     """Execute a trajectory: integrate the commanded twist exactly and watch every contact.
 
-    The integration does not use the trajectory's own poses. It stops at the first sample at which a contact's margin is
-    not positive.
+    The integration does not use the trajectory's own poses. It stops at the first sample at which a
+    contact's margin is not positive.
 
     Args:
         trajectory: What is commanded.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 import shapely
@@ -31,9 +33,13 @@ def _scene(
     return Scene(flatten(body), bound, flatten(obstacles), discs, walls, 5e-4)
 
 
-def _distance(scene_body: list[FloatArray], standing: list[shapely.Geometry], pose: FloatArray) -> float:
+def _distance(scene_body: list[FloatArray], standing: Sequence[shapely.Geometry], pose: FloatArray) -> float:
     placed = [shapely.Polygon(se2.transform_points(pose, piece)) for piece in scene_body]
     return min(a.distance(b) for a in placed for b in standing)
+
+
+def _separation(scene: Scene, pose: FloatArray) -> float:
+    return float(separation(scene, pose[0], pose[1], pose[2], 10.0))
 
 
 def test_separation_is_a_lower_bound_and_exact_when_near() -> None:
@@ -47,7 +53,7 @@ def test_separation_is_a_lower_bound_and_exact_when_near() -> None:
         standing = [*map(shapely.Polygon, obstacles)]
         exact = _distance(body, standing, pose)
         exact = min(exact, _distance(body, [shapely.Point(disc[:2])], pose) - disc[2])
-        found = separation(_scene(body, obstacles, [disc]), *pose, 10.0)
+        found = _separation(_scene(body, obstacles, [disc]), pose)
         if exact > 0.0:
             assert found <= exact + 1e-12
             if found < 0.01:
@@ -72,7 +78,7 @@ def test_a_free_sweep_never_comes_close_and_a_refused_one_does() -> None:
     rng = np.random.default_rng(2)
     free = refused = 0
     for _ in range(400):
-        body = [_convex(rng, 0.08), _convex(rng, 0.08) + [0.1, 0.0]]
+        body = [_convex(rng, 0.08), _convex(rng, 0.08) + np.array([0.1, 0.0])]
         obstacles = [_convex(rng, 0.1) + rng.uniform(-0.6, 0.6, 2) for _ in range(2)]
         twist = np.append(rng.normal(size=2), rng.normal() * 3.0)
         pose = rng.uniform(-0.5, 0.5, 3) * [1, 1, 6]
@@ -80,7 +86,8 @@ def test_a_free_sweep_never_comes_close_and_a_refused_one_does() -> None:
         standing = [*map(shapely.Polygon, obstacles)]
         along = [se2.compose(pose, se2.exp(twist * s)) for s in np.linspace(0.0, length, 300)]
         nearest = min(_distance(body, standing, p) for p in along)
-        if sweep_is_free(_scene(body, obstacles), *pose, *twist, length):
+        x, y, theta, vx, vy, omega = np.concatenate([pose, twist])
+        if sweep_is_free(_scene(body, obstacles), x, y, theta, vx, vy, omega, length):
             assert nearest >= 5e-4 - 1e-9
             free += 1
         else:
@@ -104,7 +111,9 @@ def test_steps_are_the_exact_exponential() -> None:
     for scale in (1.0, 1e-6, 1e-9, 0.0):
         pose, twist = rng.normal(size=3), rng.normal(size=3) * [1, 1, scale]
         expected = se2.compose(pose, se2.exp(twist * 0.7))
-        np.testing.assert_allclose(step(*pose, *twist, 0.7), expected, atol=1e-14)
+        x, y, theta, vx, vy, omega = np.concatenate([pose, twist])
+        found = np.array(step(x, y, theta, vx, vy, omega, 0.7))
+        np.testing.assert_allclose(found, expected, atol=1e-14)
 
 
 def test_convex_pieces_cover_a_concave_outline_without_overlap() -> None:

@@ -1,0 +1,96 @@
+"""Plan, time, execute and record a push: the whole pipeline in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pushplan.chain import Chain
+from pushplan.errors import PushplanError
+from pushplan.logging.writer import RunLogWriter
+from pushplan.plan import plan
+from pushplan.result import PlanResult, ProgressPoint, Run
+from pushplan.scenario import Scenario
+from pushplan.sim.kinematic import Execution, simulate
+from pushplan.stable_set import StableSet
+from pushplan.stable_set import stable_set as make_stable_set
+
+
+def run(
+    scenario: Scenario,
+    *,
+    log: Path | str | None = None,
+    planner: str | None = None,
+    stable_set: str | None = None,
+    seed: int | None = None,
+    time_limit: float | None = None,
+    first: bool = False,
+    progress: Callable[[ProgressPoint], None] | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Run:
+    """Plan a push, execute it in the kinematic simulator, and record both.
+
+    Args:
+        scenario: The problem.
+        log: File to write the run log to (MCAP); None records nothing. A run that finds no plan, or is refused,
+            is recorded as well.
+        planner: See `plan`.
+        stable_set: See `plan`.
+        seed: See `plan`.
+        time_limit: See `plan`.
+        first: See `plan`.
+        progress: See `plan`.
+        tell: See `plan`.
+
+    Raises:
+        PushplanError: As `plan`, or when the log cannot be written.
+    """
+
+    def planned() -> PlanResult:
+        return plan(
+            scenario,
+            planner=planner,
+            stable_set=stable_set,
+            seed=seed,
+            time_limit=time_limit,
+            first=first,
+            progress=progress,
+            tell=tell,
+        )
+
+    if log is None:
+        result = planned()
+        return Run(scenario, result, execute(scenario, result), None)
+    settings = {
+        "planner": planner or scenario.planner.name,
+        "set": stable_set or scenario.stability.set,
+        "seed": scenario.planner.seed if seed is None else seed,
+        "time_limit": scenario.planner.time_limit if time_limit is None else time_limit,
+    }
+    with RunLogWriter.create(log, scenario, settings) as writer:
+        try:
+            result = planned()
+        except PushplanError as error:
+            writer.log("error", str(error))
+            writer.finish("refused")
+            raise
+        writer.plan(result)
+        execution = execute(scenario, result)
+        if execution is not None:
+            writer.execution(execution)
+        writer.finish("solved" if result.solved else "unsolved")
+    return Run(scenario, result, execution, Path(log))
+
+
+def execute(scenario: Scenario, result: PlanResult) -> Execution | None:
+    """Return what the kinematic simulator makes of a plan, None where there is no trajectory."""
+    if result.trajectory is None:
+        return None
+    judge = judging_set(scenario.chain, result.stable_set)
+    return simulate(result.trajectory, judge, scenario.goal.pose_chain)
+
+
+def judging_set(chain: Chain, planned: str) -> StableSet:
+    """Return the set that judges an execution: the exact one where all loads are known, else the planned one."""
+    known = all(obj.support.known for obj in chain.objects)
+    return make_stable_set(chain, "ecof" if known else planned)
