@@ -16,7 +16,7 @@ import shapely
 from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import SupportError
 from pushplan.polygon import AreaMoments, area_moments, convex_hull, simple_polygon
-from pushplan.support_csv import read_pressure_map
+from pushplan.support_csv import parse_pressure_map
 
 FRACTION_TOLERANCE = 1e-6
 """By how much the load fractions of the feet may miss 1 in sum."""
@@ -177,7 +177,16 @@ class PressureMapSupport(Support):
         Raises:
             SupportError: With file and line, when the file cannot be read or a value is not allowed.
         """
-        rows = read_pressure_map(Path(path))
+        try:
+            data = Path(path).read_bytes()
+        except OSError as error:
+            raise SupportError(f"{path}: cannot read the pressure map: {error}") from error
+        return cls.from_bytes(data, str(path))
+
+    @classmethod
+    def from_bytes(cls, data: bytes, path: str) -> PressureMapSupport:
+        """Read what a file for `from_csv` holds; messages call it `path`."""
+        rows = parse_pressure_map(data, path)
         loaded = rows[rows[:, 2] > 0.0]
         if len(loaded) == 0:
             raise SupportError(f"{path}: no row has a pressure > 0")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
-from pathlib import Path
 
 import numpy as np
 
@@ -12,16 +12,20 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import SupportError
 
 
-def read_pressure_map(path: Path) -> FloatArray:
+def parse_pressure_map(data: bytes, path: str) -> FloatArray:
     """Return the (k, 3) rows x (m), y (m), pressure (>= 0) of a CSV file with those three named columns.
 
+    Args:
+        data: What the file holds.
+        path: What messages call it.
+
     Raises:
-        SupportError: With file and line, when the file cannot be read or a value is not allowed.
+        SupportError: With file and line, when a value is not allowed.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            lines = [(reader.line_num, row) for reader in [csv.reader(file)] for row in reader if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reader = csv.reader(io.StringIO(data.decode("utf-8"), newline=""))
+        lines = [(reader.line_num, row) for row in reader if row]
+    except (UnicodeDecodeError, csv.Error) as error:
         raise SupportError(f"{path}: cannot read the pressure map: {error}") from error
     header = [cell.strip().lower() for cell in lines[0][1]] if lines else []
     if sorted(header) != ["pressure", "x", "y"]:
@@ -31,7 +35,7 @@ def read_pressure_map(path: Path) -> FloatArray:
     return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
-def _map_row(path: Path, number: int, cells: list[str], order: list[int]) -> list[float]:
+def _map_row(path: str, number: int, cells: list[str], order: list[int]) -> list[float]:
     if len(cells) != 3:
         raise SupportError(f"{path}:{number}: {len(cells)} cells; there must be 3 (x, y, pressure)")
     try:
