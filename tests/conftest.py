@@ -1,0 +1,141 @@
+"""Chains that many tests need, built directly, without scenario files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from pushplan.arrays import FloatArray
+from pushplan.chain import PLATE, Chain, Contact, PushedObject, Pusher
+from pushplan.se2 import compose, rotate, transform_points
+from pushplan.support import FeetSupport, Support, UniformSupport
+
+PLATE_OUTLINE = np.array([[-0.03, -0.1], [0.0, -0.1], [0.0, 0.1], [-0.03, 0.1]])
+
+
+@dataclass(frozen=True)
+class ChainMaker:
+    """Builds chains; every method returns a new one."""
+
+    def box(self, length: float = 0.1, width: float = 0.1) -> FloatArray:
+        """Return the outline (4, 2) of a box about its centre."""
+        return np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * [length / 2, width / 2]
+
+    def boxes(
+        self,
+        n: int = 3,
+        size: tuple[float, float] = (0.1, 0.1),
+        contact_friction: float = 0.3,
+        pusher_friction: float = 0.5,
+        floor_friction: float = 0.3,
+        contact_height: float = 0.0,
+        support: Callable[[FloatArray], Support] = UniformSupport,
+    ) -> Chain:
+        """Return n equal boxes in a row, flush and centred in front of the plate."""
+        outline = self.box(*size)
+        objects = tuple(
+            PushedObject(
+                f"box{i}",
+                outline,
+                1.0,
+                floor_friction,
+                support(outline),
+                np.array([(i + 0.5) * size[0], 0.0, 0.0]),
+            )
+            for i in range(n)
+        )
+        frictions = [pusher_friction, *[contact_friction] * (n - 1)]
+        ends = [(np.array([i * size[0], s * size[1] / 2]) for s in (-1.0, 1.0)) for i in range(n)]
+        contacts = tuple(
+            Contact(right, left, mu, i, i - 1)
+            for i, ((right, left), mu) in enumerate(zip(ends, frictions, strict=True))
+        )
+        return Chain(objects, contacts, Pusher(PLATE_OUTLINE, pusher_friction, contact_height))
+
+    def star(self, rng: np.random.Generator, corners: int, size: float = 0.05) -> FloatArray:
+        """Return the outline of a star-shaped, mostly non-convex polygon about the origin."""
+        angle = 2.0 * np.pi * (np.arange(corners) + rng.uniform(0.1, 0.9, corners)) / corners
+        radius = size * rng.uniform(0.4, 1.0, corners)
+        return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+    def random(self, seed: int, n: int, tree: bool = False, feet: bool = False) -> Chain:
+        """Return n random objects roughly in a row; contacts and objects need not touch, mechanics does not ask."""
+        rng = np.random.default_rng(seed)
+        objects, contacts = [], []
+        for i in range(n):
+            outline = self.star(rng, int(rng.integers(3, 9)))
+            pose = np.array([0.1 * i + 0.05, rng.uniform(-0.02, 0.02), rng.uniform(-np.pi, np.pi)])
+            objects.append(
+                PushedObject(
+                    f"object{i}",
+                    outline,
+                    float(rng.uniform(0.3, 2.0)),
+                    float(rng.uniform(0.1, 0.6)),
+                    self._support(rng, outline, feet),
+                    pose,
+                )
+            )
+            middle = np.array([0.1 * i, rng.uniform(-0.01, 0.01)])
+            half = rotate(rng.uniform(-0.1, 0.1), [0.0, rng.uniform(0.02, 0.05)])
+            pusher = int(rng.integers(PLATE, i)) if tree and i else i - 1
+            friction = float(rng.uniform(0.1, 0.8))
+            contacts.append(Contact(middle - half, middle + half, friction, i, pusher))
+        return Chain(tuple(objects), tuple(contacts), Pusher(PLATE_OUTLINE, 0.5))
+
+    def moved(self, chain: Chain, pose: FloatArray) -> Chain:
+        """Return the chain with every object and contact moved by a pose (3,)."""
+        objects = tuple(
+            replace(
+                obj,
+                pose_chain=np.append(transform_points(pose, obj.pose_chain[:2]), obj.pose_chain[2] + pose[2]),
+            )
+            for obj in chain.objects
+        )
+        contacts = tuple(
+            replace(c, right=transform_points(pose, c.right), left=transform_points(pose, c.left))
+            for c in chain.contacts
+        )
+        return Chain(objects, contacts, chain.pusher)
+
+    def mirrored(self, chain: Chain) -> Chain:
+        """Return the chain mirrored in the x axis; uniform supports only."""
+        flip = np.array([1.0, -1.0])
+        objects = tuple(
+            replace(
+                obj,
+                outline=obj.outline[::-1] * flip,
+                support=UniformSupport(obj.outline[::-1] * flip),
+                pose_chain=obj.pose_chain * [1.0, -1.0, -1.0],
+            )
+            for obj in chain.objects
+        )
+        contacts = tuple(replace(c, right=c.left * flip, left=c.right * flip) for c in chain.contacts)
+        return Chain(objects, contacts, chain.pusher)
+
+    def scaled(self, chain: Chain, factor: float) -> Chain:
+        """Return the chain with all lengths multiplied; uniform supports only."""
+        objects = tuple(
+            replace(
+                obj,
+                outline=obj.outline * factor,
+                support=UniformSupport(obj.outline * factor),
+                pose_chain=obj.pose_chain * [factor, factor, 1.0],
+            )
+            for obj in chain.objects
+        )
+        contacts = tuple(replace(c, right=c.right * factor, left=c.left * factor) for c in chain.contacts)
+        return Chain(objects, contacts, chain.pusher)
+
+    def _support(self, rng: np.random.Generator, outline: FloatArray, feet: bool) -> Support:
+        if not feet:
+            return UniformSupport(outline)
+        return FeetSupport(outline, rng.dirichlet(np.full(len(outline), 2.0)))
+
+
+@pytest.fixture(scope="session")
+def make_chain() -> ChainMaker:
+    """Return the maker of chains."""
+    return ChainMaker()
