@@ -1,0 +1,59 @@
+"""The schemas and channels that the messages of an MCAP file refer to by number."""
+
+from __future__ import annotations
+
+from pushplan.logging import records
+from pushplan.logging.cursor import DamageError
+from pushplan.logging.items import Message
+from pushplan.logging.records import Frame
+
+
+class Declarations:
+    """The schemas and channels of a file by their numbers."""
+
+    OPCODES = (records.SCHEMA, records.CHANNEL)
+
+    def __init__(self) -> None:
+        self._schemas: dict[int, tuple[str, str, bytes]] = {}
+        self._channels: dict[int, tuple[int, str, str]] = {}
+
+    def add(self, frame: Frame) -> None:
+        """Take note of a schema or channel.
+
+        Raises:
+            DamageError: When its number stands for another one already, or a channel's schema is missing.
+        """
+        if frame.opcode == records.SCHEMA:
+            self._add_schema(frame)
+        else:
+            self._add_channel(frame)
+
+    def _add_schema(self, frame: Frame) -> None:
+        cursor = frame.cursor
+        number = cursor.number("H")
+        schema = (cursor.text(), cursor.text(), bytes(cursor.take(cursor.number("I"))))
+        if self._schemas.setdefault(number, schema) != schema:
+            raise DamageError(f"schema {number} is declared twice", frame.offset)
+
+    def _add_channel(self, frame: Frame) -> None:
+        cursor = frame.cursor
+        number, schema = cursor.number("H"), cursor.number("H")
+        channel = (schema, cursor.text(), cursor.text())
+        if schema != 0 and schema not in self._schemas:
+            raise DamageError(f"channel {number} has schema {schema}, which is not declared", frame.offset)
+        if self._channels.setdefault(number, channel) != channel:
+            raise DamageError(f"channel {number} is declared twice", frame.offset)
+
+    def message(self, frame: Frame) -> Message:
+        """Return the message in `frame`.
+
+        Raises:
+            DamageError: When its channel is not declared.
+        """
+        cursor = frame.cursor
+        number, _, time, _ = (cursor.number(kind) for kind in "HIQQ")
+        if number not in self._channels:
+            raise DamageError(f"a message on channel {number}, which is not declared", frame.offset)
+        schema, topic, encoding = self._channels[number]
+        kind = self._schemas[schema][0] if schema and encoding == "protobuf" else ""
+        return Message(topic, kind, time, cursor.take(cursor.left), frame.offset)

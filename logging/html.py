@@ -1,0 +1,130 @@
+"""A run as one web page that plays it: the chain from above, and every contact's margin over time.
+
+The page holds everything it needs and asks the network for nothing.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pushplan import se2
+from pushplan.arrays import FloatArray, IntArray
+from pushplan.chain import Chain
+from pushplan.logging.partial_file import write_whole
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.scene import PUSHER, obstacle_outline
+from pushplan.logging.views import contact_name, viewed
+from pushplan.result import PlanResult, Run
+from pushplan.scenario import Scenario
+from pushplan.sim.kinematic import Execution
+
+MOST_SAMPLES = 5_000
+"""Samples of an execution that the page holds, at most, beside the smallest margins."""
+
+PATH_SPACING = 0.02
+"""Distance of the points of the path, m of path cost."""
+
+_DIGITS = 5
+
+
+def write_html(run: Run | RecordedRun, path: Path | str) -> None:
+    """Write the page of `run`.
+
+    Raises:
+        RunLogError: When the file cannot be written.
+    """
+    write_whole(Path(path), render(run).encode())
+
+
+def render(run: Run | RecordedRun) -> str:
+    """Return the page of `run`."""
+    data = {**_world(run.scenario), **_plan(run.plan), **_execution(run.scenario.chain, run.execution)}
+    data["window"] = _window(data)
+    text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no </script>
+    page = files("pushplan.logging").joinpath("player.html").read_text(encoding="utf-8")
+    return page.replace("@TITLE@", html.escape(f"{run.scenario.name} - pushplan")).replace("@RUN@", text)
+
+
+def _world(scenario: Scenario) -> dict[str, Any]:
+    chain, area = scenario.chain, scenario.workspace
+    corners = [] if area is None else [(area.xmin, area.ymin), (area.xmax, area.ymin)]
+    corners += [] if area is None else [(area.xmax, area.ymax), (area.xmin, area.ymax)]
+    bodies = [(PUSHER, chain.pusher.outline), *((obj.name, obj.outline_chain) for obj in chain.objects)]
+    return {
+        "name": scenario.name,
+        "workspace": corners or None,
+        "obstacles": [_plain(obstacle_outline(obstacle)) for obstacle in scenario.obstacles],
+        "start": scenario.start.tolist(),
+        "goal": scenario.goal.pose_chain.tolist(),
+        "bodies": [{"name": name, "outline": _plain(outline)} for name, outline in bodies],
+        "contacts": [
+            {"name": contact_name(chain, k), "segment": _plain(np.stack([contact.right, contact.left]))}
+            for k, contact in enumerate(chain.contacts)
+        ],
+    }
+
+
+def _plan(plan: PlanResult | None) -> dict[str, Any]:
+    if plan is None:
+        return {"facts": ["the log ends before a plan"], "path": [], "tree": []}
+    facts = [f"{plan.planner}, set {plan.stable_set}, seed {plan.seed}"]
+    tree = _plain(plan.tree[:, :, :2].reshape(-1, 4))
+    if plan.path is None:
+        return {"facts": [*facts, plan.reason], "path": [], "tree": tree}
+    facts.append(f"{len(plan.path.lengths)} arcs, cost {plan.path.cost:.3f} m")
+    return {"facts": facts, "path": _plain(plan.path.sampled(PATH_SPACING)[:, :2]), "tree": tree}
+
+
+def _execution(chain: Chain, execution: Execution | None) -> dict[str, Any]:
+    """Samples by column; margins, lambdas and forces by contact."""
+    if execution is None or len(execution.t) == 0:
+        nothing: dict[str, Any] = {"t": [], "margins": [[] for _ in chain.contacts], "forces": None}
+        return {"samples": nothing, "margin_range": [-0.05, 1.0], "largest_force": 1.0}
+    kept = _kept(execution)
+    poses, margins = execution.poses[kept], execution.margins[kept]
+    samples = {
+        "t": _plain(execution.t[kept]),
+        **dict(zip(("x", "y", "theta"), _plain(poses.T), strict=True)),
+        "margins": _plain(margins.T),
+        "lambdas": None if execution.lambdas is None else _plain(execution.lambdas[kept].T),
+        "forces": None if execution.forces is None else _plain(np.moveaxis(execution.forces[kept], 0, -1)),
+    }
+    largest = 0.0 if execution.forces is None else float(np.linalg.norm(execution.forces, axis=-1).max())
+    low, high = min(0.0, float(margins.min())), float(margins.max())
+    room = 0.05 * max(high - low, 0.1)
+    return {"samples": samples, "margin_range": [low - room, high + room], "largest_force": largest or 1.0}
+
+
+def _kept(execution: Execution) -> IntArray:
+    """Indices of the samples on the page: what viewers see, and of very long executions less."""
+    shown = np.array(sorted(viewed(execution)), dtype=np.int64)
+    stride = math.ceil(len(shown) / MOST_SAMPLES)
+    always = [0, len(execution.t) - 1, *np.argmin(execution.margins, axis=0)]
+    return np.union1d(shown[::stride], always)
+
+
+def _window(data: dict[str, Any]) -> list[float]:
+    """Return (xmin, ymin, xmax, ymax) of everything on the page, with a rim, m."""
+    outlines = [np.array(body["outline"]) for body in data["bodies"]]
+    reach = max(float(np.linalg.norm(outline, axis=1).max()) for outline in outlines)
+    moved = [se2.transform_points(data[end], outline) for end in ("start", "goal") for outline in outlines]
+    points: list[FloatArray] = [*moved, *(np.array(outline) for outline in data["obstacles"])]
+    points += [np.array(data["workspace"])] if data["workspace"] else []
+    if data["path"]:
+        points += [np.array(data["path"]) - reach, np.array(data["path"]) + reach]
+    every = np.concatenate(points)
+    low, high = every.min(axis=0), every.max(axis=0)
+    rim = 0.03 * float((high - low).max())
+    return [*(low - rim).tolist(), *(high + rim).tolist()]
+
+
+def _plain(values: FloatArray) -> list[Any]:
+    plain: list[Any] = np.round(values, _DIGITS).tolist()
+    return plain

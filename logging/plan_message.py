@@ -1,0 +1,83 @@
+"""A plan as one protobuf message, every number bit for bit; `effort` keeps what it took."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pushplan.arrays import FloatArray, frozen
+from pushplan.logging.effort import Effort
+from pushplan.logging.schemas import MessageClass, Plan
+from pushplan.path import PushPath
+from pushplan.result import PlanResult, ProgressPoint
+from pushplan.trajectory import Trajectory
+
+
+def encode(plan: PlanResult) -> MessageClass:
+    """Return the `Plan` message of `plan`, without a time stamp."""
+    message = Plan(
+        solved=plan.solved,
+        reason=plan.reason,
+        planner=plan.planner,
+        stable_set=plan.stable_set,
+        seed=plan.seed,
+        min_margin=plan.min_margin,
+        tree=plan.tree.ravel(),
+    )
+    if plan.path is not None:
+        for name in ("start", "twists", "lengths"):
+            getattr(message.path, name).extend(getattr(plan.path, name).ravel())
+    if plan.trajectory is not None:
+        for name in ("start", "breaks", "coefficients", "arc"):
+            getattr(message.trajectory, name).extend(getattr(plan.trajectory, name).ravel())
+        message.trajectory.rate = plan.trajectory.rate
+    return message
+
+
+def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, float]]) -> PlanResult:
+    """Return the plan that `message` holds.
+
+    Args:
+        message: A `Plan` message.
+        effort: What it took.
+        progress: (iterations, cost) of each improvement, as many as `effort.progress_s`.
+
+    Raises:
+        ValueError: When the numbers do not make a plan.
+        PushplanError: Likewise.
+    """
+    points = zip(effort.progress_s, progress, strict=True)
+    return PlanResult(
+        solved=message.solved,
+        reason=message.reason,
+        planner=message.planner,
+        stable_set=message.stable_set,
+        seed=message.seed,
+        path=_path(message.path) if message.HasField("path") else None,
+        trajectory=_trajectory(message.trajectory) if message.HasField("trajectory") else None,
+        first_solution_s=effort.first_solution_s,
+        planning_s=effort.planning_s,
+        progress=tuple(ProgressPoint(seconds, cost, iterations) for seconds, (iterations, cost) in points),
+        extensions=effort.extensions,
+        min_margin=message.min_margin if message.HasField("min_margin") else None,
+        tree=frozen(_array(message.tree, (-1, 2, 3)), (None, 2, 3), "tree"),
+    )
+
+
+def _path(message: MessageClass) -> PushPath:
+    return PushPath(_array(message.start), _array(message.twists, (-1, 3)), _array(message.lengths))
+
+
+def _trajectory(message: MessageClass) -> Trajectory:
+    return Trajectory(
+        start=_array(message.start),
+        breaks=_array(message.breaks),
+        coefficients=_array(message.coefficients, (-1, 3, 3)),
+        arc=_array(message.arc),
+        rate=message.rate,
+    )
+
+
+def _array(values: Sequence[float], shape: tuple[int, ...] = (-1,)) -> FloatArray:
+    return np.array(values, dtype=np.float64).reshape(shape)

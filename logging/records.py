@@ -1,0 +1,157 @@
+"""The records of an MCAP file, read in file order, within bounds, and checked before anyone sees them.
+
+Nothing in the file is trusted: no length beyond the file or `RECORD_LIMIT`, no claim of a compressed frame,
+no index. Checksums of chunks, attachments and the summary are compared. The format: https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import BinaryIO
+
+from pushplan.logging.cursor import Cursor, DamageError
+from pushplan.logging.inflate import inflate
+
+MAGIC = b"\x89MCAP0\r\n"
+
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x01, 0x02, 0x03, 0x04, 0x05, 0x06
+ATTACHMENT, STATISTICS, METADATA, DATA_END = 0x09, 0x0B, 0x0C, 0x0F
+
+RECORD_LIMIT = 16 << 20
+"""Largest record and largest chunk once inflated, bytes; the writer's own stay below 1 MiB."""
+
+TOTAL_LIMIT = 2 << 30
+"""Most bytes that all chunks of a file may inflate to."""
+
+_FREE_BYTES, _INFLATION = 64 << 20, 300
+"""A file of s bytes may inflate to 64 MiB + 300 s bytes ..."""
+
+_FREE_RECORDS, _BYTES_PER_RECORD = 10_000, 4
+"""... and hold 10,000 + s/4 records, so that reading takes time in proportion to its size."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A record as it lies in the file: its kind, where it begins, and its content."""
+
+    opcode: int
+    offset: int
+    body: memoryview
+
+    @property
+    def cursor(self) -> Cursor:
+        """A cursor at the beginning of the content."""
+        return Cursor(self.body, self.offset + PREFIX)
+
+
+PREFIX = 9
+
+
+def frames(stream: BinaryIO, size: int) -> Iterator[Frame]:
+    """Yield the records of a file of `size` bytes up to its footer; chunks are yielded whole.
+
+    Raises:
+        DamageError: Where the file is not MCAP, is cut short, or goes on behind its end.
+    """
+    if stream.read(len(MAGIC)) != MAGIC:
+        raise DamageError("not an MCAP file", 0)
+    opcode = 0
+    while opcode != FOOTER:
+        frame = next_frame(stream, size)
+        opcode = frame.opcode
+        yield frame
+    at = stream.tell()
+    if stream.read(len(MAGIC)) != MAGIC or stream.tell() != size:
+        raise DamageError("the file does not end where its footer says", at)
+
+
+def next_frame(stream: BinaryIO, size: int) -> Frame:
+    """Return the record at which `stream` stands, in a file of `size` bytes.
+
+    Raises:
+        DamageError: When it is cut short or too large.
+    """
+    at = stream.tell()
+    prefix = Cursor(memoryview(stream.read(PREFIX)), at)
+    if not prefix.left:
+        raise DamageError("the file ends here, without a footer", at)
+    if prefix.left < PREFIX:
+        raise DamageError("the file ends inside a record", at)
+    opcode, length = prefix.number("B"), prefix.number("Q")
+    if length > RECORD_LIMIT:
+        raise DamageError(f"a record claims {length} bytes; at most {RECORD_LIMIT} are allowed", at)
+    if length > size - at - PREFIX:
+        raise DamageError("the file ends inside a record", at)
+    return Frame(opcode, at, memoryview(stream.read(length)))
+
+
+class Budget:
+    """What is left of the records and inflated bytes that a file of `size` bytes may have."""
+
+    def __init__(self, size: int) -> None:
+        self._records = _FREE_RECORDS + size // _BYTES_PER_RECORD
+        self._bytes = min(TOTAL_LIMIT, _FREE_BYTES + _INFLATION * size)
+
+    def spend(self, records: int, size: int, offset: int) -> None:
+        """Take `records` and `size` bytes for what begins at `offset`.
+
+        Raises:
+            DamageError: When that is more than is left.
+        """
+        self._records -= records
+        self._bytes -= size
+        if self._records < 0 or self._bytes < 0:
+            raise DamageError("the file holds far more data than its size allows", offset)
+
+
+def chunk_frames(chunk: Frame, budget: Budget) -> list[Frame]:
+    """Return the records in `chunk`, each with the offset of the chunk.
+
+    Raises:
+        DamageError: When it is damaged, larger than allowed, or its checksum does not fit.
+    """
+    cursor = chunk.cursor
+    cursor.take(16)  # times of the first and last message: an index, not trusted
+    size, checksum = cursor.number("Q"), cursor.number("I")
+    if size > RECORD_LIMIT:
+        raise DamageError(f"a chunk claims {size} bytes; at most {RECORD_LIMIT} are allowed", chunk.offset)
+    budget.spend(0, size, chunk.offset)
+    compression = cursor.text()
+    data = cursor.take(cursor.number("Q"))
+    try:
+        inflated = inflate(data, compression, size)
+    except ValueError as error:
+        raise DamageError(str(error), chunk.offset) from error
+    if checksum and zlib.crc32(inflated) != checksum:
+        raise DamageError("the checksum of a chunk does not fit", chunk.offset)
+    return list(_split(inflated, chunk.offset, budget))
+
+
+def _split(data: memoryview, offset: int, budget: Budget) -> Iterator[Frame]:
+    cursor = Cursor(data, 0)
+    try:
+        while cursor.left:
+            budget.spend(1, 0, offset)
+            yield Frame(cursor.number("B"), offset, cursor.take(cursor.number("Q")))
+    except DamageError as damage:
+        raise DamageError(f"in a chunk: {damage.what}", offset) from damage
+
+
+def attachment(frame: Frame) -> tuple[str, bytes]:
+    """Return name and content of an attachment.
+
+    Raises:
+        DamageError: When it is damaged or its checksum does not fit.
+    """
+    cursor = frame.cursor
+    cursor.take(16)  # two times
+    name = cursor.text()
+    cursor.text()  # media type
+    content = cursor.take(cursor.number("Q"))
+    covered = len(frame.body) - cursor.left
+    checksum = cursor.number("I")
+    if checksum and zlib.crc32(frame.body[:covered]) != checksum:
+        raise DamageError(f"the checksum of attachment {name!r} does not fit", frame.offset)
+    return name, bytes(content)

@@ -1,0 +1,214 @@
+"""Writes the log of one run, so that a crash at any moment leaves a readable file.
+
+The log grows as NAME.mcap.partial and becomes NAME.mcap when it is finished. Two runs with the same seed write
+the same bytes, except in these words of the metadata (as long in both, on one machine with the same versions):
+
+- `pushplan.run`: `started_at`, `machine`, `git`, `crc32`;
+- `pushplan.planning` and `pushplan.result`: times (`..._s`, `..._at`), `extensions`, `crc32`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from foxglove_schemas_protobuf.Log_pb2 import Log
+
+from pushplan.errors import RunLogError
+from pushplan.logging import execution_message, metadata, plan_message, schemas, views
+from pushplan.logging.attached import MEDIA_TYPES, attachments_of
+from pushplan.logging.channels import Channels
+from pushplan.logging.effort import Effort
+from pushplan.logging.frames import ChainFrames, pose_in_world, poses_in_world
+from pushplan.logging.partial_file import PartialFile
+from pushplan.logging.scene import scene, tree
+from pushplan.logging.sentences import execution_sentence, plan_sentence
+from pushplan.result import PlanResult
+from pushplan.scenario import Scenario
+from pushplan.sim.kinematic import Execution
+
+PATH_SPACING = 0.02
+"""Distance of the poses on /plan/path, m of path cost."""
+
+SMOOTHED_RATE = 10.0
+"""Poses per second on /plan/smoothed."""
+
+
+class RunLogWriter:
+    """A log being written: a context manager that never leaves half a file under the final name.
+
+    Example:
+        >>> with RunLogWriter.create("run.mcap", scenario, {"seed": 1}) as log:
+        ...     log.plan(plan(scenario, seed=1))
+        ...     log.finish("solved")
+
+    Without `finish`, or with an exception inside, the file stays under `partial` and its metadata say why.
+    """
+
+    def __init__(self, file: PartialFile, scenario: Scenario) -> None:
+        self._file = file
+        self._scenario = scenario
+        self._channels = Channels(file)
+        self._frames = ChainFrames(scenario.chain)
+        self._words: dict[str, str] = {}
+        self._finished = False
+
+    @classmethod
+    def create(cls, path: Path | str, scenario: Scenario, settings: Mapping[str, object]) -> Self:
+        """Begin a log: what the run starts from is written when this returns.
+
+        Args:
+            path: Final name of the log. A file of that name is replaced when the log is finished, not before.
+            scenario: What the run is about.
+            settings: Names and values for the metadata `pushplan.run`: planner, set, seed, ...
+
+        Raises:
+            RunLogError: When the file cannot be written.
+        """
+        file = PartialFile(Path(path))
+        try:
+            log = cls(file, scenario)
+            log._begin(settings)
+        except BaseException:
+            file.discard()
+            raise
+        return log
+
+    @property
+    def partial(self) -> Path:
+        """Name of the file until it is finished."""
+        return self._file.partial
+
+    def _begin(self, settings: Mapping[str, object]) -> None:
+        channels, scenario = self._channels, self._scenario
+        channels.note(metadata.RUN, metadata.run_words(scenario, settings))
+        for name, data in attachments_of(scenario).items():
+            channels.attach(name, MEDIA_TYPES.get(name, "application/octet-stream"), data)
+        channels.declare()
+        channels.send(schemas.SCENE, scene(scenario))
+        channels.send(schemas.TF, self._frames.at(scenario.start, channels.stamp))
+        channels.flush()
+
+    def log(self, level: str, text: str) -> None:
+        """Write a line to /log.
+
+        Args:
+            level: One of `schemas.LEVELS`.
+            text: What to say; without wall-clock times, which would differ from run to run.
+
+        Raises:
+            RunLogError: When the file cannot be written.
+        """
+        number = schemas.LEVELS.index(level) + 1
+        stamp = self._channels.stamp
+        line = Log(timestamp=stamp, level=number, message=text, name="pushplan")  # type: ignore[arg-type]
+        self._channels.send(schemas.LOG, line)
+
+    def plan(self, plan: PlanResult) -> None:
+        """Write what planning found, and what it took.
+
+        Raises:
+            RunLogError: When the file cannot be written.
+        """
+        channels = self._channels
+        effort = Effort.from_plan(plan).to_words()
+        channels.note(metadata.PLANNING, effort)
+        for point in plan.progress:
+            stamp = channels.stamp
+            progress = schemas.Progress(timestamp=stamp, iterations=point.iterations, cost=point.cost)
+            channels.send(schemas.PROGRESS, progress)
+        message = plan_message.encode(plan)
+        message.timestamp.CopyFrom(channels.stamp)
+        channels.send(schemas.PLAN, message)
+        self._show_plan(plan)
+        self.log("info" if plan.solved else "warning", plan_sentence(plan))
+        self._words |= {**effort, **metadata.plan_words(plan)}
+        channels.flush()
+
+    def _show_plan(self, plan: PlanResult) -> None:
+        self._channels.send(schemas.PLAN_TREE, tree(plan.tree))
+        if plan.path is not None:
+            path = poses_in_world(plan.path.sampled(PATH_SPACING))
+            self._channels.send(schemas.PLAN_PATH, path)
+        if plan.trajectory is not None:
+            end = plan.trajectory.duration
+            times = np.append(np.arange(0.0, end, 1.0 / SMOOTHED_RATE), end)
+            smoothed = poses_in_world(plan.trajectory.poses_at(times))
+            self._channels.send(schemas.PLAN_SMOOTHED, smoothed)
+
+    def execution(self, execution: Execution) -> None:
+        """Write what the simulator made of the plan, one simulated second after the other.
+
+        Raises:
+            RunLogError: When the file cannot be written.
+        """
+        channels = self._channels
+        shown = views.viewed(execution)
+        for second in execution_message.seconds(execution.t):
+            for i in range(second.start, second.stop):
+                if i in shown:
+                    self._show_sample(execution, i)
+            block = execution_message.encode_block(execution, second)
+            block.timestamp.CopyFrom(channels.advance(execution.t[second.stop - 1]))
+            channels.send(schemas.EXECUTION, block)
+            channels.flush()
+        end = execution_message.encode_end(execution)
+        end.timestamp.CopyFrom(channels.stamp)
+        channels.send(schemas.EXECUTION_END, end)
+        self.log("info" if execution.loss is None else "warning", execution_sentence(execution))
+        self._words |= metadata.execution_words(execution)
+        channels.flush()
+
+    def _show_sample(self, execution: Execution, i: int) -> None:
+        channels, pose = self._channels, execution.poses[i]
+        stamp = channels.advance(execution.t[i])
+        margins = views.margins_message(self._scenario.chain, execution, i, stamp)
+        channels.send(schemas.TF, self._frames.at(pose, stamp))
+        channels.send(schemas.PUSHER_POSE, pose_in_world(pose, stamp))
+        channels.send(schemas.PUSHER_TWIST, views.twist_message(execution.twists[i], stamp))
+        channels.send(schemas.MARGINS, margins)
+
+    def finish(self, outcome: str) -> None:
+        """End the log and give it its final name.
+
+        Args:
+            outcome: How the run ended, in a word: solved, unsolved, ...
+
+        Raises:
+            RunLogError: When the file cannot be written; what is there stays under `partial`.
+        """
+        self._end({"outcome": outcome})
+        self._file.publish()
+
+    def _end(self, words: Mapping[str, str]) -> None:
+        self._finished = True
+        self._channels.note(metadata.RESULT, {**self._words, **words, "finished_at": metadata.now()})
+        self._channels.finish()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the file; if it was not finished, say so in it and leave it under `partial`."""
+        if not self._finished:
+            with contextlib.suppress(RunLogError):  # nothing more can be written; the first error counts
+                self._abandon(error)
+        self._file.close()
+
+    def _abandon(self, error: BaseException | None) -> None:
+        if error is None:
+            self._end({"outcome": "unfinished"})
+            return
+        outcome = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
+        what = f"{type(error).__name__}: {error}"
+        self.log("error", f"{outcome}: {what}")
+        self._end({"outcome": outcome, "error": what})
