@@ -21,6 +21,8 @@ from pushplan.support_csv import parse_pressure_map
 FRACTION_TOLERANCE = 1e-6
 """By how much the load fractions of the feet may miss 1 in sum."""
 
+_ROUNDING = 1e-12
+
 
 class Support(ABC):
     """What the stable sets need to know about a load on the floor."""
@@ -64,7 +66,7 @@ class UniformSupport(Support):
             object.__setattr__(self, "center_of_mass", frozen(self.center_of_mass, (2,), "center of mass"))
         corners = 1.0 / self.moments.area + (self.outline - self.moments.centroid) @ self.gradient
         worst = int(np.argmin(corners))
-        if corners[worst] < 0.0:
+        if corners[worst] * self.moments.area < -_ROUNDING:
             raise SupportError(
                 f"an affine pressure with its centre at {_point(self.center)} would be negative at "
                 f"{_point(self.outline[worst])} ({corners[worst] * self.moments.area:.3g} of the mean); "

@@ -10,7 +10,7 @@ import pytest
 
 from pushplan.arrays import FloatArray
 from pushplan.chain import PLATE, Chain, Contact, PushedObject, Pusher
-from pushplan.se2 import compose, rotate, transform_points
+from pushplan.se2 import rotate, transform_points
 from pushplan.support import FeetSupport, Support, UniformSupport
 
 PLATE_OUTLINE = np.array([[-0.03, -0.1], [0.0, -0.1], [0.0, 0.1], [-0.03, 0.1]])

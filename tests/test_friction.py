@@ -130,7 +130,7 @@ def test_series_and_closed_form_agree_where_they_meet(make_chain: ChainMaker, af
             carried_wrench(packed, 0, *twists_about(anchor + ray * (1.0 + e), +1)) for e in (-1e-12, 1e-12)
         ]
         scale = packed.objects[0, 0] * np.array([1.0, 1.0, radius + np.linalg.norm(anchor)])
-        np.testing.assert_array_less(np.abs(np.subtract(*sides)) / scale, 5e-12)
+        np.testing.assert_array_less(np.abs(np.subtract(sides[0], sides[1])) / scale, 5e-12)
 
 
 def test_far_cors_are_smooth_down_to_translation(make_chain: ChainMaker) -> None:
@@ -199,11 +199,12 @@ def test_push_height_moves_the_load_by_minus_h_f_over_n(make_chain: ChainMaker, 
     """The wrench with a push height is the wrench of the pressure whose centre has moved by -h f / N."""
     rng = np.random.default_rng(6)
     outline = make_chain.box(0.1, 0.08)
+    loads = np.array([0.2, 0.3, 0.27, 0.23])
     supports = {
         "polygon": UniformSupport(outline),
-        "affine": UniformSupport(outline, [0.002, -0.003]),
-        "feet": FeetSupport(outline * 0.9, [0.2, 0.3, 0.27, 0.23]),
-        "map": PressureMapSupport(outline * 0.9, [0.2, 0.3, 0.27, 0.23]),
+        "affine": UniformSupport(outline, np.array([0.002, -0.003])),
+        "feet": FeetSupport(outline * 0.9, loads),
+        "map": PressureMapSupport(outline * 0.9, loads),
     }
     support = supports[kind]
     obj = PushedObject("it", outline, 1.0, 0.35, support, np.array([0.1, 0.05, 0.4]))
@@ -247,7 +248,7 @@ def test_push_height_that_lifts_a_corner_is_refused(make_chain: ChainMaker) -> N
         SupportError, match=r"a push at height 0.03 m could lift a part of 'tall'.*at most 0.0235702"
     ):
         friction_wrench(obj, [[1.0, 0.0, 0.0]], 0.03)
-    two = replace(obj, support=FeetSupport([[0.0, -0.05], [0.0, 0.05]], [0.5, 0.5]))
+    two = replace(obj, support=FeetSupport(np.array([[0.0, -0.05], [0.0, 0.05]]), np.array([0.5, 0.5])))
     with pytest.raises(SupportError, match="lie on a line"):
         friction_wrench(two, [[1.0, 0.0, 0.0]], 0.001)
 

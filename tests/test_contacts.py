@@ -1,0 +1,221 @@
+"""The contact conditions against a linear program over forces at the contacts' ends, and their invariances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from pushplan.arrays import FloatArray
+from pushplan.chain import Chain, Contact
+from pushplan.contact_kernel import contact_margins, margin
+from pushplan.contact_state import contact_state
+from pushplan.errors import PushplanError, SupportError
+from pushplan.friction import friction_wrench
+from pushplan.packed import pack_chain
+from pushplan.stable_set import stable_set
+from pushplan.support import UnknownSupport
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+
+def random_twists(chain: Chain, seed: int, count: int) -> FloatArray:
+    """Return twists that mostly go forward, so that both outcomes occur."""
+    rng = np.random.default_rng(seed)
+    twists = rng.normal(size=(count, 3)) * [0.3, 0.3, 0.3 / chain.characteristic_length]
+    return np.asarray(twists + [1.0, 0.0, 0.0], dtype=np.float64)  # noqa: RUF005
+
+
+def slack(chain: Chain, twist: FloatArray) -> float:
+    """Return by how much forces at the ends of all contacts can stay inside their friction cones, N.
+
+    Unknowns: normal and tangential force at both ends of each contact, and the slack t, which is maximised. Every
+    object is in equilibrium under its friction and the forces at all contacts it takes part in.
+    """
+    n = len(chain.objects)
+    equal, load = np.zeros((3 * n, 4 * n + 1)), np.zeros(3 * n)
+    bound = np.zeros((4 * n, 4 * n + 1))
+    for k, contact in enumerate(chain.contacts):
+        load[3 * k : 3 * k + 3] = -friction_wrench(chain.objects[k], [twist])[0]
+        for end, point in enumerate((contact.right, contact.left)):
+            for axis, direction in enumerate((contact.normal, contact.tangent)):
+                column = 4 * k + 2 * end + axis
+                wrench = [*direction, point[0] * direction[1] - point[1] * direction[0]]
+                equal[3 * k : 3 * k + 3, column] = wrench
+                if contact.pusher >= 0:
+                    equal[3 * contact.pusher : 3 * contact.pusher + 3, column] = -np.array(wrench)
+            for row, sign in enumerate((-1.0, 1.0)):
+                bound[4 * k + 2 * end + row, 4 * k + 2 * end : 4 * k + 2 * end + 2] = [
+                    -contact.friction,
+                    sign,
+                ]
+                bound[4 * k + 2 * end + row, -1] = 1.0
+    cost = np.zeros(4 * n + 1)
+    cost[-1] = -1.0
+    solution = linprog(cost, A_ub=bound, b_ub=np.zeros(4 * n), A_eq=equal, b_eq=load, bounds=(None, None))
+    assert solution.x is not None, solution.message
+    return float(solution.x[-1])
+
+
+@pytest.mark.parametrize("tree", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+def test_margin_agrees_with_a_linear_program(make_chain: ChainMaker, n: int, tree: bool) -> None:
+    """Positive slack exactly where the margin is positive."""
+    outcomes = []
+    for seed in range(8):
+        chain = make_chain.random(seed, n, tree=tree, feet=seed % 2 == 1)
+        twists = random_twists(chain, seed, 12)
+        for twist, m in zip(twists, stable_set(chain).margin(twists), strict=True):
+            outcomes.append(slack(chain, twist) > 0.0)
+            assert outcomes[-1] == (m > 0.0)
+    assert any(outcomes) or n > 3
+    assert not all(outcomes)
+
+
+def test_tree_margin_agrees_with_a_linear_program_where_two_stacks_are_stable(make_chain: ChainMaker) -> None:
+    """One plate pushes two stacks of two boxes side by side."""
+    single = make_chain.boxes(2, pusher_friction=0.8, contact_friction=0.6)
+    shifted = make_chain.moved(single, np.array([0.0, 0.12, 0.0]))
+    second = [
+        replace(c, pushed=c.pushed + 2, pusher=c.pusher + 2 if c.pusher >= 0 else -1)
+        for c in shifted.contacts
+    ]
+    objects = [replace(obj, name=f"left {obj.name}") for obj in shifted.objects]
+    chain = Chain((*single.objects, *objects), (*single.contacts, *second), single.pusher)
+    twists = random_twists(chain, 1, 60) * [1.0, 2.0, 2.0]
+    stable = [slack(chain, twist) > 0.0 for twist in twists]
+    assert stable_set(chain).contains(twists).tolist() == stable
+    assert 10 < sum(stable) < 50
+
+
+def test_scalar_and_vectorised_margins_are_the_same(make_chain: ChainMaker) -> None:
+    chain = make_chain.random(3, 4)
+    packed, stable = pack_chain(chain), stable_set(chain)
+    twists = random_twists(chain, 0, 50)
+    out = np.empty(4)
+    for twist, m, each in zip(twists, stable.margin(twists), stable.contact_margins(twists), strict=True):
+        vx, vy, omega = twist
+        contact_margins(packed, vx, vy, omega, out)
+        np.testing.assert_array_equal(out, each)
+        assert margin(packed, vx, vy, omega) == m == each.min()
+
+
+def test_contact_state_describes_the_same_forces(make_chain: ChainMaker) -> None:
+    """Margins are positive exactly where the force is inside the friction cone and passes through the segment."""
+    chain = make_chain.random(11, 3)
+    twists = random_twists(chain, 5, 300) * [1.0, 0.5, 0.4]
+    state = contact_state(chain, twists)
+    inside = (state.friction_margins > 0.0) & (state.lambdas > 0.0) & (state.lambdas < 1.0)
+    np.testing.assert_array_equal(inside, state.margins > 0.0)
+    assert inside.any()
+    total = -sum(friction_wrench(obj, twists) for obj in chain.objects)
+    np.testing.assert_allclose(state.wrenches[:, 0], total, atol=1e-12)
+    for k, contact in enumerate(chain.contacts):
+        at = contact.right + state.lambdas[:, k, None] * (contact.left - contact.right)
+        force = state.forces[:, k]
+        moment = at[:, 0] * force[:, 1] - at[:, 1] * force[:, 0]
+        np.testing.assert_allclose(moment, state.wrenches[:, k, 2], atol=1e-9)
+
+
+def test_mirrored_chain_has_mirrored_margins(make_chain: ChainMaker) -> None:
+    chain = make_chain.random(5, 3)
+    twists = random_twists(chain, 2, 100)
+    mirrored = stable_set(make_chain.mirrored(chain)).margin(twists * [1.0, -1.0, -1.0])
+    np.testing.assert_allclose(mirrored, stable_set(chain).margin(twists), atol=1e-12)
+
+
+def test_margins_do_not_depend_on_the_unit_of_length(make_chain: ChainMaker) -> None:
+    chain = make_chain.random(6, 3)
+    twists = random_twists(chain, 3, 100)
+    for factor in (1e-3, 1e3):
+        scaled = stable_set(make_chain.scaled(chain, factor)).margin(twists * [1.0, 1.0, 1.0 / factor])
+        np.testing.assert_allclose(scaled, stable_set(chain).margin(twists), atol=1e-11)
+
+
+def test_stability_does_not_depend_on_the_frame(make_chain: ChainMaker) -> None:
+    """Margins do (moments about another origin), their signs and the friction margins do not."""
+    chain = make_chain.random(7, 3)
+    pose = np.array([0.4, -0.3, 0.8])
+    twists = random_twists(chain, 4, 200)
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    velocity = twists[:, :2] @ np.array([[c, s], [-s, c]])
+    velocity -= twists[:, [2]] * np.array([-pose[1], pose[0]])
+    moved_twists = np.column_stack([velocity, twists[:, 2]])
+    state, moved = contact_state(chain, twists), contact_state(make_chain.moved(chain, pose), moved_twists)
+    np.testing.assert_array_equal(state.margins > 0.0, moved.margins > 0.0)
+    np.testing.assert_allclose(moved.friction_margins, state.friction_margins, atol=1e-10)
+    np.testing.assert_allclose(moved.lambdas, state.lambdas, rtol=1e-7)
+
+
+def test_margins_are_continuous(make_chain: ChainMaker) -> None:
+    """Along a great circle through a footprint, halving the step halves the largest change."""
+    stable = stable_set(make_chain.random(8, 3))
+    length = stable.chain.characteristic_length
+
+    def largest_change(steps: int) -> float:
+        angle = np.linspace(0.0, 2.0 * np.pi, steps + 1)
+        twists = np.column_stack([np.cos(angle), 0.1 * np.cos(angle), np.sin(angle) / length])
+        return float(np.abs(np.diff(stable.margin(twists))).max())
+
+    changes = [largest_change(2**k * 1000) for k in range(4)]
+    assert all(after < 0.7 * before for before, after in pairwise(changes))
+
+
+@pytest.mark.parametrize("friction", [0.0, 1e9])
+def test_extreme_contact_friction_has_defined_answers(make_chain: ChainMaker, friction: float) -> None:
+    """Without contact friction nothing is strictly stable; with huge friction sideways pushes are, while upright."""
+    chain = make_chain.boxes(2, contact_friction=friction, pusher_friction=friction)
+    twists = np.random.default_rng(0).normal(size=(500, 3)) * [1.0, 1.0, 5.0]
+    margins = stable_set(chain).margin(np.vstack([twists, [[1.0, 0.0, 0.0]]]))
+    assert np.isfinite(margins).all()
+    assert (margins.max() > 0.0) == (friction > 0.0)
+
+
+def test_object_without_floor_friction_has_margin_zero(make_chain: ChainMaker) -> None:
+    """Nothing presses a frictionless last object against the one before."""
+    chain = make_chain.boxes(2)
+    chain = replace(chain, objects=(chain.objects[0], replace(chain.objects[1], floor_friction=0.0)))
+    state = contact_state(chain, [[1.0, 0.0, 0.0], [1.0, 0.2, 1.0]])
+    np.testing.assert_array_equal(state.margins[:, 1], 0.0)
+    assert (state.margins[:, 0] > 0.0).all()
+    assert not np.isnan(state.lambdas).any()
+
+
+def test_cor_on_the_cof_or_a_vertex_has_a_margin(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2)
+    cors = np.vstack([[0.05, 0.0], [0.15, 0.0], [0.0, 0.0], *(obj.outline_chain for obj in chain.objects)])
+    twists = np.column_stack([cors[:, 1], -cors[:, 0], np.ones(len(cors))])
+    margins = stable_set(chain).margin(np.vstack([twists, -twists]))
+    assert ((margins >= -1.0) & (margins <= 1.0)).all()
+
+
+def test_margin_of_rest_is_zero_in_compiled_code(make_chain: ChainMaker) -> None:
+    assert margin(pack_chain(make_chain.boxes(2)), 0.0, 0.0, 0.0) == 0.0
+
+
+def test_unknown_loads_are_refused_with_the_way_out(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2, support=UnknownSupport)
+    with pytest.raises(SupportError, match=r"the load under 'box0' is unknown.*'robust'"):
+        stable_set(chain, "ecof")
+
+
+def test_unknown_set_names_are_refused(make_chain: ChainMaker) -> None:
+    with pytest.raises(PushplanError, match="no stable set is called 'ecoff'; there are ecof"):
+        stable_set(make_chain.boxes(1), "ecoff")
+
+
+def test_long_narrow_contact_keeps_its_conditions(make_chain: ChainMaker) -> None:
+    """A contact of 1 um can only transmit forces through itself: translation along its axis holds, turning not."""
+    chain = make_chain.boxes(1, pusher_friction=0.5)
+    needle = Contact(np.array([0.0, -5e-7]), np.array([0.0, 5e-7]), 0.5, 0, -1)
+    stable = stable_set(replace(chain, contacts=(needle,)))
+    assert stable.contains([[1.0, 0.0, 0.0], [1.0, 0.0, 0.1], [1.0, 0.0, -0.1]]).tolist() == [
+        True,
+        False,
+        False,
+    ]
