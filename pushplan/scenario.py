@@ -12,89 +12,30 @@ from typing import Any
 from pushplan import names
 from pushplan.arrays import FloatArray, frozen
 from pushplan.chain import Chain
+from pushplan.errors import Finding
+from pushplan.scenario_parts import (
+    CircleObstacle,
+    Goal,
+    Obstacle,
+    PlannerSettings,
+    PolygonObstacle,
+    StabilitySettings,
+    Workspace,
+)
 
-
-@dataclass(frozen=True, eq=False)
-class Goal:
-    """Where to bring the chain.
-
-    Attributes:
-        pose: (3,) pose in the world of the object `of`, or of the chain frame, as stated.
-        of: Name of the object whose frame is meant; None stands for the chain frame.
-        pose_chain: (3,) pose of the chain frame in the world at the goal.
-        position_tolerance: Distance that still counts as reached, m.
-        angle_tolerance: Angle that still counts as reached, rad.
-    """
-
-    pose: FloatArray
-    of: str | None
-    pose_chain: FloatArray
-    position_tolerance: float
-    angle_tolerance: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "pose", frozen(self.pose, (3,), "pose of the goal"))
-        object.__setattr__(self, "pose_chain", frozen(self.pose_chain, (3,), "chain's pose at the goal"))
-
-
-@dataclass(frozen=True)
-class Workspace:
-    """The rectangle, in the world, that pusher and objects do not leave, m."""
-
-    xmin: float
-    xmax: float
-    ymin: float
-    ymax: float
-
-
-@dataclass(frozen=True, eq=False)
-class PolygonObstacle:
-    """A simple polygon that stands still.
-
-    Attributes:
-        outline: (v, 2) corners in the world, m, counter-clockwise.
-    """
-
-    outline: FloatArray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "outline", frozen(self.outline, (None, 2), "outline of an obstacle"))
-
-
-@dataclass(frozen=True, eq=False)
-class CircleObstacle:
-    """A disc that stands still.
-
-    Attributes:
-        center: (2,) in the world, m.
-        radius: m.
-    """
-
-    center: FloatArray
-    radius: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "center", frozen(self.center, (2,), "centre of an obstacle"))
-
-
-Obstacle = PolygonObstacle | CircleObstacle
-
-
-@dataclass(frozen=True)
-class StabilitySettings:
-    """The stable set that limits the pusher's twists, and the margin that they keep inside it."""
-
-    set: str = names.DEFAULT_STABLE_SET
-    margin: float = 0.0
-
-
-@dataclass(frozen=True)
-class PlannerSettings:
-    """The planner, its wall-clock limit (s), and the seed of its random numbers."""
-
-    name: str = names.DEFAULT_PLANNER
-    time_limit: float = 2.0
-    seed: int = 1
+__all__ = [
+    "CircleObstacle",
+    "Goal",
+    "Obstacle",
+    "PlannerSettings",
+    "PolygonObstacle",
+    "Scenario",
+    "StabilitySettings",
+    "Workspace",
+    "check_scenario",
+    "load_scenario",
+    "scenario_from_text",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +68,8 @@ class Scenario:
     goal: Goal
     workspace: Workspace | None = None
     obstacles: tuple[Obstacle, ...] = ()
-    stability: StabilitySettings = StabilitySettings()
-    planner: PlannerSettings = PlannerSettings()
+    stability: StabilitySettings = field(default_factory=StabilitySettings)
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
     trajectory: str = names.DEFAULT_TRAJECTORY
     attachments: Mapping[str, bytes] = field(default_factory=dict)
     bodies: Mapping[str, Any] = field(default_factory=dict)
@@ -165,7 +106,7 @@ class Scenario:
         return mine == theirs and self.resolved() == other.resolved()
 
     def __hash__(self) -> int:
-        return hash((self.name, self.source))
+        return hash((self.name, self.floor_friction))
 
 
 def _resolved_goal(goal: Goal) -> dict[str, Any]:
@@ -184,3 +125,44 @@ def _resolved_obstacle(obstacle: Obstacle) -> dict[str, Any]:
     if isinstance(obstacle, CircleObstacle):
         return {"circle": obstacle.radius, "center": obstacle.center.tolist()}
     return {"polygon": obstacle.outline.tolist()}
+
+
+def load_scenario(source: str | Path) -> Scenario:
+    """Read a scenario from a file, or a packaged example by its name.
+
+    A file of that name comes first; a Path is never taken for an example's name.
+
+    Raises:
+        ScenarioError: With everything found wrong: syntax, values, geometry, start and goal.
+    """
+    from pushplan.scenario_file import load_scenario as load
+
+    return load(source)
+
+
+def scenario_from_text(
+    text: str | bytes, path: str | Path = "scenario.yaml", attachments: Mapping[str, bytes] | None = None
+) -> Scenario:
+    """Read a scenario from a text, e.g. from the one that is attached to a run's log.
+
+    Args:
+        text: What a scenario file holds.
+        path: What messages call it; nothing is read from there.
+        attachments: Contents of the files that the scenario refers to, by the name that it uses.
+
+    Raises:
+        ScenarioError: As for `load_scenario`.
+    """
+    from pushplan.scenario_file import scenario_from_text as read
+
+    return read(text, path, attachments or {})
+
+
+def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
+    """Return what `load_scenario` leaves out because it takes longer: whether the stable set is empty.
+
+    The set is that of `scenario.stability`; one that needs loads which the scenario does not state is a finding too.
+    """
+    from pushplan.scenario_check import check_scenario as check
+
+    return check(scenario)

@@ -1,0 +1,91 @@
+"""The parts of a push problem beside the chain: goal, workspace, obstacles, settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pushplan import names
+from pushplan.arrays import FloatArray, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """Where to bring the chain.
+
+    Attributes:
+        pose: (3,) pose in the world of the object `of`, or of the chain frame, as stated.
+        of: Name of the object whose frame is meant; None stands for the chain frame.
+        pose_chain: (3,) pose of the chain frame in the world at the goal.
+        position_tolerance: Distance that still counts as reached, m.
+        angle_tolerance: Angle that still counts as reached, rad.
+    """
+
+    pose: FloatArray
+    of: str | None
+    pose_chain: FloatArray
+    position_tolerance: float
+    angle_tolerance: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose", frozen(self.pose, (3,), "pose of the goal"))
+        object.__setattr__(self, "pose_chain", frozen(self.pose_chain, (3,), "chain's pose at the goal"))
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """The rectangle, in the world, that pusher and objects do not leave, m."""
+
+    xmin: float
+    xmax: float
+    ymin: float
+    ymax: float
+
+
+@dataclass(frozen=True, eq=False)
+class PolygonObstacle:
+    """A simple polygon that stands still.
+
+    Attributes:
+        outline: (v, 2) corners in the world, m, counter-clockwise.
+    """
+
+    outline: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outline", frozen(self.outline, (None, 2), "outline of an obstacle"))
+
+
+@dataclass(frozen=True, eq=False)
+class CircleObstacle:
+    """A disc that stands still.
+
+    Attributes:
+        center: (2,) in the world, m.
+        radius: m.
+    """
+
+    center: FloatArray
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", frozen(self.center, (2,), "centre of an obstacle"))
+
+
+Obstacle = PolygonObstacle | CircleObstacle
+
+
+@dataclass(frozen=True)
+class StabilitySettings:
+    """The stable set that limits the pusher's twists, and the margin that they keep inside it."""
+
+    set: str = names.DEFAULT_STABLE_SET
+    margin: float = 0.0
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """The planner, its wall-clock limit (s), and the seed of its random numbers."""
+
+    name: str = names.DEFAULT_PLANNER
+    time_limit: float = 2.0
+    seed: int = 1
