@@ -20,7 +20,7 @@ NODE = 17
 """Columns of a node: x, y, theta, cost to the tree's root, parent, and up to three arcs (vx, vy, omega, length)
 between the node and its parent, in the order of travel."""
 
-NEAREST = 4
+NEAREST = 2
 """Nodes of a tree, nearest to a sample, from which words are tried."""
 
 GOAL_SHARE = 0.05
@@ -170,9 +170,9 @@ def _extend(
         parent = near[i]
         node = tree[parent, :3]
         if which == 0:
-            cost = _best_word(problem.families, node, sample, words, word)
+            cost = _best_word(problem.families[:1], node, sample, words, word)
         else:
-            cost = _best_word(problem.families, sample, node, words, word)
+            cost = _best_word(problem.families[:1], sample, node, words, word)
         if cost == np.inf:
             continue
         _clip(word, forest.reach, which == 1)
@@ -206,7 +206,7 @@ def _join(
         first, last = (tree[row], other[j]) if which == 0 else (other[j], tree[row])
         limit = min(bound, best) - so_far
         if limit > 0.0:
-            cost, _ = connect(problem.scene, problem.families, first[:3], last[:3], limit, word)
+            cost, _ = connect(problem.scene, problem.families[:1], first[:3], last[:3], limit, word)
             if so_far + cost < best:
                 best, partner = so_far + cost, j
                 arcs[:] = word

@@ -52,8 +52,7 @@ def search(session: Session, box: Box, heading_length: float, make: Callable[[An
             lambda target=target: session.finished or session.extensions >= target
         )
         planner.solve(stop)
-        if session.finished:
-            return
+        session.refine()
         planner.clear()
         session.restart()
         allowance *= 2

@@ -1,34 +1,55 @@
-"""Compiled shortening of a path: random pairs of its poses are joined anew by exact words."""
+"""Compiled shortening of a path: random pairs of its poses are joined anew by exact words.
+
+Every corner costs a stop, so a path counts as better by its cost plus a small price for each of its arcs.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numba import njit
 
 from pushplan.arrays import FloatArray, RandomState
+from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import step
 from pushplan.planners.search import Problem, random
-from pushplan.planners.steering import connect
+from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
+
+ARC_PRICE = 0.001
+"""What an arc costs beside its length, m."""
 
 GAIN = 1e-9
 """Smallest saving (m) for which a piece of path is exchanged."""
+
+DRAWN_SHARE = 0.5
+"""Share of the attempts that join by turns and pushes drawn from the whole stable set."""
 
 END_SHARE = 0.2
 """Share of the attempts that begin at the start, and of those that end at the goal."""
 
 
 @njit(cache=True)
-def _locate(start: FloatArray, arcs: FloatArray, n: int, s: float) -> tuple[int, float, float, float, float]:
+def price(path: FloatArray) -> float:
+    """Return the cost (m) of a path (k, 4), its arcs priced."""
+    return float(path[:, 3].sum() + ARC_PRICE * path.shape[0])
+
+
+@njit(cache=True)
+def _locate(start: FloatArray, arcs: FloatArray, s: float) -> tuple[int, float, FloatArray]:
     """Return arc, cost into the arc and pose at cost `s` along the path."""
     x, y, theta = start[0], start[1], start[2]
-    for i in range(n):
-        if s <= arcs[i, 3] or i == n - 1:
-            into = min(s, arcs[i, 3])
-            x, y, theta = step(x, y, theta, arcs[i, 0], arcs[i, 1], arcs[i, 2], into)
-            return i, into, x, y, theta
+    last = arcs.shape[0] - 1
+    for i in range(last):
+        if s <= arcs[i, 3]:
+            break
         x, y, theta = step(x, y, theta, arcs[i, 0], arcs[i, 1], arcs[i, 2], arcs[i, 3])
         s -= arcs[i, 3]
-    return 0, 0.0, x, y, theta
+    else:
+        i = last
+    s = min(s, arcs[i, 3])
+    x, y, theta = step(x, y, theta, arcs[i, 0], arcs[i, 1], arcs[i, 2], s)
+    return i, s, np.array([x, y, theta])
 
 
 @njit(cache=True)
@@ -45,46 +66,95 @@ def _append(arcs: FloatArray, n: int, twist: FloatArray, length: float) -> int:
 
 
 @njit(cache=True)
+def merged(arcs: FloatArray) -> FloatArray:
+    """Return a path (k, 4) without empty arcs and with neighbours of the same motion made one."""
+    path = np.empty_like(arcs)
+    n = 0
+    for i in range(arcs.shape[0]):
+        n = _append(path, n, arcs[i, :3], arcs[i, 3])
+    return path[:n].copy()
+
+
+@njit(cache=True)
+def _spliced(path: FloatArray, i: int, into_i: float, word: FloatArray, j: int, into_j: float) -> FloatArray:
+    """Return the path with everything between two places exchanged for a word."""
+    joined = np.empty((path.shape[0] + 5, 4))
+    joined[:i] = path[:i]
+    joined[i] = path[i]
+    joined[i, 3] = into_i
+    joined[i + 1 : i + 4] = word
+    joined[i + 4] = path[j]
+    joined[i + 4, 3] = path[j, 3] - into_j
+    rest = path.shape[0] - j - 1
+    joined[i + 5 : i + 5 + rest] = path[j + 1 :]
+    return merged(joined[: i + 5 + rest])
+
+
+@njit(cache=True)
+def _between(segment: FloatArray, b: float, twist: FloatArray) -> None:
+    """Fill `twist` with the combination (1 - b, b) of a segment's ends, scaled to a cost rate of 1."""
+    for i in range(3):
+        twist[i] = (1.0 - b) * segment[i] + b * segment[3 + i]
+    twist /= math.hypot(twist[0], twist[1]) + TURN_WEIGHT * abs(twist[2])
+
+
+@njit(cache=True)
+def random_family(segments: FloatArray, state: RandomState, family: FloatArray) -> None:
+    """Fill `family` (3, 3) with a left turn, a straight push and a right turn drawn from the stable set.
+
+    Turns are drawn from the ends of the segments, where they are tightest, as often as from within. A motion of
+    which the drawn segment has none is left at zero.
+    """
+    family[:] = 0.0
+    for letter in range(3):
+        segment = segments[int(random(state) * segments.shape[0])]
+        low, high = segment[2], segment[5]
+        level = low / (low - high) if low * high < 0.0 else -1.0  # where the segment crosses the translations
+        b = 0.0 if letter == RIGHT else 1.0
+        if random(state) < 0.5:
+            b = random(state) * (level if letter == RIGHT else 1.0 - level) if level > 0.0 else random(state)
+            b = b if letter == RIGHT else 1.0 - b
+        if letter == STRAIGHT:
+            if level > 0.0:
+                _between(segment, level, family[letter])
+                family[letter, 2] = 0.0
+        elif (low < 0.0) if letter == RIGHT else (high > 0.0):
+            _between(segment, b, family[letter])
+            if family[letter, 2] * (1.0 if letter == LEFT else -1.0) < 1e-6:
+                family[letter] = 0.0
+
+
+@njit(cache=True)
 def shorten(
-    problem: Problem, start: FloatArray, arcs: FloatArray, n: int, state: RandomState, attempts: int
+    problem: Problem, start: FloatArray, arcs: FloatArray, state: RandomState, attempts: int
 ) -> FloatArray:
     """Return the shortened path (k, 4) of twists and lengths.
 
     Args:
-        problem: See `search.Problem`.
+        problem: What to plan.
         start: (3,) pose at the path's beginning.
-        arcs: (m, 4) the path; the first `n` rows count.
-        n: Arcs of the path.
+        arcs: (m, 4) the path.
         state: (1,) state of the random generator.
         attempts: Pairs of poses to try.
     """
-    path = np.empty((n, 4))
-    k = 0
-    for i in range(n):
-        k = _append(path, k, arcs[i, :3], arcs[i, 3])
-    path = path[:k]
+    path = merged(arcs)
     word = np.empty((3, 4))
+    drawn = np.empty((1, 3, 3))
     for _ in range(attempts):
         total = path[:, 3].sum()
-        a, b = random(state), random(state)
-        ends = random(state)
-        lo = 0.0 if ends < END_SHARE else min(a, b) * total
-        hi = total if ends > 1.0 - END_SHARE else max(a, b) * total
-        i, into_i, xi, yi, ti = _locate(start, path, path.shape[0], lo)
-        j, into_j, xj, yj, tj = _locate(start, path, path.shape[0], hi)
-        begin, end = np.array([xi, yi, ti]), np.array([xj, yj, tj])
-        cost, _ = connect(problem.scene, problem.families, begin, end, hi - lo - GAIN, word)
-        if cost == np.inf:
-            continue
-        joined = np.empty((path.shape[0] + 5, 4))
-        k = 0
-        for q in range(i):
-            k = _append(joined, k, path[q, :3], path[q, 3])
-        k = _append(joined, k, path[i, :3], into_i)
-        for q in range(3):
-            k = _append(joined, k, word[q, :3], word[q, 3])
-        k = _append(joined, k, path[j, :3], path[j, 3] - into_j)
-        for q in range(j + 1, path.shape[0]):
-            k = _append(joined, k, path[q, :3], path[q, 3])
-        path = joined[:k].copy()
+        a, b, ends = random(state), random(state), random(state)
+        low = 0.0 if ends < END_SHARE else min(a, b) * total
+        high = total if ends > 1.0 - END_SHARE else max(a, b) * total
+        i, into_i, begin = _locate(start, path, low)
+        j, into_j, end = _locate(start, path, high)
+        bound = high - low + ARC_PRICE * (j - i + 1)
+        families = problem.families
+        if random(state) < DRAWN_SHARE:
+            random_family(problem.segments, state, drawn[0])
+            families = drawn
+        cost, _ = connect(problem.scene, families, begin, end, bound, word)
+        if cost < bound:
+            exchanged = _spliced(path, i, into_i, word, j, into_j)
+            if price(exchanged) < price(path) - GAIN:
+                path = exchanged
     return path

@@ -10,20 +10,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.planners.polish import shorten
+from pushplan.planners.polish import merged, price, shorten
 from pushplan.planners.search import NODE, Problem, grow, remaining, trace
 from pushplan.result import ProgressPoint
 
 FIRST_CAPACITY = 4096
 """Nodes that a fresh tree has room for; doubled when full."""
 
-POLISH_ATTEMPTS = 400
-"""Shortcuts tried on every new best path."""
+POLISH_ATTEMPTS = 1_000
+"""Shortcuts tried on every path found."""
+
+REFINE_CHUNK = 2_000
+"""Shortcuts tried on the best path between two looks at the clock."""
 
 GAIN = 1e-9
 """A path counts as better when it is cheaper by this much, m."""
 
-WORTHWHILE = 1e-4
+WORTHWHILE = 1e-3
 """Share of the cost that an improvement has to save to put off the end by stalling."""
 
 
@@ -33,15 +36,14 @@ class Budget:
 
     Attributes:
         time_limit: Wall-clock seconds, at most.
-        stall: Stop after this many extensions without a better path, once there is one. It makes runs that
-        end
-            within the time limit repeat bit by bit.
+        stall: Stop after this many iterations without a better path, once there is one. Runs that end so, not by
+            the time limit, repeat bit by bit.
         gap: Stop when the cost exceeds the lower bound by no more than this share.
         first: Stop at the first path.
     """
 
     time_limit: float
-    stall: int = 20_000
+    stall: int = 40_000
     gap: float = 1e-9
     first: bool = False
 
@@ -56,7 +58,8 @@ class Session:
         best_cost: Its cost, m; infinite while there is none.
         progress: Every improvement.
         extensions: Arcs propagated.
-        branches: Endpoints of the best trees' branches, for the log.
+        iterations: Arcs propagated and shortcuts tried.
+        nodes: (capacity, NODE) the tree; the first `count` rows are in use.
     """
 
     def __init__(
@@ -76,7 +79,9 @@ class Session:
         self.best_cost = math.inf
         self.progress: list[ProgressPoint] = []
         self.extensions = 0
-        self._improved_at = 0
+        self.iterations = 0
+        self._best_price = math.inf
+        self._reference, self._improved_at = math.inf, 0
         self._on_progress = on_progress
         self._word = np.zeros((3, 4))
         self.nodes = np.zeros((FIRST_CAPACITY, NODE))
@@ -108,7 +113,7 @@ class Session:
             return False
         if self.budget.first or self.best_cost <= self.lower_bound * (1.0 + self.budget.gap) + 1e-12:
             return True
-        return self.extensions - self._improved_at >= self.budget.stall
+        return self.iterations - self._improved_at >= self.budget.stall
 
     def restart(self) -> None:
         """Drop the tree, keep the best path, and try the exact connection from the start."""
@@ -116,8 +121,8 @@ class Session:
         self.nodes[0, :3] = self.start
         self.nodes[0, 4] = -1.0
         self.count = 1
-        found = grow(self.problem, self.nodes, 0, -1, 0.0, 0.0, 0.0, self.bound, self._word)
-        self._consider(0, found[1])
+        _, cost = grow(self.problem, self.nodes, 0, -1, 0.0, 0.0, 0.0, self.bound, self._word)
+        self._consider(0, cost)
 
     def grow(self, parent: int, u0: float, u1: float, u2: float) -> int:
         """Propagate one arc from node `parent` under controls in [0, 1].
@@ -127,36 +132,49 @@ class Session:
         """
         if self.count == len(self.nodes):
             self.nodes = np.concatenate([self.nodes, np.zeros_like(self.nodes)])
-        self.extensions += 1
+        self.spent(1)
         node = self.count
-        kept, cost = grow(self.problem, self.nodes, node, parent, u0, u1, u2, self.best_cost, self._word)
+        kept, cost = grow(self.problem, self.nodes, node, parent, u0, u1, u2, self.bound, self._word)
         if not kept:
             return -1
         self.count = node + 1
         self._consider(node, cost)
         return node
 
+    def spent(self, extensions: int) -> None:
+        """Count arcs that were propagated."""
+        self.extensions += extensions
+        self.iterations += extensions
+
     def _consider(self, node: int, cost: float) -> None:
         """Take the connection from `node` if it is the best path so far."""
-        if cost >= self.bound:
-            return
-        path = np.empty((self.count + 3, 4))
-        arcs = path[: trace(self.nodes, node, self._word, path)]
-        self.offer(arcs)
+        if cost < self.bound:
+            path = np.empty((self.count + 3, 4))
+            self.offer(path[: trace(self.nodes, node, self._word, path)])
 
     def offer(self, arcs: FloatArray) -> None:
-        """Record a path (k, 4) to the goal that beats the best one, polished."""
-        self._record(arcs)
+        """Take a path (k, 4) to the goal into account, as it is and polished."""
+        self._record(merged(arcs))
         if not self.budget.first:
-            polished = shorten(self.problem, self.start, arcs, len(arcs), self.random, POLISH_ATTEMPTS)
-            if polished[:, 3].sum() < self.best_cost:
-                self._record(polished)
+            self._record(self._polished(arcs, POLISH_ATTEMPTS))
+
+    def refine(self) -> None:
+        """Go on polishing the best path, if there is one."""
+        if self.best_arcs is not None and not self.budget.first:
+            self._record(self._polished(self.best_arcs, REFINE_CHUNK))
+
+    def _polished(self, arcs: FloatArray, attempts: int) -> FloatArray:
+        self.iterations += attempts
+        return np.asarray(shorten(self.problem, self.start, arcs, self.random, attempts))
 
     def _record(self, arcs: FloatArray) -> None:
-        cost = float(arcs[:, 3].sum())
-        if cost < self.best_cost * (1.0 - WORTHWHILE) or self.best_arcs is None:
-            self._improved_at = self.extensions
-        self.best_arcs, self.best_cost = arcs.copy(), cost
-        self.progress.append(ProgressPoint(self.elapsed, self.best_cost, self.extensions))
+        """Keep a path (k, 4) if it is better than the best one."""
+        if price(arcs) >= self._best_price - GAIN:
+            return
+        self.best_arcs, self._best_price = arcs.copy(), price(arcs)
+        self.best_cost = float(arcs[:, 3].sum())
+        if self.best_cost < self._reference * (1.0 - WORTHWHILE):
+            self._reference, self._improved_at = self.best_cost, self.iterations
+        self.progress.append(ProgressPoint(self.elapsed, self.best_cost, self.iterations))
         if self._on_progress is not None:
             self._on_progress(self.progress[-1])

@@ -11,7 +11,8 @@ import numpy as np
 
 from pushplan.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.contact_state import contact_state
-from pushplan.planners.collision import Scene
+from pushplan.planners.polish import shorten
+from pushplan.planners.registry import planner_named
 from pushplan.planners.scene import build_scene
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Budget, Session
@@ -24,14 +25,15 @@ PATIENCE = 1.5
 ANNOUNCEMENT = "compiling for this machine (only before the first run, about 20 s) ..."
 
 
-def warm_up(tell: Callable[[str], None] | None = None) -> None:
+def warm_up(planner: str, tell: Callable[[str], None] | None = None) -> None:
     """Make all compiled code of a plan ready.
 
     Args:
+        planner: Name of the planner that will run.
         tell: Called with a sentence for the user if that takes long.
     """
     with _announced(tell):
-        _compile()
+        _compile(planner)
 
 
 @contextmanager
@@ -50,14 +52,15 @@ def _announced(tell: Callable[[str], None] | None) -> Iterator[None]:
 
 
 @cache
-def _compile() -> None:
-    """Run every kernel once on a single box in the open."""
+def _compile(planner: str) -> None:
+    """Run every kernel once, on a single box that an obstacle keeps from its goal."""
     chain = _one_box()
     stable = stable_set(chain, "ecof")
     stable.meridians(count=8)
     contact_state(chain, np.array([[1.0, 0.0, 0.0]]))
-    session = Session(_problem(chain), np.zeros(3), Budget(time_limit=1.0), seed=0)
-    session.grow(0, 0.5, 0.5, 0.5)
+    session = Session(_problem(chain), np.zeros(3), Budget(time_limit=60.0, first=True), seed=0)
+    planner_named(planner)(session, (-2.0, -2.0, 3.0, 4.0), 0.1)
+    shorten(session.problem, session.start, np.asarray(session.best_arcs), session.random, 1)
 
 
 def _one_box() -> Chain:
@@ -69,13 +72,8 @@ def _one_box() -> Chain:
 
 
 def _problem(chain: Chain) -> Problem:
-    scene: Scene = build_scene(
-        chain,
-        [np.array([[5.0, 5.0], [6.0, 5.0], [5.0, 6.0]])],
-        [(9.0, 9.0, 1.0)],
-        (-10.0, -10.0, 10.0, 10.0),
-        1e-4,
-    )
+    wall = np.array([[0.7, -5.0], [0.8, -5.0], [0.8, 1.2], [0.7, 1.2]])
+    scene = build_scene(chain, [wall], [(9.0, 9.0, 1.0)], (-10.0, -10.0, 10.0, 10.0), 1e-4)
     family = np.array([[[0.4, 0.0, 1.0], [1.0, 0.0, 0.0], [0.4, 0.0, -1.0]]])
     segments = np.array([[0.4, 0.0, 1.0, 0.4, 0.0, -1.0]])
-    return Problem(scene, segments, family, np.array([1.0, 0.5, 1.0]), 0.5)
+    return Problem(scene, segments, family, np.array([1.5, 0.0, 0.0]), 0.5)
