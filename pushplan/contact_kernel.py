@@ -22,69 +22,67 @@ from pushplan.packed import PackedChain
 
 
 @njit(cache=True, error_model="numpy")
-def accumulate(packed: PackedChain, k: int, vx: float, vy: float, omega: float, carried: FloatArray) -> None:
-    """Add object k's wrench to `carried[k]` (n, 3), which then is whole, and all of it to its pusher's."""
-    fx, fy, m = carried_wrench(packed, k, vx, vy, omega)
-    carried[k, 0] += fx
-    carried[k, 1] += fy
-    carried[k, 2] += m
-    pusher = packed.links[k, 3]
-    if pusher >= 0:
-        carried[pusher, 0] += carried[k, 0]
-        carried[pusher, 1] += carried[k, 1]
-        carried[pusher, 2] += carried[k, 2]
-
-
-@njit(cache=True, error_model="numpy")
 def contact_wrenches(packed: PackedChain, vx: float, vy: float, omega: float, out: FloatArray) -> None:
     """Fill `out` (n, 3) with the wrench that each contact transmits: f_x, f_y (N), moment (N m) about 0.
 
     Only the twist's direction matters; the zero twist gives zero wrenches.
     """
+    objects, parts, series, links, _, length = packed
     out[:] = 0.0
-    size = max(abs(vx), abs(vy), abs(omega) * packed.length)
-    if size > 0.0:
-        for k in range(len(packed.links) - 1, -1, -1):
-            accumulate(packed, k, vx / size, vy / size, omega / size, out)
+    size = max(abs(vx), abs(vy), abs(omega) * length)
+    if not size > 0.0:
+        return
+    vx, vy, omega = vx / size, vy / size, omega / size
+    for k in range(len(links) - 1, -1, -1):
+        wrench = carried_wrench(objects, parts, series, links, k, vx, vy, omega)
+        _load(out, k, links[k, 3], wrench)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _load(carried: FloatArray, k: int, pusher: int, wrench: tuple[float, float, float]) -> None:
+    """Add object k's wrench to `carried[k]` (n, 3), which then is whole, and that to its pusher's."""
+    for j in range(3):
+        carried[k, j] += wrench[j]
+        if pusher >= 0:
+            carried[pusher, j] += carried[k, j]
 
 
 @njit(cache=True, error_model="numpy")
-def wrench_margin(packed: PackedChain, k: int, fx: float, fy: float, m: float) -> float:
-    """Return the margin of contact k when it transmits a wrench; 0 for no wrench."""
-    m /= packed.length
+def wrench_margin(rows: FloatArray, k: int, fx: float, fy: float, m: float) -> float:
+    """Return the margin of contact k for a transmitted wrench, m divided by the length; 0 for no wrench."""
     size = math.sqrt(fx * fx + fy * fy + m * m)
     if size == 0.0:
         return 0.0
     lowest = math.inf
     for j in range(4):
-        value = packed.rows[k, j, 0] * fx + packed.rows[k, j, 1] * fy + packed.rows[k, j, 2] * m
-        lowest = min(lowest, value)
+        lowest = min(lowest, rows[k, j, 0] * fx + rows[k, j, 1] * fy + rows[k, j, 2] * m)
     return lowest / size
 
 
 @njit(cache=True, error_model="numpy")
 def contact_margins(packed: PackedChain, vx: float, vy: float, omega: float, out: FloatArray) -> None:
     """Fill `out` (n,) with the margin of each contact at a body twist in the chain frame, in [-1, 1]."""
-    n = len(packed.links)
-    wrenches = np.empty((n, 3))
+    wrenches = np.empty((len(packed.links), 3))
     contact_wrenches(packed, vx, vy, omega, wrenches)
-    for k in range(n):
-        out[k] = wrench_margin(packed, k, wrenches[k, 0], wrenches[k, 1], wrenches[k, 2])
+    for k in range(len(wrenches)):
+        w = wrenches[k]
+        out[k] = wrench_margin(packed.rows, k, w[0], w[1], w[2] / packed.length)
 
 
 @njit(cache=True, error_model="numpy")
 def margin_down_to(packed: PackedChain, vx: float, vy: float, omega: float, floor: float) -> float:
     """Return `margin`, or, as soon as a contact's margin is at most `floor`, that one."""
-    n = len(packed.links)
-    size = max(abs(vx), abs(vy), abs(omega) * packed.length)
+    objects, parts, series, links, rows, length = packed
+    size = max(abs(vx), abs(vy), abs(omega) * length)
     if not size > 0.0:
         return 0.0
     vx, vy, omega = vx / size, vy / size, omega / size
-    carried = np.zeros((n, 3))
+    carried = np.zeros((len(links), 3))
     lowest = 1.0
-    for k in range(n - 1, -1, -1):
-        accumulate(packed, k, vx, vy, omega, carried)
-        lowest = min(lowest, wrench_margin(packed, k, carried[k, 0], carried[k, 1], carried[k, 2]))
+    for k in range(len(links) - 1, -1, -1):
+        wrench = carried_wrench(objects, parts, series, links, k, vx, vy, omega)
+        _load(carried, k, links[k, 3], wrench)
+        lowest = min(lowest, wrench_margin(rows, k, carried[k, 0], carried[k, 1], carried[k, 2] / length))
         if lowest <= floor:
             break
     return lowest
@@ -120,16 +118,19 @@ def contact_margins_of(packed: PackedChain, wrenches: FloatArray) -> FloatArray:
     out = np.empty((len(wrenches), len(packed.links)))
     for i in range(len(out)):
         for k in range(len(packed.links)):
-            out[i, k] = wrench_margin(packed, k, wrenches[i, k, 0], wrenches[i, k, 1], wrenches[i, k, 2])
+            w = wrenches[i, k]
+            out[i, k] = wrench_margin(packed.rows, k, w[0], w[1], w[2] / packed.length)
     return out
 
 
 @njit(cache=True, error_model="numpy")
 def object_wrenches_of(packed: PackedChain, twists: FloatArray) -> FloatArray:
     """Return the wrenches (k, 3) that move the first object at many twists (k, 3), none of them zero."""
+    objects, parts, series, links, _, length = packed
     out = np.empty((len(twists), 3))
     for i in range(len(twists)):
         vx, vy, omega = twists[i, 0], twists[i, 1], twists[i, 2]
-        size = max(abs(vx), abs(vy), abs(omega) * packed.length)
-        out[i, 0], out[i, 1], out[i, 2] = carried_wrench(packed, 0, vx / size, vy / size, omega / size)
+        size = max(abs(vx), abs(vy), abs(omega) * length)
+        wrench = carried_wrench(objects, parts, series, links, 0, vx / size, vy / size, omega / size)
+        out[i, 0], out[i, 1], out[i, 2] = wrench
     return out

@@ -16,26 +16,31 @@ import math
 import numpy as np
 from numba import njit
 
-from pushplan.arrays import FloatArray
+from pushplan.arrays import FloatArray, IntArray
 from pushplan.friction_closed_form import affine_integrals, uniform_integrals
-from pushplan.friction_series import evaluate_series, in_reach
-from pushplan.packed import POINTS, UNIFORM, PackedChain
+from pushplan.friction_series import ComplexArray, in_reach, series_pair
+from pushplan.packed import POINTS, UNIFORM
 
 
 @njit(cache=True, error_model="numpy")
 def _uniform_sums(
-    packed: PackedChain, i: int, vx: float, vy: float, omega: float
+    objects: FloatArray,
+    parts: FloatArray,
+    series: ComplexArray,
+    links: IntArray,
+    i: int,
+    vx: float,
+    vy: float,
+    omega: float,
 ) -> tuple[float, float, float]:
     """Return the integral of v / |v| over a polygon and its moment; v and moments refer to the anchor."""
-    radius = packed.objects[i, 3]
+    radius = objects[i, 3]
     speed = math.sqrt(vx * vx + vy * vy)
     if in_reach(speed, omega, radius):
-        out = np.empty(2, dtype=np.complex128)
-        v0 = complex(vx, vy)
-        evaluate_series(packed.series, 5 * i, 2, v0, 1j * omega * radius / v0, out)
-        return out[0].real, out[0].imag, out[1].imag
+        plain, turned = series_pair(series, 5 * i, vx, vy, omega * radius)
+        return plain.real, plain.imag, turned.imag
     cx, cy = -vy / omega, vx / omega
-    gx, gy, q = uniform_integrals(packed.parts, packed.links[i, 1], packed.links[i, 2], cx, cy)
+    gx, gy, q = uniform_integrals(parts, links[i, 1], links[i, 2], cx, cy)
     sign = math.copysign(1.0, omega)
     fx, fy = -sign * gy, sign * gx
     return fx, fy, sign * q + cx * fy - cy * fx
@@ -43,28 +48,41 @@ def _uniform_sums(
 
 @njit(cache=True, error_model="numpy")
 def _polygon_sums(
-    packed: PackedChain, i: int, vx: float, vy: float, omega: float, force: FloatArray, matrix: FloatArray
+    objects: FloatArray,
+    parts: FloatArray,
+    series: ComplexArray,
+    links: IntArray,
+    i: int,
+    vx: float,
+    vy: float,
+    omega: float,
+    force: FloatArray,
+    matrix: FloatArray,
 ) -> None:
     """Fill `force` (3,) as `_uniform_sums` does, and `matrix` (3, 2) likewise for the pressures x and y."""
-    radius = packed.objects[i, 3]
+    radius = objects[i, 3]
     speed = math.sqrt(vx * vx + vy * vy)
     if in_reach(speed, omega, radius):
-        out = np.empty(5, dtype=np.complex128)
-        v0 = complex(vx, vy)
-        evaluate_series(packed.series, 5 * i, 5, v0, 1j * omega * radius / v0, out)
-        force[0], force[1], force[2] = out[0].real, out[0].imag, out[1].imag
-        along_x, along_y = 0.5 * (out[2] + out[1]), -0.5j * (out[2] - out[1])
-        matrix[0, 0], matrix[1, 0], matrix[2, 0] = along_x.real, along_x.imag, 0.5 * (out[4] + out[3]).imag
+        plain, turned = series_pair(series, 5 * i, vx, vy, omega * radius)
+        straight, turned_twice = series_pair(series, 5 * i + 2, vx, vy, omega * radius)
+        _, even = series_pair(series, 5 * i + 3, vx, vy, omega * radius)
+        force[0], force[1], force[2] = plain.real, plain.imag, turned.imag
+        along_x, along_y = 0.5 * (straight + turned), -0.5j * (straight - turned)
+        matrix[0, 0], matrix[1, 0], matrix[2, 0] = (
+            along_x.real,
+            along_x.imag,
+            0.5 * (even + turned_twice).imag,
+        )
         matrix[0, 1], matrix[1, 1], matrix[2, 1] = (
             along_y.real,
             along_y.imag,
-            (-0.5j * (out[4] - out[3])).imag,
+            (-0.5j * (even - turned_twice)).imag,
         )
         return
     cx, cy = -vy / omega, vx / omega
-    start, stop = packed.links[i, 1], packed.links[i, 2]
-    gx, gy, q = uniform_integrals(packed.parts, start, stop, cx, cy)
-    gxx, gxy, gyy, qx, qy = affine_integrals(packed.parts, start, stop, cx, cy)
+    start, stop = links[i, 1], links[i, 2]
+    gx, gy, q = uniform_integrals(parts, start, stop, cx, cy)
+    gxx, gxy, gyy, qx, qy = affine_integrals(parts, start, stop, cx, cy)
     sign = math.copysign(1.0, omega)
     force[0], force[1] = -sign * gy, sign * gx
     force[2] = sign * q + cx * force[1] - cy * force[0]
@@ -76,21 +94,30 @@ def _polygon_sums(
 
 @njit(cache=True, error_model="numpy")
 def _point_sums(
-    packed: PackedChain, i: int, vx: float, vy: float, omega: float, force: FloatArray, matrix: FloatArray
+    objects: FloatArray,
+    parts: FloatArray,
+    series: ComplexArray,
+    links: IntArray,
+    i: int,
+    vx: float,
+    vy: float,
+    omega: float,
+    force: FloatArray,
+    matrix: FloatArray,
 ) -> None:
     """Fill `force` (3,) and `matrix` (3, 2) by exact sums over points; a point at the COR adds nothing."""
     force[:] = 0.0
     matrix[:] = 0.0
-    still = 1e-14 * (math.sqrt(vx * vx + vy * vy) + math.fabs(omega) * packed.objects[i, 3])
-    for e in range(packed.links[i, 1], packed.links[i, 2]):
-        x, y = packed.parts[e, 0], packed.parts[e, 1]
+    still = 1e-14 * (math.sqrt(vx * vx + vy * vy) + math.fabs(omega) * objects[i, 3])
+    for e in range(links[i, 1], links[i, 2]):
+        x, y = parts[e, 0], parts[e, 1]
         ux, uy = vx - omega * y, vy + omega * x
         speed = math.sqrt(ux * ux + uy * uy)
         if speed <= still:
             continue
         ux, uy = ux / speed, uy / speed
         moment = x * uy - y * ux
-        load, stiffness = packed.parts[e, 2], packed.parts[e, 3]
+        load, stiffness = parts[e, 2], parts[e, 3]
         force[0] += load * ux
         force[1] += load * uy
         force[2] += load * moment
@@ -116,13 +143,50 @@ def _shifted(row: FloatArray, force: FloatArray, matrix: FloatArray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def _general_sums(
+    objects: FloatArray,
+    parts: FloatArray,
+    series: ComplexArray,
+    links: IntArray,
+    i: int,
+    vx: float,
+    vy: float,
+    omega: float,
+) -> tuple[float, float, float]:
+    """Return what `_uniform_sums` does, for the whole load of an object with any support and push height."""
+    row = objects[i]
+    force, matrix = np.empty(3), np.empty((3, 2))
+    if links[i, 0] == POINTS:
+        _point_sums(objects, parts, series, links, i, vx, vy, omega, force, matrix)
+    else:
+        _polygon_sums(objects, parts, series, links, i, vx, vy, omega, force, matrix)
+        for j in range(3):
+            force[j] = row[4] * force[j] + row[5] * matrix[j, 0] + row[6] * matrix[j, 1]
+    if row[7] > 0.0:
+        _shifted(row, force, matrix)
+    return force[0], force[1], force[2]
+
+
+@njit(cache=True, error_model="numpy")
 def carried_wrench(
-    packed: PackedChain, i: int, vx: float, vy: float, omega: float
+    objects: FloatArray,
+    parts: FloatArray,
+    series: ComplexArray,
+    links: IntArray,
+    i: int,
+    vx: float,
+    vy: float,
+    omega: float,
 ) -> tuple[float, float, float]:
     """Return the wrench that moves object i at a twist against the floor: minus the floor friction's wrench.
 
+    The first four arguments are those of a `PackedChain`: taking them out of the tuple once saves time.
+
     Args:
-        packed: The objects.
+        objects: Of the packed chain.
+        parts: Of the packed chain.
+        series: Of the packed chain.
+        links: Of the packed chain.
         i: Index of the object.
         vx: Velocity of the frame's origin, like `vy` and `omega` in any common unit; not all zero.
         vy: See `vx`.
@@ -131,22 +195,12 @@ def carried_wrench(
     Returns:
         f_x, f_y (N) and the moment about the origin (N m).
     """
-    row = packed.objects[i]
-    ax, ay = row[1], row[2]
+    load, ax, ay = objects[i, 0], objects[i, 1], objects[i, 2]
     ux, uy = vx - omega * ay, vy + omega * ax
-    if packed.links[i, 0] == UNIFORM:
-        fx, fy, m = _uniform_sums(packed, i, ux, uy, omega)
-        density = row[0] * row[4]
-        fx, fy, m = density * fx, density * fy, density * m
-        return fx, fy, m + ax * fy - ay * fx
-    force, matrix = np.empty(3), np.empty((3, 2))
-    if packed.links[i, 0] == POINTS:
-        _point_sums(packed, i, ux, uy, omega, force, matrix)
+    if links[i, 0] == UNIFORM:
+        fx, fy, m = _uniform_sums(objects, parts, series, links, i, ux, uy, omega)
+        load *= objects[i, 4]
     else:
-        _polygon_sums(packed, i, ux, uy, omega, force, matrix)
-        for j in range(3):
-            force[j] = row[4] * force[j] + row[5] * matrix[j, 0] + row[6] * matrix[j, 1]
-    if row[7] > 0.0:
-        _shifted(row, force, matrix)
-    fx, fy, m = row[0] * force[0], row[0] * force[1], row[0] * force[2]
+        fx, fy, m = _general_sums(objects, parts, series, links, i, ux, uy, omega)
+    fx, fy, m = load * fx, load * fy, load * m
     return fx, fy, m + ax * fy - ay * fx

@@ -24,6 +24,8 @@ ORDER = 10
 """Highest power of u kept."""
 REACH = 0.05
 """Largest |omega| radius / |v0| at which the series is used: REACH^(ORDER + 1) is below rounding."""
+NEGLIGIBLE = 1e-17
+"""Powers of |omega| radius / |v0| below this are left out."""
 TERMS = (ORDER + 1) * (ORDER + 2) // 2
 WEIGHTS = ((0, 0), (0, 1), (1, 0), (0, 2), (1, 1))
 """Powers (of z, of conj z) of the factors that the integrals of v / |v| are taken with."""
@@ -64,30 +66,34 @@ def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
 
 
 @njit(cache=True, error_model="numpy")
-def evaluate_series(
-    series: ComplexArray, first: int, count: int, v0: complex, kappa: complex, out: ComplexArray
-) -> None:
-    """Fill `out` (count,) with the integrals of rows `first`, ... of `series`; `kappa` is times the radius."""
-    direction = v0 / abs(v0)
-    size = abs(kappa)
-    turn = kappa / size if size > 0.0 else 1.0 + 0.0j
-    for w in range(count):
-        out[w] = 0.0
-    scale, term = 1.0, 0
-    spin, back = 1.0 + 0.0j, (turn * turn)
+def series_pair(series: ComplexArray, row: int, vx: float, vy: float, spin: float) -> tuple[complex, complex]:
+    """Return the integrals of rows `row` and `row` + 1 of `series`.
+
+    Args:
+        series: Coefficients of all objects.
+        row: Index of the first of the two.
+        vx: Velocity v0 of the anchor, like `vy` and `spin` in any common unit, not both zero.
+        vy: See `vx`.
+        spin: omega times the radius.
+    """
+    speed = math.sqrt(vx * vx + vy * vy)
+    turn = complex(vy, vx) * (math.copysign(1.0, spin) / speed)
+    forward, size = turn * turn, math.fabs(spin) / speed
+    back, scale, term = complex(1.0, 0.0), 1.0, 0
+    first = second = complex(0.0, 0.0)
     for k in range(ORDER + 1):
-        power = spin * scale
+        power = back * scale
         for _ in range(k + 1):
-            for w in range(count):
-                out[w] += series[first + w, term] * power
-            power *= back
+            first += series[row, term] * power
+            second += series[row + 1, term] * power
+            power *= forward
             term += 1
         scale *= size
-        spin *= turn.conjugate()
-        if scale < 1e-18:
+        if scale < NEGLIGIBLE:
             break
-    for w in range(count):
-        out[w] *= direction
+        back *= turn.conjugate()
+    direction = complex(vx / speed, vy / speed)
+    return first * direction, second * direction
 
 
 @njit(cache=True, error_model="numpy")
