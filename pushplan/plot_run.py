@@ -104,8 +104,10 @@ def _draw_set(axes: Axes, scenario: Scenario, plan: PlanResult) -> None:
 
 def _draw_margins(floor: Axes, curve: Axes, bar: Axes, execution: Execution) -> None:
     margins = execution.margins.min(axis=1)
-    line = draw_by_margin(floor, execution.poses[:, :2], margins, rim=True)
-    draw_by_margin(curve, np.stack([execution.t, margins], axis=1), margins)
+    line = draw_by_margin(floor, execution.poses[:, :2], margins, {"color": "white", "linewidth": 3.6})
+    draw_by_margin(
+        curve, np.stack([execution.t, margins], axis=1), margins, {"color": FAINT, "linewidth": 0.6}
+    )
     curve.set_xlim(0.0, max(float(execution.t[-1]), 1e-3))
     curve.set_ylim(min(0.0, float(margins.min())), max(1.05 * float(margins.max()), 1e-3))
     curve.set_xlabel("time [s]")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
@@ -30,6 +33,8 @@ _SWEEP_SPACING = 0.01
 """Path cost between the poses whose union is filled, m."""
 _GHOSTS = 9
 """Poses between start and goal that are outlined."""
+_JUMP = 0.1
+"""Change of the margin between two samples, as a share of the largest margin, that counts as a jump."""
 _ASPECTS = 0.6, 1.6
 """Least and largest width of the view over its height."""
 _PAD = 0.03
@@ -83,19 +88,25 @@ def draw_tree(axes: Axes, branches: FloatArray) -> None:
     )
 
 
-def draw_by_margin(axes: Axes, points: FloatArray, margins: FloatArray, rim: bool = False) -> LineCollection:
-    """Draw a line through points (m, 2), coloured by the margins (m,), on request with a white rim."""
-    if rim:
-        axes.plot(*points.T, color="white", linewidth=3.6, zorder=6.0, solid_capstyle="round")
+def draw_by_margin(
+    axes: Axes, points: FloatArray, margins: FloatArray, under: Mapping[str, Any]
+) -> LineCollection:
+    """Draw a line through points (m, 2), coloured by the margins (m,), over a plain line in the style `under`.
+
+    Where the margin jumps, as it does when the pusher stops and sets off differently, only the plain line is drawn.
+    """
+    top = max(float(margins.max()), 1e-6)
+    smooth = np.abs(np.diff(margins)) < _JUMP * top
+    axes.plot(*points.T, solid_capstyle="round", zorder=6.0, **under)
     line = LineCollection(
-        list(np.stack([points[:-1], points[1:]], axis=1)),
+        list(np.stack([points[:-1], points[1:]], axis=1)[smooth]),
         cmap=MARGIN_COLOURS,
-        norm=Normalize(0.0, max(float(margins.max()), 1e-6)),
+        norm=Normalize(0.0, top),
         linewidths=2.0,
         capstyle="round",
         zorder=6.1,
     )
-    line.set_array(np.minimum(margins[:-1], margins[1:]))
+    line.set_array(np.minimum(margins[:-1], margins[1:])[smooth])
     axes.add_collection(line)
     return line
 

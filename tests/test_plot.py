@@ -251,8 +251,11 @@ def test_a_thin_workspace_is_shown_with_air_around_it(
     assert y0 <= 0.0 <= size[1] <= y1
 
 
-def test_the_line_is_coloured_by_the_smaller_margin_of_each_piece() -> None:
-    points: FloatArray = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
-    line = draw_by_margin(Figure().add_subplot(), points, np.array([0.3, 0.1, 0.2]))
-    assert np.allclose(np.asarray(line.get_array()), [0.1, 0.1])
+def test_the_line_is_coloured_by_the_smaller_margin_of_each_piece_and_broken_where_it_jumps() -> None:
+    points: FloatArray = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])
+    line = draw_by_margin(
+        Figure().add_subplot(), points, np.array([0.3, 0.29, 0.1, 0.12]), {"color": "white"}
+    )
+    assert np.allclose(np.asarray(line.get_array()), [0.29, 0.1])
+    assert [segment[0, 0] for segment in line.get_segments()] == [0.0, 2.0]
     assert line.get_clim() == (0.0, 0.3)

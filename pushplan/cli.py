@@ -1,0 +1,110 @@
+"""The command line: words in, an exit code out, and never a traceback for wrong input."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from io import TextIOWrapper
+from typing import NoReturn, TextIO
+
+from pushplan.commands import check, examples, plan, replay, stable_set
+from pushplan.commands.console import Console
+from pushplan.commands.failure import PIPE_CLOSED, report_failure
+
+COMMANDS = {
+    "plan": plan,
+    "stable-set": stable_set,
+    "replay": replay,
+    "check": check,
+    "examples": examples,
+}
+
+_EPILOG = """\
+SCENARIO is a file or the name of a packaged example (`pushplan examples` lists them).
+
+exit codes:
+  0    done
+  1    a failure that is not yours
+  2    the input is wrong
+  3    no plan within the time limit; the run is logged all the same
+  4    a replay or an execution does not match the plan
+  130  interrupted
+"""
+
+
+def entry() -> NoReturn:
+    """Run the command line and end the process with its exit code.
+
+    The process ends without the interpreter's clean-up: there the bindings of OMPL write a list of the objects
+    that they call leaked onto the user's screen.
+    """
+    sys.stdout, sys.stderr = _writable(sys.stdout), _writable(sys.stderr)
+    code = main(sys.argv[1:])
+    for stream in (sys.stdout, sys.stderr):
+        code = _flushed(stream, code)
+    os._exit(code)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the command line with the words `argv` (without the program's name) and return the exit code."""
+    try:
+        args = _parser().parse_args(argv)
+    except SystemExit as stop:  # argparse has written its help or what is wrong
+        return int(stop.code or 0)
+    console = Console(json=args.json, verbose=args.verbose)
+    try:
+        code: int = COMMANDS[args.command].run(args, console)
+        sys.stdout.flush()
+    except (Exception, KeyboardInterrupt) as error:
+        return report_failure(error, console)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="pushplan",
+        description="Plan how a robot pushes a chain of objects to a goal pose without anything slipping.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, module in COMMANDS.items():
+        summary = (module.__doc__ or "").partition("\n")[0]
+        child = commands.add_parser(name, help=summary, description=summary, allow_abbrev=False)
+        module.declare(child)
+        child.add_argument("--json", action="store_true", help="print one JSON object on stdout")
+        child.add_argument(
+            "--verbose", action="store_true", help="show the traceback of an unexpected failure"
+        )
+    return parser
+
+
+class _Version(argparse.Action):
+    """Prints the installed version, looked up only when asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        import pushplan
+
+        parser.exit(message=f"pushplan {pushplan.__version__}\n")
+
+
+def _writable(stream: TextIO | None) -> TextIO:
+    """Return a stream that takes every character; one that the caller has closed is replaced by none."""
+    if not isinstance(stream, TextIOWrapper):
+        return open(os.devnull, "w")
+    stream.reconfigure(errors="backslashreplace")
+    return stream
+
+
+def _flushed(stream: TextIO, code: int) -> int:
+    try:
+        stream.flush()
+    except BrokenPipeError:
+        return PIPE_CLOSED
+    except OSError:
+        return code or 1
+    return code

@@ -1,0 +1,56 @@
+"""Check a scenario and show what was understood."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from pushplan.commands.console import Console
+from pushplan.commands.failure import DONE
+from pushplan.commands.options import add_scenario
+from pushplan.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from pushplan.scenario import Scenario
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the words of the command."""
+    add_scenario(parser)
+
+
+def run(args: argparse.Namespace, console: Console) -> int:
+    """Carry out the command and return the exit code."""
+    from pushplan.commands import understood
+    from pushplan.commands.stable_set import describe, document, rows
+    from pushplan.scenario import load_scenario
+
+    scenario = load_scenario(args.scenario)
+    console.say(console.paint(scenario.name, "bold"))
+    console.table(understood.rows(scenario))
+    with console.working("computing the stable set"):
+        require_pushable(scenario)
+        described = describe(scenario, scenario.stability.set)
+    console.say(console.paint(f"stable set {scenario.stability.set}", "bold"))
+    console.table(rows(described))
+    console.say(console.paint("no findings", "green"))
+    console.emit(
+        {
+            **understood.document(scenario),
+            "stable_set": {"set": scenario.stability.set, **document(described)},
+        }
+    )
+    return DONE
+
+
+def require_pushable(scenario: Scenario) -> None:
+    """Check what loading leaves out: whether any push keeps the chain together.
+
+    Raises:
+        ScenarioError: With the findings.
+    """
+    from pushplan.scenario import check_scenario
+
+    findings = check_scenario(scenario)
+    if findings:
+        raise ScenarioError(str(scenario.path), findings)

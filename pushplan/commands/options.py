@@ -1,0 +1,72 @@
+"""The words that several commands take, and their checks."""
+
+from __future__ import annotations
+
+import argparse
+from math import isfinite
+from pathlib import Path
+
+from pushplan.errors import PushplanError
+from pushplan.plot_format import check_picture_path
+
+
+class OutputError(PushplanError, ValueError):
+    """A file that the command line names for output cannot be written there."""
+
+
+def add_scenario(parser: argparse.ArgumentParser) -> None:
+    """Declare the SCENARIO argument."""
+    parser.add_argument("scenario", metavar="SCENARIO", help="a file, or the name of a packaged example")
+
+
+def add_output(parser: argparse.ArgumentParser, *flags: str, help: str) -> None:
+    """Declare an option that names a file to write."""
+    parser.add_argument(*flags, metavar="FILE", type=Path, help=help)
+
+
+def add_plot(parser: argparse.ArgumentParser, what: str) -> None:
+    """Declare the option that asks for a picture."""
+    add_output(parser, "--plot", help=f"{what} (PNG, SVG or PDF by the suffix)")
+
+
+def seconds(text: str) -> float:
+    """Return a time limit; argparse's `type`."""
+    value = float(text)
+    if not (isfinite(value) and value > 0.0):
+        raise argparse.ArgumentTypeError(f"{text} s is no time limit; it must be above 0 and finite")
+    return value
+
+
+def seed(text: str) -> int:
+    """Return a seed of random numbers; argparse's `type`."""
+    value = int(text)
+    if not 0 <= value < 2**31:
+        raise argparse.ArgumentTypeError(f"{text} is no seed; it must be from 0 to {2**31 - 1}")
+    return value
+
+
+def check_outputs(source: str, picture: Path | None, *others: Path | None) -> None:
+    """Find out before the work whether its results can be written.
+
+    Args:
+        source: The file that is read; a packaged example's name does no harm.
+        picture: Picture to write; None, here as below, when not asked for.
+        others: Other files to write.
+
+    Raises:
+        PlotError: When the picture has a suffix that is not known.
+        OutputError: When a folder is missing, a file is a folder, is named twice, or is the source.
+    """
+    if picture is not None:
+        check_picture_path(picture)
+    taken = {Path(source).resolve()}
+    for path in (picture, *others):
+        if path is None:
+            continue
+        if not path.parent.is_dir():
+            raise OutputError(f"{path}: there is no folder {path.parent}")
+        if path.is_dir():
+            raise OutputError(f"{path}: this is a folder; name a file in it")
+        if path.resolve() in taken:
+            raise OutputError(f"{path}: this file is read or written already; name another one")
+        taken.add(path.resolve())

@@ -1,0 +1,83 @@
+"""Plan, time, execute and log a push."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pushplan.commands.check import require_pushable
+from pushplan.commands.console import Console
+from pushplan.commands.options import add_output, add_plot, add_scenario, check_outputs, seconds, seed
+from pushplan.names import PLANNERS, STABLE_SETS
+
+if TYPE_CHECKING:
+    from pushplan.result import PlanResult, ProgressPoint, Run
+    from pushplan.scenario import Scenario
+    from pushplan.sim.kinematic import Execution
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the words of the command; what they leave open is taken from the scenario."""
+    add_scenario(parser)
+    add_output(parser, "-o", "--output", help="write the run's log (MCAP), solved or not")
+    parser.add_argument("--planner", choices=PLANNERS, metavar="NAME", help=f"one of {', '.join(PLANNERS)}")
+    parser.add_argument("--set", choices=STABLE_SETS, metavar="NAME", help=f"one of {', '.join(STABLE_SETS)}")
+    parser.add_argument("--time-limit", type=seconds, metavar="S", help="seconds of planning, at most")
+    parser.add_argument("--seed", type=seed, metavar="N", help="seed of the random numbers")
+    add_plot(parser, "draw the swept chain, its margins and the stable set")
+    add_output(parser, "--html", help="write a page that plays the run")
+
+
+def run(args: argparse.Namespace, console: Console) -> int:
+    """Carry out the command and return the exit code."""
+    from pushplan.commands.report import document, exit_code, headline, rows
+    from pushplan.scenario import load_scenario
+
+    check_outputs(args.scenario, args.plot, args.output, args.html)
+    scenario = load_scenario(args.scenario)
+    done = _run(args, scenario, console)
+    if args.plot is not None:
+        draw(done.scenario, done.plan, done.execution, args.plot, console)
+    if args.html is not None:
+        from pushplan.logging.html import write_html
+
+        write_html(done, args.html)
+    console.say(headline(done.scenario, done.plan, console))
+    console.table(rows(done.scenario, done.plan, done.execution, done.log))
+    console.emit(document(done.scenario, done.plan, done.execution, done.log))
+    return exit_code(done.plan, done.execution)
+
+
+def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
+    limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit
+    with console.working(f"planning, up to {limit:g} s") as progress:
+        from pushplan.run import run as run_push  # the planners take a second to load
+
+        chosen = args.set or scenario.stability.set
+        require_pushable(replace(scenario, stability=replace(scenario.stability, set=chosen)))
+
+        def improved(point: ProgressPoint) -> None:
+            progress.tell(f"best path so far {point.cost:.3f} m")
+
+        return run_push(
+            scenario,
+            log=args.output,
+            planner=args.planner,
+            stable_set=args.set,
+            seed=args.seed,
+            time_limit=args.time_limit,
+            progress=improved,
+            tell=progress.announce,
+        )
+
+
+def draw(
+    scenario: Scenario, plan: PlanResult, execution: Execution | None, path: Path, console: Console
+) -> None:
+    """Draw a plan into a file."""
+    with console.working(f"drawing {path}"):
+        from pushplan.plot_run import plot_plan
+
+        plot_plan(scenario, plan, execution, path)

@@ -1,0 +1,121 @@
+"""Read a run's log back: show it, verify it, export it."""
+
+from __future__ import annotations
+
+import argparse
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pushplan.commands.console import Console
+from pushplan.commands.failure import DONE, MISMATCH
+from pushplan.commands.options import add_output, add_plot, check_outputs
+from pushplan.errors import RunLogError
+
+if TYPE_CHECKING:
+    from pushplan.logging.recorded import RecordedRun
+    from pushplan.logging.verify import VerifyReport
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the words of the command."""
+    parser.add_argument("log", metavar="RUN", help="a log (.mcap), or what a killed run left (.mcap.partial)")
+    parser.add_argument("--verify", action="store_true", help="execute the recorded plan again and compare")
+    add_plot(parser, "draw the swept chain, its margins and the stable set")
+    add_output(parser, "--html", help="write a page that plays the run")
+    add_output(parser, "--csv", help="write the executed samples as a table")
+
+
+def run(args: argparse.Namespace, console: Console) -> int:
+    """Carry out the command and return the exit code."""
+    from pushplan.logging.reader import read_run
+
+    check_outputs(args.log, args.plot, args.html, args.csv)
+    with console.working(f"reading {args.log}"):
+        recorded = read_run(args.log)
+    _tell(recorded, console)
+    report = _verify(recorded, console) if args.verify else None
+    _export(recorded, args, console)
+    console.emit(_document(recorded, report))
+    return DONE if report is None or report.matches else MISMATCH
+
+
+def _tell(recorded: RecordedRun, console: Console) -> None:
+    from pushplan.commands.report import headline, rows
+    from pushplan.logging.replay import summary
+
+    if recorded.plan is None:
+        console.say(f"{console.paint(recorded.scenario.name, 'bold')}: the log ends before a plan")
+        console.table(summary(recorded))
+        return
+    console.say(headline(recorded.scenario, recorded.plan, console))
+    about = rows(recorded.scenario, recorded.plan, recorded.execution, recorded.path)
+    console.table([*about, *summary(recorded)])
+
+
+def _verify(recorded: RecordedRun, console: Console) -> VerifyReport:
+    """Execute the recorded plan again and tell what differs."""
+    with console.working("executing the recorded plan again"):
+        from pushplan.logging.verify import verify
+
+        report = verify(recorded)
+    if not report.checks:
+        console.say("nothing to verify: no plan was found")
+    elif report.matches:
+        console.say(console.paint(f"verified: all {len(report.checks)} comparisons match", "green"))
+    else:
+        console.say(console.paint("the execution differs from the record:", "red"))
+        for check in report.mismatches:
+            console.say(f"  {check.text}")
+    return report
+
+
+def _export(recorded: RecordedRun, args: argparse.Namespace, console: Console) -> None:
+    if args.plot is not None:
+        _draw(recorded, args.plot, console)
+    if args.html is not None:
+        from pushplan.logging.html import write_html
+
+        write_html(recorded, args.html)
+    if args.csv is not None:
+        from pushplan.logging.export_csv import write_csv
+
+        write_csv(recorded, args.csv)
+
+
+def _draw(recorded: RecordedRun, path: Path, console: Console) -> None:
+    from pushplan.commands.plan import draw
+
+    if recorded.plan is None:
+        raise RunLogError(str(recorded.path), "the log ends before a plan, so there is nothing to draw")
+    draw(recorded.scenario, recorded.plan, recorded.execution, path, console)
+
+
+def _document(recorded: RecordedRun, report: VerifyReport | None) -> dict[str, object]:
+    from pushplan.commands.report import document
+
+    plan = recorded.plan
+    about: dict[str, object] = {"scenario": recorded.scenario.name, "log": recorded.path}
+    if plan is not None:
+        about = document(recorded.scenario, plan, recorded.execution, recorded.path)
+    return {
+        **about,
+        "outcome": recorded.outcome,
+        "lost": recorded.losses,
+        "verification": None if report is None else _verification(report),
+    }
+
+
+def _verification(report: VerifyReport) -> dict[str, object]:
+    checks = [
+        {
+            "quantity": check.quantity,
+            "matches": check.matches,
+            "difference": check.difference if isfinite(check.difference) else None,
+            "tolerance": check.tolerance,
+            "time": check.time,
+            "what": check.what or None,
+        }
+        for check in report.checks
+    ]
+    return {"matches": report.matches, "checks": checks}

@@ -1,0 +1,112 @@
+"""The numbers of a run: a table for people, a JSON object for programs."""
+
+from __future__ import annotations
+
+from math import degrees, isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pushplan.chain import PLATE, Chain
+from pushplan.commands.console import Console
+from pushplan.commands.failure import DONE, MISMATCH, NO_PLAN
+from pushplan.commands.numbers import counted, time_text
+
+if TYPE_CHECKING:
+    from pushplan.path import PushPath
+    from pushplan.result import PlanResult
+    from pushplan.scenario import Scenario
+    from pushplan.sim.kinematic import Execution, StabilityLoss
+
+
+def exit_code(plan: PlanResult, execution: Execution | None) -> int:
+    """Return the exit code: solved and executed as planned, no plan, or a contact lost on the way."""
+    if not plan.solved:
+        return NO_PLAN
+    return MISMATCH if execution and execution.loss else DONE
+
+
+def document(
+    scenario: Scenario, plan: PlanResult, execution: Execution | None, log: Path | None
+) -> dict[str, object]:
+    """Return the JSON object of a run."""
+    return {
+        "scenario": scenario.name,
+        "solved": plan.solved,
+        "reason": plan.reason,
+        "planner": plan.planner,
+        "set": plan.stable_set,
+        "seed": plan.seed,
+        "first_solution_s": plan.first_solution_s,
+        "planning_s": plan.planning_s,
+        "extensions": plan.extensions,
+        "path_cost": plan.path.cost if plan.path else None,
+        "arcs": _arcs(plan.path) if plan.path else [],
+        "duration_s": plan.trajectory.duration if plan.trajectory else None,
+        "goal_error": _goal_error(execution) if execution else None,
+        "min_margin": execution.margins.min() if execution else plan.min_margin,
+        "contact_lost": _loss(execution.loss) if execution and execution.loss else None,
+        "log": log,
+    }
+
+
+def rows(
+    scenario: Scenario, plan: PlanResult, execution: Execution | None, log: Path | None
+) -> list[tuple[str, str]]:
+    """Return label and value of the numbers of a run."""
+    found = [] if plan.solved else [("reason", plan.reason)]
+    if plan.path and plan.trajectory:
+        found.append(("path cost", f"{plan.path.cost:.3f} m in {counted(len(plan.path.lengths), 'arc')}"))
+        found.append(("duration", f"{plan.trajectory.duration:.2f} s"))
+    spent = f"{time_text(plan.planning_s)}, {counted(plan.extensions, 'extension')}"
+    first = (
+        "" if plan.first_solution_s is None else f"first path after {time_text(plan.first_solution_s)} of "
+    )
+    found.append(("planning", first + spent))
+    if execution:
+        found += _execution_rows(scenario.chain, execution)
+    return found if log is None else [*found, ("log", str(log))]
+
+
+def headline(scenario: Scenario, plan: PlanResult, console: Console) -> str:
+    """Return what was run and whether it was solved."""
+    state = console.paint("solved", "green") if plan.solved else console.paint("not solved", "red")
+    how = console.paint(f"({plan.planner} in {plan.stable_set}, seed {plan.seed})", "dim")
+    return f"{console.paint(scenario.name, 'bold')}: {state}  {how}"
+
+
+def contact_text(chain: Chain, index: int) -> str:
+    """Return which bodies a contact joins."""
+    contact = chain.contacts[index]
+    behind = "pusher" if contact.pusher == PLATE else chain.objects[contact.pusher].name
+    return f"contact {behind}-{chain.objects[contact.pushed].name}"
+
+
+def _execution_rows(chain: Chain, execution: Execution) -> list[tuple[str, str]]:
+    position, angle = execution.goal_error
+    sample, contact = np.unravel_index(int(np.argmin(execution.margins)), execution.margins.shape)
+    margin, time = execution.margins[sample, contact], execution.t[sample]
+    found = [
+        ("goal error", f"{position:.1e} m, {degrees(angle):.1e} deg after execution"),
+        ("smallest margin", f"{margin:.2g} at {time:.2f} s, {contact_text(chain, int(contact))}"),
+    ]
+    if execution.loss:
+        place = contact_text(chain, execution.loss.contact)
+        found.append(("stopped", f"at {execution.loss.time:.2f} s: {place} does not hold"))
+    return found
+
+
+def _arcs(path: PushPath) -> list[dict[str, object]]:
+    return [
+        {"twist": twist, "length": length} for twist, length in zip(path.twists, path.lengths, strict=True)
+    ]
+
+
+def _goal_error(execution: Execution) -> dict[str, float | None]:
+    position, angle = (error if isfinite(error) else None for error in execution.goal_error)
+    return {"position": position, "angle": angle}
+
+
+def _loss(loss: StabilityLoss) -> dict[str, object]:
+    return {"time": loss.time, "contact": loss.contact, "margin": loss.margin, "pose": loss.pose}

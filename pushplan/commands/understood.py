@@ -1,0 +1,140 @@
+"""What was understood of a scenario: bodies, weights, contacts, and the room at start and goal."""
+
+from __future__ import annotations
+
+from math import atan, degrees, isfinite
+
+import numpy as np
+import shapely
+
+from pushplan.arrays import FloatArray
+from pushplan.chain import GRAVITY, PLATE, PushedObject, Pusher
+from pushplan.commands.numbers import counted
+from pushplan.commands.report import contact_text
+from pushplan.scenario import CircleObstacle, Obstacle, Scenario
+from pushplan.se2 import transform_points
+from pushplan.support import FeetSupport, PressureMapSupport, UniformSupport
+
+
+def rows(scenario: Scenario) -> list[tuple[str, str]]:
+    """Return label and value of everything that a user should recognise."""
+    chain, area = scenario.chain, scenario.workspace
+    space = (
+        "unlimited"
+        if area is None
+        else f"x {area.xmin:g} to {area.xmax:g} m, y {area.ymin:g} to {area.ymax:g} m"
+    )
+    return [
+        ("file", str(scenario.path)),
+        ("pusher", pusher_text(chain.pusher)),
+        *(row for obj in chain.objects for row in _object_rows(obj)),
+        *(
+            (contact_text(chain, k), f"{contact.length:.3f} m long, {friction_text(contact.friction)}")
+            for k, contact in enumerate(chain.contacts)
+        ),
+        ("workspace", f"{space}, {counted(len(scenario.obstacles), 'obstacle')}"),
+        ("start", _place_text(scenario, scenario.start)),
+        ("goal", _place_text(scenario, scenario.goal.pose_chain)),
+    ]
+
+
+def document(scenario: Scenario) -> dict[str, object]:
+    """Return the same as an object for JSON."""
+    chain = scenario.chain
+    return {
+        "scenario": scenario.name,
+        "objects": [
+            {
+                "name": obj.name,
+                "mass": obj.mass,
+                "weight": obj.mass * GRAVITY,
+                "floor_friction": obj.floor_friction,
+                "support": support_text(obj),
+                "pose": obj.pose_chain,
+            }
+            for obj in chain.objects
+        ],
+        "contacts": [
+            {
+                "pushed": chain.objects[contact.pushed].name,
+                "pusher": None if contact.pusher == PLATE else chain.objects[contact.pusher].name,
+                "length": contact.length,
+                "friction": contact.friction,
+            }
+            for contact in chain.contacts
+        ],
+        "start": _place(scenario, scenario.start),
+        "goal": _place(scenario, scenario.goal.pose_chain),
+    }
+
+
+def pusher_text(pusher: Pusher) -> str:
+    """Return the pusher in words."""
+    thickness, width = np.ptp(pusher.outline, axis=0)
+    height = f", pushing {pusher.contact_height:.3f} m above the floor" if pusher.contact_height else ""
+    return f"{width:.3f} m wide, {thickness:.3f} m thick, drive {pusher.drive.kind}{height}"
+
+
+def _object_rows(obj: PushedObject) -> list[tuple[str, str]]:
+    length, width = np.ptp(obj.outline, axis=0)
+    shape = f"{length:.3f} x {width:.3f} m, {len(obj.outline)} corners"
+    weight = f"{obj.mass:g} kg ({obj.mass * GRAVITY:.1f} N), floor friction {obj.floor_friction:.3g}"
+    return [(f"object {obj.name}", f"{shape}, {weight}"), ("", support_text(obj))]
+
+
+def support_text(obj: PushedObject) -> str:
+    """Return in words how an object's load rests on the floor."""
+    support = obj.support
+    x, y = np.round(support.center, 4) + 0.0  # no "-0"
+    center = f"centre at ({x:g}, {y:g}) m of its frame"
+    match support:
+        case UniformSupport(center_of_mass=None):
+            return f"load spread evenly, {center}"
+        case UniformSupport():
+            return f"load spread linearly, {center}"
+        case FeetSupport():
+            known = "known" if support.known else "unknown"
+            return f"{counted(len(support.positions), 'foot', 'feet')} with {known} loads, {center}"
+        case PressureMapSupport():
+            return f"pressure map of {counted(len(support.points), 'point')}, {center}"
+    return f"load unknown, {center}"
+
+
+def friction_text(friction: float) -> str:
+    """Return a friction coefficient and its angle."""
+    return f"friction {friction:.3g} ({degrees(atan(friction)):.1f} deg)"
+
+
+def room(scenario: Scenario, pose: FloatArray) -> float:
+    """Return the distance of the chain at `pose` to the nearest obstacle or wall, m; infinite without any."""
+    outlines = [scenario.chain.pusher.outline, *(obj.outline_chain for obj in scenario.chain.objects)]
+    corners = [transform_points(pose, outline) for outline in outlines]
+    bodies = shapely.MultiPolygon([shapely.Polygon(outline) for outline in corners])
+    distances = [_distance(bodies, obstacle) for obstacle in scenario.obstacles]
+    area = scenario.workspace
+    if area is not None:
+        walls = np.array([area.xmin, area.ymin, -area.xmax, -area.ymax])
+        points = np.concatenate(corners)
+        distances.append(float((np.hstack([points, -points]) - walls).min()))
+    return min(distances, default=np.inf)
+
+
+def _distance(bodies: shapely.MultiPolygon, obstacle: Obstacle) -> float:
+    if isinstance(obstacle, CircleObstacle):
+        return float(shapely.distance(bodies, shapely.Point(obstacle.center))) - obstacle.radius
+    return float(shapely.distance(bodies, shapely.Polygon(obstacle.outline)))
+
+
+def _place(scenario: Scenario, pose: FloatArray) -> dict[str, object]:
+    free = room(scenario, pose)
+    return {"pose": pose, "room": free if isfinite(free) else None}
+
+
+def _place_text(scenario: Scenario, pose: FloatArray) -> str:
+    free = room(scenario, pose)
+    text = f"chain frame at ({pose[0]:.4g}, {pose[1]:.4g}) m, {degrees(pose[2]):.4g} deg"
+    return (
+        f"{text}; nothing in the way"
+        if not isfinite(free)
+        else f"{text}; {free:.3f} m from the nearest thing"
+    )

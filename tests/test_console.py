@@ -1,0 +1,201 @@
+"""The streams of a command: results, remarks, JSON, colours, progress, failures."""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pushplan.commands import progress as progress_module
+from pushplan.commands.console import Console, takes_colour
+from pushplan.commands.failure import report_failure
+from pushplan.commands.numbers import counted, time_text
+from pushplan.commands.options import OutputError, check_outputs
+from pushplan.commands.progress import Progress
+from pushplan.errors import Finding, PlanningError, ScenarioError
+from pushplan.plot_format import PlotError
+
+Captured = pytest.CaptureFixture[str]
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+class Closed(io.StringIO):
+    """A stream that nobody reads any more."""
+
+    def write(self, text: str) -> int:
+        raise BrokenPipeError
+
+
+def test_results_go_to_stdout_and_remarks_to_stderr(capsys: Captured) -> None:
+    console = Console()
+    console.say("result")
+    console.note("remark")
+    console.emit({"never": "seen"})
+    assert capsys.readouterr() == ("result\n", "remark\n")
+
+
+def test_in_json_mode_stdout_holds_one_object_and_people_read_stderr(capsys: Captured) -> None:
+    console = Console(json=True)
+    console.say("result")
+    console.emit({"array": np.arange(3.0), "number": np.float64(0.5), "path": Path("a/b"), "none": None})
+    out, err = capsys.readouterr()
+    assert json.loads(out) == {"array": [0.0, 1.0, 2.0], "number": 0.5, "path": "a/b", "none": None}
+    assert err == "result\n"
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), np.array([np.nan])])
+def test_numbers_that_json_does_not_know_are_refused(value: object) -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        Console(json=True).emit({"value": value})
+
+
+def test_tables_are_aligned_and_without_colour_off_a_terminal(capsys: Captured) -> None:
+    Console().table([("a", "1"), ("long", "2"), ("empty", "")])
+    assert capsys.readouterr().out == "  a      1\n  long   2\n  empty\n"
+
+
+@pytest.mark.parametrize(
+    ("stream", "environment", "expected"),
+    [
+        (Terminal(), {"TERM": "xterm"}, True),
+        (Terminal(), {"TERM": "dumb"}, False),
+        (Terminal(), {"TERM": "xterm", "NO_COLOR": "1"}, False),
+        (io.StringIO(), {"TERM": "xterm"}, False),
+    ],
+)
+def test_colour_is_for_terminals_whose_user_wants_it(
+    stream: io.StringIO, environment: dict[str, str], expected: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert takes_colour(stream) is expected
+
+
+def test_quick_work_shows_no_progress() -> None:
+    for live in (True, False):
+        stream = io.StringIO()
+        with Progress("thinking", stream, live=live) as progress:
+            progress.tell("never seen")
+        assert stream.getvalue() == ""
+
+
+def test_slow_work_shows_a_line_with_the_latest_news(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress_module, "DELAY", 0.02)
+    stream = io.StringIO()
+    with Progress("thinking", stream, live=False) as progress:
+        progress.tell("best 1.5 m")
+        _wait_for(lambda: "thinking" in stream.getvalue())
+    assert stream.getvalue().count("\n") == 1
+    assert stream.getvalue().startswith("thinking ...  0.")
+    assert stream.getvalue().endswith("s  best 1.5 m\n")
+
+
+def test_on_a_terminal_the_line_is_wiped_before_anything_else_is_written(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(progress_module, "DELAY", 0.02)
+    stream = Terminal()
+    with Progress("thinking", stream, live=True) as progress:
+        _wait_for(lambda: "thinking" in stream.getvalue())
+        progress.announce("compiling")
+        _wait_for(lambda: stream.getvalue().count("thinking") >= 2)
+    assert "\r\x1b[Kcompiling\n" in stream.getvalue()
+    assert stream.getvalue().endswith("\r\x1b[K")
+
+
+def _wait_for(condition: object) -> None:
+    assert callable(condition)
+    end = time.monotonic() + 5.0
+    while not condition():
+        assert time.monotonic() < end, "nothing happened within 5 s"
+        time.sleep(0.01)
+
+
+def test_work_goes_on_when_nobody_reads_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress_module, "DELAY", 0.0)
+    with Progress("thinking", Closed(), live=False) as progress:
+        time.sleep(0.05)
+        progress.announce("still here")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted"),
+        (PlanningError("the goal overlaps a wall"), 2, "error: the goal overlaps a wall"),
+        (FileNotFoundError(2, "No such file or directory", "x.mcap"), 2, "error: x.mcap: No such file"),
+        (PermissionError(13, "Permission denied", "/x.png"), 2, "error: /x.png: Permission denied"),
+        (OSError(28, "No space left on device"), 1, "error: No space left on device"),
+        (MemoryError(), 1, "error: out of memory"),
+    ],
+)
+def test_every_failure_has_its_exit_code_and_a_message_without_traceback(
+    error: BaseException, code: int, message: str, capsys: Captured
+) -> None:
+    assert report_failure(error, Console()) == code
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(message)
+    assert "report" not in err
+
+
+def test_a_defect_asks_for_a_report_and_shows_its_traceback_only_when_asked(capsys: Captured) -> None:
+    for verbose in (False, True):
+        with pytest.raises(KeyError) as caught:
+            raise KeyError("k")
+        assert report_failure(caught.value, Console(verbose=verbose)) == 1
+        err = capsys.readouterr().err
+        assert ("Traceback" in err) is verbose
+        assert "error: KeyError: 'k'" in err
+        assert "Please report it" in err
+
+
+def test_in_json_mode_a_failure_is_an_object_with_its_findings(capsys: Captured) -> None:
+    error = ScenarioError("a.yaml", [Finding("goal.of", "is 'x'; there are a, b", 4, 7)])
+    assert report_failure(error, Console(json=True)) == 2
+    out, err = capsys.readouterr()
+    assert err == "a.yaml:4:7: goal.of: is 'x'; there are a, b\n"
+    finding = {"path": "a.yaml", "where": "goal.of", "what": "is 'x'; there are a, b", "line": 4, "column": 7}
+    assert json.loads(out)["error"] == {
+        "kind": "ScenarioError",
+        "message": err.strip(),
+        "findings": [finding],
+    }
+
+
+def test_a_closed_pipe_ends_quietly(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stderr", Closed())
+    assert report_failure(BrokenPipeError(), Console()) == 141
+    assert report_failure(PlanningError("nobody reads this"), Console()) == 141
+
+
+def test_outputs_are_checked_before_the_work(tmp_path: Path) -> None:
+    source = tmp_path / "s.yaml"
+    check_outputs(str(source), tmp_path / "p.png", tmp_path / "r.mcap", None)
+    check_outputs("two-crates", None)
+    with pytest.raises(PlotError, match="a picture ends in"):
+        check_outputs(str(source), tmp_path / "p.gif")
+    with pytest.raises(OutputError, match=r"nowhere/r.mcap: there is no folder .*nowhere"):
+        check_outputs(str(source), None, tmp_path / "nowhere" / "r.mcap")
+    with pytest.raises(OutputError, match="this is a folder"):
+        check_outputs(str(source), None, tmp_path)
+    with pytest.raises(OutputError, match="read or written already"):
+        check_outputs(str(source), None, source)
+    with pytest.raises(OutputError, match="read or written already"):
+        check_outputs(str(source), None, tmp_path / "x", tmp_path / "." / "x")
+
+
+def test_numbers_read_well() -> None:
+    assert [time_text(t) for t in (0.00042, 0.0123, 0.5, 12.0)] == ["0.42 ms", "12.3 ms", "500 ms", "12.00 s"]
+    assert [counted(n, "arc") for n in (0, 1, 2)] == ["0 arcs", "1 arc", "2 arcs"]
