@@ -89,7 +89,8 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         import pushplan
 
-        parser.exit(message=f"pushplan {pushplan.__version__}\n")
+        sys.stdout.write(f"pushplan {pushplan.__version__}\n")
+        parser.exit()
 
 
 def _writable(stream: TextIO | None) -> TextIO:
