@@ -12,7 +12,7 @@ from pushplan.arrays import FloatArray
 from pushplan.logging import blocks
 from pushplan.logging.schemas import Execution as ExecutionBlock
 from pushplan.logging.schemas import ExecutionEnd, MessageClass
-from pushplan.sim.kinematic import Execution, StabilityLoss
+from pushplan.sim.execution import Execution, StabilityLoss
 
 REQUIRED = ("t", "poses", "twists", "margins")
 OPTIONAL = ("friction_margins", "lambdas", "forces")

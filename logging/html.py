@@ -23,7 +23,7 @@ from pushplan.logging.scene import PUSHER, obstacle_outline
 from pushplan.logging.views import contact_name, viewed
 from pushplan.result import PlanResult, Run
 from pushplan.scenario import Scenario
-from pushplan.sim.kinematic import Execution
+from pushplan.sim.execution import Execution
 
 MOST_SAMPLES = 5_000
 """Samples of an execution that the page holds, at most, beside the smallest margins."""

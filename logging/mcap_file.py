@@ -23,12 +23,14 @@ class McapFile:
     Attributes:
         path: The file.
         recover: Go on behind damage and list it in `losses`, instead of raising an error.
+        size: Of the file, bytes; known once reading has begun.
         losses: What could not be read, in words.
     """
 
     def __init__(self, path: Path, recover: bool = False) -> None:
         self.path = path
         self.recover = recover
+        self.size = 0
         self.losses: list[str] = []
         self._declared = Declarations()
         self._check = SummaryCheck()
@@ -41,22 +43,22 @@ class McapFile:
         """
         try:
             with open(_regular(self.path), "rb") as stream:
-                size = os.fstat(stream.fileno()).st_size
+                self.size = os.fstat(stream.fileno()).st_size
                 if self.recover:
-                    self._preload(stream, size)
-                yield from self._walk(stream, size)
+                    self._preload(stream)
+                yield from self._walk(stream)
         except OSError as error:
             raise RunLogError(str(self.path), f"cannot read the log: {error.strerror}") from error
 
-    def _preload(self, stream: BinaryIO, size: int) -> None:
-        for frame in intact_summary(stream, size):
+    def _preload(self, stream: BinaryIO) -> None:
+        for frame in intact_summary(stream, self.size):
             if frame.opcode in Declarations.OPCODES:
                 self._declared.add(frame)
 
-    def _walk(self, stream: BinaryIO, size: int) -> Iterator[Item]:
-        budget = records.Budget(size)
+    def _walk(self, stream: BinaryIO) -> Iterator[Item]:
+        budget = records.Budget(self.size)
         try:
-            for frame in records.frames(stream, size):
+            for frame in records.frames(stream, self.size):
                 try:
                     budget.spend(1, 0, frame.offset)
                     yield from self._unpack(frame, budget)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
-from pushplan.sim.kinematic import Execution
+from pushplan.sim.execution import Execution
 
 FORMAT = 1
 """Version of the log's format: raised when an older reader would misunderstand a newer file."""

@@ -10,7 +10,7 @@ from google.protobuf.message import DecodeError
 
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.logging import metadata, plan_message, schemas
-from pushplan.logging.attached import scenario_from_attachments
+from pushplan.logging.attached import SCENARIO_FILE, SCENARIO_JSON, scenario_from_attachments
 from pushplan.logging.cursor import DamageError
 from pushplan.logging.effort import Effort
 from pushplan.logging.execution_message import Collector
@@ -21,7 +21,7 @@ from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.schemas import MessageClass, Topic
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
-from pushplan.sim.kinematic import Execution
+from pushplan.sim.execution import Execution
 
 _V = TypeVar("_V")
 
@@ -54,7 +54,7 @@ class _Reading:
     def __init__(self, file: McapFile) -> None:
         self._file = file
         self._words: dict[str, dict[str, str]] = {}
-        self._attachments: dict[str, bytes] = {}
+        self._attachments: dict[str, Attachment] = {}
         self._scenario: Scenario | None = None
         self._progress: list[tuple[int, float]] = []
         self._plan: PlanResult | None = None
@@ -75,7 +75,7 @@ class _Reading:
             if isinstance(item, Metadata):
                 self._take_metadata(item)
             elif isinstance(item, Attachment):
-                _put_once(self._attachments, item.name, item.data)
+                _put_once(self._attachments, item.name, item)
             else:
                 self._take_message(item)
         except RunLogError:
@@ -134,7 +134,13 @@ class _Reading:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario, read from the attachments when it is first needed."""
+        """The scenario, read from the attachments when it is first needed.
+
+        Raises:
+            RunLogError: When they are missing or no scenario.
+        """
+        for name in (SCENARIO_FILE, SCENARIO_JSON):
+            self._require(name in self._attachments, f"the attachment {name!r}")
         if self._scenario is None:
             self._scenario = scenario_from_attachments(self._file.path, self._attachments)
         return self._scenario
@@ -145,24 +151,26 @@ class _Reading:
         Raises:
             RunLogError: When something is missing that a run log has.
         """
-        if metadata.RUN not in self._words:
-            raise RunLogError(str(self._file.path), f"not a run log: it has no metadata {metadata.RUN!r}")
-        if not self._file.recover and metadata.RESULT not in self._words:
-            raise RunLogError(
-                str(self._file.path), f"it has no metadata {metadata.RESULT!r}: the run has no end"
-            )
-        execution = self._execution
+        self._require(metadata.RUN in self._words, f"the metadata {metadata.RUN!r} of a run log")
+        if not self._file.recover:
+            self._require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
+            self._require(self._samples is None or self._execution is not None, "the end of the execution")
+        scenario, execution = self.scenario, self._execution
         if execution is None and self._samples is not None:
             execution = self._samples.finish(None)
         return RecordedRun(
             path=self._file.path,
-            scenario=self.scenario,
+            scenario=scenario,
             plan=self._plan,
             execution=execution,
             lines=tuple(self._lines),
             words=self._words,
             losses=tuple(self._file.losses),
         )
+
+    def _require(self, there: bool, what: str) -> None:
+        if not there:
+            raise RunLogError(str(self._file.path), f"the file ends without {what}", self._file.size)
 
 
 def _put_once(found: dict[str, _V], name: str, value: _V) -> None:

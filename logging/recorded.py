@@ -9,7 +9,7 @@ from pathlib import Path
 from pushplan.arrays import FloatArray
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
-from pushplan.sim.kinematic import Execution
+from pushplan.sim.execution import Execution
 from pushplan.trajectory import Trajectory
 
 

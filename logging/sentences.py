@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from pushplan.result import PlanResult
-from pushplan.sim.kinematic import Execution
+from pushplan.sim.execution import Execution
 
 
 def plan_sentence(plan: PlanResult) -> str:

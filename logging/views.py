@@ -13,7 +13,7 @@ from pushplan.arrays import FloatArray
 from pushplan.chain import PLATE, Chain
 from pushplan.logging.scene import CHAIN, PUSHER
 from pushplan.logging.schemas import Margins, MessageClass, Twist
-from pushplan.sim.kinematic import Execution
+from pushplan.sim.execution import Execution
 
 VIEW_RATE = 25.0
 """Samples per second of /tf, /pusher/pose, /pusher/twist and /margins."""

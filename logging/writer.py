@@ -29,7 +29,7 @@ from pushplan.logging.scene import scene, tree
 from pushplan.logging.sentences import execution_sentence, plan_sentence
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
-from pushplan.sim.kinematic import Execution
+from pushplan.sim.execution import Execution
 
 PATH_SPACING = 0.02
 """Distance of the poses on /plan/path, m of path cost."""

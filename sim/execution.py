@@ -1,0 +1,53 @@
+"""What executing a trajectory comes to; kept apart from the simulators, which are slow to load."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pushplan.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class StabilityLoss:
+    """Where an execution lost a contact; what happens after it is not predicted.
+
+    Attributes:
+        time: s.
+        contact: Index of the contact (0 touches the plate).
+        margin: The margin found there, <= 0.
+        pose: (3,) pose of the chain frame in the world.
+    """
+
+    time: float
+    contact: int
+    margin: float
+    pose: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Execution:
+    """What happened, sampled at the trajectory's rate.
+
+    Attributes:
+        t: (m,) times, s; ends early when stability was lost.
+        poses: (m, 3) integrated pose of the chain frame in the world.
+        twists: (m, 3) executed body twists in the chain frame.
+        margins: (m, n) margin of each contact; where the pusher rests, that of the twist it is about to take (at
+            the end: has just taken).
+        friction_margins: (m, n) angle of the contact force to the nearer edge of its friction cone, rad; like
+            `lambdas` and `forces`, None where the loads on the floor are not known.
+        lambdas: (m, n) where the force passes through the segment, 0 at the right end, 1 at the left end.
+        forces: (m, n, 2) contact force on the pushed object, chain frame, N.
+        loss: The first loss of stability, or None.
+        goal_error: (position m, angle rad) of the final pose against the goal.
+    """
+
+    t: FloatArray
+    poses: FloatArray
+    twists: FloatArray
+    margins: FloatArray
+    friction_margins: FloatArray | None
+    lambdas: FloatArray | None
+    forces: FloatArray | None
+    loss: StabilityLoss | None
+    goal_error: tuple[float, float]
