@@ -16,17 +16,17 @@ from pushplan.planners.collision import step
 from pushplan.planners.search import Problem, random
 from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
 
-ARC_PRICE = 0.001
+ARC_PRICE = 0.002
 """What an arc costs beside its length, m."""
 
 GAIN = 1e-9
 """Smallest saving (m) for which a piece of path is exchanged."""
 
-DRAWN_SHARE = 0.5
+DRAWN_SHARE = 0.8
 """Share of the attempts that join by turns and pushes drawn from the whole stable set."""
 
-END_SHARE = 0.2
-"""Share of the attempts that begin at the start, and of those that end at the goal."""
+SHORTEST_WINDOW = 0.07
+"""Shortest piece of path that is exchanged, as a share of the path."""
 
 
 @njit(cache=True)
@@ -125,6 +125,33 @@ def random_family(segments: FloatArray, state: RandomState, family: FloatArray) 
 
 
 @njit(cache=True)
+def _some_family(problem: Problem, state: RandomState, family: FloatArray) -> None:
+    """Fill `family` (1, 3, 3) with a steering family, or with one drawn from the whole stable set."""
+    if random(state) < DRAWN_SHARE:
+        random_family(problem.segments, state, family[0])
+    else:
+        family[0] = problem.families[int(random(state) * problem.families.shape[0])]
+
+
+@njit(cache=True)
+def _window(state: RandomState, total: float) -> tuple[float, float]:
+    """Draw a piece of a path: its length log-uniform, its place uniform, ends clipped to the path's."""
+    length = total * math.exp(math.log(SHORTEST_WINDOW) * random(state))
+    low = -0.5 * length + random(state) * total
+    return max(0.0, low), min(total, low + length)
+
+
+@njit(cache=True)
+def _rejoin(
+    problem: Problem, state: RandomState, begin: FloatArray, end: FloatArray, bound: float, word: FloatArray
+) -> float:
+    """Join two poses by the cheapest free word of some family; return its cost, infinite if above the bound."""
+    family = np.empty((1, 3, 3))
+    _some_family(problem, state, family)
+    return connect(problem.scene, family, begin, end, bound, word)[0]
+
+
+@njit(cache=True)
 def shorten(
     problem: Problem, start: FloatArray, arcs: FloatArray, state: RandomState, attempts: int
 ) -> FloatArray:
@@ -139,21 +166,12 @@ def shorten(
     """
     path = merged(arcs)
     word = np.empty((3, 4))
-    drawn = np.empty((1, 3, 3))
     for _ in range(attempts):
-        total = path[:, 3].sum()
-        a, b, ends = random(state), random(state), random(state)
-        low = 0.0 if ends < END_SHARE else min(a, b) * total
-        high = total if ends > 1.0 - END_SHARE else max(a, b) * total
+        low, high = _window(state, path[:, 3].sum())
         i, into_i, begin = _locate(start, path, low)
         j, into_j, end = _locate(start, path, high)
         bound = high - low + ARC_PRICE * (j - i + 1)
-        families = problem.families
-        if random(state) < DRAWN_SHARE:
-            random_family(problem.segments, state, drawn[0])
-            families = drawn
-        cost, _ = connect(problem.scene, families, begin, end, bound, word)
-        if cost < bound:
+        if _rejoin(problem, state, begin, end, bound, word) < bound:
             exchanged = _spliced(path, i, into_i, word, j, into_j)
             if price(exchanged) < price(path) - GAIN:
                 path = exchanged
