@@ -37,12 +37,13 @@ def describe_gap(fixed: Named, moving: Named, pose: FloatArray) -> str:
     """Return how far `moving`, at `pose` (3,), is from touching `fixed` along a line, and what would help."""
     line = shapely.shortest_line(shapely.Polygon(moving[1]), shapely.Polygon(fixed[1]))
     begin, end = shapely.get_coordinates(line)
-    gap = float(np.linalg.norm(end - begin))
+    step = (end - begin).round(9)
+    gap = float(np.linalg.norm(step))
     state = f"the gap is {1e3 * gap:.3g} mm" if gap > TOUCH else "they meet at a point"
     text = f"'{moving[0]}' and {fixed[0]} do not touch along a line: {state}"
-    touch = find_touch(fixed[1], moving[1] + (end - begin))
+    touch = find_touch(fixed[1], moving[1] + step)
     if touch is not None and len(touch.segments):
-        x, y, theta = pose + np.append(end - begin, 0.0)
+        x, y, theta = pose + np.append(step, 0.0)
         return f"{text}; write pose: [{x:.6g}, {y:.6g}, {theta:.6g}]"
     turn = _smallest_turn(fixed[1], moving[1])
     if abs(turn) > 1e-9:

@@ -33,7 +33,7 @@ def show(value: object) -> str:
         case bool():
             return f"is {str(value).lower()}"
         case int() | float():
-            return f"is {value:.9g}"
+            return f"is {value:.12g}"
         case str():
             return f"is the text '{shorten(value)}'"
         case dict():
@@ -70,7 +70,7 @@ class Quantity:
         unit = f" in {first}" if self.units.get(first) == 1.0 and not self.tangent else ""
         form = "a friction angle" if self.tangent else "with a unit"
         text = f', or {form}, e.g. "{self.example}"' if self.example else ""
-        return f"{self.noun}{unit} from {self.low:.9g} to {self.high:.9g}{text}"
+        return f"{self.noun}{unit} from {self.low:.12g} to {self.high:.12g}{text}"
 
     def read(self, value: object) -> float:
         """Return the number in SI.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -86,7 +87,7 @@ class Scenario:
             "format": names.SCENARIO_FORMAT,
             "name": self.name,
             "floor": {"friction": self.floor_friction},
-            **self.bodies,
+            **deepcopy(dict(self.bodies)),
             "start": self.start.tolist(),
             "goal": _resolved_goal(self.goal),
             **_resolved_surroundings(self),

@@ -52,6 +52,7 @@ def _unreadable(source: str | Path, error: Exception) -> str:
     text = f"cannot read the file: {reason}"
     if isinstance(error, FileNotFoundError) and isinstance(source, str) and Path(source).name == source:
         names = list(example_names())
-        near = nearest(source, names).removeprefix(";")
-        text += f"; no packaged scenario is called so either{near or ';'} there are {', '.join(names)}"
+        text += (
+            f"; no packaged scenario is called so either{nearest(source, names)} there are {', '.join(names)}"
+        )
     return text

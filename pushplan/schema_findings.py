@@ -45,7 +45,7 @@ def finding_at(document: Document, place: Place, what: str, at_key: bool = False
 
 def nearest(word: str, known: list[str]) -> str:
     """Return `; did you mean '...'?` with the known word most like `word`, or `;`."""
-    close = difflib.get_close_matches(word.lower(), known, n=1)
+    close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.65)
     return f"; did you mean '{close[0]}'?" if close else ";"
 
 

@@ -1,0 +1,158 @@
+"""Everything wrong in a scenario is told with its place, what is wrong, and what is allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+import pytest
+
+from pushplan.errors import ScenarioError
+from pushplan.scenario import Scenario, load_scenario, scenario_from_text
+
+
+class Changed(Protocol):
+    """The fixture `valid`."""
+
+    def __call__(self, *changes: tuple[str, str]) -> str: ...
+
+    def scenario(self, *changes: tuple[str, str]) -> Scenario: ...
+
+    def findings(self, *changes: tuple[str, str]) -> list[str]: ...
+
+
+MASS = 'a mass in kg from 1e-06 to 1000000, or with a unit, e.g. "800 g"'
+OBJECT_KEYS = "name, shape, mass, support, center_of_mass, floor_friction, offset, pose"
+SETS = "one of ecof, cof, translation, stable, robust"
+
+
+def mistakes() -> list[tuple[str, str, str]]:
+    """Return what is replaced in the valid scenario, by what, and the finding that this gives."""
+    text = Path(__file__).with_name("mistakes.txt").read_text(encoding="utf-8")
+    blocks = [block.splitlines() for block in text.split("\n\n")[1:]]
+    sides = [["\n".join(line[1:] for line in block if line[0] == sign) for sign in "-+"] for block in blocks]
+    return [(old, new, block[-1]) for (old, new), block in zip(sides, blocks, strict=True)]
+
+
+@pytest.mark.parametrize(("old", "new", "finding"), mistakes())
+def test_one_mistake_gives_one_finding(valid: Changed, old: str, new: str, finding: str) -> None:
+    assert valid.findings((old, new)) == [finding]
+
+
+def test_findings_of_all_stages_are_told_at_once_in_the_order_of_the_file(valid: Changed) -> None:
+    changes = [
+        ("friction: 0.30", "friction: 0.30, colour: grey"),
+        ("mass: 1.2", "mass: -1.2"),
+        ("offset: 0.01", "pose: [0.1468, 0, 0]"),
+        ("start: [0.0, 0.0, 0.0]", "start: [-1.0, 0.0, 0.0]"),
+        ("of: far", "of: nowhere"),
+        ("margin: 0.0", "margin: &m 0.0"),
+        ("seed: 1", "seed: one"),
+    ]
+    assert valid.findings(*changes) == [
+        "f.yaml:3:25: floor.colour: unknown key; allowed: friction",
+        f"f.yaml:7:11: objects[0].mass: is -1.2; allowed: {MASS}",
+        "f.yaml:9:5: objects[1]: 'far' overlaps 'near' by 3.2 mm; move it to x >= 0.15",
+        "f.yaml:24:7: goal.of: no object is called 'nowhere'; allowed: near, far",
+        "f.yaml:31:32: stability.margin: anchors (&m) are not supported; leave it out",
+        "f.yaml:32:45: planner.seed: is the text 'one'; allowed: a whole number from 0 to 2147483647",
+    ]
+
+
+def test_start_and_goal_are_checked_beside_wrong_values(valid: Changed) -> None:
+    found = valid.findings(
+        ("start: [0.0, 0.0, 0.0]", "start: [-0.48, 0, 0]"),
+        ("set: ecof", "set: all"),
+        ("mass: 0.8", "mass: 0"),
+    )
+    assert found == [
+        f"f.yaml:11:11: objects[1].mass: is 0; allowed: {MASS}",
+        "f.yaml:21:8: start: at the start, 'pusher' leaves the workspace (x >= -0.5) by 10 mm",
+        f"f.yaml:31:18: stability.set: is the text 'all'; allowed: {SETS}",
+    ]
+
+
+def test_wrong_geometry_is_not_told_on_from_a_guess(valid: Changed) -> None:
+    found = valid.findings(("offset: 0.01", "ofset: 0.2"), ("start: [0.0, 0.0, 0.0]", "start: [-0.48, 0, 0]"))
+    assert found == [
+        f"f.yaml:12:5: objects[1].ofset: unknown key; did you mean 'offset'? allowed: {OBJECT_KEYS}"
+    ]
+
+
+def test_names_of_objects_differ_and_leave_frames_alone(valid: Changed) -> None:
+    found = valid.findings(
+        ("name: near", "name: World"),
+        ("name: far", "name: World"),
+        ("  between", "  #"),
+        ("  of: far", "  #"),
+    )
+    assert found == [
+        "f.yaml:5:11: objects[0].name: 'World' is reserved; allowed: any name but world, chain, pusher",
+        "f.yaml:9:11: objects[1].name: objects[0] is called 'World' too; names differ",
+        "f.yaml:9:11: objects[1].name: 'World' is reserved; allowed: any name but world, chain, pusher",
+    ]
+
+
+def test_a_pair_stated_twice_is_refused(valid: Changed) -> None:
+    twice = "[{objects: [near, far], friction: 0.2}, {objects: [far, near], friction: 0.3}]"
+    found = valid.findings(("[{objects: [near, far], friction: 0.20}]", twice))
+    assert found == [
+        "f.yaml:15:62: contacts.between[1].objects: this pair stands further up already; keep one entry"
+    ]
+
+
+def test_the_error_carries_path_line_column_and_findings(valid: Changed) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        valid.scenario(("mass: 1.2", "mass: x"), ("mass: 0.8", "mass: y"))
+    error = caught.value
+    assert isinstance(error, ValueError)
+    assert (error.path, error.line, error.column, len(error.findings)) == ("f.yaml", 7, 11, 2)
+    assert [finding.where for finding in error.findings] == ["objects[0].mass", "objects[1].mass"]
+    assert str(error).count("\n") == 1
+
+
+def test_a_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
+    for path, reason in (
+        (tmp_path / "none.yaml", "No such file or directory"),
+        (tmp_path, "Is a directory"),
+    ):
+        with pytest.raises(ScenarioError) as caught:
+            load_scenario(path)
+        assert str(caught.value) == f"{path}: cannot read the file: {reason}"
+
+
+def test_a_name_that_is_no_file_is_held_against_the_packaged_ones() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("two_crates")
+    expected = (
+        "two_crates: cannot read the file: No such file or directory; no packaged scenario is called so either; "
+        "did you mean 'two-crates'? there are asymmetric, carts, "
+    )
+    assert str(caught.value).startswith(expected)
+
+
+def test_a_pressure_map_stays_in_the_folder_of_the_scenario(valid: Changed, tmp_path: Path) -> None:
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "secret.csv").write_text("x,y,pressure\n0,0,1\n")
+    (tmp_path / "inside" / "link.csv").symlink_to(tmp_path / "secret.csv")
+    file = tmp_path / "inside" / "f.yaml"
+    for name in ("../secret.csv", str(tmp_path / "secret.csv"), "link.csv"):
+        file.write_text(valid(("support: uniform", f"support: {{pressure_map: '{name}'}}")))
+        with pytest.raises(ScenarioError) as caught:
+            load_scenario(file)
+        assert [f.text("f.yaml") for f in caught.value.findings] == [
+            f"f.yaml:8:14: objects[0].support: is the name '{name if len(name) < 41 else name[:37] + '...'}'; "
+            "allowed: a file in the scenario's folder"
+        ]
+
+
+def test_control_characters_reach_no_message(valid: Changed) -> None:
+    for text in valid.findings(
+        ("name: near", 'name: "a\\e[31m\\uD800"'), ("mass: 0.8", 'mass: 0.8\n    "\\0\\n": 1')
+    ):
+        assert text.isprintable()
+
+
+def test_bytes_are_taken_as_they_are() -> None:
+    with pytest.raises(ScenarioError, match=r"f\.yaml:1:4: the byte 0xff is not UTF-8"):
+        scenario_from_text(b"a: \xff", "f.yaml")
