@@ -1,0 +1,214 @@
+"""Dynamic contact conditions against Newton's law by finite differences and a linear program over forces."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from pushplan import se2
+from pushplan.admissible_speeds import SpeedWindow, admissible_speeds
+from pushplan.arrays import FloatArray
+from pushplan.chain import GRAVITY, Chain, PushedObject
+from pushplan.contact_state import contact_state
+from pushplan.dynamics import ContactDynamics, dynamic_margins, dynamic_rows
+from pushplan.errors import PushplanError, SupportError
+from pushplan.inertia import inertia_of
+from pushplan.support import FeetSupport, UniformSupport, UnknownSupport
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+STEP = 1e-3
+
+
+def _motion(twist: FloatArray, speed: float, acceleration: float) -> FloatArray:
+    """Poses (3, 3) of the chain frame at -STEP, 0 and STEP of a motion along `twist`, somewhere in the world."""
+    t = np.array([-STEP, 0.0, STEP])
+    s = speed * t + 0.5 * acceleration * t**2
+    return se2.compose(np.array([0.4, -1.0, 2.2]), se2.exp(s[:, None] * twist))
+
+
+def _world(poses: FloatArray, point: FloatArray) -> FloatArray:
+    return np.array([se2.transform_points(pose, point) for pose in poses])
+
+
+def _floor_wrench(obj: PushedObject, poses: FloatArray) -> FloatArray:
+    """Coulomb friction on the feet of an object, about the world's origin."""
+    assert isinstance(obj.support, FeetSupport)
+    assert obj.support.fractions is not None
+    total = np.zeros(3)
+    for foot, share in zip(obj.support.positions, obj.support.fractions, strict=True):
+        path = _world(poses, se2.transform_points(obj.pose_chain, foot))
+        velocity = path[2] - path[0]
+        force = -obj.floor_friction * share * obj.mass * GRAVITY * velocity / np.linalg.norm(velocity)
+        total += [*force, path[1, 0] * force[1] - path[1, 1] * force[0]]
+    return total
+
+
+def _momentum_rate(obj: PushedObject, poses: FloatArray) -> FloatArray:
+    """Rate of change of an object's momentum and of its angular momentum about the world's origin."""
+    inertia = inertia_of(obj)
+    path = _world(poses, inertia.center)
+    force = inertia.mass * (path[2] - 2.0 * path[1] + path[0]) / STEP**2
+    spin = inertia.moment * (poses[2, 2] - 2.0 * poses[1, 2] + poses[0, 2]) / STEP**2
+    return np.array([*force, spin + path[1, 0] * force[1] - path[1, 1] * force[0]])
+
+
+def _slack_of_the_forces(chain: Chain, poses: FloatArray) -> float:
+    """Largest t such that every end-point force along a friction cone's edge can be at least t (an LP)."""
+    n = len(chain.objects)
+    columns = np.zeros((3 * n, 4 * n))
+    for k, contact in enumerate(chain.contacts):
+        edges = [contact.normal + sign * contact.friction * contact.tangent for sign in (-1.0, 1.0)]
+        pairs = [(end, edge) for end in (contact.right, contact.left) for edge in edges]
+        for j, (end, edge) in enumerate(pairs):
+            x, f = se2.transform_points(poses[1], end), se2.rotate(poses[1, 2], edge)
+            wrench = np.array([*f, x[0] * f[1] - x[1] * f[0]])
+            columns[3 * k : 3 * k + 3, 4 * k + j] += wrench
+            if contact.pusher >= 0:
+                columns[3 * contact.pusher : 3 * contact.pusher + 3, 4 * k + j] -= wrench
+    needed = np.concatenate([_momentum_rate(obj, poses) - _floor_wrench(obj, poses) for obj in chain.objects])
+    bounds = np.hstack([-np.eye(4 * n), np.ones((4 * n, 1))])
+    found = linprog(
+        np.append(np.zeros(4 * n), -1.0),
+        A_ub=bounds,
+        b_ub=np.zeros(4 * n),
+        A_eq=np.hstack([columns, np.zeros((3 * n, 1))]),
+        b_eq=needed,
+        bounds=(None, None),
+        method="highs",
+    )
+    assert found.status == 0
+    assert found.x is not None
+    return float(found.x[-1])
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("tree", [False, True])
+def test_rows_agree_with_newton_by_differences_and_a_linear_program_over_forces(
+    make_chain: ChainMaker, seed: int, tree: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    chain = make_chain.random(seed, 1 + seed % 4, tree=tree, feet=True)
+    kept = 0
+    for _ in range(25):
+        twist = rng.normal(size=3) * [1.0, 0.4, 2.0] + [0.5, 0.0, 0.0]
+        rows = dynamic_rows(chain, twist)
+        speed, acceleration = rng.uniform(0.01, 2.0), rng.normal() * 4.0
+        lowest = float(rows.values(speed, acceleration).min())
+        slack = _slack_of_the_forces(chain, _motion(twist, speed, acceleration))
+        if abs(lowest) > 1e-3:
+            assert (lowest > 0.0) == (slack > 0.0)
+            kept += 1
+    assert kept > 20
+
+
+def test_some_random_motions_hold_and_some_do_not(make_chain: ChainMaker) -> None:
+    """The comparison above sees both outcomes."""
+    chain = make_chain.boxes(3, support=lambda outline: FeetSupport(outline, np.full(4, 0.25)))
+    rng = np.random.default_rng(1)
+    outcomes = []
+    for _ in range(60):
+        twist = np.array([1.0, 0.0, rng.normal()])
+        speed, acceleration = rng.uniform(0.01, 1.0), rng.normal() * 3.0
+        outcomes.append(_slack_of_the_forces(chain, _motion(twist, speed, acceleration)) > 0.0)
+        assert outcomes[-1] == bool((dynamic_rows(chain, twist).values(speed, acceleration) > 0.0).all())
+    assert 10 < sum(outcomes) < 50
+
+
+def test_margins_of_a_slow_motion_are_the_quasi_static_ones(make_chain: ChainMaker) -> None:
+    chain = make_chain.random(3, 3)
+    twists = np.random.default_rng(3).normal(size=(20, 3)) * 1e-7
+    found = dynamic_margins(chain, twists, np.zeros((20, 3)))
+    np.testing.assert_allclose(found, contact_state(chain, twists).margins, atol=1e-9)
+
+
+def test_margins_and_rows_judge_alike(make_chain: ChainMaker) -> None:
+    chain = make_chain.random(5, 3)
+    dynamics = ContactDynamics(chain)
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        twist, speed, acceleration = rng.normal(size=3), rng.uniform(0.1, 1.0), rng.normal()
+        margins = dynamics.margins([speed * twist], [acceleration * twist])[0]
+        rows = dynamics.rows(twist).values(speed, acceleration)
+        np.testing.assert_array_equal(margins > 0.0, rows.min(axis=1) > 0.0)
+
+
+def test_a_box_pushed_straight_may_brake_at_mu_g_and_gains_speed_without_limit(
+    make_chain: ChainMaker,
+) -> None:
+    chain = make_chain.boxes(1, floor_friction=0.3)
+    window = SpeedWindow(1.0, 10.0)
+    polygon = admissible_speeds(chain, [1.0, 0.0, 0.0], window)
+    corners = [[0.0, -0.3 * GRAVITY], [1.0, -0.3 * GRAVITY], [1.0, 10.0], [0.0, 10.0]]
+    np.testing.assert_allclose(sorted(polygon.vertices.tolist()), sorted(corners), rtol=1e-12)
+    assert polygon.rows.steady_speed == np.inf
+
+
+def test_a_turn_about_a_far_centre_slips_at_the_speed_of_the_textbook(make_chain: ChainMaker) -> None:
+    """A point-like box on radius R, pushed along its velocity: m s'^2 / R against what friction at the plate holds.
+
+    Floor friction mu m g acts backward, so the plate pushes with N = mu m g and must turn the velocity by a
+    force m v^2 / R across, at most mu_p N.
+    """
+    size, radius = 1e-3, 10.0
+    chain = make_chain.boxes(1, size=(size, 0.2), floor_friction=0.3, pusher_friction=0.5)
+    twist = np.array([1.0, -size / 2 / radius, 1.0 / radius])
+    speed = dynamic_rows(chain, twist).steady_speed
+    assert speed**2 / radius == pytest.approx(0.5 * 0.3 * GRAVITY, rel=1e-2)
+
+
+def test_the_polygon_holds_exactly_where_the_rows_are_positive(make_chain: ChainMaker) -> None:
+    import shapely
+
+    rng = np.random.default_rng(11)
+    window = SpeedWindow(4.0, 5.0)
+    for seed in range(10):
+        chain = make_chain.boxes(1 + seed % 3)
+        found = admissible_speeds(chain, [1.0, rng.normal() * 0.1, rng.normal()], window)
+        shape = shapely.Polygon(found.vertices) if len(found.vertices) > 2 else shapely.Polygon()
+        assert shape.is_valid
+        for u, a in rng.uniform([0.0, -5.0], [4.0, 5.0], (200, 2)):
+            lowest = found.rows.values(np.sqrt(u), a).min()
+            if abs(lowest) > 1e-9:
+                assert bool(shape.contains(shapely.Point(u, a))) == (lowest > 0.0)
+
+
+def test_a_box_that_flies_back_is_caught_only_by_hard_braking(make_chain: ChainMaker) -> None:
+    """Floor friction then points forward, so the plate has to push with more than m mu g."""
+    chain = make_chain.boxes(1, floor_friction=0.3)
+    weak = admissible_speeds(chain, [-1.0, 0.0, 0.0], SpeedWindow(1.0, 2.9))
+    assert weak.vertices.shape == (0, 2)
+    assert weak.rows.steady_speed == 0.0
+    strong = admissible_speeds(chain, [-1.0, 0.0, 0.0], SpeedWindow(1.0, 5.0))
+    assert strong.vertices[:, 1].max() == pytest.approx(-0.3 * GRAVITY)
+
+
+def test_inertia_of_a_box_is_that_of_the_textbook(make_chain: ChainMaker) -> None:
+    outline = make_chain.box(0.2, 0.1) + np.array([0.3, 0.4])
+    obj = PushedObject("box", outline, 2.0, 0.3, UniformSupport(outline), np.array([0.1, 0.0, np.pi / 2]))
+    found = inertia_of(obj)
+    assert found.moment == pytest.approx(2.0 * (0.2**2 + 0.1**2) / 12.0)
+    np.testing.assert_allclose(found.center, [0.1 - 0.4, 0.3], atol=1e-12)
+
+
+def test_the_centre_of_mass_is_the_centre_of_the_load(make_chain: ChainMaker) -> None:
+    outline = make_chain.box()
+    feet = FeetSupport(outline, np.array([0.4, 0.4, 0.1, 0.1]))
+    obj = PushedObject("box", outline, 1.0, 0.3, feet, np.zeros(3))
+    np.testing.assert_allclose(inertia_of(obj).center, feet.center)
+
+
+def test_wrong_questions_are_refused(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(1)
+    with pytest.raises(PushplanError, match="twist 0 is zero"):
+        dynamic_rows(chain, [0.0, 0.0, 0.0])
+    with pytest.raises(PushplanError, match="both bounds must be finite and > 0"):
+        admissible_speeds(chain, [1.0, 0.0, 0.0], SpeedWindow(0.0, 1.0))
+    with pytest.raises(PushplanError, match=r"rates have shape \(2, 3\)"):
+        dynamic_margins(chain, [[1.0, 0.0, 0.0]], np.zeros((2, 3)))
+    with pytest.raises(SupportError, match="unknown"):
+        dynamic_rows(make_chain.boxes(1, support=UnknownSupport), [1.0, 0.0, 0.0])
