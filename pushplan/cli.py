@@ -50,7 +50,7 @@ def entry() -> NoReturn:
 def main(argv: Sequence[str]) -> int:
     """Run the command line with the words `argv` (without the program's name) and return the exit code."""
     try:
-        args = _parser().parse_args(argv)
+        args = parser().parse_args(argv)
     except SystemExit as stop:  # argparse has written its help or what is wrong
         return int(stop.code or 0)
     console = Console(json=args.json, verbose=args.verbose)
@@ -62,16 +62,17 @@ def main(argv: Sequence[str]) -> int:
     return code
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    top = argparse.ArgumentParser(
         prog="pushplan",
         description="Plan how a robot pushes a chain of objects to a goal pose without anything slipping.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    top.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, module in COMMANDS.items():
         summary = (module.__doc__ or "").partition("\n")[0]
         child = commands.add_parser(name, help=summary, description=summary, allow_abbrev=False)
@@ -80,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
         child.add_argument(
             "--verbose", action="store_true", help="show the traceback of an unexpected failure"
         )
-    return parser
+    return top
 
 
 class _Version(argparse.Action):

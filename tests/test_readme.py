@@ -1,0 +1,89 @@
+"""What the README says is so: commands, their output, code, links, pictures."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pushplan import cli
+from pushplan.cli import main
+from pushplan.examples import example_text
+
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+Captured = pytest.CaptureFixture[str]
+
+
+def _blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", TEXT, flags=re.DOTALL)
+
+
+def _words(block: str) -> list[str]:
+    """The words of the `pushplan` command at the end of a line of shell."""
+    words: list[str] = shlex.split(block.rpartition("/pushplan ")[2])
+    return words
+
+
+def _shape(output: str) -> str:
+    """Output with every number replaced, for what is the same in every run."""
+    return re.sub(r"[-+]?\d[\d.]*(e[-+]\d+)?( ms| s|\b)", "#", output)
+
+
+def test_the_first_command_plans_draws_records_and_prints_what_the_readme_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(_words(_blocks("sh")[0])) == 0
+    printed, shown = capsys.readouterr().out.splitlines(), _blocks("text")[0].splitlines()
+    assert printed[0] == shown[0]
+    assert [line.split("  ")[:2] for line in printed] == [line.split("  ")[:2] for line in shown]
+    contacts = re.compile(r"contact \S+$")
+    assert [_shape(contacts.sub("contact", line)) for line in printed] == [
+        _shape(contacts.sub("contact", line)) for line in shown
+    ]
+    assert (tmp_path / "run.mcap").exists()
+    assert (tmp_path / "run.png").stat().st_size > 10_000
+
+
+def test_the_message_about_a_mistake_is_the_one_that_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text(example_text("two-crates").replace("width: 0.20", "widht: 0.20"))
+    assert main(["check", "mine.yaml"]) == 2
+    for line in _blocks("text")[1].splitlines():
+        assert line in capsys.readouterr().err
+
+
+def test_the_python_code_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
+    monkeypatch.chdir(tmp_path)
+    (code,) = _blocks("python")
+    exec(compile(code, "README.md", "exec"), {})
+    stable, turning = capsys.readouterr().out.splitlines()[0].strip("[]").split()
+    assert float(stable) > 0.0 > float(turning)
+
+
+def _commands() -> Iterator[str]:
+    yield from re.findall(r"`pushplan ([^`]+)`", TEXT)
+
+
+@pytest.mark.parametrize("command", list(_commands()))
+def test_every_command_that_is_named_exists_with_its_options(command: str) -> None:
+    words = command.partition(" > ")[0].replace("[", "").replace("]", "")
+    assert cli.parser().parse_args(shlex.split(words)).command in cli.COMMANDS
+
+
+def test_all_commands_are_named() -> None:
+    assert {command.split()[0] for command in _commands()} >= set(cli.COMMANDS)
+
+
+def test_links_and_pictures_exist() -> None:
+    targets = re.findall(r"\]\(([^)#]+)\)", TEXT)
+    local = [target for target in targets if not target.startswith("https://")]
+    assert len(local) >= 4
+    for target in local:
+        assert (ROOT / target).is_file(), target
