@@ -106,6 +106,24 @@ def test_rows_agree_with_newton_by_differences_and_a_linear_program_over_forces(
     assert kept > 20
 
 
+def test_inertia_wrenches_are_the_rate_of_momentum_by_differences(make_chain: ChainMaker) -> None:
+    rng = np.random.default_rng(2)
+    chain = make_chain.random(2, 4, tree=True)
+    for _ in range(20):
+        twist, speed, acceleration = rng.normal(size=3), rng.uniform(0.1, 1.0), rng.normal()
+        found = ContactDynamics(chain).inertia_wrenches(speed * twist[None], acceleration * twist[None])[0]
+        poses = _motion(twist, speed, acceleration)
+        world = np.array([_momentum_rate(obj, poses) for obj in chain.objects])
+        force = se2.rotate(-poses[1, 2], world[:, :2])
+        x = poses[1, :2]
+        about = world[:, 2] - (x[0] * world[:, 1] - x[1] * world[:, 0])
+        own = found.copy()
+        for contact in chain.contacts:
+            if contact.pusher >= 0:
+                own[contact.pusher] -= found[contact.pushed]
+        np.testing.assert_allclose(own, np.column_stack([force, about]), atol=2e-6)
+
+
 def test_some_random_motions_hold_and_some_do_not(make_chain: ChainMaker) -> None:
     """The comparison above sees both outcomes."""
     chain = make_chain.boxes(3, support=lambda outline: FeetSupport(outline, np.full(4, 0.25)))
