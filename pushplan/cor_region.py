@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 Window = tuple[float, float, float, float]
 """(xmin, ymin, xmax, ymax) in the chain frame, m."""
 _DEFAULT_WINDOW = 4.0
+_REACH = 1e6
 
 
 def cor_polygons(refined: RefinedMeridians, length: float, sense: int, window: Window | None) -> BaseGeometry:
@@ -32,13 +33,18 @@ def cor_polygons(refined: RefinedMeridians, length: float, sense: int, window: W
     """
     if sense not in (1, -1):
         raise PushplanError(f"sense is {sense}; it must be +1 (counter-clockwise) or -1 (clockwise)")
-    box = _box(window, length)
-    beyond = 2.0 * float(np.abs(shapely.get_coordinates(box)).max()) * np.sqrt(2.0)
-    strips = [shapely.Polygon(outline) for outline in _strips(refined, length, sense, beyond)]
+    box = window_box(window, length)
+    reach = _REACH * float(np.abs(shapely.get_coordinates(box)).max())
+    strips = [shapely.Polygon(outline) for outline in _strips(refined, length, sense, reach)]
     return shapely.union_all([shapely.make_valid(strip) for strip in strips]).intersection(box)
 
 
-def _box(window: Window | None, length: float) -> shapely.Polygon:
+def window_box(window: Window | None, length: float) -> shapely.Polygon:
+    """Return the window (None: the default one) as a box.
+
+    Raises:
+        PushplanError: On an empty window.
+    """
     if window is None:
         half = _DEFAULT_WINDOW * length
         window = (-half, -half, half, half)
@@ -49,49 +55,72 @@ def _box(window: Window | None, length: float) -> shapely.Polygon:
     return shapely.box(*window)
 
 
-def _strips(refined: RefinedMeridians, length: float, sense: int, beyond: float) -> list[FloatArray]:
-    """Return the outlines (v, 2) of runs of intervals on consecutive meridians."""
-    per_meridian = _intervals(refined, sense)
-    strips: list[FloatArray] = []
-    live: list[list[tuple[float, float, float]]] = []
-    for lon, intervals in zip(refined.longitude, per_meridian, strict=True):
-        rows = [(float(lon), low, high) for low, high in intervals]
-        kept: list[list[tuple[float, float, float]]] = []
-        for run in live:
-            heirs = [row for row in rows if row[1] < run[-1][2] and run[-1][1] < row[2]]
-            if len(heirs) == 1 and sum(_overlap(other[-1], heirs[0]) for other in live) == 1:
-                run.append(heirs[0])
-                rows.remove(heirs[0])
-                kept.append(run)
-            else:
-                strips.append(_outline(run, length, sense, beyond))
-        live = kept + [[row] for row in rows]
-    return [s for s in strips + [_outline(run, length, sense, beyond) for run in live] if len(s)]
+def _strips(refined: RefinedMeridians, length: float, sense: int, reach: float) -> list[FloatArray]:
+    """Return the outlines (v, 2) of the stable CORs of one sense, bounded by `reach`."""
+    parts = [part for run in _runs(refined) for part in _turning(run, sense)]
+    return [_outline(part, length, sense, reach) for part in parts if len(part) > 1]
 
 
-def _overlap(a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
-    return a[1] < b[2] and b[1] < a[2]
+def _runs(refined: RefinedMeridians) -> list[FloatArray]:
+    """Return sequences (r, 3) of longitude, lower, upper that continue each other between meridians."""
+    rows = refined.meridians
+    table = np.column_stack([rows.longitude, rows.lower, rows.upper])
+    done: list[list[FloatArray]] = []
+    live: list[list[FloatArray]] = []
+    for meridian in np.split(table, np.searchsorted(rows.longitude, refined.longitude[1:])):
+        pairs = _pairs([run[-1] for run in live], meridian)
+        heirs = {i: meridian[j] for i, j in pairs}
+        done += [run for i, run in enumerate(live) if i not in heirs]
+        grown = [[*run, heirs[i]] for i, run in enumerate(live) if i in heirs]
+        taken = {j for _, j in pairs}
+        live = grown + [[row] for j, row in enumerate(meridian) if j not in taken]
+        live.sort(key=lambda run: float(run[-1][1]))
+    return [np.array(run) for run in done + live]
 
 
-def _intervals(refined: RefinedMeridians, sense: int) -> list[list[tuple[float, float]]]:
-    """Return, meridian by meridian, the intervals of |latitude| that turn with `sense`."""
-    m = refined.meridians
-    low = np.maximum(m.lower if sense > 0 else -m.upper, 0.0)
-    high = m.upper if sense > 0 else -m.lower
-    out: list[list[tuple[float, float]]] = [[] for _ in refined.longitude]
-    for row, at in enumerate(np.searchsorted(refined.longitude, m.longitude)):
-        if high[row] > low[row]:
-            out[at].append((float(low[row]), float(high[row])))
-    return out
+def _pairs(old: list[FloatArray], new: FloatArray) -> list[tuple[int, int]]:
+    """Return which intervals continue each other: in order, or where some end or merge, by overlap."""
+    if len(old) == len(new):
+        return [(j, j) for j in range(len(new))]
+    overlap = np.array([[a[1] < b[2] and b[1] < a[2] for b in new] for a in old], dtype=np.bool_)
+    overlap = overlap.reshape(len(old), len(new))
+    single = overlap & (overlap.sum(axis=0) == 1)[None, :] & (overlap.sum(axis=1) == 1)[:, None]
+    return [(int(i), int(j)) for i, j in np.argwhere(single)]
 
 
-def _outline(run: list[tuple[float, float, float]], length: float, sense: int, beyond: float) -> FloatArray:
-    """Return the outline (v, 2) of consecutive intervals (longitude, low, high); empty for a single one."""
-    if len(run) < 2:
-        return np.empty((0, 2))
-    lon, low, high = np.array(run).T
+def _turning(run: FloatArray, sense: int) -> list[FloatArray]:
+    """Return the parts (r, 3) of a run that turn with `sense`: longitude, lower and upper tan |latitude|.
+
+    Where an end crosses the equator between two meridians, a row is put in at the crossing.
+    """
+    lon, low, high = run[:, 0], np.tan(run[:, 1]), np.tan(run[:, 2])
+    if sense < 0:
+        low, high = -high, -low
+    rows = np.column_stack([lon, low, high])
+    for column in (1, 2):
+        rows = _with_crossings(rows, column)
+    turning = np.maximum(rows, [-np.inf, 0.0, 0.0])
+    inside = np.concatenate([[False], rows[:, 2] > 0.0, [False]])
+    starts, stops = np.flatnonzero(~inside[:-1] & inside[1:]), np.flatnonzero(inside[:-1] & ~inside[1:])
+    return [turning[max(a - 1, 0) : b + 1] for a, b in zip(starts, stops, strict=True)]
+
+
+def _with_crossings(rows: FloatArray, column: int) -> FloatArray:
+    """Return the rows with one more at every longitude where `column` goes through 0 along a great circle."""
+    a, b = rows[:-1], rows[1:]
+    k = np.flatnonzero(a[:, column] * b[:, column] < 0.0)
+    gap = b[k, 0] - a[k, 0]
+    first, last = np.abs(a[k, column]), np.abs(b[k, column])
+    at = np.arctan2(first * np.sin(gap), first * np.cos(gap) + last)
+    share = np.column_stack([np.sin(gap - at), np.sin(at)]) / np.sin(gap)[:, None]
+    new = share[:, :1] * a[k] + share[:, 1:] * b[k]
+    new[:, 0], new[:, column] = a[k, 0] + at, 0.0
+    return np.insert(rows, k + 1, new, axis=0)
+
+
+def _outline(part: FloatArray, length: float, sense: int, reach: float) -> FloatArray:
+    """Return the outline (v, 2) of consecutive rows of longitude, lower and upper tan |latitude|."""
+    lon, low, high = part.T
     ray = sense * np.stack([-np.sin(lon), np.cos(lon)], axis=1)
-    near = length / np.tan(high)
-    far = np.where(low > 0.0, length / np.tan(np.maximum(low, 1e-300)), np.inf)
-    far = np.where(np.isfinite(far), far, np.maximum(beyond, 2.0 * near))
+    near, far = (np.minimum(length / np.maximum(end, 1e-300), reach) for end in (high, low))
     return np.concatenate([near[:, None] * ray, (far[:, None] * ray)[::-1]])

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.arrays import BoolArray, FloatArray, IntArray
 from pushplan.bracketing import inner_ends, maximise
 from pushplan.sphere import POLE, Meridians, twists_at
 
@@ -16,14 +18,45 @@ MarginFunction = Callable[[FloatArray, float], FloatArray]
 Excess = Callable[[FloatArray, FloatArray], FloatArray]
 """excess(longitude (m,), latitude (m,)) -> margin minus the one asked for (m,)."""
 
-LATITUDES = 25
+LATITUDES = 21
 """Latitudes at which every meridian is sampled before its extremes are searched between the samples."""
 PROMISING = 0.35
 """A largest sample that falls short of the wanted margin by more than this is not searched for a peak."""
 _PEAK_STEPS = 14
 
 
-def find_meridians(margin: MarginFunction, length: float, longitude: FloatArray, minimum: float) -> Meridians:
+class Hints(NamedTuple):
+    """Further latitudes to sample: which longitude (h,) and latitude (h,), rad."""
+
+    member: IntArray
+    latitude: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """Values at latitudes of meridians, sorted by the longitude's index, then by latitude."""
+
+    index: IntArray
+    latitude: FloatArray
+    value: FloatArray
+
+    @classmethod
+    def sorted(cls, index: IntArray, latitude: FloatArray, value: FloatArray) -> _Samples:
+        order = np.lexsort((latitude, index))
+        return cls(index[order], latitude[order], value[order])
+
+    def has_next(self) -> BoolArray:
+        """Return (k,) whether the sample after each one lies on the same meridian."""
+        return np.append(self.index[1:] == self.index[:-1], False)
+
+
+def find_meridians(
+    margin: MarginFunction,
+    length: float,
+    longitude: FloatArray,
+    minimum: float,
+    hints: Hints | None = None,
+) -> Meridians:
     """Return all intervals of latitude with margin > `minimum` at increasing longitudes (m,), rad.
 
     Samples each meridian, searches the peaks (and the dips of stable stretches) between samples, and encloses
@@ -33,61 +66,56 @@ def find_meridians(margin: MarginFunction, length: float, longitude: FloatArray,
     def excess(lon: FloatArray, lat: FloatArray) -> FloatArray:
         return margin(twists_at(lon, lat, length), minimum - PROMISING) - minimum
 
-    latitude = np.linspace(-POLE, POLE, LATITUDES)
-    grid = np.broadcast_to(latitude, (len(longitude), LATITUDES))
-    lon = np.repeat(longitude, LATITUDES)
-    values = excess(lon, grid.ravel()).reshape(grid.shape)
-    peaks = _extremes(excess, longitude, latitude, values, +1.0)
-    dips = _extremes(excess, longitude, latitude, values, -1.0)
-    i = np.concatenate([np.repeat(np.arange(len(longitude)), LATITUDES), peaks[0], dips[0]])
-    lat = np.concatenate([grid.ravel(), peaks[1], dips[1]])
-    value = np.concatenate([values.ravel(), peaks[2], dips[2]])
-    order = np.lexsort((lat, i))
-    return _intervals(excess, longitude, i[order], lat[order], value[order])
+    index = np.repeat(np.arange(len(longitude)), LATITUDES)
+    latitude = np.tile(np.linspace(-POLE, POLE, LATITUDES), len(longitude))
+    if hints is not None:
+        index = np.concatenate([index, hints.member])
+        latitude = np.concatenate([latitude, hints.latitude])
+    samples = _Samples.sorted(index, latitude, excess(longitude[index], latitude))
+    return _intervals(excess, longitude, _with_extremes(excess, longitude, samples))
 
 
-def _extremes(
-    excess: Excess, longitude: FloatArray, latitude: FloatArray, values: FloatArray, sign: float
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Search local maxima below 0 (`sign` +1), minima above 0 (-1) between samples.
+def _with_extremes(excess: Excess, longitude: FloatArray, samples: _Samples) -> _Samples:
+    """Return the samples with peaks above 0 and dips below 0 that lie between them."""
+    parts = [(samples.index, samples.latitude, samples.value)]
+    for sign in (+1.0, -1.0):
+        v, before = sign * samples.value, np.roll(samples.has_next(), 1)
+        inner = samples.has_next() & before & (v >= np.roll(v, 1)) & (v >= np.roll(v, -1))
+        k = np.flatnonzero(inner & (v <= 0.0) & (v > -PROMISING))
+        index = samples.index[k]
 
-    Returns:
-        Index of the longitude, latitude and value of each one found that has the other sign.
-    """
-    v = sign * values
-    inner = v[:, 1:-1]
-    extreme = (inner >= v[:, :-2]) & (inner >= v[:, 2:]) & (inner <= 0.0) & (inner > -PROMISING)
-    i, j = np.nonzero(extreme)
+        def family(
+            member: IntArray, lat: FloatArray, sign: float = sign, index: IntArray = index
+        ) -> FloatArray:
+            return sign * excess(longitude[index[member]], lat)
 
-    def family(member: IntArray, lat: FloatArray) -> FloatArray:
-        return sign * excess(longitude[i[member]], lat)
-
-    lat, best = maximise(family, latitude[j], latitude[j + 2], 0.0, _PEAK_STEPS)
-    found = best > 0.0
-    return i[found], lat[found], sign * best[found]
+        low, high = samples.latitude[k - 1], samples.latitude[(k + 1) % len(v)]
+        lat, best = maximise(family, low, high, 0.0, _PEAK_STEPS)
+        found = best > 0.0
+        parts.append((index[found], lat[found], sign * best[found]))
+    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    return _Samples.sorted(columns[0].astype(np.int64), columns[1], columns[2])
 
 
-def _intervals(
-    excess: Excess, longitude: FloatArray, i: IntArray, lat: FloatArray, value: FloatArray
-) -> Meridians:
-    """Return the runs of positive values among samples sorted by longitude index, then latitude."""
-    positive = value > 0.0
-    same = i[1:] == i[:-1]
-    begins = np.flatnonzero(positive & ~np.concatenate([[False], same & positive[:-1]]))
-    stops = np.flatnonzero(positive & ~np.concatenate([same & positive[1:], [False]]))
-    ends = []
-    for at, step in ((begins, -1), (stops, +1)):
-        beyond = np.clip(at + step, 0, len(i) - 1)
-        at_pole = (i[beyond] != i[at]) | (beyond == at)
-        outside = np.where(at_pole, at, beyond)
-        ends.append(_ends(excess, longitude[i[at]], lat, value, at, outside))
-    return Meridians(longitude[i[begins]], ends[0], ends[1])
+def _intervals(excess: Excess, longitude: FloatArray, samples: _Samples) -> Meridians:
+    """Return the runs of positive samples, extended to their exact ends."""
+    positive, after = samples.value > 0.0, samples.has_next()
+    before = np.roll(after, 1)
+    begins = np.flatnonzero(positive & ~(before & np.roll(positive, 1)))
+    stops = np.flatnonzero(positive & ~(after & np.roll(positive, -1)))
+    lower = _ends(excess, longitude, samples, begins, np.where(before[begins], begins - 1, begins))
+    upper = _ends(excess, longitude, samples, stops, np.where(after[stops], stops + 1, stops))
+    return Meridians(longitude[samples.index[begins]], lower, upper)
 
 
 def _ends(
-    excess: Excess, lon: FloatArray, lat: FloatArray, value: FloatArray, inside: IntArray, outside: IntArray
+    excess: Excess, longitude: FloatArray, samples: _Samples, inside: IntArray, outside: IntArray
 ) -> FloatArray:
-    def family(member: IntArray, x: FloatArray) -> FloatArray:
-        return excess(lon[member], x)
+    """Return the exact ends between samples inside and outside, which are the same sample at a pole."""
+    lon = longitude[samples.index[inside]]
 
+    def family(member: IntArray, lat: FloatArray) -> FloatArray:
+        return excess(lon[member], lat)
+
+    lat, value = samples.latitude, samples.value
     return inner_ends(family, lat[inside], lat[outside], value[inside], value[outside])

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray
+from pushplan.arrays import BoolArray, FloatArray, IntArray
+from pushplan.meridian_tracking import (
+    Find,
+    combined,
+    fan,
+    joined,
+    poorer,
+    rows_at,
+    search_again,
+    track_meridians,
+)
+from pushplan.meridians import Hints
 from pushplan.sphere import Meridians
 
 FLATNESS = 1e-6
@@ -32,77 +42,67 @@ class RefinedMeridians:
     meridians: Meridians
 
 
-def refine_meridians(find: Callable[[FloatArray], Meridians], start: FloatArray) -> RefinedMeridians:
+def refine_meridians(find: Find, start: FloatArray) -> RefinedMeridians:
     """Return the meridians of a set, halving gaps until the boundary is known to `FLATNESS`.
 
     Args:
-        find: Returns the intervals at increasing longitudes.
+        find: Returns the intervals at given longitudes.
         start: (s,) further longitudes to look at, one in every component that may be narrow, rad.
     """
-    even = np.linspace(-np.pi, np.pi, _START + 1)
-    longitude = np.unique(np.concatenate([even, start]))
-    found = _Rows.of(find(longitude))
+    longitude = np.unique(np.concatenate([np.linspace(-np.pi, np.pi, _START + 1), start]))
+    found = track_meridians(find, longitude)
     doubtful = np.ones(len(longitude) - 1, dtype=np.bool_)
-    while doubtful.any():
-        doubtful &= np.diff(longitude) > SMALLEST_GAP
-        left = np.flatnonzero(doubtful & (found.count(longitude[:-1]) + found.count(longitude[1:]) > 0))
+    while True:
+        count = rows_at(found, longitude)[1]
+        doubtful &= (np.diff(longitude) > SMALLEST_GAP) & (count[:-1] + count[1:] > 0)
+        left = np.flatnonzero(doubtful)
         if len(left) == 0:
-            break
-        middle = 0.5 * (longitude[left] + longitude[left + 1])
-        new = _Rows.of(find(middle))
-        bent = _bent(found, new, longitude[left], middle, longitude[left + 1])
-        found = found.merged(new)
-        longitude, doubtful = _inserted(longitude, middle, left, bent)
-    return RefinedMeridians(longitude, Meridians(found.longitude, found.lower, found.upper))
+            found, overlooked = _checked(find, found, longitude)
+            if not overlooked.any():
+                return RefinedMeridians(longitude, found)
+            doubtful |= overlooked[:-1] | overlooked[1:]
+            continue
+        ends = longitude[left], longitude[left + 1]
+        middle = 0.5 * (ends[0] + ends[1])
+        new = find(middle, _hints(found, ends))
+        bent = _bent(found, new, ends[0], middle, ends[1])
+        found = joined(found, new)
+        doubtful[left] = bent
+        doubtful = np.insert(doubtful, left + 1, bent)
+        longitude = np.insert(longitude, left + 1, middle)
 
 
-def _inserted(
-    longitude: FloatArray,
-    middle: FloatArray,
-    left: np.ndarray[tuple[int], np.dtype[np.intp]],
-    bent: BoolArray,
-) -> tuple[FloatArray, BoolArray]:
-    """Return the longitudes with the middles, and which gaps are to be halved again."""
-    doubtful = np.zeros(len(longitude) - 1, dtype=np.bool_)
-    doubtful[left] = bent
-    return np.insert(longitude, left + 1, middle), np.insert(doubtful, left + 1, bent)
+def _checked(find: Find, found: Meridians, longitude: FloatArray) -> tuple[Meridians, BoolArray]:
+    """Look again where intervals seem to end: a sample may have missed a narrow one.
+
+    Returns:
+        The intervals, and which meridians (m,) have more of them than before.
+    """
+    before = rows_at(found, longitude)[1]
+    poor, _ = poorer(found, longitude)
+    if len(poor):
+        found = search_again(find, found, longitude, poor)
+    return found, rows_at(found, longitude)[1] > before
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Intervals sorted by longitude, then latitude."""
-
-    longitude: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-
-    @classmethod
-    def of(cls, meridians: Meridians) -> _Rows:
-        return cls(meridians.longitude, meridians.lower, meridians.upper)
-
-    def merged(self, other: _Rows) -> _Rows:
-        longitude = np.concatenate([self.longitude, other.longitude])
-        lower = np.concatenate([self.lower, other.lower])
-        upper = np.concatenate([self.upper, other.upper])
-        order = np.lexsort((lower, longitude))
-        return _Rows(longitude[order], lower[order], upper[order])
-
-    def first(self, longitude: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-        return np.searchsorted(self.longitude, longitude, side="left")
-
-    def count(self, longitude: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-        return np.searchsorted(self.longitude, longitude, side="right") - self.first(longitude)
+def _hints(found: Meridians, ends: tuple[FloatArray, FloatArray]) -> Hints:
+    """Return latitudes around the neighbours' intervals for the middles between `ends`."""
+    index, gap = np.arange(len(ends[0])), 0.5 * (ends[1] - ends[0])
+    return combined([fan(found, source, index, gap) for source in ends])
 
 
-def _bent(found: _Rows, new: _Rows, left: FloatArray, middle: FloatArray, right: FloatArray) -> BoolArray:
+def _bent(
+    found: Meridians, new: Meridians, left: FloatArray, middle: FloatArray, right: FloatArray
+) -> BoolArray:
     """Return which gaps (m,) do not hold the same number of intervals throughout, or bent ends."""
-    counts = np.stack([found.count(left), new.count(middle), found.count(right)])
+    rows = [rows_at(found, left), rows_at(new, middle), rows_at(found, right)]
+    counts = np.stack([count for _, count in rows])
     bent = (counts[0] != counts[1]) | (counts[1] != counts[2])
     for j in range(int(counts.max(initial=0))):
         gap = np.flatnonzero(~bent & (counts[1] > j))
         stretch = 1.0 / np.cos(0.5 * (right[gap] - left[gap]))
-        rows = found.first(left[gap]) + j, new.first(middle[gap]) + j, found.first(right[gap]) + j
+        at: list[IntArray] = [first[gap] + j for first, _ in rows]
         for old, fresh in ((found.lower, new.lower), (found.upper, new.upper)):
-            chord = np.arctan(0.5 * (np.tan(old[rows[0]]) + np.tan(old[rows[2]])) * stretch)
-            bent[gap] |= np.abs(chord - fresh[rows[1]]) > FLATNESS
+            chord = np.arctan(0.5 * (np.tan(old[at[0]]) + np.tan(old[at[2]])) * stretch)
+            bent[gap] |= np.abs(chord - fresh[at[1]]) > FLATNESS
     return np.asarray(bent, dtype=np.bool_)

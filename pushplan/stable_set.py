@@ -17,7 +17,8 @@ from pushplan.arrays import BoolArray, FloatArray
 from pushplan.chain import Chain
 from pushplan.cor_region import Window, cor_polygons
 from pushplan.errors import PushplanError
-from pushplan.meridians import find_meridians
+from pushplan.meridian_tracking import track_meridians
+from pushplan.meridians import Hints, find_meridians
 from pushplan.peaks import margin_peaks
 from pushplan.refined_meridians import RefinedMeridians, refine_meridians
 from pushplan.sphere import Meridians, TurningRadii, angles_of, checked_twists, twists_at
@@ -94,7 +95,7 @@ class StableSet(ABC):
     def meridians_at(self, longitude: ArrayLike, minimum_margin: float = 0.0) -> Meridians:
         """Return the stable intervals of latitude at increasing longitudes (m,), rad."""
         lon = np.atleast_1d(np.asarray(longitude, dtype=np.float64))
-        return find_meridians(self.margin_values, self.chain.characteristic_length, lon, minimum_margin)
+        return self._find(lon, minimum_margin)
 
     def refined_meridians(self, minimum_margin: float = 0.0) -> RefinedMeridians:
         """Return the stable intervals on meridians as close together as the boundary needs."""
@@ -138,10 +139,15 @@ class StableSet(ABC):
     def _refine_meridians(self, minimum_margin: float) -> RefinedMeridians:
         twists, margins = self.peaks
         seeds, _ = angles_of(twists[margins > minimum_margin], self.chain.characteristic_length)
-        return refine_meridians(lambda lon: self.meridians_at(lon, minimum_margin), seeds)
+        return refine_meridians(lambda lon, hints: self._find(lon, minimum_margin, hints), seeds)
 
     def _find_meridians(self, minimum_margin: float, count: int) -> Meridians:
-        return self.meridians_at(-np.pi + 2.0 * np.pi * np.arange(count) / count, minimum_margin)
+        longitude = -np.pi + 2.0 * np.pi * np.arange(count) / count
+        return track_meridians(lambda lon, hints: self._find(lon, minimum_margin, hints), longitude)
+
+    def _find(self, longitude: FloatArray, minimum: float, hints: Hints | None = None) -> Meridians:
+        length = self.chain.characteristic_length
+        return find_meridians(self.margin_values, length, longitude, minimum, hints)
 
 
 def stable_set(chain: Chain, name: str = "ecof") -> StableSet:
