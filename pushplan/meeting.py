@@ -18,6 +18,12 @@ Named = tuple[str, FloatArray]
 _WAYS = (("x >=", 0, 1.0), ("y >=", 1, 1.0), ("y <=", 1, -1.0))
 
 
+def millimetres(length: float) -> str:
+    """Return a length (m) as people read it, in mm."""
+    value = 1e3 * length
+    return f"{value:.3g} mm" if abs(value) < 1000.0 else f"{value:.0f} mm"
+
+
 def describe_overlap(fixed: Named, moving: Named, pose: FloatArray) -> str | None:
     """Return how far `moving`, at `pose` (3,), overlaps `fixed` and where it would not; None when it does not."""
     depth = overlap_depth(fixed[1], moving[1])
@@ -29,7 +35,7 @@ def describe_overlap(fixed: Named, moving: Named, pose: FloatArray) -> str | Non
     # Rounded outward to whole micrometres, within which bodies still touch.
     limit = sign * math.ceil((sign * pose[axis] + shifts[best]) * 1e6 - 1e-3) * 1e-6
     return (
-        f"'{moving[0]}' overlaps {fixed[0]} by {1e3 * depth:.3g} mm; move it to {_WAYS[best][0]} {limit:.6g}"
+        f"'{moving[0]}' overlaps {fixed[0]} by {millimetres(depth)}; move it to {_WAYS[best][0]} {limit:.6g}"
     )
 
 
@@ -39,7 +45,7 @@ def describe_gap(fixed: Named, moving: Named, pose: FloatArray) -> str:
     begin, end = shapely.get_coordinates(line)
     step = (end - begin).round(9)
     gap = float(np.linalg.norm(step))
-    state = f"the gap is {1e3 * gap:.3g} mm" if gap > TOUCH else "they meet at a point"
+    state = f"the gap is {millimetres(gap)}" if gap > TOUCH else "they meet at a point"
     text = f"'{moving[0]}' and {fixed[0]} do not touch along a line: {state}"
     touch = find_touch(fixed[1], moving[1] + step)
     if touch is not None and len(touch.segments):

@@ -10,6 +10,7 @@ import shapely
 from pushplan import se2
 from pushplan.arrays import FloatArray
 from pushplan.chain import Chain
+from pushplan.meeting import millimetres
 from pushplan.names import COLLISION_CLEARANCE
 from pushplan.penetration import overlap_depth
 from pushplan.report import Report
@@ -75,7 +76,7 @@ def _beyond_walls(outline: FloatArray, workspace: Workspace | None) -> Iterator[
     )
     for gap, wall in walls:
         if gap < 0.0:
-            yield f"leaves the workspace ({wall}) by {-1e3 * gap:.3g} mm"
+            yield f"leaves the workspace ({wall}) by {millimetres(-gap)}"
         elif gap < COLLISION_CLEARANCE:
             yield _short_of(gap, f"the workspace's wall {wall}")
 
@@ -92,9 +93,9 @@ def _too_near(outline: FloatArray, obstacle: Obstacle, name: str) -> str:
         gap = float(body.distance(shapely.Polygon(obstacle.outline)))
         gap = gap or 0.0 - overlap_depth(obstacle.outline, outline)
     if gap < 0.0:
-        return f"overlaps {name} by {-1e3 * gap:.3g} mm"
+        return f"overlaps {name} by {millimetres(-gap)}"
     return _short_of(gap, name) if gap < COLLISION_CLEARANCE else ""
 
 
 def _short_of(gap: float, what: str) -> str:
-    return f"is {1e3 * gap:.3g} mm from {what}; allowed: at least {1e3 * COLLISION_CLEARANCE:g} mm"
+    return f"is {millimetres(gap)} from {what}; allowed: at least {millimetres(COLLISION_CLEARANCE)}"

@@ -33,11 +33,6 @@ def validate(model: type[Model], document: Document) -> tuple[Model | None, dict
     return None, {**faults, **new}
 
 
-def in_order(findings: dict[Place, Finding]) -> tuple[Finding, ...]:
-    """Return findings in the order of the text."""
-    return tuple(sorted(findings.values(), key=lambda f: (f.line or 0, f.column or 0)))
-
-
 def finding_at(document: Document, place: Place, what: str, at_key: bool = False) -> Finding:
     """Return the finding that says `what` about a place of the document."""
     return Finding(place_text(place), what, *document.root.locate(place, at_key))

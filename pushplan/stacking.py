@@ -10,6 +10,7 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.contact_segments import SHORTEST_CONTACT, TOUCH
 from pushplan.errors import ChainError
+from pushplan.meeting import millimetres
 
 
 def box_outline(length: float, width: float) -> FloatArray:
@@ -48,9 +49,9 @@ def flush_pose(base: FloatArray, outline: FloatArray, offset: float, names: tupl
     assert rear is not None
     low, high = front[1] - rear[2], front[2] - rear[1]
     if not low + SHORTEST_CONTACT < offset < high - SHORTEST_CONTACT:
-        gap = 1e3 * max(low - offset, offset - high, 0.0)
+        gap = max(low - offset, offset - high, 0.0)
         raise ChainError(
-            f"{names[1]} and {names[0]} do not touch along a line: the gap is {gap:.6g} mm; "
+            f"{names[1]} and {names[0]} do not touch along a line: the gap is {millimetres(gap)}; "
             f"allowed: an offset between {low:.6g} and {high:.6g}"
         )
     return np.array([front[0] - rear[0], offset, 0.0])

@@ -54,7 +54,7 @@ def test_what_may_be_left_out_has_documented_defaults() -> None:
     assert scenario.workspace is None
     assert scenario.obstacles == ()
     assert scenario.stability == StabilitySettings("ecof", 0.0)
-    assert scenario.planner == PlannerSettings("rrt", 2.0, 1)
+    assert scenario.planner == PlannerSettings("auto", 2.0, 1)
     assert scenario.trajectory == "exact"
     assert scenario.goal.of is None
     assert (scenario.goal.position_tolerance, scenario.goal.angle_tolerance) == (0.002, np.radians(0.2))
