@@ -1,0 +1,56 @@
+"""The reference page of the scenario file agrees with what the loader takes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from pushplan import names, scenario_schema, schema_objects
+from pushplan.names import COLLISION_CLEARANCE
+from pushplan.scenario_schema import ScenarioFile
+
+PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
+SECTIONS: dict[str, type[BaseModel]] = {
+    "Top level": ScenarioFile,
+    "`objects`": schema_objects.Object,
+    "`contacts`": schema_objects.Contacts,
+    "`pusher`": schema_objects.Plate,
+    "`goal`": scenario_schema.GoalPose,
+    "`stability`": scenario_schema.StabilityChoice,
+    "`planner`": scenario_schema.PlannerChoice,
+}
+
+
+def rows(section: str) -> dict[str, str]:
+    """Return the rows of a section's tables by key."""
+    text = PAGE.read_text(encoding="utf-8").split(f"## {section}\n")[1].split("\n## ")[0]
+    found = re.findall(r"^\| `(\w+)` \|(.*)\|$", text, flags=re.MULTILINE)
+    return dict(found)
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_every_key_is_described_with_its_default(section: str) -> None:
+    described = rows(section)
+    fields = dict(SECTIONS[section].model_fields)
+    if section == "`pusher`":
+        fields |= schema_objects.MotionLimits.model_fields
+    assert set(described) - {"limits"} == set(fields) - {"limits"}
+    for key, field in fields.items():
+        last = described.get(key, "").rsplit("|", 1)[-1]
+        assert ("required" in last) == field.is_required(), key
+        if isinstance(field.default, str | float | int):
+            assert re.search(rf"(^|[\s`]){re.escape(str(field.default))}($|[\s`])", last), key
+
+
+def test_the_words_are_all_named() -> None:
+    for word in (*names.PLANNERS, *names.STABLE_SETS, *names.TRAJECTORIES, *names.RESERVED_NAMES):
+        assert f"`{word}`" in PAGE.read_text(encoding="utf-8")
+
+
+def test_limits_and_clearance_are_the_real_ones() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert f"at least {1e3 * COLLISION_CLEARANCE:g} mm" in text
+    assert "1 MiB, 32 levels and 100,000 values" in text
