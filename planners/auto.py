@@ -45,7 +45,7 @@ def search(session: Session, box: Box, heading_length: float) -> None:
 def _forest(size: int, session: Session, box: Box, heading_length: float, reach: float) -> Forest:
     ahead, behind = np.zeros((2, size + CHUNK, NODE))
     counts = np.ones(2, dtype=np.int64)
-    return Forest(ahead, behind, counts, np.array(box), heading_length, reach, session.random)
+    return Forest(ahead, behind, counts, np.array(box, dtype=np.float64), heading_length, reach, session.random)
 
 
 def _round(session: Session, forest: Forest, allowance: int) -> bool:

@@ -23,6 +23,9 @@ between the node and its parent, in the order of travel."""
 NEAREST = 2
 """Nodes of a tree, nearest to a sample, from which words are tried."""
 
+TRIES = 20
+"""Poses drawn, at most, until one is free and worth reaching."""
+
 GOAL_SHARE = 0.05
 """Share of the samples that are the other tree's root."""
 
@@ -50,20 +53,35 @@ class Forest(NamedTuple):
 
 
 @njit(cache=True)
-def _sample(problem: Problem, forest: Forest, start: FloatArray, bound: float, pose: FloatArray) -> bool:
-    """Draw a free pose that a path cheaper than the bound could pass; give up after some tries."""
+def _draw(forest: Forest, start: FloatArray, goal: FloatArray, bound: float, pose: FloatArray) -> None:
+    """Draw a pose: its position from the box, or from the ellipse that paths below the bound stay in, if smaller."""
     box, state = forest.box, forest.state
-    for _ in range(100):
+    pose[2] = 2.0 * math.pi * random(state)
+    dx, dy = goal[0] - start[0], goal[1] - start[1]
+    minor_squared = bound * bound - dx * dx - dy * dy
+    if math.pi * bound * math.sqrt(max(minor_squared, 0.0)) < 4.0 * (box[2] - box[0]) * (box[3] - box[1]):
+        r, angle = math.sqrt(random(state)), 2.0 * math.pi * random(state)
+        along = 0.5 * bound * r * math.cos(angle)
+        across = 0.5 * math.sqrt(max(minor_squared, 0.0)) * r * math.sin(angle)
+        distance = max(math.hypot(dx, dy), 1e-12)
+        ux, uy = dx / distance, dy / distance
+        pose[0] = 0.5 * (start[0] + goal[0]) + ux * along - uy * across
+        pose[1] = 0.5 * (start[1] + goal[1]) + uy * along + ux * across
+    else:
         pose[0] = box[0] + (box[2] - box[0]) * random(state)
         pose[1] = box[1] + (box[3] - box[1]) * random(state)
-        pose[2] = 2.0 * math.pi * random(state)
-        cost = remaining(pose[0], pose[1], pose[2], problem.goal) + remaining(
-            start[0], start[1], start[2], pose
-        )
-        if (
-            cost < bound
-            and separation(problem.scene, pose[0], pose[1], pose[2], 0.01) >= problem.scene.clearance
-        ):
+
+
+@njit(cache=True)
+def _sample(problem: Problem, forest: Forest, start: FloatArray, bound: float, pose: FloatArray) -> bool:
+    """Draw a free pose that a path cheaper than the bound could pass; give up after some tries."""
+    goal = problem.goal
+    for _ in range(TRIES):
+        _draw(forest, start, goal, bound, pose)
+        x, y, theta = pose[0], pose[1], pose[2]
+        through = remaining(x, y, theta, goal) + remaining(start[0], start[1], start[2], pose)
+        clearance = problem.scene.clearance
+        if through < bound and separation(problem.scene, x, y, theta, 2.0 * clearance) >= clearance:
             return True
     return False
 

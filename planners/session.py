@@ -43,7 +43,7 @@ class Budget:
     """
 
     time_limit: float
-    stall: int = 40_000
+    stall: int = 15_000
     gap: float = 1e-9
     first: bool = False
 

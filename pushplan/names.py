@@ -8,7 +8,7 @@ SCENARIO_FORMAT = "pushplan/1"
 PLANNERS = ("rrt", "est", "kpiece", "sst", "rrt-dubins", "bitstar-dubins", "auto")
 """Planners that `planner.name` may choose."""
 
-DEFAULT_PLANNER = "rrt"
+DEFAULT_PLANNER = "auto"
 
 STABLE_SETS = ("ecof", "cof", "translation", "stable", "robust")
 """Stable sets that `stability.set` may choose."""

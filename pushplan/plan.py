@@ -29,6 +29,12 @@ EXACT = 1e-7
 SHORTEST_ARC = 1e-10
 """Arcs below this (m of cost) are rounding and are left out."""
 
+STALL_PER_SECOND = 7_500
+"""Iterations without a better path after which planning ends, per second of the time limit.
+
+Planning is done in a fraction of the limit as a rule, and then the same seed gives the same plan on any machine.
+"""
+
 LOGGED_BRANCHES = 2_000
 """Branches of the search tree that a result keeps, at most."""
 
@@ -63,15 +69,15 @@ def plan(
         PlanningError: When the problem cannot be posed.
         EmptyStableSetError: When no pusher twist keeps every contact.
     """
-    warm_up(tell)
     name = planner or scenario.planner.name
     search = planner_named(name)
+    warm_up(name, tell)
     stable = make_stable_set(scenario.chain, stable_set or scenario.stability.set)
     problem = build_problem(scenario, stable)
     _check_ends(scenario, problem.scene)
     used_seed = scenario.planner.seed if seed is None else seed
     limit = scenario.planner.time_limit if time_limit is None else time_limit
-    session = Session(problem, scenario.start, Budget(limit, first=first), used_seed, progress)
+    session = Session(problem, scenario.start, Budget(limit, int(STALL_PER_SECOND * limit), first=first), used_seed, progress)
     if not session.finished:
         search(session, sampling_box(scenario), body_reach(scenario))
     seconds = session.elapsed

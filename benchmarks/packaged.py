@@ -1,0 +1,78 @@
+"""Plan and execute every packaged scenario with many seeds and check each result independently.
+
+Run `python benchmarks/packaged.py [--seeds 20] [--time-limit 2]`; prints a table and exits 1 if any run fails a check.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from pushplan.examples import example_names
+from pushplan.kernels import warm_up
+from pushplan.plan import plan
+from pushplan.planners.checker import find_collision
+from pushplan.result import PlanResult
+from pushplan.run import execute
+from pushplan.scenario import Scenario
+from pushplan.scenario_file import load_scenario
+
+EXACT = 1e-6
+
+
+def failures(scenario: Scenario, result: PlanResult) -> Iterator[str]:
+    if not result.solved:
+        yield result.reason
+        return
+    execution = execute(scenario, result)
+    assert execution is not None
+    if execution.loss is not None:
+        yield f"stability lost at {execution.loss.time} s"
+    if not execution.margins.min() > 0.0:
+        yield f"smallest margin {execution.margins.min()}"
+    if max(execution.goal_error) > EXACT:
+        yield f"goal error {execution.goal_error}"
+    if find_collision(scenario, execution.poses) is not None:
+        yield "collision"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--time-limit", type=float, default=2.0)
+    parser.add_argument("--planner")
+    arguments = parser.parse_args()
+    print(f"{platform.machine()}, Python {platform.python_version()}, seeds 1-{arguments.seeds}")
+    print(f"{'scenario':22} {'solved':>7} {'first ms (median, max)':>24} {'plan s (max)':>12} {'cost (median)':>13}")
+    bad = 0
+    for name in example_names():
+        scenario = load_scenario(name)
+        warm_up(arguments.planner or scenario.planner.name)
+        firsts, seconds, costs, solved = [], [], [], 0
+        for seed in range(1, arguments.seeds + 1):
+            began = time.perf_counter()
+            result = plan(scenario, seed=seed, time_limit=arguments.time_limit, planner=arguments.planner)
+            seconds.append(time.perf_counter() - began)
+            found = list(failures(scenario, result))
+            for failure in found:
+                print(f"  {name} seed {seed}: {failure}")
+            solved += not found
+            if result.path is not None:
+                firsts.append(1e3 * (result.first_solution_s or 0.0))
+                costs.append(result.path.cost)
+        bad += arguments.seeds - solved
+        shown = (np.median(firsts), max(firsts), max(seconds), np.median(costs)) if costs else [np.nan] * 4
+        print(
+            f"{name:22} {solved:3}/{arguments.seeds:3} {shown[0]:14.2f} {shown[1]:9.2f} {shown[2]:12.2f} {shown[3]:13.3f}",
+            flush=True,
+        )
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

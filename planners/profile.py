@@ -1,0 +1,135 @@
+"""Jerk-limited profiles of one parameter, computed by Ruckig (Berscheid and Kroeger 2021)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from ruckig import ControlInterface, InputParameter, Result, Ruckig
+from ruckig import Trajectory as RuckigTrajectory
+
+from pushplan.arrays import FloatArray
+from pushplan.errors import TimingError
+
+SHORTEST_PHASE = 1e-12
+"""Phases of a profile below this (s) are rounding and are left out."""
+
+
+class ArcLimits(NamedTuple):
+    """Bounds on the derivatives of the arc parameter: s', s'' either way, and |s'''|."""
+
+    speed: float
+    acceleration: float
+    deceleration: float
+    jerk: float
+
+
+class Profile(NamedTuple):
+    """The rate s' of a parameter as one quadratic of time after the other.
+
+    Attributes:
+        durations: (q,) s.
+        rates: (q, 3) coefficients of s' from the beginning of each phase on, lowest order first.
+    """
+
+    durations: FloatArray
+    rates: FloatArray
+
+    @property
+    def duration(self) -> float:
+        """Length in time, s."""
+        return float(self.durations.sum())
+
+
+class StepWidths(NamedTuple):
+    """The smooth step from 0 to 1 as a jump averaged over two windows of time, one after the other, s.
+
+    Its rate is a trapezoid that rises for `short`, stays for `long` - `short` and falls for `short`.
+    """
+
+    long: float
+    short: float
+
+
+def rest_to_rest(length: float, limits: ArcLimits) -> Profile:
+    """Return the time-optimal profile over `length`, starting and ending at rest.
+
+    Raises:
+        TimingError: When Ruckig finds no profile.
+    """
+    request = InputParameter(1)
+    request.target_position = [length]
+    request.max_velocity = [limits.speed]
+    request.max_acceleration = [limits.acceleration]
+    request.min_acceleration = [-limits.deceleration]
+    request.max_jerk = [limits.jerk]
+    durations, speed, rate, jerk = _phases(request, f"a profile over {length} m within {limits}")
+    kept = durations > SHORTEST_PHASE
+    return Profile(durations[kept], np.stack([speed, rate, 0.5 * jerk], axis=1)[kept])
+
+
+def step_widths(acceleration: float, jerk: float) -> StepWidths:
+    """Return the fastest smooth step from 0 to 1 whose first two derivatives stay within bounds.
+
+    Raises:
+        TimingError: When Ruckig finds no profile.
+    """
+    request = InputParameter(1)
+    request.control_interface = ControlInterface.Velocity
+    request.target_velocity = [1.0]
+    request.max_acceleration = [acceleration]
+    request.max_jerk = [jerk]
+    durations, *_ = _phases(request, f"a step within {acceleration} 1/s and {jerk} 1/s^2")
+    return StepWidths(float(durations[0] + durations[1]), float(durations[0]))
+
+
+def split(profile: Profile, at: FloatArray) -> tuple[Profile, FloatArray]:
+    """Cut a profile where s reaches the increasing values `at`.
+
+    Returns:
+        The profile with phases that begin there, and (q,) how many of the values lie before each phase.
+    """
+    durations, rates, passed = [], [], []
+    s, count = 0.0, 0
+    for duration, rate in zip(*profile, strict=True):
+        begin, end = 0.0, s + _travel(rate, duration)
+        while count < len(at) and at[count] < end:
+            cut = _time_to(rate, at[count] - s, begin, duration)
+            durations.append(cut - begin)
+            rates.append(_shifted(rate, begin))
+            passed.append(float(count))
+            begin, count = cut, count + 1
+        durations.append(duration - begin)
+        rates.append(_shifted(rate, begin))
+        passed.append(float(count))
+        s = end
+    kept = np.array(durations) > SHORTEST_PHASE
+    return Profile(np.array(durations)[kept], np.array(rates)[kept]), np.array(passed)[kept]
+
+
+def _phases(request: InputParameter, what: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Durations (7,) of the phases, and value, rate and second derivative (7,) of the velocity where they begin."""
+    found = RuckigTrajectory(1)
+    status = Ruckig(1).calculate(request, found)
+    if status != Result.Working:
+        raise TimingError(f"Ruckig found no way to make {what}: {status}")
+    profile = found.profiles[0][0]
+    return np.array(profile.t), np.array(profile.v[:7]), np.array(profile.a[:7]), np.array(profile.j)
+
+
+def _travel(rate: FloatArray, time: float) -> float:
+    return float(time * (rate[0] + time * (rate[1] / 2.0 + time * rate[2] / 3.0)))
+
+
+def _time_to(rate: FloatArray, travel: float, low: float, high: float) -> float:
+    """Time at which a phase has travelled so far: bisection, as s never runs backward."""
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _travel(rate, middle) < travel else (low, middle)
+    return high
+
+
+def _shifted(rate: FloatArray, time: float) -> FloatArray:
+    """Coefficients of the same quadratic with its origin moved to `time`."""
+    c0, c1, c2 = rate
+    return np.array([c0 + time * (c1 + time * c2), c1 + 2.0 * time * c2, c2])
