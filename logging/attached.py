@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 from pushplan.errors import RunLogError, ScenarioError
+from pushplan.logging.cursor import DamageError
 from pushplan.logging.items import Attachment
+from pushplan.logging.mcap_file import McapFile
 from pushplan.scenario import Scenario, scenario_from_text
 
 SCENARIO_FILE, SCENARIO_JSON = "scenario.yaml", "scenario.json"
@@ -20,31 +22,72 @@ SCENARIO_FOLDER = "scenario/"
 
 
 def attachments_of(scenario: Scenario) -> dict[str, bytes]:
-    """Return what a log has to keep so that `scenario_from_attachments` gives the scenario back."""
+    """Return what a log has to keep so that `ScenarioFiles` gives the scenario back."""
     referred = {SCENARIO_FOLDER + name: data for name, data in scenario.attachments.items()}
     return {SCENARIO_FILE: scenario.source, SCENARIO_JSON: scenario.to_json().encode(), **referred}
 
 
-def scenario_from_attachments(log: Path, attachments: Mapping[str, Attachment]) -> Scenario:
-    """Return the scenario that `attachments` of `log` hold, by their names.
+class ScenarioFiles:
+    """Gathers the attachments that make up the scenario, and reads it from them alone."""
 
-    The file as the user wrote it counts, unless this version of pushplan fills its gaps differently from the
-    version that wrote the log; then the resolved one counts.
+    def __init__(self, file: McapFile) -> None:
+        self._file = file
+        self._files: dict[str, Attachment] = {}
+        self._scenario: Scenario | None = None
 
-    Raises:
-        KeyError: When one of the two is missing.
-        RunLogError: When they are no scenario.
-    """
-    source, resolved = attachments[SCENARIO_FILE], attachments[SCENARIO_JSON].data
-    referred = {
-        name.removeprefix(SCENARIO_FOLDER): attachment.data
-        for name, attachment in attachments.items()
-        if name.startswith(SCENARIO_FOLDER)
-    }
-    try:
-        scenario = scenario_from_text(source.data, log / SCENARIO_FILE, referred)
-        if scenario.to_json().encode() == resolved:
+    def take(self, attachment: Attachment) -> None:
+        """Take the next attachment of the log.
+
+        Raises:
+            ValueError: When one of the same name has come before.
+        """
+        if attachment.name in self._files:
+            raise ValueError("a name that was there already")
+        if attachment.name in MEDIA_TYPES or attachment.name.startswith(SCENARIO_FOLDER):
+            self._files[attachment.name] = attachment
+
+    def read(self) -> Scenario:
+        """Return the scenario.
+
+        The file as the user wrote it counts, unless this version of pushplan fills its gaps differently from the
+        version that wrote the log; then the resolved one counts. Of a log to be recovered, either one will do.
+
+        Raises:
+            RunLogError: When an attachment is missing or is no scenario.
+        """
+        if self._scenario is None:
+            self._scenario = self._read()
+        return self._scenario
+
+    def _read(self) -> Scenario:
+        names = [name for name in (SCENARIO_FILE, SCENARIO_JSON) if name in self._files]
+        for name in (SCENARIO_FILE, SCENARIO_JSON):
+            self._file.require(name in names, f"the attachment {name!r}", vital=not names)
+        scenario = self._parsed(names[0])
+        if len(names) == 1 or scenario.to_json().encode() == self._files[SCENARIO_JSON].data:
             return scenario
-        return replace(scenario_from_text(resolved, log / SCENARIO_JSON, referred), source=source.data)
-    except ScenarioError as error:
-        raise RunLogError(str(log), f"its scenario is refused: {error}", source.offset) from error
+        return replace(self._parsed(SCENARIO_JSON), source=scenario.source)
+
+    def _parsed(self, name: str) -> Scenario:
+        text = self._files[name]
+        referred = {
+            key.removeprefix(SCENARIO_FOLDER): file.data
+            for key, file in self._files.items()
+            if key.startswith(SCENARIO_FOLDER)
+        }
+        try:
+            return scenario_from_text(text.data, self._file.path / name, referred)
+        except ScenarioError as error:
+            what = f"the scenario in it is refused: {error}"
+            raise RunLogError(str(self._file.path), what, text.offset) from error
+
+    def check(self, words: Mapping[str, str]) -> None:
+        """Compare the scenario with what the metadata `pushplan.run` say of it.
+
+        Raises:
+            RunLogError: When they mean another one.
+        """
+        text, expected = self._files.get(SCENARIO_FILE), words.get("scenario_sha256")
+        if text and expected and hashlib.sha256(text.data).hexdigest() != expected:
+            what = "the scenario is not the one that the metadata name"
+            self._file.lose(DamageError(what, text.offset), "its trust")

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import struct
+
 from pushplan.logging import records
 from pushplan.logging.cursor import DamageError
 from pushplan.logging.items import Message
 from pushplan.logging.records import Frame
 
+_HEAD = struct.Struct("<HIQQ")
+"""What a message begins with: channel, number, time of the log, time of publication."""
+
 
 class Declarations:
     """The schemas and channels of a file by their numbers."""
-
-    OPCODES = (records.SCHEMA, records.CHANNEL)
 
     def __init__(self) -> None:
         self._schemas: dict[int, tuple[str, str, bytes]] = {}
@@ -50,10 +53,11 @@ class Declarations:
         Raises:
             DamageError: When its channel is not declared.
         """
-        cursor = frame.cursor
-        number, _, time, _ = (cursor.number(kind) for kind in "HIQQ")
+        if len(frame.body) < _HEAD.size:
+            raise DamageError("a message without its number, channel and times", frame.offset)
+        number, _, time, _ = _HEAD.unpack_from(frame.body)
         if number not in self._channels:
             raise DamageError(f"a message on channel {number}, which is not declared", frame.offset)
         schema, topic, encoding = self._channels[number]
         kind = self._schemas[schema][0] if schema and encoding == "protobuf" else ""
-        return Message(topic, kind, time, cursor.take(cursor.left), frame.offset)
+        return Message(topic, kind, time, frame.body[_HEAD.size :], frame.offset)

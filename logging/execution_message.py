@@ -74,6 +74,7 @@ class Collector:
         for name, values in arrays.items():
             shape = _shape(name, count, self.contacts)
             _require(values.shape == shape, f"array {name!r} has shape {values.shape}, not {shape}")
+        for name, values in arrays.items():
             self._parts.setdefault(name, []).append(values)
         self.samples += count
 

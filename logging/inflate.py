@@ -10,6 +10,9 @@ import zstandard
 WINDOW_LIMIT = 8 << 20
 """Largest memory that a zstd frame may demand for its window, bytes."""
 
+_PIECE = 1 << 20
+"""What lz4 inflates at a time, bytes: its buffers take several times as much."""
+
 
 def inflate(data: memoryview, compression: str, size: int) -> memoryview:
     """Return the `size` bytes that `data` holds under `compression` ("", "zstd" or "lz4").
@@ -39,15 +42,18 @@ def _zstd(data: memoryview, size: int) -> bytes:
         raise ValueError(f"damaged zstd data ({error})") from error
 
 
-def _lz4(data: memoryview, size: int) -> bytes:
+def _lz4(data: memoryview, size: int) -> bytearray:
     try:
-        inflated: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+        decoder = lz4.frame.LZ4FrameDecompressor()
+        inflated = bytearray(decoder.decompress(data, max_length=min(_PIECE, size + 1)))
+        while not decoder.needs_input and not decoder.eof and len(inflated) <= size:
+            inflated += decoder.decompress(b"", max_length=min(_PIECE, size + 1 - len(inflated)))
         return inflated
     except RuntimeError as error:
         raise ValueError(f"damaged lz4 data ({error})") from error
 
 
-_DECODERS: dict[str, Callable[[memoryview, int], bytes | memoryview]] = {
+_DECODERS: dict[str, Callable[[memoryview, int], bytes | bytearray | memoryview]] = {
     "": _stored,
     "zstd": _zstd,
     "lz4": _lz4,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ from pushplan.logging.cursor import DamageError
 from pushplan.logging.declarations import Declarations
 from pushplan.logging.items import Attachment, Item, Metadata
 from pushplan.logging.records import Frame
-from pushplan.logging.summary import SummaryCheck, intact_summary
+from pushplan.logging.summary import SummaryCheck, repeated_declarations
 
 
 class McapFile:
@@ -51,24 +52,29 @@ class McapFile:
             raise RunLogError(str(self.path), f"cannot read the log: {error.strerror}") from error
 
     def _preload(self, stream: BinaryIO) -> None:
-        for frame in intact_summary(stream, self.size):
-            if frame.opcode in Declarations.OPCODES:
-                self._declared.add(frame)
+        with contextlib.suppress(DamageError):
+            for frame in repeated_declarations(stream, self.size):
+                self._item(frame)
 
     def _walk(self, stream: BinaryIO) -> Iterator[Item]:
         budget = records.Budget(self.size)
         try:
             for frame in records.frames(stream, self.size):
+                budget.spend(1, 0, frame.offset)
                 try:
-                    budget.spend(1, 0, frame.offset)
-                    yield from self._unpack(frame, budget)
+                    if frame.opcode == records.CHUNK:
+                        yield from self._unpack(frame, budget)
+                    self._check.note(frame)
+                    item = self._item(frame)
+                    if item is not None:
+                        yield item
                 except DamageError as damage:
-                    self.lose(f"{records.PREFIX + len(frame.body)} bytes", damage)
+                    self.lose(damage, f"{records.PREFIX + len(frame.body)} bytes")
         except DamageError as damage:
-            self.lose("everything from there on", damage)
+            self.lose(damage, "everything from there on")
 
-    def lose(self, lost: str, damage: DamageError) -> None:
-        """Note that `lost` cannot be read.
+    def lose(self, damage: DamageError, lost: str) -> None:
+        """Note that because of `damage` something is `lost`.
 
         Raises:
             RunLogError: When the file is not to be recovered.
@@ -76,27 +82,40 @@ class McapFile:
         if not self.recover:
             raise RunLogError(str(self.path), damage.what, damage.offset) from damage
         self.losses.append(f"{lost} at byte {damage.offset}: {damage.what}")
+        self._check.counting = False
 
-    def _unpack(self, frame: Frame, budget: records.Budget) -> Iterator[Item]:
-        """Yield the items of one record of the file."""
-        chunk = frame.opcode == records.CHUNK
-        inner = records.chunk_frames(frame, budget) if chunk else []
-        for record in (frame, *inner):
-            if not (self.recover and record.opcode == records.STATISTICS):
-                self._check.note(record)
-            yield from self._item(record)
+    def require(self, there: bool, what: str, vital: bool = False) -> None:
+        """Note that `what` is missing unless it is `there`.
 
-    def _item(self, frame: Frame) -> Iterator[Item]:
-        if frame.opcode == records.MESSAGE:
-            yield self._declared.message(frame)
-        elif frame.opcode == records.ATTACHMENT:
-            name, content = records.attachment(frame)
-            yield Attachment(name, content, frame.offset)
-        elif frame.opcode == records.METADATA:
-            cursor = frame.cursor
-            yield Metadata(cursor.text(), cursor.texts(), frame.offset)
-        elif frame.opcode in Declarations.OPCODES:
-            self._declared.add(frame)
+        Raises:
+            RunLogError: When the file is not to be recovered, or cannot be without it.
+        """
+        if not there and (vital or not self.recover):
+            raise RunLogError(str(self.path), f"the file ends without {what}", self.size)
+        if not there:
+            self.losses.append(what)
+
+    def _unpack(self, chunk: Frame, budget: records.Budget) -> Iterator[Item]:
+        """Yield the items of a chunk."""
+        for record in records.chunk_frames(chunk, budget):
+            self._check.count(record)
+            item = self._item(record)
+            if item is not None:
+                yield item
+
+    def _item(self, frame: Frame) -> Item | None:
+        """Return what a record says to others; declarations are kept here, the rest is skipped."""
+        match frame.opcode:
+            case records.MESSAGE:
+                return self._declared.message(frame)
+            case records.ATTACHMENT:
+                return Attachment(*records.attachment(frame), frame.offset)
+            case records.METADATA:
+                cursor = frame.cursor
+                return Metadata(cursor.text(), cursor.texts(), frame.offset)
+            case records.SCHEMA | records.CHANNEL:
+                self._declared.add(frame)
+        return None
 
 
 def _regular(path: Path) -> Path:

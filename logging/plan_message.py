@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -47,6 +48,8 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, 
         ValueError: When the numbers do not make a plan.
         PushplanError: Likewise.
     """
+    if len(progress) != len(effort.progress_s):
+        raise ValueError(f"{len(effort.progress_s)} times for {len(progress)} improvements")
     points = zip(effort.progress_s, progress, strict=True)
     return PlanResult(
         solved=message.solved,
@@ -80,4 +83,7 @@ def _trajectory(message: MessageClass) -> Trajectory:
 
 
 def _array(values: Sequence[float], shape: tuple[int, ...] = (-1,)) -> FloatArray:
+    row = math.prod(shape[1:])
+    if len(values) % row:
+        raise ValueError(f"{len(values)} numbers do not fill rows of {row}")
     return np.array(values, dtype=np.float64).reshape(shape)

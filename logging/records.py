@@ -6,10 +6,10 @@ no index. Checksums of chunks, attachments and the summary are compared. The for
 
 from __future__ import annotations
 
+import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from pushplan.logging.cursor import Cursor, DamageError
 from pushplan.logging.inflate import inflate
@@ -18,6 +18,11 @@ MAGIC = b"\x89MCAP0\r\n"
 
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x01, 0x02, 0x03, 0x04, 0x05, 0x06
 ATTACHMENT, STATISTICS, METADATA, DATA_END = 0x09, 0x0B, 0x0C, 0x0F
+
+PREFIX = 9
+"""Bytes before the content of a record: its kind and its length."""
+
+_PREFIX = struct.Struct("<BQ")
 
 RECORD_LIMIT = 16 << 20
 """Largest record and largest chunk once inflated, bytes; the writer's own stay below 1 MiB."""
@@ -28,12 +33,12 @@ TOTAL_LIMIT = 2 << 30
 _FREE_BYTES, _INFLATION = 64 << 20, 300
 """A file of s bytes may inflate to 64 MiB + 300 s bytes ..."""
 
-_FREE_RECORDS, _BYTES_PER_RECORD = 10_000, 4
-"""... and hold 10,000 + s/4 records, so that reading takes time in proportion to its size."""
+_FREE_RECORDS, _BYTES_PER_RECORD = 10_000, 20
+"""... and hold 10,000 + s/20 records (a message's entry in an index takes 16 bytes already), so that reading
+takes time in proportion to the size."""
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(NamedTuple):
     """A record as it lies in the file: its kind, where it begins, and its content."""
 
     opcode: int
@@ -44,9 +49,6 @@ class Frame:
     def cursor(self) -> Cursor:
         """A cursor at the beginning of the content."""
         return Cursor(self.body, self.offset + PREFIX)
-
-
-PREFIX = 9
 
 
 def frames(stream: BinaryIO, size: int) -> Iterator[Frame]:
@@ -74,17 +76,18 @@ def next_frame(stream: BinaryIO, size: int) -> Frame:
         DamageError: When it is cut short or too large.
     """
     at = stream.tell()
-    prefix = Cursor(memoryview(stream.read(PREFIX)), at)
-    if not prefix.left:
+    prefix = stream.read(PREFIX)
+    if not prefix:
         raise DamageError("the file ends here, without a footer", at)
-    if prefix.left < PREFIX:
+    if len(prefix) < PREFIX:
         raise DamageError("the file ends inside a record", at)
-    opcode, length = prefix.number("B"), prefix.number("Q")
+    opcode, length = _PREFIX.unpack(prefix)
     if length > RECORD_LIMIT:
         raise DamageError(f"a record claims {length} bytes; at most {RECORD_LIMIT} are allowed", at)
-    if length > size - at - PREFIX:
+    body = stream.read(length) if length <= size - at - PREFIX else b""
+    if len(body) < length:
         raise DamageError("the file ends inside a record", at)
-    return Frame(opcode, at, memoryview(stream.read(length)))
+    return Frame(opcode, at, memoryview(body))
 
 
 class Budget:
@@ -130,13 +133,15 @@ def chunk_frames(chunk: Frame, budget: Budget) -> list[Frame]:
 
 
 def _split(data: memoryview, offset: int, budget: Budget) -> Iterator[Frame]:
-    cursor = Cursor(data, 0)
-    try:
-        while cursor.left:
-            budget.spend(1, 0, offset)
-            yield Frame(cursor.number("B"), offset, cursor.take(cursor.number("Q")))
-    except DamageError as damage:
-        raise DamageError(f"in a chunk: {damage.what}", offset) from damage
+    at = 0
+    while at < len(data):
+        budget.spend(1, 0, offset)
+        begin = at + PREFIX
+        opcode, length = _PREFIX.unpack_from(data, at) if begin <= len(data) else (0, len(data))
+        at = begin + length
+        if at > len(data):
+            raise DamageError("a chunk ends inside a record", offset)
+        yield Frame(opcode, offset, data[begin:at])
 
 
 def attachment(frame: Frame) -> tuple[str, bytes]:

@@ -13,22 +13,34 @@ from pushplan.logging.records import Frame
 
 _FOOTER_SIZE = records.PREFIX + 20
 
+_MOST_RECORDS = 50_000
+"""Records of a summary, at most: an index of as many chunks, a second of simulated time each."""
+
 
 class SummaryCheck:
-    """Counts the records of a file and compares the counts and the checksum that its summary holds."""
+    """Counts the records of a file and compares the counts and the checksum that its summary holds.
+
+    Attributes:
+        counting: Compare the counts; of no use any more once records were lost.
+    """
 
     def __init__(self) -> None:
+        self.counting = True
         self._seen: Counter[int] = Counter()
         self._checksum: int | None = None
 
+    def count(self, frame: Frame) -> None:
+        """Take the next record of a chunk."""
+        self._seen[frame.opcode] += 1
+
     def note(self, frame: Frame) -> None:
-        """Take the next record of the file, or of a chunk.
+        """Take the next record of the file.
 
         Raises:
             DamageError: When the summary's counts or checksum do not fit.
         """
         if self._checksum is None:
-            self._seen[frame.opcode] += 1
+            self.count(frame)
             if frame.opcode == records.DATA_END:
                 self._checksum = 0
         elif frame.opcode == records.FOOTER:
@@ -44,35 +56,37 @@ class SummaryCheck:
         cursor.take(6)  # schemas and channels
         for opcode in (records.ATTACHMENT, records.METADATA, records.CHUNK):
             counts[opcode] = cursor.number("I")
-        if any(self._seen[opcode] != count for opcode, count in counts.items()):
+        if self.counting and any(self._seen[opcode] != count for opcode, count in counts.items()):
             raise DamageError("the file holds other records than its summary counts", frame.offset)
 
 
-def intact_summary(stream: BinaryIO, size: int) -> list[Frame]:
-    """Return the records of the summary, if there is one and it is intact; `stream` is rewound.
+def repeated_declarations(stream: BinaryIO, size: int) -> list[Frame]:
+    """Return the schemas and channels that the summary repeats, if it is there and intact; `stream` is rewound.
 
-    Schemas and channels are repeated there, so that messages can be understood whose declaration is lost.
+    With them messages can be understood whose declaration is lost.
     """
     try:
-        return _summary(stream, size)
+        return _declarations(stream, size)
     except DamageError:
         return []
     finally:
         stream.seek(0)
 
 
-def _summary(stream: BinaryIO, size: int) -> list[Frame]:
+def _declarations(stream: BinaryIO, size: int) -> list[Frame]:
     stream.seek(max(0, size - len(records.MAGIC) - _FOOTER_SIZE))
     footer = records.next_frame(stream, size)
     begin = footer.cursor.number("Q")
     if footer.opcode != records.FOOTER or not 0 < begin < footer.offset:
         return []
     stream.seek(begin)
-    found: list[Frame] = []
-    checksum = 0
-    while stream.tell() < footer.offset:
-        found.append(records.next_frame(stream, size))
-        checksum = zlib.crc32(found[-1].body, zlib.crc32(_prefix(found[-1]), checksum))
+    checksum, found, left = 0, [], _MOST_RECORDS
+    while stream.tell() < footer.offset and left:
+        frame = records.next_frame(stream, size)
+        checksum = zlib.crc32(frame.body, zlib.crc32(_prefix(frame), checksum))
+        left -= 1
+        if frame.opcode in (records.SCHEMA, records.CHANNEL):
+            found.append(frame)
     _check_footer(footer, checksum)
     return found
 

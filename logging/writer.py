@@ -101,8 +101,11 @@ class RunLogWriter:
             text: What to say; without wall-clock times, which would differ from run to run.
 
         Raises:
+            ValueError: When the level is none of them.
             RunLogError: When the file cannot be written.
         """
+        if level not in schemas.LEVELS:
+            raise ValueError(f"level {level!r} is none of {', '.join(schemas.LEVELS)}")
         number = schemas.LEVELS.index(level) + 1
         stamp = self._channels.stamp
         line = Log(timestamp=stamp, level=number, message=text, name="pushplan")  # type: ignore[arg-type]

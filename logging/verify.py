@@ -1,0 +1,162 @@
+"""Executes a recorded plan again, from the attached scenario, and compares everything with what was recorded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.logging.recorded import RecordedRun
+from pushplan.path import PushPath
+from pushplan.planners.checker import find_collision
+from pushplan.planners.timing import time_path
+from pushplan.run import execute
+from pushplan.scenario import Scenario
+from pushplan.sim.execution import Execution
+from pushplan.trajectory import Trajectory
+
+TOLERANCE = 1e-9
+"""Largest difference that counts as rounding, in SI units; of forces, per newton of the largest one."""
+
+_SERIES = {
+    "t": "time",
+    "poses": "pose",
+    "twists": "twist",
+    "margins": "margin",
+    "friction_margins": "friction margin",
+    "lambdas": "point of application (lambda)",
+    "forces": "contact force",
+}
+
+
+@dataclass(frozen=True)
+class Check:
+    """A comparison of one quantity.
+
+    Attributes:
+        quantity: What was compared.
+        difference: The largest difference found; infinite where one side has nothing to compare.
+        tolerance: What would still pass.
+        time: Simulated time of the largest difference, s; None where the quantity has no time.
+        what: The difference in words, where a number does not say it.
+    """
+
+    quantity: str
+    difference: float
+    tolerance: float = TOLERANCE
+    time: float | None = None
+    what: str = ""
+
+    @property
+    def matches(self) -> bool:
+        """Whether the difference is within the tolerance."""
+        return self.difference <= self.tolerance  # False for NaN
+
+    @property
+    def text(self) -> str:
+        """The outcome in a sentence."""
+        if self.what:
+            return f"{self.quantity}: {self.what}"
+        at = "" if self.time is None else f" at {self.time:.3f} s"
+        sign = "<=" if self.matches else ">"
+        return f"{self.quantity}: differs by {self.difference:.3g}{at} ({sign} {self.tolerance:.3g})"
+
+
+@dataclass(frozen=True)
+class VerifyReport:
+    """All comparisons of one run; `checks` is empty when nothing was executed."""
+
+    checks: tuple[Check, ...]
+
+    @property
+    def matches(self) -> bool:
+        """Whether every comparison is within its tolerance."""
+        return all(check.matches for check in self.checks)
+
+    @property
+    def mismatches(self) -> tuple[Check, ...]:
+        """The comparisons that are not."""
+        return tuple(check for check in self.checks if not check.matches)
+
+
+def verify(run: RecordedRun) -> VerifyReport:
+    """Execute the plan of `run` again and compare.
+
+    Compared are the timing of the path, every sample of the execution, the loss of stability, the goal error,
+    and that nothing is touched on the way. Where the log ends early, the samples that it has are compared.
+
+    Raises:
+        PushplanError: When the recorded plan cannot be executed at all.
+    """
+    plan = run.plan
+    if plan is None or plan.path is None or plan.trajectory is None:
+        return VerifyReport(())
+    checks = [*_timing(run.scenario, plan.path, plan.trajectory), _clear_way(run.scenario, plan.trajectory)]
+    replayed = execute(run.scenario, plan)
+    if run.execution is not None and replayed is not None:
+        checks += _execution(run.execution, replayed)
+    return VerifyReport(tuple(checks))
+
+
+def _timing(scenario: Scenario, path: PushPath, trajectory: Trajectory) -> Iterator[Check]:
+    """Compare the trajectory with the path timed again."""
+    if scenario.trajectory != "exact":
+        return
+    again = time_path(path, scenario.chain.pusher.limits, trajectory.rate)
+    yield Check("duration", abs(again.duration - trajectory.duration))
+    yield _series("commanded twist", trajectory.t, trajectory.twists, again.twists_at(trajectory.t))
+    yield _series("commanded pose", trajectory.t, trajectory.poses, again.poses_at(trajectory.t))
+
+
+def _clear_way(scenario: Scenario, trajectory: Trajectory) -> Check:
+    """Look for a collision on the way, with the checker that the planners do not use."""
+    hit = find_collision(scenario, trajectory.poses)
+    if hit is None:
+        return Check("collision", 0.0, 0.0, what="none")
+    other = "a wall of the workspace" if hit.obstacle is None else f"obstacle {hit.obstacle}"
+    return Check("collision", math.inf, 0.0, what=f"{hit.body} meets {other} with the chain at {hit.pose}")
+
+
+def _execution(recorded: Execution, replayed: Execution) -> Iterator[Check]:
+    """Compare two executions; the recorded one may have lost its end."""
+    cut = math.isnan(recorded.goal_error[0])
+    count = min(len(recorded.t), len(replayed.t))
+    if not cut:
+        yield Check("number of samples", abs(len(recorded.t) - len(replayed.t)), 0.0)
+    for name, words in _SERIES.items():
+        first, second = getattr(recorded, name), getattr(replayed, name)
+        if first is None or second is None:
+            missing = first is not second
+            yield Check(
+                words, math.inf if missing else 0.0, what="unknown on one side" if missing else "unknown"
+            )
+        else:
+            scale = max(1.0, float(np.abs(second).max(initial=0.0))) if name == "forces" else 1.0
+            yield _series(words, recorded.t[:count], first[:count], second[:count], TOLERANCE * scale)
+    if not cut:
+        yield Check("goal error", float(np.abs(np.subtract(recorded.goal_error, replayed.goal_error)).max()))
+        yield _loss(recorded, replayed)
+
+
+def _loss(recorded: Execution, replayed: Execution) -> Check:
+    places = [None if run.loss is None else run.loss.contact for run in (recorded, replayed)]
+    if places[0] != places[1]:
+        return Check("lost contact", math.inf, 0.0, what=f"recorded {places[0]}, executed again {places[1]}")
+    time = 0.0
+    if recorded.loss is not None and replayed.loss is not None:
+        time = abs(recorded.loss.time - replayed.loss.time)
+    return Check("lost contact", time, what="none" if recorded.loss is None else "")
+
+
+def _series(
+    quantity: str, t: FloatArray, first: FloatArray, second: FloatArray, tolerance: float = TOLERANCE
+) -> Check:
+    """Compare two arrays (m, ...), sample by sample at times `t` (m,)."""
+    apart = np.abs(first - second).reshape(len(t), -1).max(axis=1, initial=0.0)
+    if len(apart) == 0:
+        return Check(quantity, 0.0, tolerance)
+    worst = int(np.argmax(np.where(np.isnan(apart), np.inf, apart)))
+    return Check(quantity, float(apart[worst]), tolerance, float(t[worst]))
