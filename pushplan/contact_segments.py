@@ -64,7 +64,7 @@ def _shared_pieces(first: FloatArray, second: FloatArray) -> FloatArray:
     away = np.maximum(abs(h[0] + slope * (low - s[0])), abs(h[0] + slope * (high - s[0])))
     f, g = np.nonzero((s[1] > s[0]) & (high - low > TOUCH) & (away <= TOUCH))
     spans = np.stack([low[f, g], high[f, g]], axis=1)
-    return begin[f, None] + spans[..., None] * along[f, None]
+    return np.asarray(begin[f, None] + spans[..., None] * along[f, None], dtype=np.float64)
 
 
 def _lines(pieces: FloatArray) -> list[FloatArray]:

@@ -41,7 +41,8 @@ def _normals(outline: FloatArray) -> FloatArray:
     edges = np.roll(outline, -1, axis=0) - outline
     lengths = np.linalg.norm(edges, axis=1)
     longest = np.argsort(-lengths, kind="stable")
-    return np.stack([edges[longest, 1], -edges[longest, 0]], axis=1) / lengths[longest, None]
+    normals = edges[longest] / lengths[longest, None]
+    return np.stack([normals[:, 1], -normals[:, 0]], axis=1)
 
 
 def _triangles(outline: FloatArray) -> FloatArray:
