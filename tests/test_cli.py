@@ -27,6 +27,15 @@ from pushplan.stable_set import stable_set
 
 Captured = pytest.CaptureFixture[str]
 
+WALLS = """
+obstacles:
+  - {box: [0.1, 1.0], pose: [-0.4, 0.0, 0.0]}
+  - {box: [0.1, 1.0], pose: [0.6, 0.0, 0.0]}
+  - {box: [1.2, 0.1], pose: [0.1, -0.5, 0.0]}
+  - {box: [1.2, 0.1], pose: [0.1, 0.5, 0.0]}
+"""
+"""A room without a door around the start of the example free-space."""
+
 
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
@@ -55,7 +64,8 @@ def test_the_interpreters_end_writes_nothing(planned: Mapping[str, Any]) -> None
 def test_plan_tells_all_numbers_and_they_fit_together(planned: Mapping[str, Any]) -> None:
     found = json.loads(planned["out"])
     assert found["solved"] is True
-    assert (found["planner"], found["set"], found["seed"]) == ("rrt", "ecof", 3)
+    settings = load_scenario("two-crates").planner.name, "ecof", 3
+    assert (found["planner"], found["set"], found["seed"]) == settings
     assert 0.0 < found["first_solution_s"] <= found["planning_s"] < 2.0
     assert sum(arc["length"] for arc in found["arcs"]) == pytest.approx(found["path_cost"])
     assert np.allclose(cost_rate([arc["twist"] for arc in found["arcs"]]), 1.0)
@@ -136,12 +146,13 @@ def test_replay_shows_what_a_cut_off_log_still_has(
 
 
 def test_a_plan_not_found_in_time_is_logged_all_the_same(tmp_path: Path, capsys: Captured) -> None:
-    log = tmp_path / "run.mcap"
-    words = ["plan", "three-boxes-clutter", "--time-limit", "0.001", "-o", str(log), "--json"]
+    file, log = tmp_path / "walled-in.yaml", tmp_path / "run.mcap"
+    file.write_text(example_text("free-space") + WALLS)
+    words = ["plan", str(file), "--time-limit", "0.2", "-o", str(log), "--json"]
     assert main(words) == 3
     found = json.loads(capsys.readouterr().out)
     assert found["solved"] is False
-    assert "0.001 s" in found["reason"]
+    assert "0.2 s" in found["reason"]
     assert found["arcs"] == []
     assert found["path_cost"] is found["goal_error"] is found["duration_s"] is None
     assert main(["replay", str(log), "--verify", "--plot", str(tmp_path / "p.png")]) == 0

@@ -51,12 +51,15 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
 
 def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
-    limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit
-    with console.working(f"planning, up to {limit:g} s") as progress:
-        from pushplan.run import run as run_push  # the planners take a second to load
+    with console.working("loading the planner") as progress:
+        from pushplan.kernels import warm_up
+        from pushplan.run import run as run_push
 
+        warm_up(args.planner or scenario.planner.name, progress.announce)
         chosen = args.set or scenario.stability.set
         require_pushable(replace(scenario, stability=replace(scenario.stability, set=chosen)))
+    limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit
+    with console.working(f"planning, up to {limit:g} s") as progress:
 
         def improved(point: ProgressPoint) -> None:
             progress.tell(f"best path so far {point.cost:.3f} m")
@@ -69,7 +72,6 @@ def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
             seed=args.seed,
             time_limit=args.time_limit,
             progress=improved,
-            tell=progress.announce,
         )
 
 
