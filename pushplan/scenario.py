@@ -156,7 +156,7 @@ def scenario_from_text(
     """
     from pushplan.scenario_file import scenario_from_text as read
 
-    return read(text, path, attachments or {})
+    return read(text, path, attachments)
 
 
 def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:

@@ -29,10 +29,12 @@ def load_scenario(source: str | Path) -> Scenario:
     return _read(data, path, Attachments({}, path.parent))
 
 
-def scenario_from_text(text: str | bytes, path: str | Path, attachments: Mapping[str, bytes]) -> Scenario:
+def scenario_from_text(
+    text: str | bytes, path: str | Path = "scenario.yaml", attachments: Mapping[str, bytes] | None = None
+) -> Scenario:
     """Read a text; see `pushplan.scenario.scenario_from_text`."""
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
-    return _read(data, Path(path), Attachments(dict(attachments)))
+    return _read(data, Path(path), Attachments(dict(attachments or {})))
 
 
 def _read(data: bytes, path: Path, attachments: Attachments) -> Scenario:

@@ -5,9 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
+from hypothesis import settings
 
 from pushplan.errors import ScenarioError
 from pushplan.scenario import Scenario, scenario_from_text
+
+# The first example of a test pays for imports, and machines that test are often busy.
+settings.register_profile("unhurried", deadline=None)
+settings.load_profile("unhurried")
 
 VALID = """\
 format: pushplan/1
