@@ -1,0 +1,1 @@
+"""Benchmarks: suites of push problems, run in bulk, stored and reported."""
