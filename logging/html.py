@@ -96,7 +96,10 @@ def _execution(chain: Chain, execution: Execution | None) -> dict[str, Any]:
         "lambdas": None if execution.lambdas is None else _plain(execution.lambdas[kept].T),
         "forces": None if execution.forces is None else _plain(np.moveaxis(execution.forces[kept], 0, -1)),
     }
-    largest = 0.0 if execution.forces is None else float(np.linalg.norm(execution.forces, axis=-1).max())
+    forces = np.zeros((1, 2)) if execution.forces is None else execution.forces
+    largest = float(
+        np.hypot(forces[..., 0], forces[..., 1]).max(initial=0.0, where=np.isfinite(forces).all(-1))
+    )
     low, high = min(0.0, float(margins.min())), float(margins.max())
     room = 0.05 * max(high - low, 0.1)
     return {"samples": samples, "margin_range": [low - room, high + room], "largest_force": largest or 1.0}
@@ -126,5 +129,7 @@ def _window(data: dict[str, Any]) -> list[float]:
 
 
 def _plain(values: FloatArray) -> list[Any]:
-    plain: list[Any] = np.round(values, _DIGITS).tolist()
-    return plain
+    plain = np.round(values, _DIGITS).astype(object)
+    plain[~np.isfinite(values)] = None
+    rows: list[Any] = plain.tolist()
+    return rows
