@@ -50,12 +50,12 @@ def densify(poses: FloatArray, reach: float, spacing: float) -> FloatArray:
     """Insert poses on the constant-twist motion between neighbours: no body point moves more than `spacing`."""
     if len(poses) < 2:
         return poses
-    relative = se2.relative(poses[:-1], poses[1:])
-    travel = np.hypot(relative[:, 0], relative[:, 1]) + np.abs(relative[:, 2]) * reach
+    twists = _log(se2.relative(poses[:-1], poses[1:]))
+    travel = np.hypot(twists[:, 0], twists[:, 1]) + np.abs(twists[:, 2]) * reach
     counts = np.maximum(1, np.ceil(travel / spacing)).astype(int)
     owner = np.repeat(np.arange(len(counts)), counts)
     share = (np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[owner]
-    inner = se2.compose(poses[owner], se2.exp(_log(relative[owner]) * share[:, None]))
+    inner = se2.compose(poses[owner], se2.exp(twists[owner] * share[:, None]))
     return np.concatenate([inner, poses[-1:]])
 
 

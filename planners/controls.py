@@ -15,14 +15,12 @@ from pushplan.arrays import FloatArray
 from pushplan.chain import Drive
 from pushplan.errors import EmptyStableSetError
 from pushplan.path import cost_rate
+from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT
 from pushplan.sphere import twists_at
 from pushplan.stable_set import StableSet
 
 MARGIN_FLOOR = 1e-6
-"""Planned twists keep at least this margin, so that rounding cannot put them on the boundary."""
-
-FAMILIES = 4
-"""Steering families with different straight directions."""
+"""Planned twists keep this much more than the margin asked for, so that rounding cannot put them outside."""
 
 TURNS = 1024
 """Turning rates at which a drive's family is scanned for changes between stable and not."""
@@ -55,22 +53,64 @@ def control_segments(stable: StableSet, drive: Drive, margin: float) -> FloatArr
     return segments
 
 
-def steering_families(stable: StableSet, drive: Drive, margin: float) -> FloatArray:
-    """Return the families (f, 3, 3) of left, straight and right twists, scaled to a cost rate of 1, best first.
+def steering_families(segments: FloatArray) -> FloatArray:
+    """Return families (3, 3, 3) of left, straight and right twists, scaled to a cost rate of 1, for connections.
 
-    Rows of zeros stand for motions that are not stable.
+    The turns are those with the closest CORs among the ends of the segments. The straight pushes are the one along
+    which these turns combine to Dubins' car, as nearly as there is one, and the two that lean most. Rows of zeros
+    stand for motions that are not stable.
+
+    Args:
+        segments: (k, 6) stable twists; see `control_segments`.
     """
-    if drive.axle is None:
-        pairs = stable.steering_pairs(margin, FAMILIES)
-        turns = [(pair.left, pair.straight, pair.right) for pair in pairs]
-        families = np.array([[_unit_cost(twist) for twist in turn] for turn in turns]).reshape(-1, 3, 3)
-    else:
-        families = _drive_family(stable, drive, margin)[None]
-    return families if len(families) else np.zeros((1, 3, 3))
+    ends = np.concatenate([segments[:, :3], segments[:, 3:]])
+    left, right = _closest_turns(ends)
+    families = np.zeros((3, 3, 3))
+    families[:, LEFT], families[:, RIGHT] = left, right
+    straight = _translations(segments)
+    if len(straight):
+        ahead = _dubins_heading(left, right)
+        order = np.arctan2(straight @ [-ahead[1], ahead[0]], straight @ ahead)
+        chosen = [np.argmin(np.abs(order)), np.argmin(order), np.argmax(order)]
+        families[:, STRAIGHT, :2] = straight[chosen]
+    return families
 
 
-def _unit_cost(twist: FloatArray | None) -> FloatArray:
-    return np.zeros(3) if twist is None else twist / cost_rate(twist)
+def _closest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The left and the right turn (3,) with the closest CORs, scaled; zero where there is no turn to that side."""
+    lefts, rights = ends[ends[:, 2] > 0.0], ends[ends[:, 2] < 0.0]
+    lefts, rights = (turns / cost_rate(turns)[:, None] for turns in (lefts, rights))
+    if not len(lefts) or not len(rights):
+        best = [
+            turns[np.argmax(np.abs(turns[:, 2]))] if len(turns) else np.zeros(3) for turns in (lefts, rights)
+        ]
+        return best[0], best[1]
+    apart = _cors(lefts)[:, None] - _cors(rights)[None]
+    i, j = np.unravel_index(np.argmin(np.hypot(apart[..., 0], apart[..., 1])), apart.shape[:2])
+    return lefts[i], rights[j]
+
+
+def _cors(twists: FloatArray) -> FloatArray:
+    """Centres of rotation (k, 2) of turning twists (k, 3)."""
+    return np.stack([-twists[:, 1], twists[:, 0]], axis=1) / twists[:, 2:]
+
+
+def _translations(segments: FloatArray) -> FloatArray:
+    """Directions (m, 2) of the translations on segments."""
+    low, high = segments[:, 2], segments[:, 5]
+    across = segments[(low <= 0.0) & (high >= 0.0) | (low >= 0.0) & (high <= 0.0)]
+    span = np.abs(across[:, 2]) + np.abs(across[:, 5])
+    share = np.where(span > 0.0, np.abs(across[:, 2]) / np.where(span > 0.0, span, 1.0), 0.0)[:, None]
+    velocity = (1.0 - share) * across[:, :2] + share * across[:, 3:5]
+    return np.asarray(velocity / np.linalg.norm(velocity, axis=1, keepdims=True))
+
+
+def _dubins_heading(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Direction (2,) of J (cR - cL), along which equal parts of both turns translate; +x where one is missing."""
+    if left[2] == 0.0 or right[2] == 0.0:
+        return np.array([1.0, 0.0])
+    x, y = (_cors(right[None]) - _cors(left[None]))[0]
+    return np.array([-y, x]) / np.hypot(x, y)
 
 
 def _drive_twists(axle: FloatArray, turns: FloatArray) -> FloatArray:
@@ -113,18 +153,3 @@ def _bisect(
         else:
             bad = middle
     return good
-
-
-def _drive_family(stable: StableSet, drive: Drive, margin: float) -> FloatArray:
-    """The tightest left turn, the straight push and the tightest right turn of a drive."""
-    assert drive.axle is not None
-    turns = _stable_turns(stable, drive, margin)
-    choice = np.zeros((3, 3))
-    if len(turns) and turns.max() > 0.0:
-        choice[0] = _drive_twists(drive.axle, turns.max(keepdims=True).ravel()[:1])[0]
-    if len(turns) and turns.min() < 0.0:
-        choice[2] = _drive_twists(drive.axle, turns.min(keepdims=True).ravel()[:1])[0]
-    if ((turns[:, 0] <= 0.0) & (turns[:, 1] >= 0.0)).any():
-        choice[1] = _drive_twists(drive.axle, np.zeros(1))[0]
-    rates = cost_rate(choice)
-    return choice / np.where(rates > 0.0, rates, 1.0)[:, None]

@@ -31,12 +31,13 @@ def build_problem(scenario: Scenario, stable: StableSet) -> Problem:
         EmptyStableSetError: When no twist is stable for the pusher's drive.
     """
     drive = scenario.chain.pusher.drive
-    margin = max(MARGIN_FLOOR, scenario.stability.margin)
+    margin = scenario.stability.margin + MARGIN_FLOOR
     xmin, ymin, xmax, ymax = sampling_box(scenario)
+    segments = control_segments(stable, drive, margin)
     return Problem(
         scenario_scene(scenario),
-        control_segments(stable, drive, margin),
-        steering_families(stable, drive, margin),
+        segments,
+        steering_families(segments),
         np.array(scenario.goal.pose_chain, dtype=np.float64),
         LONGEST_SHARE * math.hypot(xmax - xmin, ymax - ymin),
     )

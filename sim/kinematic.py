@@ -12,7 +12,7 @@ from pushplan.sim.execution import StabilityLoss as StabilityLoss
 from pushplan.stable_set import StableSet
 from pushplan.trajectory import Trajectory, advance
 
-RESTING = 1e-9
+RESTING = 1e-6
 """Twist components below this (m/s, rad/s) count as rest."""
 
 NUDGE = 1e-4

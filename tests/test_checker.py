@@ -1,0 +1,72 @@
+"""The independent checker: it finds what is there, whoever hits it, and refines coarse motions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pushplan import se2
+from pushplan.planners.checker import SPACING, densify, find_collision
+from pushplan.scenario import Scenario
+from pushplan.scenario_file import scenario_from_text
+
+TEXT = """
+format: pushplan/1
+name: lane
+floor: {friction: 0.3}
+objects:
+  - {name: box, shape: {box: [0.1, 0.1]}, mass: 1.0, support: uniform}
+contacts: {friction: 0.3}
+pusher: {width: 0.3, thickness: 0.02, friction: 0.4}
+start: [0.0, 0.0, 0.0]
+goal: {pose: [1.0, 0.0, 0.0]}
+workspace: {x: [-0.5, 1.5], y: [-0.5, 0.5]}
+obstacles:
+  - {box: [0.002, 0.1], pose: [0.5, 0.17, 0.0]}
+  - {circle: 0.05, center: [0.8, -0.11]}
+"""
+
+
+@pytest.fixture
+def lane() -> Scenario:
+    return scenario_from_text(TEXT, "lane.yaml")
+
+
+def test_a_thin_obstacle_between_two_far_poses_is_found(lane: Scenario) -> None:
+    found = find_collision(lane, np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+    assert found is not None
+    assert (found.body, found.obstacle) == ("pusher", 0)
+    assert found.pose[0] == pytest.approx(0.499, abs=2 * SPACING)
+
+
+def test_the_object_that_hits_is_named(lane: Scenario) -> None:
+    found = find_collision(lane, np.array([[0.6, 0.0, 0.0], [0.75, -0.05, 0.0]]))
+    assert found is not None
+    assert (found.body, found.obstacle) == ("box", 1)
+
+
+def test_a_wall_of_the_workspace_is_no_obstacle_but_found(lane: Scenario) -> None:
+    found = find_collision(lane, np.array([[0.0, 0.0, 0.0], [0.0, -0.4, 0.0]]))
+    assert found is not None
+    assert (found.body, found.obstacle) == ("pusher", None)
+    assert found.pose[1] == pytest.approx(-0.35, abs=2 * SPACING)
+
+
+def test_a_free_motion_is_free(lane: Scenario) -> None:
+    assert find_collision(lane, np.array([[0.0, -0.1, 0.0], [0.3, -0.1, 0.0], [0.3, -0.1, 0.1]])) is None
+
+
+def test_refined_poses_are_close_and_keep_the_ends() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [0.3, 0.1, 1.0], [0.3, 0.1, 1.0], [0.2, 0.4, -2.0]])
+    dense = densify(poses, 0.5, 0.01)
+    np.testing.assert_array_equal(dense[[0, -1]], poses[[0, -1]])
+    steps = se2.relative(dense[:-1], dense[1:])
+    chord = np.hypot(steps[:, 0], steps[:, 1]) + 0.5 * np.abs(steps[:, 2])
+    assert chord.max() <= 0.01 * (1.0 + 1e-6)
+
+
+def test_refined_poses_lie_on_the_constant_twist_motion() -> None:
+    twist = np.array([0.4, -0.2, 1.5])
+    dense = densify(np.array([np.zeros(3), se2.exp(twist)]), 0.5, 0.05)
+    share = np.linspace(0.0, 1.0, len(dense))
+    np.testing.assert_allclose(dense, se2.exp(twist * share[:, None]), atol=1e-12)

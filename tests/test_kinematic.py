@@ -1,0 +1,121 @@
+"""The kinematic simulator: integration against an ODE solver, loss of stability where the margin ends."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from pushplan.arrays import FloatArray
+from pushplan.chain import Limits
+from pushplan.contact_state import contact_state
+from pushplan.path import PushPath, cost_rate
+from pushplan.planners.timing import time_path
+from pushplan.sim.kinematic import pose_error, simulate
+from pushplan.stable_set import StableSet, stable_set
+from pushplan.trajectory import Trajectory
+
+
+@pytest.fixture(scope="module")
+def stable(make_chain: Any) -> StableSet:
+    return stable_set(make_chain.boxes(2, size=(0.1, 0.2)), "ecof")
+
+
+def _path(*arcs: tuple[float, float, float, float]) -> PushPath:
+    values = np.array(arcs)
+    return PushPath(
+        np.array([0.2, -0.1, 0.4]), values[:, :3] / cost_rate(values[:, :3])[:, None], values[:, 3]
+    )
+
+
+STABLE_ARCS = [(1.0, 0.0, 0.0, 0.4), (1.0, -0.1, 0.8, 0.3), (1.0, 0.1, -0.8, 0.3)]
+
+
+def test_execution_integrates_what_was_commanded(stable: StableSet) -> None:
+    trajectory = time_path(_path(*STABLE_ARCS), Limits())
+
+    def rate(t: float, pose: FloatArray) -> FloatArray:
+        vx, vy, omega = trajectory.twists_at(np.array([t]))[0]
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        return np.array([c * vx - s * vy, s * vx + c * vy, omega])
+
+    execution = simulate(trajectory, stable, trajectory.poses[-1])
+    solved = solve_ivp(
+        rate,
+        (0.0, trajectory.duration),
+        trajectory.start,
+        rtol=1e-9,
+        atol=1e-10,
+        max_step=0.02,
+        t_eval=execution.t,
+    )
+    np.testing.assert_allclose(execution.poses, solved.y.T, atol=1e-6)
+    np.testing.assert_allclose(execution.poses, trajectory.poses, atol=1e-12)
+
+
+def test_a_stable_push_keeps_every_contact_and_reports_its_forces(stable: StableSet) -> None:
+    execution = simulate(time_path(_path(*STABLE_ARCS), Limits()), stable, np.zeros(3))
+    assert execution.loss is None
+    assert execution.margins.shape == (len(execution.t), 2)
+    assert execution.margins.min() > 0.0
+    assert execution.friction_margins is not None
+    assert execution.lambdas is not None
+    assert execution.forces is not None
+    assert execution.friction_margins.min() > 0.0
+    assert 0.0 < execution.lambdas.min() < execution.lambdas.max() < 1.0
+    moving = np.flatnonzero(np.abs(execution.twists).max(axis=1) > 1e-3)[::50]
+    state = contact_state(stable.chain, execution.twists[moving])
+    np.testing.assert_allclose(execution.forces[moving], state.forces, atol=1e-12)
+
+
+def test_the_margin_at_rest_is_that_of_the_motion_beside_it(stable: StableSet) -> None:
+    path = _path(*STABLE_ARCS)
+    execution = simulate(time_path(path, Limits()), stable, np.zeros(3))
+    expected = stable.contact_margins(path.twists)
+    np.testing.assert_allclose(execution.margins[0], expected[0], atol=1e-9)
+    np.testing.assert_allclose(execution.margins[-1], expected[-1], atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rounding_at_the_final_rest_never_reverses_the_motion(stable: StableSet, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    arcs = [(*STABLE_ARCS[int(rng.integers(3))][:3], float(rng.uniform(0.01, 2.0))) for _ in range(12)]
+    assert simulate(time_path(_path(*arcs), Limits()), stable, np.zeros(3)).loss is None
+
+
+def test_the_loss_of_a_contact_is_reported_and_nothing_after_it(stable: StableSet) -> None:
+    arcs = [(1.0, 0.0, 0.0, 0.3), (0.2, 1.0, 0.0, 0.3), (1.0, 0.0, 0.0, 0.3)]
+    path = _path(*arcs)
+    trajectory = time_path(path, Limits())
+    execution = simulate(trajectory, stable, trajectory.poses[-1])
+    loss = execution.loss
+    assert loss is not None
+    corner = trajectory.breaks[np.flatnonzero(np.diff(trajectory.arc))[0] + 1]
+    assert loss.time == pytest.approx(corner, abs=2.0 / trajectory.rate)
+    assert execution.t[-1] == loss.time
+    assert loss.margin == execution.margins[-1].min() <= 0.0
+    assert loss.contact == int(execution.margins[-1].argmin())
+    np.testing.assert_allclose(loss.pose, execution.poses[-1])
+    assert execution.goal_error[0] > 0.1
+
+
+def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(stable: StableSet) -> None:
+    """The twist turns steadily out of the set; the exact time at which the margin ends is found by bisection."""
+    coefficients = np.array([[[0.1, 0.0, 0.0], [0.0, 0.0, 0.2], [0.0, 0.0, 0.0]]])
+    trajectory = Trajectory(np.zeros(3), np.array([0.0, 10.0]), coefficients, np.zeros(1))
+    low, high = 0.0, 10.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        inside = stable.margin(trajectory.twists_at(np.array([middle])))[0] > 0.0
+        low, high = (middle, high) if inside else (low, middle)
+    loss = simulate(trajectory, stable, np.zeros(3)).loss
+    assert loss is not None
+    assert low <= loss.time <= low + 1.0 / trajectory.rate + 1e-9
+
+
+def test_pose_errors_take_the_shorter_way_round() -> None:
+    assert pose_error(np.array([1.0, 2.0, 0.1]), np.array([1.0, 2.3, 0.1 + 6 * np.pi])) == pytest.approx(
+        (0.3, 0.0)
+    )

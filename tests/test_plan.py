@@ -1,0 +1,111 @@
+"""Planning end to end on packaged scenarios, judged by shapely, the margin and the integrated execution."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pushplan.errors import PlanningError
+from pushplan.examples import example_names, example_text
+from pushplan.plan import plan
+from pushplan.planners.checker import find_collision
+from pushplan.planners.registry import MODULES
+from pushplan.result import PlanResult
+from pushplan.run import execute
+from pushplan.scenario import Scenario
+from pushplan.scenario_file import load_scenario, scenario_from_text
+
+PATIENT = 60.0
+"""A time limit that no test reaches, so that results do not depend on the machine."""
+
+
+def _check(scenario: Scenario, result: PlanResult) -> None:
+    assert result.solved, result.reason
+    execution = execute(scenario, result)
+    assert execution is not None
+    assert result.path is not None
+    assert execution.loss is None
+    assert execution.margins.min() > 0.0
+    assert max(execution.goal_error) < 1e-6
+    assert find_collision(scenario, execution.poses) is None
+    np.testing.assert_allclose(execution.poses[-1], result.path.end, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_packaged_scenarios_solve_exactly_with_twenty_seeds(name: str) -> None:
+    scenario = load_scenario(name)
+    for seed in range(1, 21):
+        result = plan(scenario, seed=seed, time_limit=PATIENT, first=True)
+        assert result.solved, f"seed {seed}: {result.reason}"
+        execution = execute(scenario, result)
+        assert execution is not None
+        assert execution.margins.min() > 0.0, f"seed {seed}"
+        assert max(execution.goal_error) < 1e-6, f"seed {seed}"
+    _check(scenario, result)
+
+
+@pytest.mark.parametrize("planner", sorted(MODULES))
+@pytest.mark.parametrize("name", ["two-crates", "carts", "narrow-gap"])
+def test_every_planner_solves_and_shortens(planner: str, name: str) -> None:
+    scenario = load_scenario(name)
+    first = plan(scenario, planner=planner, time_limit=PATIENT, first=True)
+    result = plan(scenario, planner=planner, time_limit=4.0)
+    _check(scenario, result)
+    assert first.path is not None
+    assert result.path is not None
+    assert result.path.cost <= first.path.cost + 1e-9
+    assert result.progress[0].cost == pytest.approx(first.path.cost)
+    assert result.progress[-1].cost == pytest.approx(result.path.cost, abs=1e-9)
+
+
+@pytest.mark.parametrize("planner", sorted(MODULES))
+def test_the_same_seed_gives_the_same_plan(planner: str) -> None:
+    scenario = load_scenario("two-crates")
+    one, two = (plan(scenario, planner=planner, seed=7, time_limit=PATIENT, first=True) for _ in range(2))
+    assert one.path is not None
+    assert two.path is not None
+    np.testing.assert_array_equal(one.path.twists, two.path.twists)
+    np.testing.assert_array_equal(one.path.lengths, two.path.lengths)
+    assert one.extensions == two.extensions
+
+
+SHUT_IN = """
+obstacles:
+  - {box: [0.05, 2.0], pose: [-0.3, 0.0, 0.0]}
+  - {box: [0.05, 2.0], pose: [0.5, 0.0, 0.0]}
+  - {box: [1.0, 0.05], pose: [0.1, 0.5, 0.0]}
+  - {box: [1.0, 0.05], pose: [0.1, -0.5, 0.0]}
+"""
+
+
+def test_no_plan_in_time_is_a_result_with_a_reason() -> None:
+    scenario = scenario_from_text(example_text("free-space") + SHUT_IN, "shut-in.yaml")
+    result = plan(scenario, time_limit=0.3)
+    assert not result.solved
+    assert result.reason == "no path found within the time limit of 0.3 s"
+    assert (result.path, result.trajectory, result.first_solution_s) == (None, None, None)
+    assert result.extensions > 100
+    assert execute(scenario, result) is None
+
+
+def test_a_goal_that_is_the_start_is_refused() -> None:
+    scenario = load_scenario("free-space")
+    still = replace(scenario, start=scenario.goal.pose_chain)
+    with pytest.raises(PlanningError, match="at the goal already"):
+        plan(still, time_limit=0.2)
+
+
+def test_an_unknown_planner_is_refused_by_name() -> None:
+    with pytest.raises(PlanningError, match="no planner is called 'rtt'; there are auto, rrt"):
+        plan(load_scenario("one-box"), planner="rtt")
+
+
+def test_progress_is_told_as_it_happens() -> None:
+    heard: list[float] = []
+    result = plan(
+        load_scenario("one-box"), progress=lambda point: heard.append(point.cost), time_limit=PATIENT
+    )
+    assert heard == [point.cost for point in result.progress]
+    assert len(heard) > 1
