@@ -12,7 +12,8 @@ from pydantic_core import ErrorDetails
 
 from pushplan.errors import Finding
 from pushplan.quantity import DESCRIBED_FAULT, FAULT, show
-from pushplan.yaml_node import Document, Place, place_text
+from pushplan.schema_types import ALTERNATIVES
+from pushplan.yaml_node import Document, Node, Place, place_text
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -48,9 +49,22 @@ def _translated(
     model: type[BaseModel], document: Document, details: list[ErrorDetails]
 ) -> Iterator[tuple[Place, Finding]]:
     for detail in details:
-        place = tuple(step for step in detail["loc"] if not str(step).startswith("<"))
+        place = _place(document.root, detail["loc"])
         unknown = detail["type"] == "extra_forbidden"
         yield place, finding_at(document, place, _sentence(model, place, detail), at_key=unknown)
+
+
+def _place(root: Node, location: Place) -> Place:
+    """Return pydantic's location without the names of the alternatives that it chose on the way.
+
+    A key of the file that is called like an alternative is unknown, so that nothing is found below it.
+    """
+    place: Place = ()
+    for i, step in enumerate(location):
+        unknown_key = i == len(location) - 1 and root.holds((*place, step))
+        if step not in ALTERNATIVES or unknown_key:
+            place = (*place, step)
+    return place
 
 
 def _sentence(model: type[BaseModel], place: Place, detail: ErrorDetails) -> str:

@@ -26,6 +26,9 @@ from pushplan.simple import find_flaw
 
 MOST_CORNERS = 500
 
+ALTERNATIVES = frozenset({"<word>", "<mapping>", "<bare>", "<loaded>"})
+"""Names of the alternatives that a value's form decides between; they stand in pydantic's locations."""
+
 Coordinate = Annotated[float, Quantity("a coordinate", units.LENGTH, -1e4, 1e4, "5 mm")]
 Size = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 1e3, "5 mm")]
 Height = Annotated[float, Quantity("a height", units.LENGTH, 0.0, 100.0, "5 mm")]

@@ -35,17 +35,30 @@ class Node:
             return [node.plain() for node in self.content]
         return self.content
 
+    def holds(self, place: Place) -> bool:
+        """Tell whether there is a node at `place`."""
+        return len(self._path(place)) == len(place)
+
     def locate(self, place: Place, at_key: bool = False) -> Position:
         """Return where `place` begins (or its key does), or the innermost node on the way that exists."""
-        node, position = self, self.position
+        path = self._path(place)
+        if len(path) == 0:
+            return self.position
+        return path[-1].key if at_key and len(path) == len(place) else path[-1].node.position
+
+    def _path(self, place: Place) -> list[Entry]:
+        """Return the entries on the way to `place`, as far as they exist."""
+        path: list[Entry] = []
+        content = self.content
         for step in place:
-            if isinstance(node.content, dict) and isinstance(step, str) and step in node.content:
-                position, node = node.content[step]
-            elif isinstance(node.content, list) and isinstance(step, int) and 0 <= step < len(node.content):
-                position = (node := node.content[step]).position
+            if isinstance(content, dict) and isinstance(step, str) and step in content:
+                path.append(content[step])
+            elif isinstance(content, list) and isinstance(step, int) and 0 <= step < len(content):
+                path.append(Entry(content[step].position, content[step]))
             else:
-                return node.position
-        return position if at_key else node.position
+                break
+            content = path[-1].node.content
+        return path
 
 
 @dataclass(frozen=True)

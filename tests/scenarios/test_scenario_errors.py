@@ -156,3 +156,14 @@ def test_control_characters_reach_no_message(valid: Changed) -> None:
 def test_bytes_are_taken_as_they_are() -> None:
     with pytest.raises(ScenarioError, match=r"f\.yaml:1:4: the byte 0xff is not UTF-8"):
         scenario_from_text(b"a: \xff", "f.yaml")
+
+
+def test_keys_that_look_like_names_of_alternatives_are_just_unknown(valid: Changed) -> None:
+    found = valid.findings(
+        ("support: uniform", "support: {<mapping>: 1, <x: 2}"), ("format:", "<word>: 1\nformat:")
+    )
+    assert [text.split("; allowed")[0] for text in found] == [
+        "f.yaml:1:1: <word>: unknown key",
+        "f.yaml:9:15: objects[0].support.<mapping>: unknown key",
+        "f.yaml:9:29: objects[0].support.<x: unknown key",
+    ]
