@@ -14,22 +14,19 @@ from typing import Any
 
 import numpy as np
 
-from pushplan import se2
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.chain import Chain
 from pushplan.logging.partial_file import write_whole
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import PUSHER, obstacle_outline
 from pushplan.logging.views import contact_name, viewed
+from pushplan.logging.window import path_points, window
 from pushplan.result import PlanResult, Run
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution
 
 MOST_SAMPLES = 5_000
 """Samples of an execution that the page holds, at most, beside the smallest margins."""
-
-PATH_SPACING = 0.02
-"""Distance of the points of the path, m of path cost."""
 
 _DIGITS = 5
 
@@ -45,8 +42,8 @@ def write_html(run: Run | RecordedRun, path: Path | str) -> None:
 
 def render(run: Run | RecordedRun) -> str:
     """Return the page of `run`."""
-    data = {**_world(run.scenario), **_plan(run.plan), **_execution(run.scenario.chain, run.execution)}
-    data["window"] = _window(data)
+    execution = _execution(run.scenario.chain, run.execution)
+    data = {**_world(run.scenario), **_plan(run.plan), **execution, "window": window(run.scenario, run.plan)}
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no </script>
     page = files("pushplan.logging").joinpath("player.html").read_text(encoding="utf-8")
     return page.replace("@TITLE@", html.escape(f"{run.scenario.name} - pushplan")).replace("@RUN@", text)
@@ -79,7 +76,7 @@ def _plan(plan: PlanResult | None) -> dict[str, Any]:
     if plan.path is None:
         return {"facts": [*facts, plan.reason], "path": [], "tree": tree}
     facts.append(f"{len(plan.path.lengths)} arcs, cost {plan.path.cost:.3f} m")
-    return {"facts": facts, "path": _plain(plan.path.sampled(PATH_SPACING)[:, :2]), "tree": tree}
+    return {"facts": facts, "path": _plain(path_points(plan)), "tree": tree}
 
 
 def _execution(chain: Chain, execution: Execution | None) -> dict[str, Any]:
@@ -111,21 +108,6 @@ def _kept(execution: Execution) -> IntArray:
     stride = math.ceil(len(shown) / MOST_SAMPLES)
     always = [0, len(execution.t) - 1, *np.argmin(execution.margins, axis=0)]
     return np.union1d(shown[::stride], always)
-
-
-def _window(data: dict[str, Any]) -> list[float]:
-    """Return (xmin, ymin, xmax, ymax) of everything on the page, with a rim, m."""
-    outlines = [np.array(body["outline"]) for body in data["bodies"]]
-    reach = max(float(np.linalg.norm(outline, axis=1).max()) for outline in outlines)
-    moved = [se2.transform_points(data[end], outline) for end in ("start", "goal") for outline in outlines]
-    points: list[FloatArray] = [*moved, *(np.array(outline) for outline in data["obstacles"])]
-    points += [np.array(data["workspace"])] if data["workspace"] else []
-    if data["path"]:
-        points += [np.array(data["path"]) - reach, np.array(data["path"]) + reach]
-    every = np.concatenate(points)
-    low, high = every.min(axis=0), every.max(axis=0)
-    rim = 0.03 * float((high - low).max())
-    return [*(low - rim).tolist(), *(high + rim).tolist()]
 
 
 def _plain(values: FloatArray) -> list[Any]:
