@@ -28,15 +28,26 @@ if TYPE_CHECKING:
     from pushplan.examples import example_names, example_text
     from pushplan.friction import cof, ecof, friction_wrench
     from pushplan.logging.reader import read_run
+    from pushplan.logging.recorded import RecordedRun
     from pushplan.path import PushPath
     from pushplan.plan import plan
     from pushplan.plot_run import plot_plan
     from pushplan.plot_sets import plot_stable_sets
-    from pushplan.result import PlanResult, Run
+    from pushplan.result import PlanResult, ProgressPoint, Run
     from pushplan.run import run
-    from pushplan.scenario import Scenario, check_scenario, load_scenario
-    from pushplan.sim.kinematic import Execution
+    from pushplan.scenario import Scenario, check_scenario, load_scenario, scenario_from_text
+    from pushplan.scenario_parts import (
+        CircleObstacle,
+        Goal,
+        PlannerSettings,
+        PolygonObstacle,
+        StabilitySettings,
+        Workspace,
+    )
+    from pushplan.sim.kinematic import Execution, StabilityLoss, simulate
+    from pushplan.sphere import TurningRadii
     from pushplan.stable_set import StableSet, stable_set
+    from pushplan.support import FeetSupport, PressureMapSupport, Support, UniformSupport, UnknownSupport
     from pushplan.trajectory import Trajectory
 
     __version__: str
@@ -48,15 +59,19 @@ _HOMES = {
     "examples": "example_names example_text",
     "friction": "cof ecof friction_wrench",
     "logging.reader": "read_run",
+    "logging.recorded": "RecordedRun",
     "path": "PushPath",
     "plan": "plan",
     "plot_run": "plot_plan",
     "plot_sets": "plot_stable_sets",
-    "result": "PlanResult Run",
+    "result": "PlanResult ProgressPoint Run",
     "run": "run",
-    "scenario": "Scenario check_scenario load_scenario",
-    "sim.kinematic": "Execution",
+    "scenario": "Scenario check_scenario load_scenario scenario_from_text",
+    "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle StabilitySettings Workspace",
+    "sim.kinematic": "Execution StabilityLoss simulate",
+    "sphere": "TurningRadii",
     "stable_set": "StableSet stable_set",
+    "support": "FeetSupport PressureMapSupport Support UniformSupport UnknownSupport",
     "trajectory": "Trajectory",
 }
 _HOME_OF = {name: f"pushplan.{home}" for home, names in _HOMES.items() for name in names.split()}
@@ -64,27 +79,42 @@ _HOME_OF = {name: f"pushplan.{home}" for home, names in _HOMES.items() for name 
 __all__ = [
     "Chain",
     "ChainError",
+    "CircleObstacle",
     "Contact",
     "Drive",
     "EmptyStableSetError",
     "Execution",
+    "FeetSupport",
     "Finding",
+    "Goal",
     "Limits",
     "PlanResult",
+    "PlannerSettings",
     "PlanningError",
+    "PolygonObstacle",
+    "PressureMapSupport",
+    "ProgressPoint",
     "PushPath",
     "PushedObject",
     "Pusher",
     "PushplanError",
+    "RecordedRun",
     "Run",
     "RunLogError",
     "Scenario",
     "ScenarioError",
+    "StabilityLoss",
+    "StabilitySettings",
     "StableSet",
+    "Support",
     "SupportError",
     "TimingError",
     "Trajectory",
+    "TurningRadii",
     "UndefinedEcofError",
+    "UniformSupport",
+    "UnknownSupport",
+    "Workspace",
     "__version__",
     "check_scenario",
     "cof",
@@ -98,6 +128,8 @@ __all__ = [
     "plot_stable_sets",
     "read_run",
     "run",
+    "scenario_from_text",
+    "simulate",
     "stable_set",
 ]
 

@@ -35,7 +35,7 @@ _GHOSTS = 9
 """Poses between start and goal that are outlined."""
 _JUMP = 0.1
 """Change of the margin between two samples, as a share of the largest margin, that counts as a jump."""
-_ASPECTS = 0.6, 1.6
+_ASPECTS = 1.0, 1.6
 """Least and largest width of the view over its height."""
 _PAD = 0.03
 

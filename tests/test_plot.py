@@ -134,6 +134,20 @@ def test_the_legend_of_a_plan_covers_nothing(
     _assert_nothing_covered(figures[0])
 
 
+@pytest.mark.parametrize("size", [(0.5, 4.0), (4.0, 0.5)])
+def test_the_legend_of_a_plan_fits_a_thin_workspace(
+    size: tuple[float, float],
+    scenario: Scenario,
+    unsolved: PlanResult,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    figures = _kept_figures(monkeypatch)
+    thin = replace(scenario, workspace=Workspace(0.0, size[0], 0.0, size[1]))
+    plot_plan(thin, unsolved, None, tmp_path / "p.png")
+    _assert_nothing_covered(figures[0])
+
+
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_the_legend_of_stable_sets_covers_nothing(
     count: int, chain: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -238,7 +252,7 @@ def test_without_a_workspace_the_view_holds_everything(scenario: Scenario, path:
     assert y0 < -0.4
     assert y1 > 0.85
     assert x1 > path.end[0]
-    assert 0.6 - 1e-9 <= (x1 - x0) / (y1 - y0) <= 1.6 + 1e-9
+    assert 1.0 - 1e-9 <= (x1 - x0) / (y1 - y0) <= 1.6 + 1e-9
 
 
 @pytest.mark.parametrize("size", [(4.0, 0.5), (0.5, 4.0), (1.0, 1.0)])
@@ -246,7 +260,7 @@ def test_a_thin_workspace_is_shown_with_air_around_it(
     size: tuple[float, float], scenario: Scenario, path: PushPath
 ) -> None:
     x0, y0, x1, y1 = view_box(replace(scenario, workspace=Workspace(0.0, size[0], 0.0, size[1])), path)
-    assert 0.6 - 1e-9 <= (x1 - x0) / (y1 - y0) <= 1.6 + 1e-9
+    assert 1.0 - 1e-9 <= (x1 - x0) / (y1 - y0) <= 1.6 + 1e-9
     assert x0 <= 0.0 <= size[0] <= x1
     assert y0 <= 0.0 <= size[1] <= y1
 
