@@ -40,12 +40,15 @@ class Budget:
             the time limit, repeat bit by bit.
         gap: Stop when the cost exceeds the lower bound by no more than this share.
         first: Stop at the first path.
+        iterations: Stop after this many iterations, at most; None sets no limit. Unlike the time limit it ends the
+            same search at the same place on every machine.
     """
 
     time_limit: float
     stall: int = 15_000
     gap: float = 1e-9
     first: bool = False
+    iterations: int | None = None
 
 
 class Session:
@@ -108,6 +111,8 @@ class Session:
     def finished(self) -> bool:
         """Whether the budget is used up or nothing is left to gain."""
         if self.elapsed >= self.budget.time_limit:
+            return True
+        if self.budget.iterations is not None and self.iterations >= self.budget.iterations:
             return True
         if self.best_arcs is None:
             return False

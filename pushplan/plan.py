@@ -47,6 +47,7 @@ def plan(
     seed: int | None = None,
     time_limit: float | None = None,
     first: bool = False,
+    iterations: int | None = None,
     progress: Callable[[ProgressPoint], None] | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> PlanResult:
@@ -59,6 +60,8 @@ def plan(
         seed: Of the random numbers; the same seed gives the same plan unless the time limit cuts it short.
         time_limit: Wall-clock seconds of planning, at most.
         first: Stop at the first path instead of shortening it.
+        iterations: Extensions and shortcuts, at most; where they, not the time limit, end the search, the same seed
+            gives the same plan on every machine.
         progress: Called with every improvement.
         tell: Called with sentences for the user about what takes long.
 
@@ -77,13 +80,14 @@ def plan(
     _check_ends(scenario, problem.scene)
     used_seed = scenario.planner.seed if seed is None else seed
     limit = scenario.planner.time_limit if time_limit is None else time_limit
-    session = Session(problem, scenario.start, Budget(limit, int(STALL_PER_SECOND * limit), first=first), used_seed, progress)
+    budget = Budget(limit, int(STALL_PER_SECOND * limit), first=first, iterations=iterations)
+    session = Session(problem, scenario.start, budget, used_seed, progress)
     if not session.finished:
         search(session, sampling_box(scenario), body_reach(scenario))
     seconds = session.elapsed
     path = _path_of(session)
     trajectory = None if path is None else time_path(path, scenario.chain.pusher.limits)
-    reason = _verdict(scenario, stable, path, trajectory, limit)
+    reason = _verdict(scenario, stable, path, trajectory, budget)
     solved = not reason
     return PlanResult(
         solved=solved,
@@ -129,11 +133,12 @@ def _verdict(
     stable: StableSet,
     path: PushPath | None,
     trajectory: Trajectory | None,
-    time_limit: float,
+    budget: Budget,
 ) -> str:
     """Return why the result is no solution, empty if it is: judged by code that the planners do not use."""
     if path is None or trajectory is None:
-        return f"no path found within the time limit of {time_limit:g} s"
+        limit = "" if budget.iterations is None else f" or {budget.iterations} iterations"
+        return f"no path found within the time limit of {budget.time_limit:g} s{limit}"
     error = pose_error(path.end, scenario.goal.pose_chain)
     if max(error) > EXACT:
         return f"the path misses the goal by {error[0]:.2g} m and {error[1]:.2g} rad"

@@ -25,6 +25,7 @@ def run(
     seed: int | None = None,
     time_limit: float | None = None,
     first: bool = False,
+    iterations: int | None = None,
     progress: Callable[[ProgressPoint], None] | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> Run:
@@ -39,6 +40,7 @@ def run(
         seed: See `plan`.
         time_limit: See `plan`.
         first: See `plan`.
+        iterations: See `plan`.
         progress: See `plan`.
         tell: See `plan`.
 
@@ -54,6 +56,7 @@ def run(
             seed=seed,
             time_limit=time_limit,
             first=first,
+            iterations=iterations,
             progress=progress,
             tell=tell,
         )
