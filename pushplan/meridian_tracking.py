@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.meridians import Hints
+from pushplan.intervals import Samples
 from pushplan.sphere import Meridians
 
-Find = Callable[[FloatArray, Hints | None], Meridians]
+Find = Callable[[FloatArray, Samples | None], Meridians]
 """find(longitude (m,), hints): the intervals at increasing longitudes, sampling the hinted latitudes too."""
 
 _FAN = np.linspace(-1.5, 1.5, 13)
@@ -22,8 +22,8 @@ def rows_at(meridians: Meridians, longitude: FloatArray) -> tuple[IntArray, IntA
     return first, np.searchsorted(meridians.longitude, longitude, side="right") - first
 
 
-def fan(meridians: Meridians, source: FloatArray, index: IntArray, gap: FloatArray) -> Hints:
-    """Return latitudes around the intervals at longitudes `source` (m,), to look at `gap` (m,) away from there.
+def fan(meridians: Meridians, source: FloatArray, index: IntArray, gap: FloatArray) -> Samples:
+    """Return latitudes around the intervals at longitudes `source` (m,), to sample `gap` (m,) away from there.
 
     Args:
         meridians: Where the intervals are known.
@@ -38,12 +38,7 @@ def fan(meridians: Meridians, source: FloatArray, index: IntArray, gap: FloatArr
     reach = np.maximum(high - low, 1.5 * gap[member])
     latitude = 0.5 * (low + high)[:, None] + reach[:, None] * _FAN
     inside = np.abs(latitude) < 0.5 * np.pi
-    return Hints(np.repeat(index[member], len(_FAN))[inside.ravel()], latitude[inside])
-
-
-def combined(parts: Sequence[Hints]) -> Hints:
-    """Return all hints as one."""
-    return Hints(np.concatenate([p.member for p in parts]), np.concatenate([p.latitude for p in parts]))
+    return Samples(np.repeat(index[member], len(_FAN))[inside.ravel()], latitude[inside])
 
 
 def joined(meridians: Meridians, other: Meridians) -> Meridians:
@@ -65,7 +60,7 @@ def search_again(find: Find, found: Meridians, longitude: FloatArray, poor: IntA
     beside = [longitude[poor - 1], longitude[(poor + 1) % len(longitude)]]
     gaps = [np.abs(side - longitude[poor]) % (2.0 * np.pi) for side in beside]
     parts = [fan(found, side, index, gap) for side, gap in zip(beside, gaps, strict=True)]
-    again = find(longitude[poor], combined(parts))
+    again = find(longitude[poor], parts[0].joined(parts[1]))
     kept = ~np.isin(found.longitude, longitude[poor])
     return joined(Meridians(found.longitude[kept], found.lower[kept], found.upper[kept]), again)
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray, IntArray
+from pushplan.intervals import Samples
 from pushplan.meridian_tracking import (
     Find,
-    combined,
     fan,
     joined,
     poorer,
@@ -17,7 +17,6 @@ from pushplan.meridian_tracking import (
     search_again,
     track_meridians,
 )
-from pushplan.meridians import Hints
 from pushplan.sphere import Meridians
 
 FLATNESS = 1e-6
@@ -85,10 +84,11 @@ def _checked(find: Find, found: Meridians, longitude: FloatArray) -> tuple[Merid
     return found, rows_at(found, longitude)[1] > before
 
 
-def _hints(found: Meridians, ends: tuple[FloatArray, FloatArray]) -> Hints:
+def _hints(found: Meridians, ends: tuple[FloatArray, FloatArray]) -> Samples:
     """Return latitudes around the neighbours' intervals for the middles between `ends`."""
     index, gap = np.arange(len(ends[0])), 0.5 * (ends[1] - ends[0])
-    return combined([fan(found, source, index, gap) for source in ends])
+    left, right = (fan(found, source, index, gap) for source in ends)
+    return left.joined(right)
 
 
 def _bent(

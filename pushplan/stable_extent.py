@@ -8,7 +8,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, frozen
 from pushplan.bracketing import inner_ends, maximise
-from pushplan.sphere import TurningRadii, twists_at
+from pushplan.sphere import POLE, TurningRadii, twists_at
 
 if TYPE_CHECKING:
     from pushplan.stable_set import StableSet
@@ -56,7 +56,7 @@ def turning_radii(stable: StableSet, minimum: float) -> TurningRadii:
 
 
 def _radius(latitude: float, length: float) -> float:
-    return max(float(length / np.tan(latitude)), 0.0) if latitude > 0.0 else np.inf
+    return length * max(float(np.tan(POLE - latitude)), 0.0) if latitude > 0.0 else np.inf
 
 
 def sphere_area(stable: StableSet) -> float:

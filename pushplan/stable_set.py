@@ -17,13 +17,14 @@ from pushplan.arrays import BoolArray, FloatArray
 from pushplan.chain import Chain
 from pushplan.cor_region import Window, cor_polygons
 from pushplan.errors import PushplanError
+from pushplan.intervals import Samples
 from pushplan.meridian_tracking import track_meridians
-from pushplan.meridians import Hints, find_meridians
+from pushplan.meridians import find_meridians
 from pushplan.peaks import margin_peaks
 from pushplan.refined_meridians import RefinedMeridians, refine_meridians
 from pushplan.sphere import Meridians, TurningRadii, angles_of, checked_twists, twists_at
 from pushplan.stable_extent import sphere_area, translation_cone, turning_radii
-from pushplan.steering import SteeringPair, best_pair, leaning_pairs
+from pushplan.steering import SteeringPair, steering_pairs
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -46,6 +47,7 @@ class StableSet(ABC):
         self.chain = chain
         self._meridians = lru_cache(maxsize=8)(self._find_meridians)
         self._refined = lru_cache(maxsize=8)(self._refine_meridians)
+        self._steering = lru_cache(maxsize=8)(self._find_steering)
 
     @property
     def loads_known(self) -> bool:
@@ -130,11 +132,11 @@ class StableSet(ABC):
 
     def steering_pair(self, minimum_margin: float = 0.0) -> SteeringPair:
         """Return the left and right turn with the closest CORs between which every twist is stable."""
-        return best_pair(self, minimum_margin)
+        return self._steering(float(minimum_margin), 1)[0]
 
     def steering_pairs(self, minimum_margin: float = 0.0, count: int = 5) -> tuple[SteeringPair, ...]:
-        """Return the best pair, then the best for each of `count` - 1 headings across the translations."""
-        return leaning_pairs(self, minimum_margin, count)
+        """Return the best pair, then the best ones of other sectors of headings, at most `count` in all."""
+        return self._steering(float(minimum_margin), max(count - 1, 1))[:count]
 
     def _refine_meridians(self, minimum_margin: float) -> RefinedMeridians:
         twists, margins = self.peaks
@@ -145,7 +147,10 @@ class StableSet(ABC):
         longitude = -np.pi + 2.0 * np.pi * np.arange(count) / count
         return track_meridians(lambda lon, hints: self._find(lon, minimum_margin, hints), longitude)
 
-    def _find(self, longitude: FloatArray, minimum: float, hints: Hints | None = None) -> Meridians:
+    def _find_steering(self, minimum_margin: float, sectors: int) -> tuple[SteeringPair, ...]:
+        return steering_pairs(self, minimum_margin, sectors)
+
+    def _find(self, longitude: FloatArray, minimum: float, hints: Samples | None = None) -> Meridians:
         length = self.chain.characteristic_length
         return find_meridians(self.margin_values, length, longitude, minimum, hints)
 

@@ -1,43 +1,48 @@
 """Steering pairs: a left and a right turn of the chain that combine to Dubins' car.
 
-Positive combinations of turns about cL (counter-clockwise) and cR (clockwise) move the point (cL + cR) / 2
-along J (cR - cL) with a curvature of at most 2 / |cL - cR|. They are the twists of a great circle of the
-twist sphere between the two turns, which passes through the translation d = J (cR - cL) / |cR - cL|: for a
-heading d and a position t of the two CORs along d, the CORs are t d + y J d with y -> infinity at the
-translation.
+Positive combinations of turns about cL (counter-clockwise) and cR (clockwise) move the point (cL + cR) / 2 along
+J (cR - cL) with a curvature of at most 2 / |cL - cR|. On the twist sphere they are the great circle between the two
+turns, which passes through that translation. The closest CORs lie on the boundary of the set, where meridians
+leave it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, frozen
-from pushplan.bracketing import inner_ends
+from pushplan.boundary_turns import BoundaryTurns, TurnPairs, close_pairs
+from pushplan.intervals import Samples, find_intervals
+from pushplan.sphere import Meridians, twists_at
 
 if TYPE_CHECKING:
     from pushplan.stable_set import StableSet
 
-_SAMPLES = 24
-_REACH = 1.45
-_ZOOMS = 14
+_COUNT = 512
+_FEW = 64
+_TRIED = 24
+_SAMPLES = 97
+_ROUNDS = 3
+_AROUND = np.linspace(-1.0, 1.0, 17)
 
 
 @dataclass(frozen=True, eq=False)
 class SteeringPair:
     """A left turn, a translation and a right turn on one great circle; None where no such twist is stable.
 
-    All twists between `left` and `right` are stable too, as far as sampling shows. Without a stable
+    All positive combinations of `left` and `right` are stable too, as far as dense sampling shows. Without a stable
     translation, `left` and `right` are the tightest stable turns, and nothing holds between them.
 
     Attributes:
         left: (3,) counter-clockwise unit twist.
         straight: (3,) unit translation.
         right: (3,) clockwise unit twist.
-        separation: Distance of the two CORs, m; infinite when one is missing.
+        separation: Distance of the two CORs, m; infinite without a translation.
     """
 
     left: FloatArray | None
@@ -50,120 +55,98 @@ class SteeringPair:
         return iter((self.left, self.straight, self.right))
 
 
-@dataclass(frozen=True, eq=False)
-class _Arcs:
-    """Great circles through translations of `heading` (m,), at positions L tan(`tilt`) (m,) along them."""
+def steering_pairs(stable: StableSet, minimum: float, sectors: int) -> tuple[SteeringPair, ...]:
+    """Return the best pair of all, then the best one in each of `sectors` equal sectors of headings.
 
-    stable: StableSet
-    minimum: float
-    heading: FloatArray
-    tilt: FloatArray
-
-    def twists(self, member: IntArray, angle: FloatArray) -> FloatArray:
-        """Return unit twists at signed angles from the translation, rad; positive turns left."""
-        heading, tilt = self.heading[member], self.tilt[member]
-        c, s = np.cos(heading), np.sin(heading)
-        along, across = np.cos(angle), -np.sin(angle) * np.sin(tilt)
-        turn = np.sin(angle) * np.cos(tilt) / self.stable.chain.characteristic_length
-        return np.stack([along * c - across * s, along * s + across * c, turn], axis=1)
-
-    def excess(self, member: IntArray, angle: FloatArray) -> FloatArray:
-        return self.stable.margin_values(self.twists(member, angle), self.minimum) - self.minimum
-
-    def ends(self, side: float) -> FloatArray:
-        """Return the angle (m,) of the last stable twist from the translation to one side, or 0."""
-        m = len(self.heading)
-        angles = side * np.linspace(0.0, 0.5 * np.pi, _SAMPLES + 1)
-        member = np.repeat(np.arange(m), len(angles))
-        values = self.excess(member, np.tile(angles, m)).reshape(m, -1)
-        rows, first = np.arange(m), np.argmax(values <= 0.0, axis=1)
-        whole = (values > 0.0).all(axis=1)
-        first[whole] = len(angles) - 1
-        last = np.maximum(first - 1, 0)
-        inside = np.where(whole, angles[-1], angles[last])
-        ends = inner_ends(self.excess, inside, angles[first], values[rows, last], values[rows, first])
-        return np.where(values[:, 0] > 0.0, ends, 0.0)
-
-    def separations(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the distance of the CORs (m,), inf where the translation is not stable, and both angles."""
-        left, right = self.ends(+1.0), self.ends(-1.0)
-        scale = self.stable.chain.characteristic_length / np.cos(self.tilt)
-        with np.errstate(divide="ignore"):
-            apart = scale * (1.0 / np.tan(left) - 1.0 / np.tan(right))
-        return np.where((left > 0.0) & (right < 0.0), apart, np.inf), left, right
-
-
-def best_pair(stable: StableSet, minimum: float) -> SteeringPair:
-    """Return the pair with the closest CORs; see `StableSet.steering_pair`."""
-    cone = _headings(stable, minimum)
-    if cone is None:
-        return _tightest_turns(stable, minimum)
-    return _closest(stable, minimum, np.array([0.5 * (cone[0] + cone[1])]), 0.5 * (cone[1] - cone[0]))
-
-
-def leaning_pairs(stable: StableSet, minimum: float, count: int) -> tuple[SteeringPair, ...]:
-    """Return the best pair and the best ones for headings across the cone; see `StableSet.steering_pairs`."""
-    best = best_pair(stable, minimum)
-    cone = _headings(stable, minimum)
-    if cone is None:
-        return (best,)
-    inner = np.linspace(cone[0], cone[1], count + 1)[1:-1]
-    leaning = [_closest(stable, minimum, np.array([heading]), 0.0) for heading in inner]
-    return (best, *(pair for pair in leaning if pair.straight is not None))
-
-
-def _headings(stable: StableSet, minimum: float) -> tuple[float, float] | None:
-    """Return the right-most and left-most heading of the stable translations, rad, the second one larger."""
+    Sectors without a pair are left out, and the one that holds the best of all.
+    """
     cone = stable.translation_cone(minimum)
     if cone is None:
-        return None
+        return (_tightest_turns(stable, minimum),)
     right, left = np.arctan2(cone[:, 1], cone[:, 0])
-    return float(right), float(right + (left - right) % (2.0 * np.pi))
+    edges = np.linspace(right, right + (left - right) % (2.0 * np.pi), sectors + 1)
+    rows = stable.meridians(minimum, _COUNT)
+    if len(rows) < _FEW:
+        rows = stable.refined_meridians(minimum).meridians
+    best = _closest(stable, minimum, rows, (edges[0], edges[-1]))
+    if best is None:
+        return (_tightest_turns(stable, minimum),)
+    apart = [sector for sector in pairwise(edges) if not sector[0] <= best.heading < sector[1]]
+    others = [_closest(stable, minimum, rows, sector) for sector in apart]
+    return tuple(_pair(found) for found in (best, *others) if found is not None)
 
 
-def _closest(stable: StableSet, minimum: float, middle: FloatArray, spread: float) -> SteeringPair:
-    """Search the closest pair over headings within `spread` of `middle` and all tilts, zooming in."""
-    headings, tilts = (9 if spread > 0.0 else 1), 31
-    at, half = (float(middle[0]), 0.0), [0.98 * spread, _REACH]
-    best: tuple[float, tuple[float, ...]] = (np.inf, (at[0], 0.0, 0.0, 0.0))
-    for _ in range(_ZOOMS):
-        h = at[0] + half[0] * np.linspace(-1.0, 1.0, headings)
-        u = np.clip(at[1] + half[1] * np.linspace(-1.0, 1.0, tilts), -_REACH, _REACH)
-        grid = [axis.ravel() for axis in np.meshgrid(h, u, indexing="ij")]
-        apart, left, right = _Arcs(stable, minimum, *grid).separations()
-        k = int(np.argmin(apart))
-        if apart[k] < best[0]:
-            best = (float(apart[k]), (grid[0][k], grid[1][k], left[k], right[k]))
-        at = best[1][0], best[1][1]
-        half = [0.35 * half[0], 0.35 * half[1]] if headings <= 5 else [half[0] / 3.0, half[1] / 10.0]
-        headings, tilts = (5 if spread > 0.0 else 1), 5
-    return _pair(stable, minimum, *best)
+class _Found(NamedTuple):
+    """A sound pair: unit twists left and right, their longitudes, the heading between, rad, the distance, m."""
+
+    left: FloatArray
+    right: FloatArray
+    longitudes: tuple[float, float]
+    heading: float
+    separation: float
 
 
-def _pair(stable: StableSet, minimum: float, apart: float, found: tuple[float, ...]) -> SteeringPair:
-    heading, tilt, left, right = found
-    arc = _Arcs(stable, minimum, np.full(3, heading), np.full(3, tilt))
-    twists = arc.twists(np.arange(3), np.array([left, 0.0, right]))
-    if not np.isfinite(apart):
-        return SteeringPair(None, None, None, np.inf)
-    frozen_twists = [frozen(twist, (3,), "steering twist") for twist in twists]
-    return SteeringPair(frozen_twists[0], frozen_twists[1], frozen_twists[2], apart)
+def _closest(
+    stable: StableSet, minimum: float, rows: Meridians, sector: tuple[float, float]
+) -> _Found | None:
+    """Return the closest pair that `rows`, and finer ones around its turns, offer for headings in a sector."""
+    length, gap = stable.chain.characteristic_length, 2.0 * np.pi / _COUNT
+    left, right = (BoundaryTurns.of(rows, sense, length) for sense in (+1, -1))
+    best = _first_sound(stable, minimum, close_pairs(left, right, *sector, _TRIED))
+    for _ in range(_ROUNDS):
+        if best is None:
+            return None
+        near = [stable.meridians_at(lon + gap * _AROUND, minimum) for lon in best.longitudes]
+        left, right = BoundaryTurns.of(near[0], +1, length), BoundaryTurns.of(near[1], -1, length)
+        found = _first_sound(stable, minimum, close_pairs(left, right, *sector, _TRIED))
+        best = best if found is None or found.separation >= best.separation else found
+        gap *= _AROUND[1] - _AROUND[0]
+    return best
+
+
+def _first_sound(stable: StableSet, minimum: float, pairs: TurnPairs) -> _Found | None:
+    """Return the first pair between whose turns all twists have the margin, as far as samples and dips tell."""
+    scale = np.array([1.0, 1.0, stable.chain.characteristic_length])
+    shares = pairs.shares(_SAMPLES, scale)
+    members = np.repeat(np.arange(len(shares)), shares.shape[1])
+
+    def excess(member: IntArray, share: FloatArray) -> FloatArray:
+        return stable.margin_values(pairs.at(member, share, scale), minimum) - minimum
+
+    margins = excess(members, shares.ravel()).reshape(shares.shape)
+    for k in np.flatnonzero((margins > 0.0).all(axis=1)):
+        places = np.unique(shares[k])
+        alone = Samples(np.full(len(places), k), places)
+        if len(find_intervals(excess, alone).member) == 1:
+            return _found(pairs, int(k))
+    return None
+
+
+def _found(pairs: TurnPairs, k: int) -> _Found:
+    left, right, i, j = pairs.left, pairs.right, int(pairs.i[k]), int(pairs.j[k])
+    longitudes = float(left.longitude[i]), float(right.longitude[j])
+    return _Found(
+        left.twist[i], right.twist[j], longitudes, float(pairs.heading[k]), float(pairs.separation[k])
+    )
+
+
+def _pair(found: _Found) -> SteeringPair:
+    straight = [np.cos(found.heading), np.sin(found.heading), 0.0]
+    left, middle, right = (frozen(v, (3,), "steering twist") for v in (found.left, straight, found.right))
+    return SteeringPair(left, middle, right, found.separation)
 
 
 def _tightest_turns(stable: StableSet, minimum: float) -> SteeringPair:
     """Return the pair without a translation: the tightest stable turn of either sense, if any."""
     rows = stable.refined_meridians(minimum).meridians
-    left = right = None
-    if len(rows) and rows.upper.max() > 0.0:
-        k = int(rows.upper.argmax())
-        left = _turn(stable, rows.longitude[k], rows.upper[k])
-    if len(rows) and rows.lower.min() < 0.0:
-        k = int(rows.lower.argmin())
-        right = _turn(stable, rows.longitude[k], rows.lower[k])
-    return SteeringPair(left, None, right, np.inf)
+    left = _turn(stable, rows.longitude, rows.upper, +1)
+    return SteeringPair(left, None, _turn(stable, rows.longitude, rows.lower, -1), np.inf)
 
 
-def _turn(stable: StableSet, longitude: float, latitude: float) -> FloatArray:
-    from pushplan.sphere import twists_at
-
-    return frozen(twists_at(longitude, latitude, stable.chain.characteristic_length), (3,), "steering twist")
+def _turn(stable: StableSet, longitude: FloatArray, latitude: FloatArray, sense: int) -> FloatArray | None:
+    """Return the unit twist with the largest latitude of one sense, if there is any."""
+    if not (sense * latitude > 0.0).any():
+        return None
+    k = int(np.argmax(sense * latitude))
+    twist = twists_at(longitude[k], latitude[k], stable.chain.characteristic_length)
+    return frozen(twist, (3,), "steering twist")

@@ -1,0 +1,277 @@
+"""Stable sets: boundaries on the twist sphere, COR regions, cones and radii against the margin alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+
+from pushplan.arrays import FloatArray
+from pushplan.chain import Chain, Contact
+from pushplan.errors import PushplanError
+from pushplan.friction import cof
+from pushplan.sphere import angles_of, twists_about, twists_at
+from pushplan.stable_set import StableSet, stable_set
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+
+def twists_everywhere(chain: Chain, count: int, seed: int = 0) -> FloatArray:
+    """Return twists spread evenly over the sphere."""
+    v = np.random.default_rng(seed).normal(size=(count, 3))
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    return np.asarray(v * [1.0, 1.0, 1.0 / chain.characteristic_length], dtype=np.float64)
+
+
+def one_sided(make_chain: ChainMaker) -> Chain:
+    """Return a box that is only touched right of its middle, so that it can only be turned left."""
+    chain = make_chain.boxes(1, pusher_friction=0.2)
+    edge = Contact(np.array([0.0, -0.05]), np.array([0.0, -0.02]), 0.2, 0, -1)
+    return replace(chain, contacts=(edge,))
+
+
+def test_sphere_angles_go_there_and_back() -> None:
+    rng = np.random.default_rng(0)
+    lon, lat = rng.uniform(-3.1, 3.1, 100), rng.uniform(-1.5, 1.5, 100)
+    back = angles_of(twists_at(lon, lat, 0.3), 0.3)
+    np.testing.assert_allclose(back, [lon, lat], atol=1e-12)
+
+
+def test_twists_about_a_point_leave_it_at_rest() -> None:
+    for sense in (-1, 1):
+        vx, vy, omega = twists_about([0.3, -0.2], sense)
+        assert (vx - omega * -0.2, vy + omega * 0.3, omega) == (0.0, 0.0, sense)
+    with pytest.raises(PushplanError, match="sense is 2"):
+        twists_about([0.3, -0.2], 2)
+
+
+@pytest.mark.parametrize("minimum", [0.0, 0.05])
+@pytest.mark.parametrize("seed", range(4))
+def test_meridian_ends_enclose_the_boundary(make_chain: ChainMaker, seed: int, minimum: float) -> None:
+    """Stable at every end returned, not stable 2e-12 rad further, and in agreement with dense samples between."""
+    stable = stable_set(make_chain.random(seed, 2, feet=seed % 2 == 1))
+    length = stable.chain.characteristic_length
+    rows = stable.meridians(minimum, count=128)
+    assert len(rows) > 0
+    for end, outward in ((rows.lower, -2e-12), (rows.upper, 2e-12)):
+        assert (stable.margin(twists_at(rows.longitude, end, length)) > minimum).all()
+        assert (stable.margin(twists_at(rows.longitude, end + outward, length)) <= minimum).all()
+    lat = np.linspace(-1.57, 1.57, 2001)
+    for longitude in -np.pi + 2.0 * np.pi * np.arange(0, 128, 4) / 128:
+        mine = rows.longitude == longitude
+        inside = ((lat[:, None] >= rows.lower[mine]) & (lat[:, None] <= rows.upper[mine])).any(axis=1)
+        np.testing.assert_array_equal(inside, stable.margin(twists_at(longitude, lat, length)) > minimum)
+
+
+def test_several_intervals_on_one_meridian_are_all_found(make_chain: ChainMaker) -> None:
+    """A made-up set of two bands, one only 0.002 rad wide, on a generic margin."""
+
+    class Bands(StableSet):
+        name = "bands"
+
+        def contact_margin_values(self, twists: FloatArray) -> FloatArray:
+            lon, lat = angles_of(twists, self.chain.characteristic_length)
+            wide = 0.1 - np.abs(lat - 0.6)
+            narrow = 0.001 - np.abs(lat + 0.5 + 0.3 * np.sin(lon))
+            return np.asarray(np.maximum(wide, narrow)[:, None], dtype=np.float64)
+
+    stable = Bands(make_chain.boxes(1))
+    rows = stable.meridians(count=64)
+    assert len(rows) == 128
+    np.testing.assert_allclose(rows.upper - rows.lower, np.tile([0.002, 0.2], 64), atol=1e-11)
+    want = 2.0 * np.pi * (np.sin(0.7) - np.sin(0.5))
+    lon = np.linspace(-np.pi, np.pi, 4001)
+    want += float(np.trapezoid(2.0 * np.sin(0.001) * np.cos(-0.5 - 0.3 * np.sin(lon)), lon))
+    assert stable.area() == pytest.approx(want, abs=1e-5)
+
+
+def test_a_pole_inside_the_set_is_part_of_meridians_and_region(make_chain: ChainMaker) -> None:
+    """A made-up set of all left turns about points within 0.05 m of the origin."""
+
+    class Cap(StableSet):
+        name = "cap"
+
+        def contact_margin_values(self, twists: FloatArray) -> FloatArray:
+            _, lat = angles_of(twists, 0.05)
+            return np.asarray((lat - np.pi / 4)[:, None], dtype=np.float64)
+
+    stable = Cap(make_chain.boxes(1))
+    assert (stable.meridians(count=16).upper == np.pi / 2).all()
+    region = stable.cor_region(+1, (-1.0, -1.0, 1.0, 1.0))
+    assert region.area == pytest.approx(np.pi * 0.05**2, rel=1e-4)
+    assert stable.cor_region(-1).is_empty
+    assert stable.turning_radii() == (0.0, np.inf)
+    assert stable.translation_cone() is None
+
+
+@pytest.mark.parametrize("tree", [False, True])
+@pytest.mark.parametrize("seed", range(6))
+def test_cor_region_holds_exactly_the_stable_cors(make_chain: ChainMaker, seed: int, tree: bool) -> None:
+    """Random CORs, in a window that cuts the regions, are in the region exactly if their twists are stable."""
+    stable = stable_set(make_chain.random(seed, 1 + seed % 4, tree=tree, feet=seed % 3 == 2))
+    size = 5.0 * stable.chain.characteristic_length
+    window = (-size, -0.8 * size, size, size)
+    rng = np.random.default_rng(seed)
+    cors = rng.uniform(window[:2], window[2:], size=(20_000, 2)) * rng.choice(
+        [0.1, 0.3, 1.0], size=(20_000, 1)
+    )
+    found = 0
+    for sense in (-1, 1):
+        region = stable.cor_region(sense, window)
+        held = shapely.contains_xy(region, cors[:, 0], cors[:, 1])
+        wrong = held != stable.contains(twists_about(cors, sense))
+        if wrong.any():
+            assert shapely.distance(region.boundary, shapely.points(cors[wrong])).max() < 1e-5 * size
+        found += int(held.sum())
+    assert found > 100
+
+
+def test_cor_regions_of_long_chains_are_whole(make_chain: ChainMaker) -> None:
+    """Fifty boxes: a sliver of the sphere, 0.02 rad across."""
+    stable = stable_set(make_chain.boxes(50))
+    length = stable.chain.characteristic_length
+    rng = np.random.default_rng(1)
+    lon, lat = rng.uniform(-0.4, 0.4, 20_000), rng.uniform(-0.4, 0.4, 20_000)
+    twists = twists_at(lon, lat, length)
+    for sense in (-1, 1):
+        mine = twists[twists[:, 2] * sense > 0.02 / length]
+        cors = np.stack([-mine[:, 1], mine[:, 0]], axis=1) / mine[:, 2:]
+        region = stable.cor_region(sense, (-60 * length, -60 * length, 60 * length, 60 * length))
+        held = shapely.contains_xy(region, cors[:, 0], cors[:, 1])
+        np.testing.assert_array_equal(held, stable.contains(mine))
+        assert held.sum() > 20
+
+
+def test_area_agrees_with_random_sampling(make_chain: ChainMaker) -> None:
+    stable = stable_set(make_chain.random(4, 2))
+    share = stable.contains(twists_everywhere(stable.chain, 100_000)).mean()
+    assert stable.area() == pytest.approx(
+        4.0 * np.pi * share, abs=4.0 * 4.0 * np.pi * np.sqrt(share / 100_000)
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_translation_cone_agrees_with_the_paper(make_chain: ChainMaker, seed: int) -> None:
+    """Algorithm 3: per contact, the friction cone and the directions from the ends through the COF; intersected."""
+    chain = make_chain.random(seed, 3)
+    cone = stable_set(chain).translation_cone()
+    low, high = -np.pi, np.pi
+    for k, contact in enumerate(chain.contacts):
+        loads = [obj.friction_load for obj in chain.objects[k:]]
+        center = np.average([cof(obj) for obj in chain.objects[k:]], axis=0, weights=loads)
+        normal = np.arctan2(contact.normal[1], contact.normal[0])
+        from_left, from_right = center - contact.left, center - contact.right
+        low = max(low, normal - np.arctan(contact.friction), np.arctan2(from_left[1], from_left[0]))
+        high = min(high, normal + np.arctan(contact.friction), np.arctan2(from_right[1], from_right[0]))
+    assert (cone is not None) == (low < high)
+    if cone is not None:
+        np.testing.assert_allclose(np.arctan2(cone[:, 1], cone[:, 0]), [low, high], atol=1e-11)
+        assert stable_set(chain).contains(np.column_stack([cone, [0.0, 0.0]])).all()
+
+
+def test_turning_radii_are_those_of_the_tightest_stable_turns(make_chain: ChainMaker) -> None:
+    chain = make_chain.random(3, 2)
+    stable = stable_set(chain)
+    radii = stable.turning_radii()
+    twists = twists_everywhere(chain, 100_000)
+    twists = twists[stable.contains(twists)]
+    for sense, radius in ((+1, radii.left), (-1, radii.right)):
+        turns = twists[twists[:, 2] * sense > 0.0]
+        tightest = float(np.min(np.hypot(turns[:, 0], turns[:, 1]) / np.abs(turns[:, 2])))
+        assert radius <= tightest < 1.05 * radius
+
+
+def test_radii_of_a_symmetric_chain_are_equal_and_grow_with_the_chain(make_chain: ChainMaker) -> None:
+    radii = [stable_set(make_chain.boxes(n)).turning_radii() for n in (1, 2, 3, 4)]
+    for left, right in radii:
+        assert left == pytest.approx(right, rel=1e-6)
+    assert all(a.left < b.left for a, b in pairwise(radii))
+
+
+def test_a_push_beside_the_middle_turns_one_way_only(make_chain: ChainMaker) -> None:
+    stable = stable_set(one_sided(make_chain))
+    assert stable.translation_cone() is None
+    assert stable.turning_radii().right == np.inf
+    assert np.isfinite(stable.turning_radii().left)
+    assert stable.cor_region(-1).is_empty
+    assert stable.cor_region(+1).area > 0.0
+
+
+def test_an_empty_set_has_empty_answers(make_chain: ChainMaker) -> None:
+    stable = stable_set(make_chain.boxes(2, contact_friction=0.0))
+    assert len(stable.meridians()) == 0
+    assert stable.cor_region(+1).is_empty
+    assert stable.translation_cone() is None
+    assert stable.turning_radii() == (np.inf, np.inf)
+    assert stable.area() == 0.0
+    assert list(stable.steering_pair()) == [None, None, None]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_steering_pairs_span_stable_twists(make_chain: ChainMaker, seed: int) -> None:
+    """All positive combinations of left and right are stable, the straight one among them, margins kept."""
+    stable = stable_set(make_chain.random(seed, 2))
+    for pair in stable.steering_pairs(0.01, count=4):
+        left, straight, right = pair
+        assert left is not None
+        assert straight is not None
+        assert right is not None
+        assert left[2] > 0.0 == straight[2] > right[2]
+        share = np.linspace(0.0, 1.0, 101)[:, None]
+        between = share * left / left[2] + (1.0 - share) * right / -right[2]
+        assert stable.margin(between).min() > 0.01 - 1e-9
+        apart = np.array([-left[1], left[0]]) / left[2] - np.array([-right[1], right[0]]) / right[2]
+        assert np.hypot(*apart) == pytest.approx(pair.separation, rel=1e-9)
+        np.testing.assert_allclose(
+            np.array([-apart[1], apart[0]]) / -pair.separation, straight[:2], atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_best_steering_pair_beats_random_ones(make_chain: ChainMaker, seed: int) -> None:
+    """No two random stable CORs of opposite sense with a stable straight push between them are closer."""
+    stable = stable_set(make_chain.random(seed, 2))
+    best = stable.steering_pair().separation
+    cors = np.random.default_rng(seed).uniform(-5.0 * best, 5.0 * best, size=(300_000, 2))
+    left, right = (cors[stable.contains(twists_about(cors, sense))] for sense in (+1, -1))
+    middle = 0.5 * (left.mean(axis=0) + right.mean(axis=0))
+    left, right = (side[np.argsort(np.hypot(*(side - middle).T))[:1500]] for side in (left, right))
+    gaps = right[:, None] - left[None]
+    near = np.hypot(gaps[..., 0], gaps[..., 1]) < 1.2 * best
+    i, j = np.nonzero(near)
+    share = np.linspace(0.0, 1.0, 21)[:, None, None]
+    between = share * twists_about(left[j], +1) + (1.0 - share) * twists_about(right[i], -1)
+    stands = stable.contains(between.reshape(-1, 3)).reshape(21, -1).all(axis=0)
+    assert stands.sum() > 100
+    assert np.hypot(*gaps[i[stands], j[stands]].T).min() > best * (1.0 - 1e-6)
+
+
+def test_steering_says_what_is_missing(make_chain: ChainMaker) -> None:
+    left, straight, right = stable_set(one_sided(make_chain)).steering_pair()
+    assert left is not None
+    assert left[2] > 0.0
+    assert straight is None
+    assert right is None
+
+
+def test_answers_do_not_depend_on_the_order_of_questions(make_chain: ChainMaker) -> None:
+    """Results are cached; a fresh set gives the same ones."""
+    first, second = stable_set(make_chain.random(1, 3)), stable_set(make_chain.random(1, 3))
+    region, area = first.cor_region(+1), first.area()
+    assert second.area() == area
+    assert second.cor_region(+1).equals(region)
+
+
+def test_wrong_windows_and_counts_are_refused(make_chain: ChainMaker) -> None:
+    stable = stable_set(make_chain.boxes(1))
+    with pytest.raises(PushplanError, match="xmin < xmax"):
+        stable.cor_region(+1, (1.0, 0.0, 1.0, 2.0))
+    with pytest.raises(PushplanError, match="sense is 0"):
+        stable.cor_region(0)
+    with pytest.raises(PushplanError, match="count is 0"):
+        stable.meridians(count=0)
