@@ -127,7 +127,8 @@ def test_series_and_closed_form_agree_where_they_meet(make_chain: ChainMaker, af
         heading = rng.uniform(-np.pi, np.pi)
         ray = np.array([np.cos(heading), np.sin(heading)]) * radius / REACH
         sides = [
-            carried_wrench(*packed[:4], 0, *twists_about(anchor + ray * (1.0 + e), +1)) for e in (-1e-12, 1e-12)
+            carried_wrench(*packed[:4], 0, *twists_about(anchor + ray * (1.0 + e), +1))
+            for e in (-1e-12, 1e-12)
         ]
         scale = packed.objects[0, 0] * np.array([1.0, 1.0, radius + np.linalg.norm(anchor)])
         np.testing.assert_array_less(np.abs(np.subtract(sides[0], sides[1])) / scale, 5e-12)
