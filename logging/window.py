@@ -11,12 +11,16 @@ from pushplan.arrays import FloatArray
 from pushplan.logging.scene import obstacle_outline
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
+from pushplan.trajectory import Trajectory
 
 RIM = 0.03
 """Free rim around everything, as a share of the longer side."""
 
 PATH_SPACING = 0.02
 """Distance of the points of a path in pictures, m of path cost."""
+
+SMOOTHED_RATE = 10.0
+"""Poses per second of a timed path in pictures."""
 
 
 class Window(NamedTuple):
@@ -33,6 +37,11 @@ def path_points(plan: PlanResult | None) -> FloatArray:
     if plan is None or plan.path is None:
         return np.zeros((0, 2))
     return plan.path.sampled(PATH_SPACING)[:, :2]
+
+
+def smoothed_times(trajectory: Trajectory) -> FloatArray:
+    """Return the times (m,) at which a timed path is drawn, its end included, s."""
+    return np.append(np.arange(0.0, trajectory.duration, 1.0 / SMOOTHED_RATE), trajectory.duration)
 
 
 def window(scenario: Scenario, plan: PlanResult | None) -> Window:

@@ -15,7 +15,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from pushplan.errors import RunLogError
@@ -27,15 +26,10 @@ from pushplan.logging.frames import ChainFrames, pose_in_world, poses_in_world
 from pushplan.logging.partial_file import PartialFile
 from pushplan.logging.scene import scene, tree
 from pushplan.logging.sentences import execution_sentence, plan_sentence
+from pushplan.logging.window import PATH_SPACING, smoothed_times
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution
-
-PATH_SPACING = 0.02
-"""Distance of the poses on /plan/path, m of path cost."""
-
-SMOOTHED_RATE = 10.0
-"""Poses per second on /plan/smoothed."""
 
 
 class RunLogWriter:
@@ -138,8 +132,7 @@ class RunLogWriter:
             path = poses_in_world(plan.path.sampled(PATH_SPACING))
             self._channels.send(schemas.PLAN_PATH, path)
         if plan.trajectory is not None:
-            end = plan.trajectory.duration
-            times = np.append(np.arange(0.0, end, 1.0 / SMOOTHED_RATE), end)
+            times = smoothed_times(plan.trajectory)
             smoothed = poses_in_world(plan.trajectory.poses_at(times))
             self._channels.send(schemas.PLAN_SMOOTHED, smoothed)
 

@@ -1,0 +1,176 @@
+"""What is exported to other formats is what the run was, judged by readers of those formats."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pushplan.errors import PushplanError
+from pushplan.logging.cdr import encode
+from pushplan.logging.export_csv import table, write_csv
+from pushplan.logging.export_parquet import write_parquet
+from pushplan.logging.export_ros2 import write_ros2
+from pushplan.logging.extras import MissingExtraError, optional
+from pushplan.logging.reader import read_run
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.ros2_messages import TYPES, definition
+from pushplan.logging.writer import RunLogWriter
+
+
+@pytest.fixture(scope="module")
+def recorded(case: Any, tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
+    """Return a run read back."""
+    return read_run(case.write(tmp_path_factory.mktemp("exports") / "run.mcap"))
+
+
+@pytest.fixture(scope="module")
+def unsolved(case: Any, tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
+    """Return a run without a path, read back."""
+    path = tmp_path_factory.mktemp("exports") / "run.mcap"
+    with RunLogWriter.create(path, case.scenario, {}) as log:
+        log.plan(case.unsolved().plan)
+        log.finish("unsolved")
+    return read_run(path)
+
+
+# --- CSV ---------------------------------------------------------------------------------------------------------
+
+
+def test_csv_holds_every_number_bit_for_bit(recorded: RecordedRun, tmp_path: Path) -> None:
+    write_csv(recorded, tmp_path / "run.csv")
+    with (tmp_path / "run.csv").open(newline="") as file:
+        names, *rows = list(csv.reader(file))
+    values = np.array([[float(cell) for cell in row] for row in rows])
+    execution = recorded.execution
+    assert execution is not None
+    assert values[:, names.index("t")].tobytes() == execution.t.tobytes()
+    assert values[:, names.index("theta")].tolist() == execution.poses[:, 2].tolist()
+    assert values[:, names.index("omega")].tolist() == execution.twists[:, 2].tolist()
+    assert execution.forces is not None
+    assert values[:, names.index("near-far.force_y")].tolist() == execution.forces[:, 1, 1].tolist()
+    assert len(names) == len(set(names)) == 7 + 2 * 5
+
+
+def test_csv_leaves_out_what_is_not_known(case: Any, tmp_path: Path) -> None:
+    columns = table(read_run(case.unknown_loads().write(tmp_path / "run.mcap")))
+    assert [name for name in columns if "." in name] == ["pusher-near.margin", "near-far.margin"]
+
+
+def test_there_is_no_table_of_a_run_that_was_not_executed(unsolved: RecordedRun, tmp_path: Path) -> None:
+    with pytest.raises(PushplanError, match="nothing was executed"):
+        write_csv(unsolved, tmp_path / "run.csv")
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- Parquet -----------------------------------------------------------------------------------------------------
+
+
+def test_parquet_holds_every_number_and_the_metadata(recorded: RecordedRun, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    write_parquet(recorded, tmp_path / "run.parquet")
+    read = parquet.read_table(tmp_path / "run.parquet")
+    for name, values in table(recorded).items():
+        assert read[name].to_numpy().tobytes() == values.tobytes()
+    assert read.schema.metadata[b"pushplan.run.seed"] == b"5"
+
+
+def test_a_missing_package_is_named_with_the_way_to_get_it() -> None:
+    with pytest.raises(
+        MissingExtraError, match=r"^A film needs the package nosuch: pip install 'pushplan\[mp4\]'$"
+    ):
+        optional("nosuch.module", "A film", "nosuch", "mp4")
+
+
+# --- ROS 2 -------------------------------------------------------------------------------------------------------
+
+
+def test_cdr_aligns_numbers_to_their_size() -> None:
+    sent = encode(
+        "geometry_msgs/msg/PoseStamped", {"header": {"frame_id": "ab"}, "pose": {"position": {"x": 1.5}}}
+    )
+    expected = (
+        b"\0\1\0\0" + bytes(8) + b"\3\0\0\0ab\0" + bytes(1) + np.array([1.5, 0, 0, 0, 0, 0, 0]).tobytes()
+    )
+    assert sent == expected
+    with pytest.raises(KeyError, match="has no field 'frame'"):
+        encode("std_msgs/msg/Header", {"frame": "ab"})
+
+
+def test_definitions_hold_every_type_that_they_need() -> None:
+    for name in TYPES:
+        text = definition(name)
+        declared = {line.removeprefix("MSG: ") for line in text.splitlines() if line.startswith("MSG: ")}
+        used = {
+            kind
+            for kind in TYPES
+            if any(line.startswith((f"{kind} ", f"{kind}[] ")) for line in text.splitlines())
+        }
+        assert used <= declared
+
+
+def test_rosbags_reads_the_bag(recorded: RecordedRun, tmp_path: Path) -> None:
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    typesys = pytest.importorskip("rosbags.typesys")
+    write_ros2(recorded, tmp_path / "bag.mcap")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    found: dict[str, list[Any]] = {}
+    with rosbag2.Reader(tmp_path / "bag.mcap") as reader:
+        for connection, time, data in reader.messages():
+            message = store.deserialize_cdr(data, connection.msgtype)
+            found.setdefault(connection.topic, []).append((time, message))
+        latched = {c.topic for c in reader.connections if c.ext.offered_qos_profiles[0].durability.value == 1}
+    assert latched == {"/scene", "/plan/path", "/plan/smoothed"}
+    execution = recorded.execution
+    assert execution is not None
+    time, last = found["/tf"][-1]
+    assert time == round(execution.t[-1] * 1e9)
+    names = [(t.header.frame_id, t.child_frame_id) for t in last.transforms]
+    assert names == [("world", "chain"), ("chain", "pusher"), ("chain", "near"), ("chain", "far")]
+    moved = last.transforms[0].transform
+    assert (moved.translation.x, moved.translation.y) == tuple(execution.poses[-1, :2])
+    assert 2 * math.atan2(moved.rotation.z, moved.rotation.w) == pytest.approx(execution.poses[-1, 2])
+    ((_, markers),) = found["/scene"]
+    assert {m.ns for m in markers.markers} >= {"pusher", "object/near", "obstacle/1", "goal", "workspace"}
+    for marker in markers.markers:
+        assert marker.type == 4 or len(marker.points) % 3 == 0
+        assert marker.pose.orientation.w == 1.0
+    assert [(m.level, m.msg) for _, m in found["/log"]] == [(20, line.text) for line in recorded.lines]
+    assert found["/pusher/twist"][-1][1].twist.angular.z == execution.twists[-1, 2]
+    ((_, path),) = found["/plan/path"]
+    assert recorded.plan is not None
+    assert recorded.plan.path is not None
+    assert path.poses[-1].pose.position.x == pytest.approx(recorded.plan.path.end[0])
+
+
+def test_the_definitions_in_the_bag_decode_its_messages(recorded: RecordedRun, tmp_path: Path) -> None:
+    decoder = pytest.importorskip("mcap_ros2.decoder")
+    from mcap.reader import make_reader
+
+    write_ros2(recorded, tmp_path / "bag.mcap")
+    with (tmp_path / "bag.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        decoded = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]
+    assert {topic for topic, _ in decoded} == {
+        "/tf",
+        "/scene",
+        "/plan/path",
+        "/plan/smoothed",
+        "/pusher/twist",
+    }
+
+
+def test_an_unsolved_run_becomes_a_bag_of_its_start(unsolved: RecordedRun, tmp_path: Path) -> None:
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    write_ros2(unsolved, tmp_path / "bag.mcap")
+    with rosbag2.Reader(tmp_path / "bag.mcap") as reader:
+        assert sorted(connection.topic for connection, _, _ in reader.messages()) == [
+            "/pusher/twist",
+            "/scene",
+            "/tf",
+        ]
