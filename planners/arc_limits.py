@@ -9,6 +9,7 @@ whatever the profile does.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,17 @@ SPLITS = 24
 
 CREEP = 100.0
 """An arc that the contacts slow down by more than this factor is refused: its twist leaves no room to accelerate."""
+
+
+LEAST = 1e-6
+"""Smallest acceleration of the arc parameter (1/s^2) with which anything is driven."""
+
+
+class Bounds(NamedTuple):
+    """What limits a motion: the pusher, and the chain whose contacts must hold; None leaves inertia out."""
+
+    limits: Limits
+    contacts: ContactDynamics | None
 
 
 def arc_limits(twist: FloatArray, limits: Limits, top: float = math.inf) -> ArcLimits:
@@ -50,9 +62,7 @@ def arc_limits(twist: FloatArray, limits: Limits, top: float = math.inf) -> ArcL
     return ArcLimits(speed, acceleration, acceleration, third)
 
 
-def contact_limits(
-    twist: FloatArray, length: float, limits: Limits, contacts: ContactDynamics | None
-) -> ArcLimits:
+def contact_limits(twist: FloatArray, length: float, bounds: Bounds) -> ArcLimits:
     """Return `arc_limits`, cut down so that inertia uses at most `ROOM` of every contact condition.
 
     The conditions are linear in (s'^2, s''), so they hold on the rectangle [0, speed^2] x [-deceleration,
@@ -62,21 +72,20 @@ def contact_limits(
     Args:
         twist: (3,) body twist per unit of s.
         length: Of the arc, in s.
-        limits: Of the pusher.
-        contacts: The chain; None leaves inertia out (quasi-static).
+        bounds: What limits the motion.
 
     Raises:
         TimingError: When the twist is so close to the boundary of the stable set that the arc would take
             `CREEP` times as long.
     """
-    free = arc_limits(twist, limits)
-    if contacts is None:
+    free = arc_limits(twist, bounds.limits)
+    if bounds.contacts is None:
         return free
-    rows = contacts.rows(twist)
+    rows = bounds.contacts.rows(twist)
     top = min(free.speed, math.sqrt(ROOM) * rows.steady_speed)
-    tried = [_beside_inertia(arc_limits(twist, limits, share * top), rows) for share in _shares()]
-    able = [bounds for bounds in tried if min(bounds) > 0.0]
-    times = [rest_to_rest(length, bounds).duration for bounds in able]
+    tried = [_beside_inertia(arc_limits(twist, bounds.limits, share * top), rows) for share in _shares()]
+    able = [found for found in tried if min(found.acceleration, found.deceleration) > LEAST]
+    times = [rest_to_rest(length, found).duration for found in able]
     usual = rest_to_rest(length, free).duration
     if not times or min(times) > CREEP * usual:
         least = float(rows.alpha.min())
@@ -91,12 +100,12 @@ def _shares() -> FloatArray:
     return (np.arange(SPLITS) + 1.0) / SPLITS
 
 
-def _beside_inertia(bounds: ArcLimits, rows: DynamicRows) -> ArcLimits:
+def _beside_inertia(found: ArcLimits, rows: DynamicRows) -> ArcLimits:
     """Cut the accelerations down to what the contacts bear at every speed up to the bound."""
-    left = ROOM * rows.alpha + np.minimum(rows.gamma, 0.0) * bounds.speed**2
-    return bounds._replace(
-        acceleration=min(bounds.acceleration, _bearable(left, -rows.beta)),
-        deceleration=min(bounds.deceleration, _bearable(left, rows.beta)),
+    left = ROOM * rows.alpha + np.minimum(rows.gamma, 0.0) * found.speed**2
+    return found._replace(
+        acceleration=min(found.acceleration, _bearable(left, -rows.beta)),
+        deceleration=min(found.deceleration, _bearable(left, rows.beta)),
     )
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from ruckig import ControlInterface, InputParameter, Result, Ruckig
+from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError
 from ruckig import Trajectory as RuckigTrajectory
 
-from pushplan.arrays import FloatArray
+from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import TimingError
 
 SHORTEST_PHASE = 1e-12
@@ -83,13 +83,15 @@ def step_widths(acceleration: float, jerk: float) -> StepWidths:
     return StepWidths(float(durations[0] + durations[1]), float(durations[0]))
 
 
-def split(profile: Profile, at: FloatArray) -> tuple[Profile, FloatArray]:
+def split(profile: Profile, at: FloatArray) -> tuple[Profile, IntArray]:
     """Cut a profile where s reaches the increasing values `at`.
 
     Returns:
-        The profile with phases that begin there, and (q,) how many of the values lie before each phase.
+        The profile with phases that begin there, and (q,) how many of the values come before each phase.
     """
-    durations, rates, passed = [], [], []
+    durations: list[float] = []
+    rates: list[FloatArray] = []
+    passed: list[int] = []
     s, count = 0.0, 0
     for duration, rate in zip(*profile, strict=True):
         begin, end = 0.0, s + _travel(rate, duration)
@@ -97,20 +99,23 @@ def split(profile: Profile, at: FloatArray) -> tuple[Profile, FloatArray]:
             cut = _time_to(rate, at[count] - s, begin, duration)
             durations.append(cut - begin)
             rates.append(_shifted(rate, begin))
-            passed.append(float(count))
+            passed.append(count)
             begin, count = cut, count + 1
         durations.append(duration - begin)
         rates.append(_shifted(rate, begin))
-        passed.append(float(count))
+        passed.append(count)
         s = end
     kept = np.array(durations) > SHORTEST_PHASE
-    return Profile(np.array(durations)[kept], np.array(rates)[kept]), np.array(passed)[kept]
+    return Profile(np.array(durations)[kept], np.array(rates)[kept]), np.array(passed, dtype=np.int64)[kept]
 
 
 def _phases(request: InputParameter, what: str) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Durations (7,) of the phases, and value, rate and second derivative (7,) of the velocity where they begin."""
     found = RuckigTrajectory(1)
-    status = Ruckig(1).calculate(request, found)
+    try:
+        status = Ruckig(1).calculate(request, found)
+    except RuckigError as error:
+        raise TimingError(f"Ruckig cannot make {what}: {error}") from error
     if status != Result.Working:
         raise TimingError(f"Ruckig found no way to make {what}: {status}")
     profile = found.profiles[0][0]

@@ -11,7 +11,7 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.chain import Limits
 from pushplan.dynamics import ContactDynamics
 from pushplan.path import PushPath
-from pushplan.planners.arc_limits import contact_limits
+from pushplan.planners.arc_limits import Bounds, contact_limits
 from pushplan.planners.profile import rest_to_rest, split
 from pushplan.trajectory import SAMPLE_RATE, Trajectory
 
@@ -38,7 +38,7 @@ def time_path(
     coefficients: list[FloatArray] = [np.zeros((0, 3, 3))]
     arcs: list[FloatArray] = [np.zeros(0)]
     for run in runs(path):
-        spent, pieces, owner = time_run(path.twists[run[0]], path.lengths[run], limits, contacts)
+        spent, pieces, owner = time_run(path.twists[run[0]], path.lengths[run], Bounds(limits, contacts))
         durations.append(spent)
         coefficients.append(pieces)
         arcs.append(run[owner].astype(np.float64))
@@ -54,7 +54,7 @@ def runs(path: PushPath) -> list[IntArray]:
 
 
 def time_run(
-    twist: FloatArray, lengths: FloatArray, limits: Limits, contacts: ContactDynamics | None
+    twist: FloatArray, lengths: FloatArray, bounds: Bounds
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Drive arcs of the same twist from rest to rest.
 
@@ -62,6 +62,6 @@ def time_run(
         durations (q,) in s, coefficients (q, 3, 3) of the twist, and (q,) which of the arcs each piece is on.
     """
     total = float(lengths.sum())
-    profile = rest_to_rest(total, contact_limits(twist, total, limits, contacts))
+    profile = rest_to_rest(total, contact_limits(twist, total, bounds))
     pieces, passed = split(profile, np.cumsum(lengths)[:-1])
-    return pieces.durations, pieces.rates[:, :, None] * twist, passed.astype(np.int64)
+    return pieces.durations, pieces.rates[:, :, None] * twist, passed

@@ -8,7 +8,9 @@ from scipy.integrate import solve_ivp
 
 from pushplan.chain import Limits
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.timing import arc_limits, rest_to_rest, time_path
+from pushplan.planners.arc_limits import arc_limits
+from pushplan.planners.profile import rest_to_rest
+from pushplan.planners.timing import time_path
 from pushplan.trajectory import Trajectory
 
 
@@ -62,9 +64,9 @@ def test_a_long_straight_push_takes_the_time_of_the_textbook() -> None:
 def test_one_limit_is_always_reached() -> None:
     """The bounds of a straight or a pivoting arc are the pusher's own: nothing is given away."""
     straight = arc_limits(np.array([1.0, 0.0, 0.0]), Limits())
-    assert tuple(straight) == pytest.approx((0.2, 0.5, 5.0))
+    assert tuple(straight) == pytest.approx((0.2, 0.5, 0.5, 5.0))
     pivot = arc_limits(np.array([0.0, 0.0, 10.0]), Limits())
-    assert tuple(pivot) == pytest.approx((0.1, 0.2, 2.0))
+    assert tuple(pivot) == pytest.approx((0.1, 0.2, 0.2, 2.0))
 
 
 def test_phases_cover_the_length() -> None:

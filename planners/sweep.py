@@ -1,0 +1,59 @@
+"""Where a timed motion comes too close to something: bisection in time with the compiled separation."""
+
+from __future__ import annotations
+
+import numpy as np
+from pushplan.compiled import compiled
+
+from pushplan.arrays import FloatArray
+from pushplan.planners.collision import Scene, separation
+from pushplan.planners.motion_bounds import top_rates
+from pushplan.trajectory import Trajectory
+
+COARSE = 0.02
+"""Travel of the body's farthest point (m) between the first poses that are looked at."""
+
+
+@compiled
+def separations(scene: Scene, poses: FloatArray, enough: float) -> FloatArray:
+    """Return a lower bound (m,) on the distance of the body at poses (m, 3) from everything, capped at `enough`."""
+    out = np.empty(len(poses))
+    for i in range(len(poses)):
+        out[i] = separation(scene, poses[i, 0], poses[i, 1], poses[i, 2], enough)
+    return out
+
+
+def contact_times(scene: Scene, trajectory: Trajectory, reach: float) -> FloatArray:
+    """Return times (k,) at which the body comes closer than `scene.clearance` to something, none if it is free.
+
+    Between two poses with separations g and h, no point of the body travelling more than d, the body stays
+    (g + h - d) / 2 away from everything. Where that is not at least half the clearance, the time between is
+    halved; every pose looked at must keep the whole clearance. So an empty answer is a proof that nothing is
+    touched.
+
+    Args:
+        scene: What moves and what stands still.
+        trajectory: The motion.
+        reach: Distance from the chain frame's origin to the body's farthest point, m.
+    """
+    rates = top_rates(np.diff(trajectory.breaks), trajectory.coefficients, reach)
+    travel = np.concatenate([[0.0], np.cumsum(rates * np.diff(trajectory.breaks))])
+    s = np.linspace(0.0, travel[-1], max(2, int(np.ceil(travel[-1] / COARSE)) + 1))
+    gaps = _gaps(scene, trajectory, travel, s)
+    low, high, g, h = s[:-1], s[1:], gaps[:-1], gaps[1:]
+    hits = [s[gaps < scene.clearance]]
+    while len(low):
+        open_ = (g + h - (high - low) < scene.clearance) & (np.minimum(g, h) >= scene.clearance)
+        low, high, g, h = low[open_], high[open_], g[open_], h[open_]
+        middle = 0.5 * (low + high)
+        m = _gaps(scene, trajectory, travel, middle)
+        hits.append(middle[m < scene.clearance])
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        g, h = np.concatenate([g, m]), np.concatenate([m, h])
+    return np.sort(np.interp(np.concatenate(hits), travel, trajectory.breaks))
+
+
+def _gaps(scene: Scene, trajectory: Trajectory, travel: FloatArray, s: FloatArray) -> FloatArray:
+    """Separations (m,) at the body's travels (m,)."""
+    poses = trajectory.poses_at(np.interp(s, travel, trajectory.breaks))
+    return np.asarray(separations(scene, poses, 2.0 * COARSE))
