@@ -37,6 +37,14 @@ def seconds(text: str) -> float:
     return value
 
 
+def count(text: str) -> int:
+    """Return a number of iterations; argparse's `type`."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is no number of iterations; it must be at least 1")
+    return value
+
+
 def seed(text: str) -> int:
     """Return a seed of random numbers; argparse's `type`."""
     value = int(text)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from pushplan.commands.check import require_pushable
 from pushplan.commands.console import Console
-from pushplan.commands.options import add_output, add_plot, add_scenario, check_outputs, seconds, seed
+from pushplan.commands.options import add_output, add_plot, add_scenario, check_outputs, count, seconds, seed
 from pushplan.names import PLANNERS, STABLE_SETS
 
 if TYPE_CHECKING:
@@ -25,6 +25,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--planner", choices=PLANNERS, metavar="NAME", help=f"one of {', '.join(PLANNERS)}")
     parser.add_argument("--set", choices=STABLE_SETS, metavar="NAME", help=f"one of {', '.join(STABLE_SETS)}")
     parser.add_argument("--time-limit", type=seconds, metavar="S", help="seconds of planning, at most")
+    parser.add_argument("--iterations", type=count, metavar="N", help="iterations of planning, at most")
+    parser.add_argument(
+        "--first", action="store_true", help="stop at the first path instead of shortening it"
+    )
     parser.add_argument("--seed", type=seed, metavar="N", help="seed of the random numbers")
     add_plot(parser, "draw the swept chain, its margins and the stable set")
     add_output(parser, "--html", help="write a page that plays the run")
@@ -71,6 +75,8 @@ def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
             stable_set=args.set,
             seed=args.seed,
             time_limit=args.time_limit,
+            iterations=args.iterations,
+            first=args.first,
             progress=improved,
         )
 

@@ -24,13 +24,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_plot(parser, "draw the swept chain, its margins and the stable set")
     add_output(parser, "--html", help="write a page that plays the run")
     add_output(parser, "--csv", help="write the executed samples as a table")
+    add_output(parser, "--layout", help="write a layout that makes Foxglove and Lichtblick show the run")
 
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
     from pushplan.logging.reader import read_run
 
-    check_outputs(args.log, args.plot, args.html, args.csv)
+    check_outputs(args.log, args.plot, args.html, args.csv, args.layout)
     with console.working(f"reading {args.log}"):
         recorded = read_run(args.log)
     _tell(recorded, console)
@@ -81,6 +82,10 @@ def _export(recorded: RecordedRun, args: argparse.Namespace, console: Console) -
         from pushplan.logging.export_csv import write_csv
 
         write_csv(recorded, args.csv)
+    if args.layout is not None:
+        from pushplan.logging.layout import write_layout
+
+        write_layout(recorded, args.layout)
 
 
 def _draw(recorded: RecordedRun, path: Path, console: Console) -> None:

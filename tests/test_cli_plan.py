@@ -1,0 +1,193 @@
+"""`pushplan plan` and `pushplan replay`, end to end: numbers, files, exit codes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pushplan.cli import main
+from pushplan.examples import example_text
+from pushplan.path import cost_rate
+from pushplan.run import execute
+from pushplan.scenario import load_scenario
+from pushplan.sim.kinematic import Execution
+from pushplan.stable_set import stable_set
+
+Captured = pytest.CaptureFixture[str]
+
+WALLS = """
+obstacles:
+  - {box: [0.1, 1.0], pose: [-0.4, 0.0, 0.0]}
+  - {box: [0.1, 1.0], pose: [0.6, 0.0, 0.0]}
+  - {box: [1.2, 0.1], pose: [0.1, -0.5, 0.0]}
+  - {box: [1.2, 0.1], pose: [0.1, 0.5, 0.0]}
+"""
+"""A room without a door around the start of the example free-space."""
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
+    """The JSON object of one plan, with its log, picture and page."""
+    folder = tmp_path_factory.mktemp("plan")
+    files = {"log": folder / "run.mcap", "plot": folder / "run.svg", "html": folder / "run.html"}
+    words = ["plan", "two-crates", "--time-limit", "0.5", "--seed", "3", "--json", "-o", str(files["log"])]
+    words += ["--plot", str(files["plot"]), "--html", str(files["html"])]
+    done = subprocess.run(
+        [sys.executable, "-m", "pushplan", *words], capture_output=True, text=True, timeout=120, check=False
+    )
+    return {"code": done.returncode, "out": done.stdout, "err": done.stderr, **files}
+
+
+def test_plan_prints_one_json_object_and_nothing_else_on_stdout(planned: Mapping[str, Any]) -> None:
+    assert planned["code"] == 0, planned["err"]
+    assert planned["out"].count("\n") == 1
+    assert isinstance(json.loads(planned["out"]), dict)
+    assert "two-crates: solved" in planned["err"]
+
+
+def test_the_interpreters_end_writes_nothing(planned: Mapping[str, Any]) -> None:
+    assert "leak" not in planned["err"].lower()
+
+
+def test_plan_tells_all_numbers_and_they_fit_together(planned: Mapping[str, Any]) -> None:
+    found = json.loads(planned["out"])
+    assert found["solved"] is True
+    settings = load_scenario("two-crates").planner.name, "ecof", 3
+    assert (found["planner"], found["set"], found["seed"]) == settings
+    assert 0.0 < found["first_solution_s"] <= found["planning_s"] < 2.0
+    assert sum(arc["length"] for arc in found["arcs"]) == pytest.approx(found["path_cost"])
+    assert np.allclose(cost_rate([arc["twist"] for arc in found["arcs"]]), 1.0)
+    assert 0.0 <= found["goal_error"]["position"] <= 1e-6
+    assert 0.0 <= found["goal_error"]["angle"] <= 1e-6
+    assert found["min_margin"] > 0.0
+    assert found["duration_s"] > 1.0
+    assert Path(found["log"]) == planned["log"]
+
+
+def test_plan_writes_what_was_asked_for(planned: Mapping[str, Any]) -> None:
+    assert planned["log"].read_bytes().startswith(b"\x89MCAP0")
+    assert "<!-- two-crates: " in planned["plot"].read_text()
+    assert "two-crates" in planned["html"].read_text()
+
+
+def test_the_plans_twists_lie_in_the_stable_set(planned: Mapping[str, Any]) -> None:
+    twists = np.array([arc["twist"] for arc in json.loads(planned["out"])["arcs"]])
+    assert stable_set(load_scenario("two-crates").chain, "ecof").contains(twists).all()
+
+
+def test_replay_verifies_and_exports_a_log(
+    planned: Mapping[str, Any], tmp_path: Path, capsys: Captured
+) -> None:
+    words = ["replay", str(planned["log"]), "--verify", "--json", "--csv", str(tmp_path / "r.csv")]
+    words += ["--html", str(tmp_path / "r.html"), "--plot", str(tmp_path / "r.svg")]
+    words += ["--layout", str(tmp_path / "r.json")]
+    assert main(words) == 0
+    found = json.loads(capsys.readouterr().out)
+    recorded = json.loads(planned["out"])
+    assert found["verification"]["matches"] is True
+    assert len(found["verification"]["checks"]) > 5
+    assert found["outcome"] == "solved"
+    for key in ("path_cost", "arcs", "goal_error", "min_margin", "duration_s", "seed"):
+        assert found[key] == recorded[key]
+    assert (tmp_path / "r.csv").read_text().startswith("t,x,y,theta,vx,vy,omega,")
+    assert (tmp_path / "r.svg").read_bytes() == planned["plot"].read_bytes()
+    assert json.loads((tmp_path / "r.json").read_text())
+    assert (tmp_path / "r.html").read_bytes() == planned["html"].read_bytes()
+
+
+def test_replay_reports_a_mismatch_with_exit_code_4(
+    planned: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: Captured
+) -> None:
+    def shifted(*words: Any) -> Execution:
+        execution = execute(*words)
+        assert execution is not None
+        return replace(execution, poses=execution.poses + 1e-3)
+
+    monkeypatch.setattr("pushplan.logging.verify.execute", shifted)
+    assert main(["replay", str(planned["log"]), "--verify"]) == 4
+    out = capsys.readouterr().out
+    assert "the execution differs from the record:" in out
+    assert "pose: differs by 0.001" in out
+
+
+def test_replay_refuses_a_damaged_log_and_says_where(
+    planned: Mapping[str, Any], tmp_path: Path, capsys: Captured
+) -> None:
+    (tmp_path / "cut.mcap").write_bytes(planned["log"].read_bytes()[:5000])
+    assert main(["replay", str(tmp_path / "cut.mcap")]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "cut.mcap at byte " in err
+    assert "Traceback" not in err
+
+
+def test_replay_shows_what_a_cut_off_log_still_has(
+    planned: Mapping[str, Any], tmp_path: Path, capsys: Captured
+) -> None:
+    data = planned["log"].read_bytes()
+    rest = tmp_path / "run.mcap.partial"
+    rest.write_bytes(data[: len(data) // 2])
+    assert main(["replay", str(rest), "--json"]) == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert found["outcome"] == "cut off"
+    assert found["lost"]
+    assert "two-crates" in err
+
+
+def test_a_plan_not_found_in_time_is_logged_all_the_same(tmp_path: Path, capsys: Captured) -> None:
+    file, log = tmp_path / "walled-in.yaml", tmp_path / "run.mcap"
+    file.write_text(example_text("free-space") + WALLS)
+    words = ["plan", str(file), "--time-limit", "0.2", "-o", str(log), "--json"]
+    assert main(words) == 3
+    found = json.loads(capsys.readouterr().out)
+    assert found["solved"] is False
+    assert "0.2 s" in found["reason"]
+    assert found["arcs"] == []
+    assert found["path_cost"] is found["goal_error"] is found["duration_s"] is None
+    assert main(["replay", str(log), "--verify", "--plot", str(tmp_path / "p.png")]) == 0
+    assert "nothing to verify" in capsys.readouterr().out
+    assert (tmp_path / "p.png").stat().st_size > 10_000
+
+
+def test_the_words_override_the_scenario(capsys: Captured) -> None:
+    assert (
+        main(["plan", "free-space", "--planner", "est", "--seed", "7", "--time-limit", "0.1", "--json"]) == 0
+    )
+    found = json.loads(capsys.readouterr().out)
+    assert (found["planner"], found["seed"]) == ("est", 7)
+    assert found["planning_s"] < 0.5
+
+
+def test_iterations_make_the_plan_repeat(capsys: Captured) -> None:
+    words = ["plan", "two-crates", "--time-limit", "20", "--iterations", "300", "--json"]
+    found = []
+    for _ in range(2):
+        assert main(words) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    assert found[0]["arcs"] == found[1]["arcs"]
+    assert found[0]["extensions"] == found[1]["extensions"] <= 300
+
+
+def test_first_stops_at_the_first_path(capsys: Captured) -> None:
+    costs = []
+    for words in (["--first"], []):
+        assert main(["plan", "narrow-gap", "--time-limit", "0.5", "--json", *words]) == 0
+        costs.append(json.loads(capsys.readouterr().out)["path_cost"])
+    assert costs[0] > costs[1]
+
+
+def test_people_see_a_table_without_json(capsys: Captured) -> None:
+    assert main(["plan", "free-space", "--time-limit", "0.1"]) == 0
+    out = capsys.readouterr().out
+    for label in ("path cost", "duration", "planning", "goal error", "smallest margin"):
+        assert f"\n  {label}" in out
+    assert "\x1b" not in out
