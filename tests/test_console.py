@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import time
 from pathlib import Path
 
@@ -194,6 +195,14 @@ def test_outputs_are_checked_before_the_work(tmp_path: Path) -> None:
         check_outputs(str(source), None, source)
     with pytest.raises(OutputError, match="read or written already"):
         check_outputs(str(source), None, tmp_path / "x", tmp_path / "." / "x")
+
+
+def test_a_folder_that_nobody_may_write_in_is_found_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.access", lambda path, mode: path != tmp_path or mode != os.W_OK)
+    with pytest.raises(OutputError, match=r"r\.mcap: nothing may be written in the folder"):
+        check_outputs("two-crates", None, tmp_path / "r.mcap")
 
 
 def test_numbers_read_well() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from math import isfinite
 from pathlib import Path
 
@@ -63,7 +64,7 @@ def check_outputs(source: str, picture: Path | None, *others: Path | None) -> No
 
     Raises:
         PlotError: When the picture has a suffix that is not known.
-        OutputError: When a folder is missing, a file is a folder, is named twice, or is the source.
+        OutputError: When a folder is missing or closed, or a file is a folder, is named twice, or is the source.
     """
     if picture is not None:
         check_picture_path(picture)
@@ -73,6 +74,8 @@ def check_outputs(source: str, picture: Path | None, *others: Path | None) -> No
             continue
         if not path.parent.is_dir():
             raise OutputError(f"{path}: there is no folder {path.parent}")
+        if not os.access(path.parent, os.W_OK):
+            raise OutputError(f"{path}: nothing may be written in the folder {path.parent}")
         if path.is_dir():
             raise OutputError(f"{path}: this is a folder; name a file in it")
         if path.resolve() in taken:
