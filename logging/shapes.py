@@ -69,3 +69,8 @@ def _points(points: FloatArray, z: float) -> list[Point3]:
 
 def _identity() -> Pose:
     return Pose(position=Vector3(), orientation=Quaternion(w=1.0))
+
+
+def corners(shape: LinePrimitive | TriangleListPrimitive) -> FloatArray:
+    """Return the points (k, 3) of a primitive."""
+    return np.array([(point.x, point.y, point.z) for point in shape.points]).reshape(-1, 3)

@@ -162,6 +162,7 @@ def test_the_definitions_in_the_bag_decode_its_messages(recorded: RecordedRun, t
         "/plan/path",
         "/plan/smoothed",
         "/pusher/twist",
+        "/log",
     }
 
 
@@ -169,8 +170,55 @@ def test_an_unsolved_run_becomes_a_bag_of_its_start(unsolved: RecordedRun, tmp_p
     rosbag2 = pytest.importorskip("rosbags.rosbag2")
     write_ros2(unsolved, tmp_path / "bag.mcap")
     with rosbag2.Reader(tmp_path / "bag.mcap") as reader:
-        assert sorted(connection.topic for connection, _, _ in reader.messages()) == [
-            "/pusher/twist",
-            "/scene",
-            "/tf",
-        ]
+        topics = sorted(connection.topic for connection, _, _ in reader.messages())
+    assert topics == ["/log", "/pusher/twist", "/scene", "/tf"]
+
+
+# --- Rerun -------------------------------------------------------------------------------------------------------
+
+
+def columns_of(path: Path) -> dict[str, dict[str, np.ndarray[Any, Any]]]:
+    """Return the columns of each entity of a recording, as Rerun's own reader gives them."""
+    chunks = pytest.importorskip("rerun.chunk")
+    found: dict[str, dict[str, np.ndarray[Any, Any]]] = {}
+    for chunk in chunks.RrdReader(path).stream():
+        batch = chunk.to_record_batch()
+        for name, column in zip(batch.schema.names, batch.columns, strict=True):
+            while "list" in str(column.type).split("<")[0]:
+                column = column.flatten()
+            if not str(column.type).startswith("struct"):
+                found.setdefault(chunk.entity_path, {})[name] = column.to_numpy(zero_copy_only=False)
+    return found
+
+
+def test_rerun_reads_the_recording(recorded: RecordedRun, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    from pushplan.logging.export_rrd import write_rrd
+
+    write_rrd(recorded, tmp_path / "run.rrd")
+    found = columns_of(tmp_path / "run.rrd")
+    execution = recorded.execution
+    assert execution is not None
+    margin = next(v for name, v in found["/margins/near-far"].items() if "scalars" in name)
+    np.testing.assert_array_equal(margin, execution.margins[:, 1])
+    moved = next(v for name, v in found["/world/chain"].items() if "translation" in name).reshape(-1, 3)
+    np.testing.assert_allclose(moved[:, :2], execution.poses[:, :2], atol=1e-6)
+    times = found["/world/chain"]["time"].astype("timedelta64[ns]").astype(float) * 1e-9
+    np.testing.assert_allclose(times, execution.t, atol=1e-8)
+    inside = next(
+        v for name, v in found["/world/chain/objects/far/object/far/inside"].items() if "vertex_pos" in name
+    )
+    assert len(inside.reshape(-1, 3)) % 3 == 0
+    texts = next(v for name, v in found["/log"].items() if name.endswith("text"))
+    assert list(texts) == [line.text for line in recorded.lines]
+    assert {"/world/path", "/world/tree/outline", "/world/goal/outline", "/world/obstacle/1/inside"} <= set(
+        found
+    )
+
+
+def test_an_unsolved_run_becomes_a_recording(unsolved: RecordedRun, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    from pushplan.logging.export_rrd import write_rrd
+
+    write_rrd(unsolved, tmp_path / "run.rrd")
+    assert "/world/chain" in columns_of(tmp_path / "run.rrd")
