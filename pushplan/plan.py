@@ -21,6 +21,7 @@ from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
 from pushplan.stable_set import StableSet
 from pushplan.stable_set import stable_set as make_stable_set
+from pushplan.stopwatch import Stopwatch
 from pushplan.trajectory import Trajectory
 
 EXACT = 1e-7
@@ -50,6 +51,7 @@ def plan(
     iterations: int | None = None,
     progress: Callable[[ProgressPoint], None] | None = None,
     tell: Callable[[str], None] | None = None,
+    watch: Stopwatch | None = None,
 ) -> PlanResult:
     """Plan a push to the goal pose.
 
@@ -64,6 +66,7 @@ def plan(
             gives the same plan on every machine.
         progress: Called with every improvement.
         tell: Called with sentences for the user about what takes long.
+        watch: Takes the time of the phases `posing`, `search`, `timing` and `checking`.
 
     Returns:
         The result; `solved` is False, with the reason, when no path was found in time.
@@ -74,20 +77,25 @@ def plan(
     """
     name = planner or scenario.planner.name
     search = planner_named(name)
-    warm_up(name, tell)
-    stable = make_stable_set(scenario.chain, stable_set or scenario.stability.set)
-    problem = build_problem(scenario, stable)
-    _check_ends(scenario, problem.scene)
+    watch = watch or Stopwatch()
+    with watch("posing"):
+        warm_up(name, tell)
+        stable = make_stable_set(scenario.chain, stable_set or scenario.stability.set)
+        problem = build_problem(scenario, stable)
+        _check_ends(scenario, problem.scene)
     used_seed = scenario.planner.seed if seed is None else seed
     limit = scenario.planner.time_limit if time_limit is None else time_limit
     budget = Budget(limit, int(STALL_PER_SECOND * limit), first=first, iterations=iterations)
     session = Session(problem, scenario.start, budget, used_seed, progress)
-    if not session.finished:
-        search(session, sampling_box(scenario), body_reach(scenario))
+    with watch("search"):
+        if not session.finished:
+            search(session, sampling_box(scenario), body_reach(scenario))
     seconds = session.elapsed
     path = _path_of(session)
-    trajectory = None if path is None else time_path(path, scenario.chain.pusher.limits)
-    reason = _verdict(scenario, stable, path, trajectory, budget)
+    with watch("timing"):
+        trajectory = None if path is None else time_path(path, scenario.chain.pusher.limits)
+    with watch("checking"):
+        reason = _verdict(scenario, stable, path, trajectory, budget)
     solved = not reason
     return PlanResult(
         solved=solved,

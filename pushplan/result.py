@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,9 +69,11 @@ class Run:
         plan: What was planned.
         execution: What the simulator made of it; None when there was nothing to execute.
         log: The log file, or None.
+        seconds: Wall-clock time by phase: `posing`, `search`, `timing`, `checking`, `execution`, `logging`; s.
     """
 
     scenario: Scenario
     plan: PlanResult
     execution: Execution | None
     log: Path | None
+    seconds: Mapping[str, float] = field(default_factory=dict)

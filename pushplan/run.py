@@ -14,6 +14,7 @@ from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import Execution, simulate
 from pushplan.stable_set import StableSet
 from pushplan.stable_set import stable_set as make_stable_set
+from pushplan.stopwatch import Stopwatch
 
 
 def run(
@@ -47,6 +48,7 @@ def run(
     Raises:
         PushplanError: As `plan`, or when the log cannot be written.
     """
+    watch = Stopwatch()
 
     def planned() -> PlanResult:
         return plan(
@@ -59,11 +61,14 @@ def run(
             iterations=iterations,
             progress=progress,
             tell=tell,
+            watch=watch,
         )
 
     if log is None:
         result = planned()
-        return Run(scenario, result, execute(scenario, result), None)
+        with watch("execution"):
+            execution = execute(scenario, result)
+        return Run(scenario, result, execution, None, watch.seconds)
     settings = {
         "planner": planner or scenario.planner.name,
         "set": stable_set or scenario.stability.set,
@@ -77,12 +82,15 @@ def run(
             writer.log("error", str(error))
             writer.finish("refused")
             raise
-        writer.plan(result)
-        execution = execute(scenario, result)
-        if execution is not None:
-            writer.execution(execution)
-        writer.finish("solved" if result.solved else "unsolved")
-    return Run(scenario, result, execution, Path(log))
+        with watch("logging"):
+            writer.plan(result)
+        with watch("execution"):
+            execution = execute(scenario, result)
+        with watch("logging"):
+            if execution is not None:
+                writer.execution(execution)
+            writer.finish("solved" if result.solved else "unsolved")
+    return Run(scenario, result, execution, Path(log), watch.seconds)
 
 
 def execute(scenario: Scenario, result: PlanResult) -> Execution | None:
