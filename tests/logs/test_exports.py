@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,17 @@ import pytest
 from pushplan.errors import PushplanError
 from pushplan.logging.cdr import encode
 from pushplan.logging.export_csv import table, write_csv
+from pushplan.logging.export_mp4 import write_mp4
 from pushplan.logging.export_parquet import write_parquet
 from pushplan.logging.export_ros2 import write_ros2
 from pushplan.logging.extras import MissingExtraError, optional
+from pushplan.logging.film_frames import Film
 from pushplan.logging.reader import read_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.ros2_messages import TYPES, definition
+from pushplan.logging.window import window
 from pushplan.logging.writer import RunLogWriter
+from pushplan.se2 import transform_points
 
 
 @pytest.fixture(scope="module")
@@ -222,3 +227,43 @@ def test_an_unsolved_run_becomes_a_recording(unsolved: RecordedRun, tmp_path: Pa
 
     write_rrd(unsolved, tmp_path / "run.rrd")
     assert "/world/chain" in columns_of(tmp_path / "run.rrd")
+
+
+# --- film --------------------------------------------------------------------------------------------------------
+
+
+def test_a_film_lasts_as_long_as_the_run_and_moves(recorded: RecordedRun, tmp_path: Path) -> None:
+    av = pytest.importorskip("av")
+    write_mp4(recorded, tmp_path / "run.mp4", rate=2.0)
+    assert recorded.execution is not None
+    with av.open(str(tmp_path / "run.mp4")) as film:
+        pictures = [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
+        length = float(film.duration) * 1e-6
+    assert length == pytest.approx(recorded.execution.t[-1] / 2.0, abs=0.1)
+    assert all(picture.shape == (960, 1280, 3) for picture in pictures)
+    changed = [np.abs(a - b).max() for a, b in pairwise(pictures)]
+    assert sum(change > 60 for change in changed) > 0.8 * len(changed)
+
+
+def test_a_picture_shows_the_chain_where_it_is(recorded: RecordedRun) -> None:
+    assert recorded.execution is not None
+    film = Film(recorded, recorded.execution)
+    orange = np.array([0xE8, 0x91, 0x2D])
+    for i in (0, 150, len(recorded.execution.t) - 1):
+        picture = np.asarray(film.picture(float(recorded.execution.t[i])), dtype=int)[:700]
+        rows, columns = np.nonzero(np.abs(picture - orange).max(axis=2) < 8)
+        near = recorded.scenario.chain.objects[0]
+        x, y = transform_points(recorded.execution.poses[i], near.pose_chain[:2])
+        view = window(recorded.scenario, recorded.plan)
+        scale = 0.97 * min(1280 / (view.xmax - view.xmin), 740 / (view.ymax - view.ymin))
+        expected = (
+            640 + scale * (x - (view.xmin + view.xmax) / 2),
+            370 - scale * (y - (view.ymin + view.ymax) / 2),
+        )
+        np.testing.assert_allclose((columns.mean(), rows.mean()), expected, atol=3.0)
+
+
+def test_there_is_no_film_of_a_run_that_was_not_executed(unsolved: RecordedRun, tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    with pytest.raises(PushplanError, match="nothing was executed"):
+        write_mp4(unsolved, tmp_path / "run.mp4")
