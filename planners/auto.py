@@ -1,13 +1,14 @@
 """The project's own anytime planner: compiled bidirectional searches, restarted, each path polished.
 
 A restart after every path drives the search apart: what one pair of trees misses (the right passage), the next
-may find. The trees are pruned by the best path's cost, with some room for what polishing will save; they may grow
-larger each time they find nothing.
+may find. The trees are pruned by the best path's cost, with more or less room for what polishing will save; they
+may grow larger each time they find nothing.
 """
 
 from __future__ import annotations
 
 import math
+from itertools import cycle
 
 import numpy as np
 
@@ -23,8 +24,8 @@ CHUNK = 128
 REACH_SHARE = 0.15
 """Longest piece of a word added at a time, as a share of the sampling box's diagonal."""
 
-ROOM = 0.15
-"""Share of the best cost by which a path may exceed it and still be worth polishing."""
+ROOM = (0.05, 0.3, 1.0)
+"""Shares of the best cost by which a new path may exceed it before polishing, in turn from round to round."""
 
 Box = tuple[float, float, float, float]
 
@@ -34,27 +35,31 @@ def search(session: Session, box: Box, heading_length: float) -> None:
     reach = REACH_SHARE * math.hypot(box[2] - box[0], box[3] - box[1])
     allowance = FIRST_ROUND
     forest = _forest(2 * allowance, session, box, heading_length, reach)
-    while not session.finished:
+    for room in cycle(ROOM):
+        if session.finished:
+            return
         session.refine()
         if len(forest.ahead) < allowance + CHUNK:
             forest = _forest(2 * allowance, session, box, heading_length, reach)
-        if not _round(session, forest, allowance):
+        if not _round(session, forest, allowance, 1.0 + room):
             allowance += allowance // 2
 
 
 def _forest(size: int, session: Session, box: Box, heading_length: float, reach: float) -> Forest:
     ahead, behind = np.zeros((2, size + CHUNK, NODE))
     counts = np.ones(2, dtype=np.int64)
-    return Forest(ahead, behind, counts, np.array(box, dtype=np.float64), heading_length, reach, session.random)
+    return Forest(
+        ahead, behind, counts, np.array(box, dtype=np.float64), heading_length, reach, session.random
+    )
 
 
-def _round(session: Session, forest: Forest, allowance: int) -> bool:
+def _round(session: Session, forest: Forest, allowance: int, excess: float) -> bool:
     """Grow fresh trees until they join (True) or have used up their extensions (False)."""
     plant(forest, session.start, session.problem.goal)
     path = np.empty((3 * (len(forest.ahead) + len(forest.behind)) + 3, 4))
     used = 0
     while used < allowance and not session.finished:
-        bound = (1.0 + ROOM) * session.best_cost
+        bound = excess * session.best_cost
         done, arcs = grow_both(session.problem, forest, bound, CHUNK, path)
         used += done
         session.spent(done)

@@ -9,11 +9,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
+from pushplan.compiled import compiled
 from pushplan.planners.collision import Scene, separation, step, sweep_is_free
-from pushplan.planners.search import Problem, random, remaining
+from pushplan.planners.search import TRIES, Problem, random, remaining
 from pushplan.planners.steering import MAX_WORDS, connect, find_words
 
 NODE = 17
@@ -23,7 +23,7 @@ between the node and its parent, in the order of travel."""
 NEAREST = 2
 """Nodes of a tree, nearest to a sample, from which words are tried."""
 
-TRIES = 20
+DRAWS = 20
 """Poses drawn, at most, until one is free and worth reaching."""
 
 GOAL_SHARE = 0.05
@@ -52,7 +52,7 @@ class Forest(NamedTuple):
     state: RandomState
 
 
-@njit(cache=True)
+@compiled
 def _draw(forest: Forest, start: FloatArray, goal: FloatArray, bound: float, pose: FloatArray) -> None:
     """Draw a pose: its position from the box, or from the ellipse that paths below the bound stay in, if smaller."""
     box, state = forest.box, forest.state
@@ -72,11 +72,11 @@ def _draw(forest: Forest, start: FloatArray, goal: FloatArray, bound: float, pos
         pose[1] = box[1] + (box[3] - box[1]) * random(state)
 
 
-@njit(cache=True)
+@compiled
 def _sample(problem: Problem, forest: Forest, start: FloatArray, bound: float, pose: FloatArray) -> bool:
     """Draw a free pose that a path cheaper than the bound could pass; give up after some tries."""
     goal = problem.goal
-    for _ in range(TRIES):
+    for _ in range(DRAWS):
         _draw(forest, start, goal, bound, pose)
         x, y, theta = pose[0], pose[1], pose[2]
         through = remaining(x, y, theta, goal) + remaining(start[0], start[1], start[2], pose)
@@ -86,7 +86,7 @@ def _sample(problem: Problem, forest: Forest, start: FloatArray, bound: float, p
     return False
 
 
-@njit(cache=True)
+@compiled
 def _nearest(tree: FloatArray, count: int, pose: FloatArray, heading_length: float, found: IntArray) -> int:
     """Fill `found` with the rows of the nodes nearest to a pose, nearest first; return how many."""
     distances = np.full(found.shape[0], np.inf)
@@ -104,7 +104,7 @@ def _nearest(tree: FloatArray, count: int, pose: FloatArray, heading_length: flo
     return n
 
 
-@njit(cache=True)
+@compiled
 def _best_word(
     families: FloatArray, start: FloatArray, goal: FloatArray, words: FloatArray, word: FloatArray
 ) -> float:
@@ -121,7 +121,7 @@ def _best_word(
     return best
 
 
-@njit(cache=True)
+@compiled
 def _clip(word: FloatArray, reach: float, from_end: bool) -> None:
     """Shorten a word to `reach`, keeping its beginning, or its end."""
     total = word[0, 3] + word[1, 3] + word[2, 3]
@@ -133,7 +133,7 @@ def _clip(word: FloatArray, reach: float, from_end: bool) -> None:
         excess -= cut
 
 
-@njit(cache=True)
+@compiled
 def _walk(scene: Scene, pose: FloatArray, word: FloatArray, sign: float) -> tuple[bool, float, float, float]:
     """Whether a word is free, and the pose after it (sign +1), or before it (-1)."""
     x, y, theta = pose[0], pose[1], pose[2]
@@ -148,7 +148,7 @@ def _walk(scene: Scene, pose: FloatArray, word: FloatArray, sign: float) -> tupl
     return True, x, y, theta
 
 
-@njit(cache=True)
+@compiled
 def _add(
     tree: FloatArray,
     counts: IntArray,
@@ -170,7 +170,7 @@ def _add(
     return row
 
 
-@njit(cache=True)
+@compiled
 def _extend(
     problem: Problem,
     forest: Forest,
@@ -204,7 +204,7 @@ def _extend(
     return -1
 
 
-@njit(cache=True)
+@compiled
 def _join(
     problem: Problem, forest: Forest, which: int, row: int, bound: float, arcs: FloatArray
 ) -> tuple[float, int]:
@@ -224,14 +224,14 @@ def _join(
         first, last = (tree[row], other[j]) if which == 0 else (other[j], tree[row])
         limit = min(bound, best) - so_far
         if limit > 0.0:
-            cost, _ = connect(problem.scene, problem.families[:1], first[:3], last[:3], limit, word)
+            cost, _ = connect(problem.scene, problem.families[:1], first[:3], last[:3], limit, TRIES, word)
             if so_far + cost < best:
                 best, partner = so_far + cost, j
                 arcs[:] = word
     return best, partner
 
 
-@njit(cache=True)
+@compiled
 def _whole(forest: Forest, ahead: int, behind: int, word: FloatArray, path: FloatArray) -> int:
     """Write the arcs start tree, connection, goal tree into `path`; return how many."""
     depth = 0
@@ -257,7 +257,7 @@ def _whole(forest: Forest, ahead: int, behind: int, word: FloatArray, path: Floa
     return n
 
 
-@njit(cache=True)
+@compiled
 def plant(forest: Forest, start: FloatArray, goal: FloatArray) -> None:
     """Reduce both trees to their roots."""
     forest.ahead[0, :] = 0.0
@@ -269,7 +269,7 @@ def plant(forest: Forest, start: FloatArray, goal: FloatArray) -> None:
     forest.counts[:] = 1
 
 
-@njit(cache=True)
+@compiled
 def grow_both(
     problem: Problem, forest: Forest, bound: float, iterations: int, path: FloatArray
 ) -> tuple[int, int]:

@@ -8,12 +8,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from pushplan.arrays import FloatArray, RandomState
+from pushplan.compiled import compiled
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import step
-from pushplan.planners.search import Problem, random
+from pushplan.planners.search import TRIES, Problem, random
 from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
 
 ARC_PRICE = 0.002
@@ -29,13 +29,13 @@ SHORTEST_WINDOW = 0.07
 """Shortest piece of path that is exchanged, as a share of the path."""
 
 
-@njit(cache=True)
+@compiled
 def price(path: FloatArray) -> float:
     """Return the cost (m) of a path (k, 4), its arcs priced."""
     return float(path[:, 3].sum() + ARC_PRICE * path.shape[0])
 
 
-@njit(cache=True)
+@compiled
 def _locate(start: FloatArray, arcs: FloatArray, s: float) -> tuple[int, float, FloatArray]:
     """Return arc, cost into the arc and pose at cost `s` along the path."""
     x, y, theta = start[0], start[1], start[2]
@@ -52,7 +52,7 @@ def _locate(start: FloatArray, arcs: FloatArray, s: float) -> tuple[int, float, 
     return i, s, np.array([x, y, theta])
 
 
-@njit(cache=True)
+@compiled
 def _append(arcs: FloatArray, n: int, twist: FloatArray, length: float) -> int:
     """Append an arc, or lengthen the last one if it is the same motion; return how many there are."""
     if length <= 0.0:
@@ -65,7 +65,7 @@ def _append(arcs: FloatArray, n: int, twist: FloatArray, length: float) -> int:
     return n + 1
 
 
-@njit(cache=True)
+@compiled
 def merged(arcs: FloatArray) -> FloatArray:
     """Return a path (k, 4) without empty arcs and with neighbours of the same motion made one."""
     path = np.empty_like(arcs)
@@ -75,7 +75,7 @@ def merged(arcs: FloatArray) -> FloatArray:
     return path[:n].copy()
 
 
-@njit(cache=True)
+@compiled
 def _spliced(path: FloatArray, i: int, into_i: float, word: FloatArray, j: int, into_j: float) -> FloatArray:
     """Return the path with everything between two places exchanged for a word."""
     joined = np.empty((path.shape[0] + 5, 4))
@@ -90,7 +90,7 @@ def _spliced(path: FloatArray, i: int, into_i: float, word: FloatArray, j: int, 
     return merged(joined[: i + 5 + rest])
 
 
-@njit(cache=True)
+@compiled
 def _between(segment: FloatArray, b: float, twist: FloatArray) -> None:
     """Fill `twist` with the combination (1 - b, b) of a segment's ends, scaled to a cost rate of 1."""
     for i in range(3):
@@ -98,7 +98,7 @@ def _between(segment: FloatArray, b: float, twist: FloatArray) -> None:
     twist /= math.hypot(twist[0], twist[1]) + TURN_WEIGHT * abs(twist[2])
 
 
-@njit(cache=True)
+@compiled
 def random_family(segments: FloatArray, state: RandomState, family: FloatArray) -> None:
     """Fill `family` (3, 3) with a left turn, a straight push and a right turn drawn from the stable set.
 
@@ -124,7 +124,7 @@ def random_family(segments: FloatArray, state: RandomState, family: FloatArray) 
                 family[letter] = 0.0
 
 
-@njit(cache=True)
+@compiled
 def _some_family(problem: Problem, state: RandomState, family: FloatArray) -> None:
     """Fill `family` (1, 3, 3) with a steering family, or with one drawn from the whole stable set."""
     if random(state) < DRAWN_SHARE:
@@ -133,7 +133,7 @@ def _some_family(problem: Problem, state: RandomState, family: FloatArray) -> No
         family[0] = problem.families[int(random(state) * problem.families.shape[0])]
 
 
-@njit(cache=True)
+@compiled
 def _window(state: RandomState, total: float) -> tuple[float, float]:
     """Draw a piece of a path: its length log-uniform, its place uniform, ends clipped to the path's."""
     length = total * math.exp(math.log(SHORTEST_WINDOW) * random(state))
@@ -141,17 +141,17 @@ def _window(state: RandomState, total: float) -> tuple[float, float]:
     return max(0.0, low), min(total, low + length)
 
 
-@njit(cache=True)
+@compiled
 def _rejoin(
     problem: Problem, state: RandomState, begin: FloatArray, end: FloatArray, bound: float, word: FloatArray
 ) -> float:
     """Join two poses by the cheapest free word of some family; return its cost, infinite if above the bound."""
     family = np.empty((1, 3, 3))
     _some_family(problem, state, family)
-    return connect(problem.scene, family, begin, end, bound, word)[0]
+    return connect(problem.scene, family, begin, end, bound, TRIES, word)[0]
 
 
-@njit(cache=True)
+@compiled
 def shorten(
     problem: Problem, start: FloatArray, arcs: FloatArray, state: RandomState, attempts: int
 ) -> FloatArray:

@@ -6,12 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from pushplan.arrays import FloatArray, RandomState
+from pushplan.compiled import compiled
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import Scene, step, sweep_is_free
-from pushplan.planners.steering import connect
+from pushplan.planners.steering import MAX_WORDS, connect
 
 NODE = 9
 """Columns of a node: x, y, theta, cost from the start, parent, arc that led here (vx, vy, omega, length)."""
@@ -21,6 +21,10 @@ LETTER_SHARE = 0.3
 
 END_SHARE = 0.25
 """Share of the other controls that lie on either end of their segment, the boundary of the stable set."""
+
+
+TRIES = 2
+"""Words that are swept, at most, in the attempt to connect a new node."""
 
 
 class Problem(NamedTuple):
@@ -41,7 +45,7 @@ class Problem(NamedTuple):
     longest: float
 
 
-@njit(cache=True)
+@compiled
 def choose_twist(problem: Problem, u0: float, u1: float) -> tuple[float, float, float]:
     """Map two numbers in [0, 1] onto the stable set: a twist scaled to a cost rate of 1."""
     families, segments = problem.families, problem.segments
@@ -61,14 +65,14 @@ def choose_twist(problem: Problem, u0: float, u1: float) -> tuple[float, float, 
     return vx / rate, vy / rate, omega / rate
 
 
-@njit(cache=True)
+@compiled
 def remaining(x: float, y: float, theta: float, goal: FloatArray) -> float:
     """Lower bound on the cost from a pose to the goal: straight travel plus the smallest turn."""
     turn = abs((goal[2] - theta + math.pi) % (2.0 * math.pi) - math.pi)
     return float(math.hypot(goal[0] - x, goal[1] - y) + TURN_WEIGHT * turn)
 
 
-@njit(cache=True)
+@compiled
 def extend(
     problem: Problem,
     nodes: FloatArray,
@@ -108,7 +112,7 @@ def extend(
     return True
 
 
-@njit(cache=True)
+@compiled
 def grow(
     problem: Problem,
     nodes: FloatArray,
@@ -140,13 +144,14 @@ def grow(
     if parent >= 0 and not extend(problem, nodes, count, parent, u0, u1, u2, bound):
         return False, np.inf
     so_far = nodes[count, 3]
+    tries = MAX_WORDS if parent < 0 else TRIES
     cost, promise = connect(
-        problem.scene, problem.families, nodes[count, :3], problem.goal, bound - so_far, word
+        problem.scene, problem.families, nodes[count, :3], problem.goal, bound - so_far, tries, word
     )
     return so_far + promise < bound or promise == np.inf, so_far + cost
 
 
-@njit(cache=True)
+@compiled
 def trace(nodes: FloatArray, node: int, last: FloatArray, path: FloatArray) -> int:
     """Write the arcs from the root to a node and then `last` (3, 4) into `path`; return how many."""
     depth = 0
@@ -165,7 +170,7 @@ def trace(nodes: FloatArray, node: int, last: FloatArray, path: FloatArray) -> i
     return depth
 
 
-@njit(cache=True)
+@compiled
 def random(state: RandomState) -> float:
     """Draw a number in [0, 1) from the generator's state (1,) uint64 (splitmix64, Steele et al. 2014)."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)

@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from pushplan.arrays import FloatArray
+from pushplan.compiled import compiled
 from pushplan.planners.collision import Scene, step, sweep_is_free
 
 LEFT, STRAIGHT, RIGHT = 0, 1, 2
@@ -27,20 +27,20 @@ FULL_TURN_SLACK = 1e-11
 """A turn this close (rad) below a full one is rounding and counts as none."""
 
 
-@njit(cache=True)
+@compiled
 def _turn(angle: float) -> float:
     """Angle in [0, 2 pi), with rounding just below a full turn removed."""
     wrapped = angle % (2.0 * math.pi)
     return 0.0 if wrapped > 2.0 * math.pi - FULL_TURN_SLACK else wrapped
 
 
-@njit(cache=True)
+@compiled
 def _cor(twist: FloatArray) -> tuple[float, float]:
     """Centre of rotation of a turning body twist, in the body frame."""
     return -twist[1] / twist[2], twist[0] / twist[2]
 
 
-@njit(cache=True)
+@compiled
 def _store(
     words: FloatArray, n: int, letters: tuple[int, int, int], lengths: tuple[float, float, float]
 ) -> int:
@@ -52,7 +52,7 @@ def _store(
     return n + 1
 
 
-@njit(cache=True)
+@compiled
 def _straight_words(
     family: FloatArray, first: int, last: int, start: FloatArray, goal: FloatArray, words: FloatArray, n: int
 ) -> int:
@@ -84,7 +84,7 @@ def _straight_words(
     return n
 
 
-@njit(cache=True)
+@compiled
 def _turning_words(
     family: FloatArray,
     first: int,
@@ -120,14 +120,14 @@ def _turning_words(
     return n
 
 
-@njit(cache=True)
+@compiled
 def _moved(pose: FloatArray, x: float, y: float) -> tuple[float, float]:
     """World position of a body-fixed point at a pose."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return pose[0] + c * x - s * y, pose[1] + s * x + c * y
 
 
-@njit(cache=True)
+@compiled
 def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: FloatArray) -> int:
     """Fill `words` (MAX_WORDS, 7) with cost, letters and lengths of every word; return how many there are."""
     n = 0
@@ -146,7 +146,7 @@ def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: F
     return n
 
 
-@njit(cache=True)
+@compiled
 def word_is_free(scene: Scene, family: FloatArray, word: FloatArray, start: FloatArray) -> bool:
     """Return whether the three arcs of a word keep clear of everything."""
     x, y, theta = start[0], start[1], start[2]
@@ -160,9 +160,15 @@ def word_is_free(scene: Scene, family: FloatArray, word: FloatArray, start: Floa
     return True
 
 
-@njit(cache=True)
+@compiled
 def connect(
-    scene: Scene, families: FloatArray, start: FloatArray, goal: FloatArray, bound: float, arcs: FloatArray
+    scene: Scene,
+    families: FloatArray,
+    start: FloatArray,
+    goal: FloatArray,
+    bound: float,
+    tries: int,
+    arcs: FloatArray,
 ) -> tuple[float, float]:
     """Find the cheapest free connection below a bound.
 
@@ -172,6 +178,7 @@ def connect(
         start: (3,) pose.
         goal: (3,) pose.
         bound: Only words cheaper than this are looked at.
+        tries: So many words, cheapest first, are swept for collisions at most.
         arcs: (3, 4) filled with the twists and lengths of the connection.
 
     Returns:
@@ -188,13 +195,13 @@ def connect(
     promise = np.inf
     for i in range(n):
         promise = min(promise, words[i, 0])
-    while True:
+    for _ in range(tries):
         best = -1
         for i in range(n):
             if words[i, 0] < bound and (best < 0 or words[i, 0] < words[best, 0]):
                 best = i
         if best < 0:
-            return np.inf, promise
+            break
         family = families[owner[best]]
         if word_is_free(scene, family, words[best], start):
             for i in range(3):
@@ -202,3 +209,4 @@ def connect(
                 arcs[i, 3] = words[best, 4 + i]
             return words[best, 0], promise
         words[best, 0] = np.inf
+    return np.inf, promise
