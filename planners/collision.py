@@ -10,12 +10,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from pushplan.arrays import FloatArray, IntArray
+from pushplan.compiled import compiled
 
 EXACT_BELOW = 0.01
 """Separations under this (m) are refined from the separating-axis bound to the exact distance."""
+
+
+DEPTH = 128
+"""Room for intervals of an arc still to be looked at; each is at most half of the one below it."""
 
 
 class Shapes(NamedTuple):
@@ -52,7 +56,7 @@ class Scene(NamedTuple):
     clearance: float
 
 
-@njit(cache=True)
+@compiled
 def _axis_separation(
     a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
 ) -> float:
@@ -69,7 +73,7 @@ def _axis_separation(
     return best
 
 
-@njit(cache=True)
+@compiled
 def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Squared distance of a point from a segment."""
     ex, ey = bx - ax, by - ay
@@ -79,7 +83,7 @@ def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: fl
     return dx * dx + dy * dy
 
 
-@njit(cache=True)
+@compiled
 def _corner_distance(
     a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
 ) -> float:
@@ -94,7 +98,7 @@ def _corner_distance(
     return best
 
 
-@njit(cache=True)
+@compiled
 def _polygon_separation(
     a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
 ) -> float:
@@ -113,7 +117,7 @@ def _polygon_separation(
     return math.sqrt(nearest)
 
 
-@njit(cache=True)
+@compiled
 def _disc_separation(
     a: FloatArray, a0: int, a1: int, cx: float, cy: float, r: float, c: float, s: float, x: float, y: float
 ) -> float:
@@ -129,7 +133,7 @@ def _disc_separation(
     return inside - r if inside <= 0.0 else math.sqrt(nearest) - r
 
 
-@njit(cache=True)
+@compiled
 def _wall_separation(body: FloatArray, walls: FloatArray, c: float, s: float, x: float, y: float) -> float:
     """Distance of the body from the workspace's walls; negative outside."""
     best = np.inf
@@ -140,7 +144,7 @@ def _wall_separation(body: FloatArray, walls: FloatArray, c: float, s: float, x:
     return best
 
 
-@njit(cache=True)
+@compiled
 def _body_to_polygon(scene: Scene, o: int, c: float, s: float, x: float, y: float, enough: float) -> float:
     """Separation of the body from obstacle polygon o, as far as it is below `enough`."""
     body, obstacles = scene.body, scene.obstacles
@@ -158,7 +162,7 @@ def _body_to_polygon(scene: Scene, o: int, c: float, s: float, x: float, y: floa
     return best
 
 
-@njit(cache=True)
+@compiled
 def _body_to_disc(scene: Scene, o: int, c: float, s: float, x: float, y: float, enough: float) -> float:
     """Separation of the body from round obstacle o, as far as it is below `enough`."""
     body, disc = scene.body, scene.circles
@@ -170,7 +174,7 @@ def _body_to_disc(scene: Scene, o: int, c: float, s: float, x: float, y: float, 
     return best
 
 
-@njit(cache=True)
+@compiled
 def separation(scene: Scene, x: float, y: float, theta: float, enough: float) -> float:
     """Return a lower bound (m) on the distance of the body at a pose from everything, capped at `enough`."""
     c, s = math.cos(theta), math.sin(theta)
@@ -190,7 +194,7 @@ def separation(scene: Scene, x: float, y: float, theta: float, enough: float) ->
     return best
 
 
-@njit(cache=True)
+@compiled
 def _top_speed(scene: Scene, vx: float, vy: float, omega: float) -> float:
     """Largest speed of any point of the body under a body twist; convex, so found at a corner."""
     best = 0.0
@@ -200,7 +204,7 @@ def _top_speed(scene: Scene, vx: float, vy: float, omega: float) -> float:
     return math.sqrt(best)
 
 
-@njit(cache=True)
+@compiled
 def step(
     x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
 ) -> tuple[float, float, float]:
@@ -211,21 +215,32 @@ def step(
     return x + c * vx - s * vy, y + s * vx + c * vy, theta + 2.0 * half
 
 
-@njit(cache=True)
+@compiled
 def sweep_is_free(
     scene: Scene, x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
 ) -> bool:
-    """Return whether the body keeps its clearance along an arc: proven, never merely sampled.
+    """Return whether the body keeps clear of everything along an arc: proven, never merely sampled.
 
-    An arc may be refused although it is free when it comes closer than `scene.clearance` to something.
+    Every pose looked at keeps `scene.clearance`, every one between keeps half of it at least: a separation d at s
+    covers all s' with |s' - s| <= (d - clearance / 2) / (top speed of the body). Intervals are looked at in the
+    middle first, where a collision shows soonest. An arc that comes closer than the clearance may be refused.
     """
     top = _top_speed(scene, vx, vy, omega)
-    done = 0.0
-    while True:
-        px, py, pt = step(x, y, theta, vx, vy, omega, done)
-        gap = separation(scene, px, py, pt, (length - done) * top + 2.0 * scene.clearance)
+    half = 0.5 * scene.clearance
+    begins, ends = np.empty(DEPTH), np.empty(DEPTH)
+    begins[0], ends[0] = 0.0, length
+    n = 1
+    while n > 0:
+        n -= 1
+        begin, end = begins[n], ends[n]
+        middle = 0.5 * (begin + end)
+        px, py, pt = step(x, y, theta, vx, vy, omega, middle)
+        gap = separation(scene, px, py, pt, 0.5 * (end - begin) * top + 2.0 * scene.clearance)
         if gap < scene.clearance:
             return False
-        if done >= length:
-            return True
-        done = min(length, done + gap / top)
+        covered = (gap - half) / top
+        if middle - covered > begin:
+            begins[n], ends[n] = begin, middle - covered
+            begins[n + 1], ends[n + 1] = middle + covered, end
+            n += 2
+    return True
