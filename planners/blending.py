@@ -2,33 +2,46 @@
 
 The twist moves from one arc's to the next on smooth steps (`section`), which cuts the corners of the way a
 little; the arcs' lengths are solved for anew so that the motion ends exactly where the path does. What comes
-out is checked again, stability and collision; where either fails, the pusher stops at the nearest corner after
-all, corner by corner, in the worst case at every one: then it is the exact timing.
+out is checked again. Where it touches something, the lengths are changed once more to keep away from it. Where
+that does not help, or stability is lost, the pusher stops at the nearest corner after all, corner by corner, in
+the worst case at every one: then it is the exact timing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from pushplan import se2
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.arrays import FloatArray
 from pushplan.dynamics import ContactDynamics
 from pushplan.path import PushPath
 from pushplan.planners.arc_limits import Bounds
-from pushplan.planners.blend_check import failure_times
-from pushplan.planners.goal_fit import NoFitError, end_twists, fit_lengths
+from pushplan.planners.blend_check import collision_times, unstable_times
+from pushplan.planners.goal_fit import NoFitError
+from pushplan.planners.inset import inset_path
+from pushplan.planners.joining import (
+    corners_of,
+    driven_arcs,
+    fitted,
+    joined,
+    nearest_corners,
+    sharpest_corner,
+    slowed,
+    split_part,
+)
+from pushplan.planners.nudge import LengthRows, no_rows, nudges
+from pushplan.planners.problem import body_reach, scenario_scene
 from pushplan.planners.section import Driven, make_driven
-from pushplan.planners.timing import SAME, time_path
+from pushplan.planners.sweep import find_touches
+from pushplan.planners.timing import time_path
 from pushplan.scenario import Scenario
 from pushplan.stable_set import StableSet
 from pushplan.trajectory import SAMPLE_RATE, Trajectory
 
-FITS = 2
-"""How often steps are widened and lengths fitted in turn."""
+NUDGES = 6
+"""How often lengths are changed to keep away from what is touched before a stop is made."""
 
 WORTH_A_STOP = 0.5
 """Delay (s) by slowing down a whole section from which on a stop at its worst corner is preferred."""
@@ -40,12 +53,10 @@ class Blend:
 
     Attributes:
         trajectory: Ends where the path ends.
-        lengths: (k,) lengths of the path's arcs, solved for anew, m of cost.
-        stops: Indices of the arcs after which the pusher stops although the path goes on.
+        stops: Indices of the path's arcs at whose end the pusher stops although the path goes on.
     """
 
     trajectory: Trajectory
-    lengths: FloatArray
     stops: frozenset[int]
 
 
@@ -71,103 +82,100 @@ def blend_path(
     """
     bounds = Bounds(scenario.chain.pusher.limits, contacts)
     exact = time_path(path, bounds.limits, rate, contacts)
-    every = _corners(path)
-    stops: frozenset[int] = frozenset()
-    parts = [make_driven(path, _driven_arcs(path), bounds)] if every else []
-    while stops < every:
-        try:
-            parts, lengths = _fitted(path, parts)
-        except NoFitError:
-            stops |= {_sharpest_corner(path, parts)}
-        else:
-            slowed, strained = _within_limits(parts, lengths)
-            trajectory = _joined(path, slowed, lengths, rate)
-            failures = strained if len(strained) else failure_times(scenario, stable, trajectory)
-            if not len(failures):
-                slower = trajectory.duration >= exact.duration
-                return Blend(exact, path.lengths, every) if slower else Blend(trajectory, lengths, stops)
-            stops |= _nearest_corners(slowed, lengths, failures)
-        parts = [piece for part in parts for piece in _split(path, part, stops, bounds)]
-    return Blend(exact, path.lengths, every)
+    inset = inset_path(path, stable, scenario.stability.margin, bounds)
+    blend = _Blender(scenario, inset.path, path.end, stable, rate, bounds).blended()
+    if blend is None or blend.trajectory.duration >= exact.duration:
+        return Blend(exact, corners_of(path))
+    arcs = inset.owner[blend.trajectory.arc.astype(np.int64)].astype(np.float64)
+    stops = frozenset(int(inset.owner[i]) for i in blend.stops)
+    return Blend(replace(blend.trajectory, arc=arcs), stops)
 
 
-def _driven_arcs(path: PushPath) -> IntArray:
-    return np.flatnonzero(path.lengths > 0.0)
+class _Nudging(NamedTuple):
+    """What is tried to keep away from things without a further stop.
 
-
-def _corners(path: PushPath) -> frozenset[int]:
-    """The arcs at whose end the twist changes."""
-    arcs = _driven_arcs(path)
-    change = np.abs(np.diff(path.twists[arcs], axis=0)).max(axis=1, initial=0.0)
-    return frozenset(arcs[:-1][change > SAME].tolist())
-
-
-def _split(path: PushPath, part: Driven, stops: frozenset[int], bounds: Bounds) -> list[Driven]:
-    """The part between stops; itself where there is none in it."""
-    ends = np.flatnonzero(np.isin(part.arcs[:-1], list(stops))) + 1
-    if not len(ends):
-        return [part]
-    return [make_driven(path, arcs, bounds) for arcs in np.split(part.arcs, ends)]
-
-
-def _fitted(path: PushPath, parts: Sequence[Driven]) -> tuple[list[Driven], FloatArray]:
-    """Widen steps to meet the limits, and fit lengths (k,) that end where the path does, in turn.
-
-    Raises:
-        NoFitError: When no lengths lead there.
+    Attributes:
+        rows: Conditions on the lengths.
+        suspects: The corner nearest to what was touched last.
+        tries: How often conditions were added.
     """
-    effect, lengths = end_twists(path), path.lengths
-    for _ in range(FITS):
-        parts = [part.eased(lengths) for part in parts]
-        lengths = fit_lengths(partial(_end, path, parts), path.end, lengths, effect)
-    return list(parts), lengths
+
+    rows: LengthRows
+    suspects: frozenset[int] = frozenset()
+    tries: int = 0
+
+    def further(self, rows: LengthRows, suspects: frozenset[int]) -> _Nudging:
+        """Return it with more conditions."""
+        return _Nudging(self.rows.joined(rows), suspects, self.tries + 1)
 
 
-def _end(path: PushPath, parts: Sequence[Driven], lengths: FloatArray) -> FloatArray:
-    pose = path.start
-    for part in parts:
-        pose = se2.compose(pose, part.motion(lengths))
-    return pose
+class _Blender:
+    """The search for the stops and lengths of one blend; arguments as for `blend_path`."""
 
+    def __init__(
+        self,
+        scenario: Scenario,
+        path: PushPath,
+        goal: FloatArray,
+        stable: StableSet,
+        rate: float,
+        bounds: Bounds,
+    ) -> None:
+        self.scenario, self.path, self.goal, self.stable = scenario, path, goal, stable
+        self.rate, self.bounds = rate, bounds
+        self.scene, self.reach = scenario_scene(scenario), body_reach(scenario)
+        self.corners = corners_of(path)
+        self.stops: frozenset[int] = frozenset()
+        self.parts = [make_driven(path, driven_arcs(path), bounds)] if self.corners else []
+        self.nudging = _Nudging(no_rows(len(path.lengths)))
 
-def _within_limits(parts: Sequence[Driven], lengths: FloatArray) -> tuple[list[Driven], FloatArray]:
-    """Slow parts down until they keep the limits; return them and when (k,) a stop would delay less."""
-    slowed, strained, begin = [], [], 0.0
-    for part in parts:
-        slow, worst = part.slowed(lengths)
-        duration = slow.duration(lengths)
-        if duration - part.duration(lengths) > WORTH_A_STOP:
-            strained.append(begin + worst)
-        slowed.append(slow)
-        begin += duration
-    return slowed, np.array(strained)
+    def blended(self) -> Blend | None:
+        """Return the blend; None when every corner needs a stop."""
+        while self.stops < self.corners:
+            blend = self._attempt()
+            if blend is not None:
+                return blend
+        return None
 
+    def _attempt(self) -> Blend | None:
+        """Return the blend with the present stops and nudges; None, after adding some, where it fails."""
+        try:
+            self.parts, lengths = fitted(self.path, self.goal, self.parts, self.nudging.rows)
+        except NoFitError:
+            self._stop(self.nudging.suspects or sharpest_corner(self.path, self.parts))
+            return None
+        parts, strained = slowed(self.parts, lengths, WORTH_A_STOP)
+        trajectory = joined(self.path, parts, lengths, self.rate)
+        if len(strained):
+            self._stop(nearest_corners(parts, lengths, strained))
+        elif self._is_stable(parts, lengths, trajectory) and self._is_free(parts, lengths, trajectory):
+            return Blend(trajectory, self.stops)
+        return None
 
-def _joined(path: PushPath, parts: Sequence[Driven], lengths: FloatArray, rate: float) -> Trajectory:
-    pieces = [part.pieces(lengths) for part in parts]
-    durations, coefficients, arcs = (np.concatenate(column) for column in zip(*pieces, strict=True))
-    breaks = np.concatenate([[0.0], np.cumsum(durations)])
-    return Trajectory(path.start, breaks, coefficients, arcs.astype(np.float64), rate)
+    def _is_stable(self, parts: list[Driven], lengths: FloatArray, trajectory: Trajectory) -> bool:
+        """Tell whether the margin is kept; stop at the corner where it is missed most if not."""
+        times = unstable_times(self.scenario, self.stable, trajectory)
+        if len(times):
+            self._stop(nearest_corners(parts, lengths, times[:1]))
+        return not len(times)
 
+    def _is_free(self, parts: list[Driven], lengths: FloatArray, trajectory: Trajectory) -> bool:
+        """Tell whether nothing is touched; if not, keep away from it the next time, or stop near it."""
+        touches = find_touches(self.scene, trajectory, self.reach)
+        times = touches.times[[int(np.argmin(touches.gaps))]] if len(touches.times) else np.zeros(0)
+        if len(times) and self.nudging.tries < NUDGES:
+            rows = nudges(self.scene, self.path, trajectory, lengths, touches, self.reach)
+            self.nudging = self.nudging.further(rows, nearest_corners(parts, lengths, times))
+            return False
+        times = times if len(times) else collision_times(self.scenario, trajectory)
+        if len(times):
+            self._stop(nearest_corners(parts, lengths, times))
+        return not len(times)
 
-def _blended_corners(parts: Sequence[Driven], lengths: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The arcs (c,) after which the twist changes without a stop, and when (c,)."""
-    begins = np.cumsum([0.0, *(part.duration(lengths) for part in parts)])
-    corners = [part.corners(lengths) for part in parts]
-    times = [begin + at for begin, (_, at) in zip(begins, corners, strict=False)]
-    return np.concatenate([arcs for arcs, _ in corners]), np.concatenate(times)
-
-
-def _nearest_corners(parts: Sequence[Driven], lengths: FloatArray, times: FloatArray) -> frozenset[int]:
-    """The blended corners nearest to some times (k,)."""
-    arcs, at = _blended_corners(parts, lengths)
-    return frozenset(arcs[np.abs(at - times[:, None]).argmin(axis=1)].tolist())
-
-
-def _sharpest_corner(path: PushPath, parts: Sequence[Driven]) -> int:
-    """The blended corner whose twists, per unit of cost, commute least: its blend moves the end most."""
-    arcs, _ = _blended_corners(parts, path.lengths)
-    driven = _driven_arcs(path)
-    a, b = path.twists[arcs], path.twists[driven[np.searchsorted(driven, arcs) + 1]]
-    bracket = a[:, 2:] * b[:, :2] - b[:, 2:] * a[:, :2]
-    return int(arcs[np.argmax(np.hypot(*bracket.T))])
+    def _stop(self, corners: frozenset[int]) -> None:
+        """Stop at more corners, and see anew what is touched then."""
+        self.stops |= corners
+        self.parts = [
+            piece for part in self.parts for piece in split_part(self.path, part, self.stops, self.bounds)
+        ]
+        self.nudging = _Nudging(no_rows(len(self.path.lengths)))

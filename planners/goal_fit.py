@@ -10,6 +10,7 @@ from pushplan import se2
 from pushplan.arrays import FloatArray
 from pushplan.errors import TimingError
 from pushplan.path import PushPath
+from pushplan.planners.nudge import LengthRows, effects_on
 
 CLOSE = 1e-12
 """Error (m, rad) of the end that counts as none."""
@@ -24,39 +25,39 @@ class NoFitError(TimingError):
     """No arc lengths near the path's own make a blended motion end where the path does."""
 
 
-def end_twists(path: PushPath) -> FloatArray:
-    """Return (3, k): the body twist at the path's end by which it moves per unit of each arc's length."""
-    knots = se2.relative(path.end, path.knots[1:])
-    v, omega = se2.rotate(knots[:, 2], path.twists[:, :2]), path.twists[:, 2]
-    return np.stack([v[:, 0] + omega * knots[:, 1], v[:, 1] - omega * knots[:, 0], omega])
-
-
 def fit_lengths(
-    end: Callable[[FloatArray], FloatArray], goal: FloatArray, lengths: FloatArray, effect: FloatArray
+    end: Callable[[FloatArray], FloatArray],
+    goal: FloatArray,
+    path: PushPath,
+    lengths: FloatArray,
+    rows: LengthRows,
 ) -> FloatArray:
-    """Return the lengths (k,) at which the motion ends on the goal.
+    """Return the lengths (k,) at which a motion along a path's twists ends on a pose.
 
     Args:
-        end: Pose (3,) in the world at the end for lengths (k,).
-        goal: (3,) pose in the world.
+        end: Pose (3,) in the world at the end of the motion for lengths (k,).
+        goal: (3,) pose in the world, near the path's end.
+        path: Tells how the end depends on the lengths, nearly.
         lengths: (k,) to begin with; long arcs are changed more than short ones, none below 0.
-        effect: (3, k) about how the end moves in its own frame per unit of length.
+        rows: Other conditions that the lengths have to meet.
 
     Raises:
         NoFitError: When Newton's method does not get there.
     """
+    slopes = np.vstack([effects_on(path.end, path), rows.matrix])
     best, least = lengths, np.inf
     for _ in range(ROUNDS):
         error = se2.relative(end(lengths), goal)
-        size = float(np.abs(error).max())
+        missing = np.append(error, rows.values - rows.matrix @ lengths)
+        size = float(np.abs(missing).max())
         if size < least:
             best, least = lengths, size
         if size < CLOSE:
             break
-        change = np.linalg.lstsq(effect * lengths, error, rcond=1e-9)[0] * lengths
+        change = np.linalg.lstsq(slopes * lengths, missing, rcond=1e-9)[0] * lengths
         lengths = np.maximum(lengths + change, 0.0)
     if least > ENOUGH:
         raise NoFitError(
-            f"no arc lengths found that end on the goal: the best miss it by {least:.2g} m or rad"
+            f"no arc lengths found that end on the goal: the best miss a condition by {least:.2g}"
         )
     return best

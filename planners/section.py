@@ -199,17 +199,21 @@ def make_driven(path: PushPath, arcs: IntArray, bounds: Bounds) -> Driven:
     return sections[int(np.argmin(times))]
 
 
+def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:
+    """Return the windows (m, 2) of the fastest steps between twists (m + 1, 3), each taken for itself, s."""
+    turning = np.hypot(levels[:, 0], levels[:, 1]) * np.abs(levels[:, 2])  # centripetal acceleration
+    room = limits.acceleration - np.maximum(turning[:-1], turning[1:])
+    steps = np.diff(levels, axis=0)
+    return np.array([_windows(step, spare, limits) for step, spare in zip(steps, room, strict=True)])
+
+
 def _paced(arcs: IntArray, twists: FloatArray, speeds: FloatArray, bounds: Bounds) -> Section:
-    """A section whose steps are as narrow as each of them alone may be."""
     rest = np.zeros((1, 3))
     levels = np.concatenate([rest, twists * speeds[:, None], rest])
-    turning = np.hypot(levels[:, 0], levels[:, 1]) * np.abs(levels[:, 2])  # centripetal acceleration
-    room = bounds.limits.acceleration - np.maximum(turning[:-1], turning[1:])
-    widths = [_widths(*pair, bounds.limits) for pair in zip(np.diff(levels, axis=0), room, strict=True)]
-    return Section(arcs, levels, speeds, np.array(widths), bounds)
+    return Section(arcs, levels, speeds, step_windows(levels, bounds.limits), bounds)
 
 
-def _widths(step: FloatArray, room: float, limits: Limits) -> FloatArray:
+def _windows(step: FloatArray, room: float, limits: Limits) -> FloatArray:
     """Windows (2,) of the fastest step of the twist by `step` that accelerates by no more than `room`."""
     linear, angular = float(np.hypot(step[0], step[1])), abs(float(step[2]))
     slowest = max(linear / room, angular / limits.angular_acceleration)

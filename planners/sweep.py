@@ -1,17 +1,22 @@
-"""Where a timed motion comes too close to something: bisection in time with the compiled separation."""
+"""Where a timed motion comes too close to something: bisection with the compiled separation."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from pushplan.compiled import compiled
 
 from pushplan.arrays import FloatArray
+from pushplan.compiled import compiled
 from pushplan.planners.collision import Scene, separation
 from pushplan.planners.motion_bounds import top_rates
 from pushplan.trajectory import Trajectory
 
 COARSE = 0.02
 """Travel of the body's farthest point (m) between the first poses that are looked at."""
+
+FINE = 0.002
+"""Travel (m) down to which the neighbourhood of a touch is looked at."""
 
 
 @compiled
@@ -23,13 +28,20 @@ def separations(scene: Scene, poses: FloatArray, enough: float) -> FloatArray:
     return out
 
 
-def contact_times(scene: Scene, trajectory: Trajectory, reach: float) -> FloatArray:
-    """Return times (k,) at which the body comes closer than `scene.clearance` to something, none if it is free.
+class Touches(NamedTuple):
+    """Where a motion comes too close to something: times (k,), increasing, s, and separations (k,), m."""
+
+    times: FloatArray
+    gaps: FloatArray
+
+
+def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
+    """Return where the body comes closer than `scene.clearance` to something, nowhere if it is free.
 
     Between two poses with separations g and h, no point of the body travelling more than d, the body stays
     (g + h - d) / 2 away from everything. Where that is not at least half the clearance, the time between is
     halved; every pose looked at must keep the whole clearance. So an empty answer is a proof that nothing is
-    touched.
+    touched. Where something is, the neighbourhood is looked at every `FINE` of travel.
 
     Args:
         scene: What moves and what stands still.
@@ -40,17 +52,22 @@ def contact_times(scene: Scene, trajectory: Trajectory, reach: float) -> FloatAr
     travel = np.concatenate([[0.0], np.cumsum(rates * np.diff(trajectory.breaks))])
     s = np.linspace(0.0, travel[-1], max(2, int(np.ceil(travel[-1] / COARSE)) + 1))
     gaps = _gaps(scene, trajectory, travel, s)
-    low, high, g, h = s[:-1], s[1:], gaps[:-1], gaps[1:]
-    hits = [s[gaps < scene.clearance]]
-    while len(low):
-        open_ = (g + h - (high - low) < scene.clearance) & (np.minimum(g, h) >= scene.clearance)
-        low, high, g, h = low[open_], high[open_], g[open_], h[open_]
+    ends = np.stack([s[:-1], s[1:], gaps[:-1], gaps[1:]])
+    places, found = [s], [gaps]
+    while ends.shape[1]:
+        low, high, g, h = ends
+        free = g + h - (high - low) >= scene.clearance
+        known = (np.minimum(g, h) < scene.clearance) & (high - low <= FINE)
+        low, high, g, h = ends[:, ~free & ~known]
         middle = 0.5 * (low + high)
         m = _gaps(scene, trajectory, travel, middle)
-        hits.append(middle[m < scene.clearance])
-        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-        g, h = np.concatenate([g, m]), np.concatenate([m, h])
-    return np.sort(np.interp(np.concatenate(hits), travel, trajectory.breaks))
+        places.append(middle)
+        found.append(m)
+        ends = np.hstack([np.stack([low, middle, g, m]), np.stack([middle, high, m, h])])
+    s, gaps = np.concatenate(places), np.concatenate(found)
+    close = np.flatnonzero(gaps < scene.clearance)
+    close = close[np.argsort(s[close])]
+    return Touches(np.interp(s[close], travel, trajectory.breaks), gaps[close])
 
 
 def _gaps(scene: Scene, trajectory: Trajectory, travel: FloatArray, s: FloatArray) -> FloatArray:
