@@ -91,13 +91,16 @@ class ContactDynamics:
         """Return the rows along a constant body twist (3,) per unit of s."""
         xi = checked_twists(np.asarray(twist, dtype=np.float64)[None])
         still = np.zeros_like(xi)
-        parts = (
-            wrenches_of(self.packed, xi),
-            self.inertia_wrenches(still, xi),
-            self.inertia_wrenches(xi, still),
-        )
-        alpha, beta, gamma = (self.facet_values(part)[0] for part in parts)
-        return DynamicRows(alpha, beta, gamma)
+        beta, gamma = self.inertia_rows(still, xi)[0], self.inertia_rows(xi, still)[0]
+        return DynamicRows(self.quasi_static_rows(xi)[0], beta, gamma)
+
+    def quasi_static_rows(self, twists: FloatArray) -> FloatArray:
+        """Return the facets' values (m, n, 4), N, without inertia, at body twists (m, 3)."""
+        return self._facet_values(wrenches_of(self.packed, twists))
+
+    def inertia_rows(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
+        """Return what inertia adds to the facets' values (m, n, 4), N; see `inertia_wrenches`."""
+        return self._facet_values(self.inertia_wrenches(twists, rates))
 
     def inertia_wrenches(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
         """Return what inertia adds to the wrench of each contact (m, n, 3), about the chain frame's origin.
@@ -118,8 +121,8 @@ class ContactDynamics:
                 carried[:, pusher] += carried[:, k]
         return carried
 
-    def facet_values(self, wrenches: FloatArray) -> FloatArray:
-        """Return g . w (m, n, 4), N, of transmitted wrenches (m, n, 3) for the contacts' unit facets g."""
+    def _facet_values(self, wrenches: FloatArray) -> FloatArray:
+        """g . w (m, n, 4) of transmitted wrenches (m, n, 3) for the contacts' unit facets g."""
         scaled = wrenches / np.array([1.0, 1.0, self.packed.length])
         return np.asarray(np.einsum("kjc,mkc->mkj", self.packed.rows, scaled), dtype=np.float64)
 
