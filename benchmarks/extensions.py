@@ -1,8 +1,8 @@
 """Extensions per second of the planners on the cluttered example, kernels warm.
 
-Run `python benchmarks/extensions.py [--seconds 2]`. An extension is one arc, propagated and swept for collisions, with
-an exact connection to the goal tried from its end. `python` is the same work as OMPL's documentation shows it: a
-Python propagator in small steps and shapely for the collisions.
+Run `python benchmarks/extensions.py [--seconds 2]`. An extension is one arc, propagated and swept for collisions,
+with an exact connection to the goal tried from its end. `plain Python` is control planning as OMPL's documentation
+shows it: a Python propagator in small steps and shapely for the collisions.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def main() -> None:
     parser.add_argument("--scenario", default="three-boxes-clutter")
     arguments = parser.parse_args()
     scenario = load_scenario(arguments.scenario)
-    print(f"{arguments.scenario}, {platform.machine()}, Python {platform.python_version()}, {arguments.seconds} s each")
+    print(f"{arguments.scenario}, {platform.machine()}, Python {platform.python_version()}")
     slow = plain(scenario, arguments.seconds)
     print(f"{'plain Python':14} {slow:10.0f} steps of {STEP} m per second")
     for name in sorted(MODULES):

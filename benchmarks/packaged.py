@@ -1,6 +1,6 @@
 """Plan and execute every packaged scenario with many seeds and check each result independently.
 
-Run `python benchmarks/packaged.py [--seeds 20] [--time-limit 2]`; prints a table and exits 1 if any run fails a check.
+Run `python benchmarks/packaged.py [--seeds 20] [--time-limit 2]`: prints a table, exits 1 if a run fails a check.
 """
 
 from __future__ import annotations
@@ -48,7 +48,9 @@ def main() -> int:
     parser.add_argument("--planner")
     arguments = parser.parse_args()
     print(f"{platform.machine()}, Python {platform.python_version()}, seeds 1-{arguments.seeds}")
-    print(f"{'scenario':22} {'solved':>7} {'first ms (median, max)':>24} {'plan s (max)':>12} {'cost (median)':>13}")
+    print(
+        f"{'scenario':22} {'solved':>7} {'first ms (median, max)':>24} {'plan s (max)':>12} {'cost (median)':>13}"
+    )
     bad = 0
     for name in example_names():
         scenario = load_scenario(name)
@@ -67,8 +69,9 @@ def main() -> int:
                 costs.append(result.path.cost)
         bad += arguments.seeds - solved
         shown = (np.median(firsts), max(firsts), max(seconds), np.median(costs)) if costs else [np.nan] * 4
+        share = f"{solved:3}/{arguments.seeds:3}"
         print(
-            f"{name:22} {solved:3}/{arguments.seeds:3} {shown[0]:14.2f} {shown[1]:9.2f} {shown[2]:12.2f} {shown[3]:13.3f}",
+            f"{name:22} {share} {shown[0]:14.2f} {shown[1]:9.2f} {shown[2]:12.2f} {shown[3]:13.3f}",
             flush=True,
         )
     return 1 if bad else 0

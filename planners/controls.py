@@ -92,7 +92,7 @@ def _closest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _cors(twists: FloatArray) -> FloatArray:
     """Centres of rotation (k, 2) of turning twists (k, 3)."""
-    return np.stack([-twists[:, 1], twists[:, 0]], axis=1) / twists[:, 2:]
+    return np.asarray(np.stack([-twists[:, 1], twists[:, 0]], axis=1) / twists[:, 2:])
 
 
 def _translations(segments: FloatArray) -> FloatArray:

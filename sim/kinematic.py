@@ -73,7 +73,7 @@ def _integrate(trajectory: Trajectory) -> FloatArray:
 
 def _directions(trajectory: Trajectory) -> FloatArray:
     """Twists (m, 3) at the samples; where the pusher rests, the one that comes next (at the end: came last)."""
-    nudged = trajectory.t + np.where(trajectory.t < trajectory.duration, NUDGE, -NUDGE)
+    nudged = trajectory.t + np.where(trajectory.t + NUDGE < trajectory.duration, NUDGE, -NUDGE)
     resting = np.abs(trajectory.twists).max(axis=1) < RESTING
     return np.where(resting[:, None], trajectory.twists_at(nudged), trajectory.twists)
 

@@ -119,3 +119,16 @@ def test_pose_errors_take_the_shorter_way_round() -> None:
     assert pose_error(np.array([1.0, 2.0, 0.1]), np.array([1.0, 2.3, 0.1 + 6 * np.pi])) == pytest.approx(
         (0.3, 0.0)
     )
+
+
+def test_a_sample_just_before_the_final_rest_keeps_its_direction(stable: StableSet) -> None:
+    """The last sample but one lies microseconds before the end: looking ahead would only see rounding."""
+    for tail in np.linspace(0.0, 3e-4, 31):
+        length = 0.2 * (1.0 + tail)
+        trajectory = time_path(_path((1.0, -0.1, 0.8, length)), Limits())
+        rate = 10.0 / (trajectory.duration - 1e-5 * (1.0 + tail))
+        sampled = Trajectory(
+            trajectory.start, trajectory.breaks, trajectory.coefficients, trajectory.arc, float(rate)
+        )
+        assert 0.0 < sampled.t[-1] - sampled.t[-2] < 1e-4
+        assert simulate(sampled, stable, np.zeros(3)).loss is None
