@@ -14,6 +14,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import ChainError
+from pushplan.names import DEFAULT_CONTACT_LIMITS
 from pushplan.se2 import transform_points
 from pushplan.support import Support
 
@@ -102,7 +103,17 @@ class Contact:
 
 @dataclass(frozen=True)
 class Limits:
-    """What the pusher's motion may not exceed; lengths refer to the origin of the chain frame. SI units."""
+    """What the pusher's motion may not exceed; lengths refer to the origin of the chain frame. SI units.
+
+    Attributes:
+        speed: Like the next two, of the chain frame's origin.
+        acceleration: See `speed`.
+        jerk: See `speed`.
+        angular_speed: Like the next two, of the turning.
+        angular_acceleration: See `angular_speed`.
+        angular_jerk: See `angular_speed`.
+        contact: Whether no contact may slip through inertia either, one of `names.CONTACT_LIMITS`.
+    """
 
     speed: float = 0.2
     acceleration: float = 0.5
@@ -110,6 +121,7 @@ class Limits:
     angular_speed: float = 1.0
     angular_acceleration: float = 2.0
     angular_jerk: float = 20.0
+    contact: str = DEFAULT_CONTACT_LIMITS
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,11 @@ TRAJECTORIES = ("exact", "blended")
 
 DEFAULT_TRAJECTORY = "exact"
 
+CONTACT_LIMITS = ("quasi-static", "dynamic")
+"""What `pusher.limits.contact` may choose: inertia left out, or speed and acceleration kept low enough for it."""
+
+DEFAULT_CONTACT_LIMITS = "quasi-static"
+
 RESERVED_NAMES = ("world", "chain", "pusher")
 """Frames of a run log; no object may be called so."""
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from pushplan import names
 from pushplan import schema_types as t
 from pushplan.chain import Limits
 from pushplan.quantity import fault
@@ -136,6 +137,9 @@ class MotionLimits(t.Strict):
     )
     angular_jerk: t.AngularJerk = Field(
         default=_LIMITS.angular_jerk, description="an angular jerk in rad/s^3"
+    )
+    contact: Literal[names.CONTACT_LIMITS] = Field(  # type: ignore[valid-type]
+        default=_LIMITS.contact, description="one of " + ", ".join(names.CONTACT_LIMITS)
     )
 
 

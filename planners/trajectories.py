@@ -1,0 +1,34 @@
+"""From a planned path to the trajectory that its scenario asks for."""
+
+from __future__ import annotations
+
+from pushplan.dynamics import ContactDynamics
+from pushplan.path import PushPath
+from pushplan.planners.blending import blend_path
+from pushplan.planners.timing import time_path
+from pushplan.scenario import Scenario
+from pushplan.stable_set import StableSet
+from pushplan.trajectory import SAMPLE_RATE, Trajectory
+
+
+def make_trajectory(
+    scenario: Scenario, path: PushPath, stable: StableSet, rate: float = SAMPLE_RATE
+) -> Trajectory:
+    """Return a path timed within the limits of the pusher and, if asked for, of the contacts.
+
+    Args:
+        scenario: Chooses by `trajectory` whether the pusher stops at every corner (`exact`) or at as few as
+            possible (`blended`), and by `limits.contact` whether inertia may make a contact slip.
+        path: Constant-twist arcs, free of collision and stable.
+        stable: The set that the path was planned in.
+        rate: Samples per second of the trajectory.
+
+    Raises:
+        TimingError: When an arc cannot be timed within the limits.
+        SupportError: When the contacts' limits are asked for and a load is not known.
+    """
+    limits = scenario.chain.pusher.limits
+    contacts = ContactDynamics(scenario.chain) if limits.contact == "dynamic" else None
+    if scenario.trajectory == "blended":
+        return blend_path(scenario, path, stable, rate, contacts).trajectory
+    return time_path(path, limits, rate, contacts)
