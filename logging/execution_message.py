@@ -92,7 +92,8 @@ class Collector:
 
     def _joined(self) -> dict[str, FloatArray]:
         empty = {name: [np.zeros(_shape(name, 0, self.contacts))] for name in (*REQUIRED, *OPTIONAL)}
-        joined = {name: np.concatenate(parts) for name, parts in (self._parts or empty).items()}
+        parts = self._parts or empty
+        joined = {name: np.concatenate(parts.pop(name)) for name in list(parts)}  # frees as it goes
         for values in joined.values():
             values.setflags(write=False)
         return {**dict.fromkeys(OPTIONAL), **joined}  # type: ignore[dict-item]

@@ -45,7 +45,7 @@ class ChainFrames:
 
 def pose_message(pose: FloatArray) -> Pose:
     """Return a pose (3,) in the plane as one in space."""
-    x, y, theta = pose
+    x, y, theta = pose.tolist()
     return Pose(position=Vector3(x=x, y=y), orientation=_rotation(theta))
 
 
@@ -60,7 +60,7 @@ def poses_in_world(poses: FloatArray) -> PosesInFrame:
 
 
 def _transform(parent: str, child: str, pose: FloatArray) -> FrameTransform:
-    x, y, theta = pose
+    x, y, theta = pose.tolist()
     return FrameTransform(
         timestamp=Timestamp(),
         parent_frame_id=parent,

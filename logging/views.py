@@ -15,15 +15,15 @@ from pushplan.logging.scene import CHAIN, PUSHER
 from pushplan.logging.schemas import Margins, MessageClass, Twist
 from pushplan.sim.execution import Execution
 
-VIEW_RATE = 25.0
+VIEW_RATE = 20.0
 """Samples per second of /tf, /pusher/pose, /pusher/twist and /margins."""
 
 
 def viewed(execution: Execution) -> set[int]:
-    """Return the samples to show: the first of each 1/25 s, the last, and where each margin is smallest."""
+    """Return the samples to show: the first of each 1/20 s, the last, and where each margin is smallest."""
     if len(execution.t) == 0:
         return set()
-    frame = np.floor(execution.t * VIEW_RATE + 1e-6)  # t = 0.28 s is in frame 7, whatever its last bits say
+    frame = np.floor(execution.t * VIEW_RATE + 1e-6)  # t = 0.35 s is in frame 7, whatever its last bits say
     first = np.flatnonzero(np.diff(frame, prepend=-1.0))
     smallest = np.argmin(execution.margins, axis=0)
     return {*first.tolist(), *smallest.tolist(), len(execution.t) - 1}
@@ -31,24 +31,45 @@ def viewed(execution: Execution) -> set[int]:
 
 def twist_message(twist: FloatArray, stamp: Timestamp) -> MessageClass:
     """Return a body twist (3,) of the pusher, chain frame, at a time."""
-    vx, vy, omega = twist
+    vx, vy, omega = twist.tolist()
     return Twist(timestamp=stamp, frame_id=CHAIN, vx=vx, vy=vy, omega=omega)
 
 
-def margins_message(chain: Chain, execution: Execution, i: int, stamp: Timestamp) -> MessageClass:
-    """Return the state of every contact at sample `i`; what is not known is left out."""
-    message = Margins(timestamp=stamp, smallest=execution.margins[i].min())
-    for k, contact in enumerate(chain.contacts):
-        entry = message.contacts.add(name=contact_name(chain, k), margin=execution.margins[i, k])
+class MarginView:
+    """Makes the messages of /margins; what is not known is left out."""
+
+    def __init__(self, chain: Chain, execution: Execution) -> None:
+        self._message = Margins(
+            contacts=[{"name": contact_name(chain, k)} for k in range(len(chain.contacts))]
+        )
+        self._ends = [(*contact.right.tolist(), *contact.left.tolist()) for contact in chain.contacts]
+        self._execution = execution
+
+    def at(self, i: int, stamp: Timestamp) -> MessageClass:
+        """Return the state of every contact at sample `i`.
+
+        The same message is changed and returned each time.
+        """
+        execution, message = self._execution, self._message
+        message.timestamp.CopyFrom(stamp)
+        margins = execution.margins[i].tolist()
+        message.smallest = min(margins)
+        for entry, margin in zip(message.contacts, margins, strict=True):
+            entry.margin = margin
         if execution.friction_margins is not None:
-            entry.friction_margin = execution.friction_margins[i, k]
+            for entry, angle in zip(message.contacts, execution.friction_margins[i].tolist(), strict=True):
+                entry.friction_margin = angle
         if execution.forces is not None:
-            entry.force.x, entry.force.y = execution.forces[i, k]
+            for entry, (x, y) in zip(message.contacts, execution.forces[i].tolist(), strict=True):
+                entry.force.x, entry.force.y = x, y
         if execution.lambdas is not None:
-            share = execution.lambdas[i, k]
+            self._set_points(execution.lambdas[i].tolist())
+        return message
+
+    def _set_points(self, lambdas: list[float]) -> None:
+        for entry, share, (xr, yr, xl, yl) in zip(self._message.contacts, lambdas, self._ends, strict=True):
             setattr(entry, "lambda", share)
-            entry.point.x, entry.point.y = contact.right + share * (contact.left - contact.right)
-    return message
+            entry.point.x, entry.point.y = xr + share * (xl - xr), yr + share * (yl - yr)
 
 
 def contact_name(chain: Chain, k: int) -> str:

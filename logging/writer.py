@@ -143,11 +143,11 @@ class RunLogWriter:
             RunLogError: When the file cannot be written.
         """
         channels = self._channels
-        shown = views.viewed(execution)
+        shown, margins = views.viewed(execution), views.MarginView(self._scenario.chain, execution)
         for second in execution_message.seconds(execution.t):
             for i in range(second.start, second.stop):
                 if i in shown:
-                    self._show_sample(execution, i)
+                    self._show_sample(execution, margins, i)
             block = execution_message.encode_block(execution, second)
             block.timestamp.CopyFrom(channels.advance(execution.t[second.stop - 1]))
             channels.send(schemas.EXECUTION, block)
@@ -159,14 +159,13 @@ class RunLogWriter:
         self._words |= metadata.execution_words(execution)
         channels.flush()
 
-    def _show_sample(self, execution: Execution, i: int) -> None:
+    def _show_sample(self, execution: Execution, margins: views.MarginView, i: int) -> None:
         channels, pose = self._channels, execution.poses[i]
         stamp = channels.advance(execution.t[i])
-        margins = views.margins_message(self._scenario.chain, execution, i, stamp)
         channels.send(schemas.TF, self._frames.at(pose, stamp))
         channels.send(schemas.PUSHER_POSE, pose_in_world(pose, stamp))
         channels.send(schemas.PUSHER_TWIST, views.twist_message(execution.twists[i], stamp))
-        channels.send(schemas.MARGINS, margins)
+        channels.send(schemas.MARGINS, margins.at(i, stamp))
 
     def finish(self, outcome: str) -> None:
         """End the log and give it its final name.
