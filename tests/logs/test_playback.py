@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import json
 import struct
@@ -134,10 +135,9 @@ def test_a_run_plays_on_a_terminal_and_gives_the_cursor_back(recorded: RecordedR
 
 def listen(port: int, found: dict[str, list[tuple[int, bytes]]], until: float) -> None:
     """Subscribe to every topic, as a viewer does, and collect the messages."""
-    from websockets.sync.client import connect
-
+    client = importlib.import_module("websockets.sync.client")
     topics: dict[int, str] = {}
-    with connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"]) as socket:  # type: ignore[list-item]
+    with client.connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"]) as socket:
         while time.monotonic() < until:
             try:
                 message = socket.recv(timeout=0.1)
