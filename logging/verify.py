@@ -12,10 +12,12 @@ from pushplan.arrays import FloatArray
 from pushplan.logging.recorded import RecordedRun
 from pushplan.path import PushPath
 from pushplan.planners.checker import find_collision
-from pushplan.planners.timing import time_path
+from pushplan.planners.trajectories import make_trajectory
+from pushplan.result import PlanResult
 from pushplan.run import execute
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution
+from pushplan.stable_set import stable_set as make_stable_set
 from pushplan.trajectory import Trajectory
 
 TOLERANCE = 1e-9
@@ -94,18 +96,18 @@ def verify(run: RecordedRun) -> VerifyReport:
     plan = run.plan
     if plan is None or plan.path is None or plan.trajectory is None:
         return VerifyReport(())
-    checks = [*_timing(run.scenario, plan.path, plan.trajectory), _clear_way(run.scenario, plan.trajectory)]
+    checks = [*_timing(run.scenario, plan, plan.trajectory, plan.path)]
+    checks.append(_clear_way(run.scenario, plan.trajectory))
     replayed = execute(run.scenario, plan)
     if run.execution is not None and replayed is not None:
         checks += _execution(run.execution, replayed)
     return VerifyReport(tuple(checks))
 
 
-def _timing(scenario: Scenario, path: PushPath, trajectory: Trajectory) -> Iterator[Check]:
-    """Compare the trajectory with the path timed again."""
-    if scenario.trajectory != "exact":
-        return
-    again = time_path(path, scenario.chain.pusher.limits, trajectory.rate)
+def _timing(scenario: Scenario, plan: PlanResult, trajectory: Trajectory, path: PushPath) -> Iterator[Check]:
+    """Compare the trajectory with the path timed again, as the scenario asks for."""
+    stable = make_stable_set(scenario.chain, plan.stable_set)
+    again = make_trajectory(scenario, path, stable, trajectory.rate)
     yield Check("duration", abs(again.duration - trajectory.duration))
     yield _series("commanded twist", trajectory.t, trajectory.twists, again.twists_at(trajectory.t))
     yield _series("commanded pose", trajectory.t, trajectory.poses, again.poses_at(trajectory.t))

@@ -21,7 +21,7 @@ from pushplan.errors import RunLogError
 from pushplan.logging import execution_message, metadata, plan_message, schemas, views
 from pushplan.logging.attached import MEDIA_TYPES, attachments_of
 from pushplan.logging.channels import Channels
-from pushplan.logging.effort import Effort
+from pushplan.logging.effort import Effort, exact
 from pushplan.logging.frames import ChainFrames, pose_in_world, poses_in_world
 from pushplan.logging.partial_file import PartialFile
 from pushplan.logging.scene import scene, tree
@@ -167,16 +167,18 @@ class RunLogWriter:
         channels.send(schemas.PUSHER_TWIST, views.twist_message(execution.twists[i], stamp))
         channels.send(schemas.MARGINS, margins.at(i, stamp))
 
-    def finish(self, outcome: str) -> None:
+    def finish(self, outcome: str, seconds: Mapping[str, float] | None = None) -> None:
         """End the log and give it its final name.
 
         Args:
             outcome: How the run ended, in a word: solved, unsolved, ...
+            seconds: Wall-clock time of each phase, for the metadata `pushplan.result`.
 
         Raises:
             RunLogError: When the file cannot be written; what is there stays under `partial`.
         """
-        self._end({"outcome": outcome})
+        times = {f"{phase}_s": exact(spent) for phase, spent in (seconds or {}).items()}
+        self._end({"outcome": outcome, **times})
         self._file.publish()
 
     def _end(self, words: Mapping[str, str]) -> None:

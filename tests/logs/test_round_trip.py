@@ -57,6 +57,13 @@ def test_an_unsolved_run_comes_back(
     assert run.lines[0].level == "warning"
 
 
+def test_times_of_the_phases_are_kept(case: Any, tmp_path: Path) -> None:
+    with RunLogWriter.create(tmp_path / "run.mcap", case.scenario, {}) as log:
+        log.finish("solved", {"search": 0.1, "logging": 1e-3})
+    words = read_run(tmp_path / "run.mcap").words["pushplan.result"]
+    assert (float(words["search_s"]), float(words["logging_s"])) == (0.1, 1e-3)
+
+
 def test_arrays_that_were_read_cannot_be_changed(case: Any, tmp_path: Path) -> None:
     run = read_run(case.write(tmp_path / "run.mcap"))
     assert run.execution is not None
