@@ -189,7 +189,7 @@ def test_a_killed_run_keeps_what_was_flushed(
             case.write(path)
 
     rng, stages = np.random.default_rng(3), set()
-    for _ in range(60):
+    for _ in range(40):
         for leftover in tmp_path.iterdir():
             leftover.unlink()
         child = in_child(write_again_and_again)
