@@ -1,0 +1,57 @@
+"""Imported by the fork server once: loads and compiles all that runs need, so that their processes start with it.
+
+Whatever fails here fails again in each run that needs it, and is told there.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a run has one processor; and forks want no other threads
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+def load() -> None:
+    """Do a small run with every planner, and ask every stable set."""
+    import tempfile
+    from pathlib import Path
+
+    from pushplan.bench.outcome import Task
+    from pushplan.bench.work import perform
+    from pushplan.kernels import warm_up
+    from pushplan.names import PLANNERS, STABLE_SETS
+    from pushplan.scenario import load_scenario
+    from pushplan.stable_set import stable_set
+
+    scenario = load_scenario("two-crates")
+    for name in PLANNERS:
+        with contextlib.suppress(Exception):
+            warm_up(name)
+    for name in STABLE_SETS:
+        with contextlib.suppress(Exception):
+            stable_set(scenario.chain, name).margin([[1.0, 0.0, 0.0]])
+    task = Task(
+        "",
+        "two-crates",
+        scenario.source,
+        {},
+        "auto",
+        True,
+        1.0,
+        None,
+        scenario.stability.set,
+        1,
+        1.0,
+        1.0,
+        "",
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        perform(task, Path(folder))
+
+
+with contextlib.suppress(Exception):
+    load()
+# Without the interpreter's clean-up, in which the bindings of OMPL list what they call leaks on the user's screen.
+atexit.register(os._exit, 0)

@@ -1,0 +1,212 @@
+"""Results of a benchmark in an SQLite file that Planner Arena opens, a commit a run."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Self
+
+from pushplan.bench import arena
+from pushplan.bench.machine import Machine
+from pushplan.bench.outcome import OK, STATUSES, Outcome
+from pushplan.bench.suite import Problem, RunSpec, Suite
+from pushplan.errors import PushplanError
+
+FORMAT = 1
+"""Version of our own tables."""
+
+BUSY = 30.0
+"""Seconds to wait for another program that has the file locked."""
+
+
+class StoreError(PushplanError, ValueError):
+    """A file of results cannot be used."""
+
+
+class Store:
+    """The results of a benchmark; one process writes.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open the file, or create it."""
+        self.path = path
+        self._database = sqlite3.connect(path, timeout=BUSY, isolation_level=None)
+        try:
+            self._prepare()
+        except sqlite3.DatabaseError as error:
+            self._database.close()
+            raise StoreError(f"{path} is no file of results: {error}") from error
+
+    def _prepare(self) -> None:
+        run = self._database.execute
+        run("PRAGMA foreign_keys = ON")
+        run("PRAGMA journal_mode = WAL")
+        run("PRAGMA synchronous = NORMAL")
+        with self._transaction():
+            for statement in (arena.TABLES + arena.VIEWS + arena.OWN).split(";"):
+                run(statement)
+            self._database.executemany("INSERT OR IGNORE INTO enums VALUES (?, ?, ?)", arena.STATUS_ROWS)
+
+    def close(self) -> None:
+        """Close the file, whole in itself again (without a write-ahead log beside it)."""
+        self._database.execute("PRAGMA journal_mode = DELETE")
+        self._database.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        """Write all inside, or nothing."""
+        self._database.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+        except BaseException:
+            self._database.execute("ROLLBACK")
+            raise
+        self._database.execute("COMMIT")
+
+    def expect(self, suite: Suite, runs: Iterable[RunSpec], machine: Machine, version: str) -> None:
+        """Note which runs the suite consists of now; results of earlier ones stay."""
+        runs = list(runs)
+        words = (FORMAT, suite.name, suite.source, version, json.dumps(machine.versions), machine.text, now())
+        rows = [(r.key, i, r.problem.name, r.planner.label, r.stable_set, r.seed) for i, r in enumerate(runs)]
+        with self._transaction():
+            self._database.execute(
+                "INSERT INTO pushplan_suite VALUES (1, ?, ?, ?, ?, ?, ?, ?, 0.0) ON CONFLICT (id) DO UPDATE SET "
+                "format = excluded.format, name = excluded.name, source = excluded.source, "
+                "version = excluded.version, versions = excluded.versions, machine = excluded.machine",
+                words,
+            )
+            self._database.execute("DELETE FROM pushplan_plan")
+            self._database.executemany("INSERT INTO pushplan_plan VALUES (?, ?, ?, ?, ?, ?)", rows)
+            for problem in suite.problems:
+                self._experiment(problem, suite, machine, version)
+
+    def _experiment(self, problem: Problem, suite: Suite, machine: Machine, version: str) -> None:
+        if self._experiment_id(problem.hash, version) is not None:
+            return
+        scenario = problem.scenario
+        seeds = ",".join(str(seed) for seed in suite.seeds)
+        row = (
+            problem.family,
+            0.0,
+            max(planner.time for planner in suite.planners),
+            suite.megabytes,
+            0,
+            f"pushplan {version}",
+            machine.host,
+            machine.text,
+            now(),
+            seeds if len(seeds) <= 24 else f"{seeds[:21]}...",
+            scenario.source.decode("utf-8"),
+            problem.instance,
+            len(scenario.chain.objects),
+            len(scenario.obstacles),
+            scenario.chain.pusher.drive.kind,
+        )
+        added = self._insert("experiments", (None, *row))
+        self._insert("pushplan_problems", (added, problem.name, problem.hash, version))
+
+    def _experiment_id(self, digest: str, version: str) -> int | None:
+        query = "SELECT experimentid FROM pushplan_problems WHERE hash = ? AND version = ?"
+        return self._single(query, (digest, version))
+
+    def _single(self, query: str, values: tuple[object, ...]) -> int | None:
+        row = self._database.execute(query, values).fetchone()
+        return None if row is None else int(row[0])
+
+    def _insert(self, table: str, row: tuple[object, ...]) -> int:
+        places = ", ".join("?" * len(row))
+        return int(self._database.execute(f"INSERT INTO {table} VALUES ({places})", row).lastrowid or 0)
+
+    def done(self) -> set[str]:
+        """Return the keys of all runs that have a result."""
+        return {key for (key,) in self._database.execute("SELECT key FROM pushplan_runs")}
+
+    def add(self, run: RunSpec, result: Outcome, log: str | None) -> None:
+        """Write the result of a run, in place of an earlier one of the same key.
+
+        Args:
+            run: Which run.
+            result: What became of it.
+            log: Name of its log's file, relative to the results' folder, or None.
+        """
+        experiment = self._experiment_id(run.problem.hash, run.version)
+        with self._transaction():
+            self._database.execute(
+                "DELETE FROM runs WHERE id IN (SELECT runid FROM pushplan_runs WHERE key = ?)", (run.key,)
+            )
+            number = self._insert("runs", (None, experiment, self._planner(run), *_attributes(run, result)))
+            arcs = json.dumps(result.figures.arcs)
+            own = (number, run.key, result.status, result.message, arcs, log, result.host, now())
+            self._insert("pushplan_runs", own)
+            points = {seconds: (number, seconds, cost, n) for seconds, cost, n in result.figures.progress}
+            self._database.executemany("INSERT INTO progress VALUES (?, ?, ?, ?)", points.values())
+            self._database.execute(
+                "UPDATE experiments SET runcount = (SELECT COUNT(*) FROM runs WHERE experimentid = ?1), "
+                "totaltime = (SELECT SUM(total_time) FROM runs WHERE experimentid = ?1) WHERE id = ?1",
+                (experiment,),
+            )
+
+    def _planner(self, run: RunSpec) -> int:
+        """Return the id of a planner with its settings and stable set."""
+        settings = "".join(f"{name} = {value}\n" for name, value in run.planner.settings.items())
+        row = (planner_name(run), f"{settings}set = {run.stable_set}\n")
+        known = self._single("SELECT id FROM plannerConfigs WHERE name = ? AND settings = ?", row)
+        return self._insert("plannerConfigs", (None, *row)) if known is None else known
+
+    def spent(self, seconds: float) -> None:
+        """Add to the wall-clock time that the benchmark has taken."""
+        self._database.execute("UPDATE pushplan_suite SET seconds = seconds + ?", (seconds,))
+
+
+def planner_name(run: RunSpec) -> str:
+    """Return what a planner within a stable set is called in tables and pictures."""
+    return f"{run.planner.label} ({run.stable_set})"
+
+
+def _attributes(run: RunSpec, result: Outcome) -> tuple[object, ...]:
+    """Return the values of `arena.ATTRIBUTES`."""
+    figures = result.figures
+    seconds = figures.seconds
+    values = {
+        "time": seconds.get("search"),
+        "solved": int(result.status == OK),
+        "status": STATUSES.index(result.status),
+        "correct_solution": int(figures.valid) if figures.found else None,
+        "seed": run.seed,
+        "first_solution_time": figures.first_solution_s,
+        "solution_length": figures.path_cost,
+        "solution_segments": len(figures.arcs) if figures.path_cost is not None else None,
+        "solution_clearance": figures.clearance,
+        "solution_difference": figures.goal_position_error,
+        "goal_angle_error": figures.goal_angle_error,
+        "min_margin": figures.min_margin,
+        "duration": figures.duration,
+        "extensions": figures.extensions,
+        "memory": figures.memory,
+        "posing_time": seconds.get("posing"),
+        "timing_time": seconds.get("timing"),
+        "execution_time": seconds.get("execution"),
+        "logging_time": seconds.get("logging"),
+        "validation_time": seconds.get("validation"),
+        "overhead_time": result.seconds - sum(seconds.values()) if seconds else None,
+        "total_time": result.seconds,
+    }
+    return tuple(values[name] for name, _ in arena.ATTRIBUTES)
+
+
+def now() -> str:
+    """Return the time of day."""
+    return datetime.now(UTC).isoformat(timespec="seconds")

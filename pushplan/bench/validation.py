@@ -1,0 +1,98 @@
+"""What an execution is judged by: collision, margin and goal, whatever the planner claims."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from pushplan.arrays import FloatArray
+from pushplan.planners.checker import densify, find_collision
+from pushplan.scenario import CircleObstacle, Obstacle, Scenario
+from pushplan.se2 import rotate
+from pushplan.sim.execution import Execution
+
+CLEARANCE_SPACING = 0.01
+"""No point of a body moves farther than this between two poses at which the clearance is measured, m."""
+
+
+COARSE = 16
+"""Every so many of these poses is looked at first, for a bound."""
+
+
+def flaw(scenario: Scenario, execution: Execution) -> str:
+    """Return why an execution does not solve a scenario, empty if it does."""
+    if execution.loss is not None:
+        loss = execution.loss
+        return f"contact {loss.contact} is lost after {loss.time:.3f} s with a margin of {loss.margin:.3g}"
+    margin = float(execution.margins.min())
+    if margin <= scenario.stability.margin:
+        return f"the smallest margin is {margin:.3g}; it must be above {scenario.stability.margin:g}"
+    position, angle = execution.goal_error
+    goal = scenario.goal
+    if position > goal.position_tolerance or angle > goal.angle_tolerance:
+        return f"the goal is missed by {position:.2g} m and {angle:.2g} rad"
+    hit = find_collision(scenario, execution.poses)
+    if hit is not None:
+        other = "a wall of the workspace" if hit.obstacle is None else f"obstacle {hit.obstacle}"
+        return f"{hit.body} meets {other} with the chain frame at {hit.pose}"
+    return ""
+
+
+def clearance(scenario: Scenario, poses: FloatArray) -> float | None:
+    """Return the smallest distance (m) of the moving bodies from obstacles and walls along poses (m, 3).
+
+    None where there is nothing to keep clear of. Measured at poses `CLEARANCE_SPACING` apart, so the true one may be
+    smaller by half of that at most.
+    """
+    outlines = [scenario.chain.pusher.outline, *(obj.outline_chain for obj in scenario.chain.objects)]
+    reach = max(float(np.linalg.norm(outline, axis=1).max()) for outline in outlines)
+    some = densify(_thinned(poses, reach), reach, CLEARANCE_SPACING)
+    found = [_to_obstacles(scenario, outline, some) for outline in outlines]
+    found += [_to_walls(scenario, outline, some) for outline in outlines]
+    smallest = min(found)
+    return None if smallest == np.inf else smallest
+
+
+def _thinned(poses: FloatArray, reach: float) -> FloatArray:
+    """Leave out poses that are nearer to the last one kept than the spacing."""
+    steps = np.abs(np.diff(poses, axis=0))
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + reach * steps[:, 2])])
+    bins = np.floor(travel / CLEARANCE_SPACING)
+    kept = np.concatenate([[True], bins[1:] > bins[:-1]])
+    kept[-1] = True
+    return np.asarray(poses[kept])
+
+
+def _placed(outline: FloatArray, poses: FloatArray) -> FloatArray:
+    """Return the corners (m, v, 2) of an outline at poses (m, 3)."""
+    corners: FloatArray = poses[:, None, :2] + rotate(poses[:, 2:3], outline[None])
+    return corners
+
+
+def _to_obstacles(scenario: Scenario, outline: FloatArray, poses: FloatArray) -> float:
+    if not scenario.obstacles:
+        return np.inf
+    tree = shapely.STRtree([_standing(obstacle) for obstacle in scenario.obstacles])
+    bodies = np.asarray(shapely.polygons(_placed(outline, poses)))
+    _, some = tree.query_nearest(bodies[::COARSE], return_distance=True, all_matches=False)
+    smallest = float(some.min())
+    if smallest > 0.0:  # with a bound, the search passes over most of the other poses quickly
+        _, rest = tree.query_nearest(bodies, max_distance=smallest, return_distance=True, all_matches=False)
+        smallest = float(min(rest.min(initial=smallest), smallest))
+    return smallest
+
+
+def _standing(obstacle: Obstacle) -> shapely.Polygon:
+    if isinstance(obstacle, CircleObstacle):
+        return shapely.Point(obstacle.center).buffer(obstacle.radius, quad_segs=64)
+    return shapely.Polygon(obstacle.outline)
+
+
+def _to_walls(scenario: Scenario, outline: FloatArray, poses: FloatArray) -> float:
+    area = scenario.workspace
+    if area is None:
+        return np.inf
+    corners = _placed(outline, poses)
+    low = corners - [area.xmin, area.ymin]
+    high = [area.xmax, area.ymax] - corners
+    return max(float(min(low.min(), high.min())), 0.0)
