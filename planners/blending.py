@@ -82,6 +82,8 @@ def blend_path(
     """
     bounds = Bounds(scenario.chain.pusher.limits, contacts)
     exact = time_path(path, bounds.limits, rate, contacts)
+    if not corners_of(path):
+        return Blend(exact, frozenset())
     inset = inset_path(path, stable, scenario.stability.margin, bounds)
     blend = _Blender(scenario, inset.path, path.end, stable, rate, bounds).blended()
     if blend is None or blend.trajectory.duration >= exact.duration:
@@ -126,7 +128,7 @@ class _Blender:
         self.scene, self.reach = scenario_scene(scenario), body_reach(scenario)
         self.corners = corners_of(path)
         self.stops: frozenset[int] = frozenset()
-        self.parts = [make_driven(path, driven_arcs(path), bounds)] if self.corners else []
+        self.parts = [make_driven(path, driven_arcs(path), bounds)]
         self.nudging = _Nudging(no_rows(len(path.lengths)))
 
     def blended(self) -> Blend | None:

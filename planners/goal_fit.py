@@ -10,6 +10,7 @@ from pushplan import se2
 from pushplan.arrays import FloatArray
 from pushplan.errors import TimingError
 from pushplan.path import PushPath
+from pushplan.planners.least_change import least_change
 from pushplan.planners.nudge import LengthRows, effects_on
 
 CLOSE = 1e-12
@@ -39,25 +40,41 @@ def fit_lengths(
         goal: (3,) pose in the world, near the path's end.
         path: Tells how the end depends on the lengths, nearly.
         lengths: (k,) to begin with; long arcs are changed more than short ones, none below 0.
-        rows: Other conditions that the lengths have to meet.
+        rows: Other conditions that the lengths have to meet: no less than their values.
 
     Raises:
         NoFitError: When Newton's method does not get there.
     """
-    slopes = np.vstack([effects_on(path.end, path), rows.matrix])
+    effects = effects_on(path.end, path)
     best, least = lengths, np.inf
     for _ in range(ROUNDS):
         error = se2.relative(end(lengths), goal)
-        missing = np.append(error, rows.values - rows.matrix @ lengths)
-        size = float(np.abs(missing).max())
+        missing = rows.values - rows.matrix @ lengths
+        size = max(float(np.abs(error).max()), float(missing.max(initial=0.0)))
         if size < least:
             best, least = lengths, size
         if size < CLOSE:
             break
-        change = np.linalg.lstsq(slopes * lengths, missing, rcond=1e-9)[0] * lengths
-        lengths = np.maximum(lengths + change, 0.0)
+        lengths = lengths + _change(effects, error, rows.matrix, missing, lengths)
     if least > ENOUGH:
         raise NoFitError(
             f"no arc lengths found that end on the goal: the best miss a condition by {least:.2g}"
         )
     return best
+
+
+def _change(
+    effects: FloatArray, error: FloatArray, matrix: FloatArray, missing: FloatArray, lengths: FloatArray
+) -> FloatArray:
+    """The change of the lengths, small in relation to them, that takes away the error and what is missing.
+
+    Raises:
+        NoFitError: When what is missing cannot be had without a negative length.
+    """
+    kept = np.eye(len(lengths))
+    share = least_change(
+        effects * lengths, error, np.vstack([matrix * lengths, kept]), np.append(missing, -kept.sum(axis=1))
+    )
+    if share is None:
+        raise NoFitError("no arc lengths, none of them negative, keep away from everything that was touched")
+    return np.maximum(share, -1.0) * lengths

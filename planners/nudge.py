@@ -15,21 +15,21 @@ from pushplan import se2
 from pushplan.arrays import FloatArray
 from pushplan.path import PushPath
 from pushplan.planners.collision import Scene
-from pushplan.planners.sweep import Touches, separations
+from pushplan.planners.sweep import Touches, least_gap, separations
 from pushplan.trajectory import Trajectory
 
 APART = 0.2
 """Touches closer together than this (s) count as one: the worst of them is pushed away."""
 
 ROOM = 2.0
-"""Multiple of the clearance that a nudge aims at."""
+"""What a nudge aims at beyond the clearance, as a multiple of what may be lost between the poses looked at."""
 
 STEP = 1e-5
 """Step of the separation's finite differences, m and, times the body's reach, rad."""
 
 
 class LengthRows(NamedTuple):
-    """Linear conditions on the lengths x (k,) of a path's arcs: matrix (c, k) x = values (c,)."""
+    """Linear conditions on the lengths x (k,) of a path's arcs: matrix (c, k) x >= values (c,)."""
 
     matrix: FloatArray
     values: FloatArray
@@ -71,7 +71,7 @@ def nudges(
         pose = trajectory.poses_at([time])[0]
         before = np.arange(len(lengths)) < trajectory.arc[trajectory.piece_at([time])[0]]
         row = np.where(before, _gradient(scene, pose, reach) @ effects_on(pose, path), 0.0)
-        missing = ROOM * scene.clearance - touches.gaps[worst]
+        missing = scene.clearance + ROOM * (scene.clearance - scene.kept) - touches.gaps[worst]
         rows = rows.joined(LengthRows(row[None], np.array([row @ lengths + missing])))
     return rows
 

@@ -1,0 +1,121 @@
+"""Limits of an arc from the contacts: inside the exact polygon, and never at the cost of a stall unsaid."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+
+from pushplan.admissible_speeds import SpeedWindow, admissible_speeds
+from pushplan.arrays import FloatArray
+from pushplan.chain import Limits
+from pushplan.dynamics import ContactDynamics
+from pushplan.errors import TimingError
+from pushplan.path import PushPath, cost_rate
+from pushplan.planners.arc_limits import ROOM, Bounds, arc_limits, contact_limits
+from pushplan.planners.profile import ArcLimits, rest_to_rest
+from pushplan.planners.timing import time_path
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+FAST = Limits(speed=2.0, acceleration=20.0, jerk=1e3, angular_speed=20.0, angular_acceleration=90.0)
+
+
+def _stable_twists(contacts: ContactDynamics, seed: int, count: int) -> FloatArray:
+    """Unit-cost twists (count, 3) along which every contact holds by some margin."""
+    rng = np.random.default_rng(seed)
+    twists = rng.normal(size=(4000, 3)) * [0.2, 0.2, 1.5] + [1.0, 0.0, 0.0]
+    margins = contacts.margins(1e-6 * twists, np.zeros_like(twists)).min(axis=1)
+    kept = twists[margins > 0.02][:count]
+    assert len(kept) == count
+    return np.asarray(kept / cost_rate(kept)[:, None])
+
+
+def _box(found: ArcLimits) -> shapely.Polygon:
+    return shapely.box(0.0, -found.deceleration, found.speed**2, found.acceleration)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_the_rectangle_of_speeds_lies_inside_the_polygon(make_chain: ChainMaker, n: int) -> None:
+    chain = make_chain.boxes(n)
+    contacts = ContactDynamics(chain)
+    for twist in _stable_twists(contacts, n, 20):
+        found = contact_limits(twist, 1.0, Bounds(FAST, contacts))
+        polygon = shapely.Polygon(admissible_speeds(chain, twist, SpeedWindow(100.0, 200.0)).vertices)
+        assert polygon.contains(_box(found))
+
+
+def test_every_bound_is_at_a_limit_of_the_pusher_or_of_a_contact(make_chain: ChainMaker) -> None:
+    contacts = ContactDynamics(make_chain.boxes(2))
+    held = 0
+    for twist in _stable_twists(contacts, 2, 20):
+        found = contact_limits(twist, 1.0, Bounds(FAST, contacts))
+        alone, rows = arc_limits(twist, FAST, found.speed), contacts.rows(twist)
+        for bound, usual, sign in (
+            (found.acceleration, alone.acceleration, 1.0),
+            (found.deceleration, alone.deceleration, -1.0),
+        ):
+            worst = np.minimum(rows.gamma, 0.0) * found.speed**2 + rows.beta * sign * bound
+            left = float((ROOM * rows.alpha + worst).min())
+            assert left > -1e-9
+            assert bound == usual or left == pytest.approx(0.0, abs=1e-9)
+            held += bound < usual
+    assert held > 10
+
+
+def test_no_other_split_between_speed_and_acceleration_is_much_faster(make_chain: ChainMaker) -> None:
+    contacts = ContactDynamics(make_chain.boxes(2))
+    for twist in _stable_twists(contacts, 7, 10):
+        rows = contacts.rows(twist)
+        best = rest_to_rest(0.8, contact_limits(twist, 0.8, Bounds(FAST, contacts))).duration
+        for top in np.linspace(0.02, 1.0, 60) * arc_limits(twist, FAST).speed:
+            bounds = arc_limits(twist, FAST, float(top))
+            left = ROOM * rows.alpha + np.minimum(rows.gamma, 0.0) * bounds.speed**2
+            if left.min() <= 0.0:
+                continue
+            up = float(np.min(left[rows.beta < 0] / -rows.beta[rows.beta < 0], initial=np.inf))
+            down = float(np.min(left[rows.beta > 0] / rows.beta[rows.beta > 0], initial=np.inf))
+            other = bounds._replace(
+                acceleration=min(bounds.acceleration, up), deceleration=min(bounds.deceleration, down)
+            )
+            assert rest_to_rest(0.8, other).duration > 0.97 * best
+
+
+def test_a_fast_pusher_makes_contacts_slip_unless_they_limit_it(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(3)
+    contacts = ContactDynamics(chain)
+    path = PushPath(np.zeros(3), _stable_twists(contacts, 3, 5), np.full(5, 0.6))
+    least = []
+    for used in (None, contacts):
+        trajectory = time_path(path, FAST, contacts=used)
+        times = np.linspace(1e-3, trajectory.duration - 1e-3, 4000)
+        rates = (trajectory.twists_at(times + 1e-6) - trajectory.twists_at(times - 1e-6)) / 2e-6
+        moving = np.abs(trajectory.twists_at(times)).max(axis=1) > 1e-6
+        least.append(contacts.margins(trajectory.twists_at(times)[moving], rates[moving]).min())
+    assert least[0] < 0.0
+    assert least[1] > 0.0
+
+
+def test_without_inertia_the_limits_are_the_pushers(make_chain: ChainMaker) -> None:
+    twist = np.array([0.9, 0.0, 1.0])
+    assert contact_limits(twist, 1.0, Bounds(Limits(), None)) == arc_limits(twist, Limits())
+    slow = Limits(speed=0.01, acceleration=0.01)
+    contacts = ContactDynamics(make_chain.boxes(1))
+    assert contact_limits(twist, 5.0, Bounds(slow, contacts)) == pytest.approx(
+        arc_limits(twist, slow), rel=0.05
+    )
+
+
+def test_a_twist_without_room_is_refused_with_the_way_out(make_chain: ChainMaker) -> None:
+    """On the boundary of the stable set any acceleration would slip."""
+    contacts = ContactDynamics(make_chain.boxes(1))
+    inside, outside = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 20.0])
+    for _ in range(60):
+        middle = 0.5 * (inside + outside)
+        held = contacts.quasi_static_rows(middle[None]).min() > 0.0
+        inside, outside = (middle, outside) if held else (inside, middle)
+    with pytest.raises(TimingError, match=r"no room for inertia.*raise stability\.margin"):
+        contact_limits(inside / cost_rate(inside), 1.0, Bounds(Limits(), contacts))

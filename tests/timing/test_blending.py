@@ -1,0 +1,241 @@
+"""Blended trajectories: they end on the goal, keep limits and margin, touch nothing, and save time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+
+from pushplan.arrays import FloatArray
+from pushplan.chain import Limits
+from pushplan.dynamics import ContactDynamics
+from pushplan.examples import example_names
+from pushplan.path import PushPath, cost_rate
+from pushplan.plan import plan
+from pushplan.planners.arc_limits import arc_limits
+from pushplan.planners.blending import Blend, blend_path
+from pushplan.planners.checker import find_collision
+from pushplan.planners.joining import corners_of
+from pushplan.planners.timing import time_path
+from pushplan.scenario import CircleObstacle, Scenario
+from pushplan.se2 import transform_points
+from pushplan.sim.kinematic import simulate
+from pushplan.stable_set import StableSet, stable_set
+from pushplan.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+Planned = Callable[[str], tuple[Scenario, PushPath]]
+
+
+def _set(scenario: Scenario) -> StableSet:
+    return stable_set(scenario.chain, scenario.stability.set)
+
+
+def _with_limits(scenario: Scenario, limits: Limits) -> Scenario:
+    pusher = replace(scenario.chain.pusher, limits=limits)
+    return replace(scenario, chain=replace(scenario.chain, pusher=pusher))
+
+
+def _use_by_differences(trajectory: Trajectory, limits: Limits, h: float = 2e-3) -> FloatArray:
+    """Largest share (3,) of the limits on speed, acceleration and jerk in the world.
+
+    Across breaks as well: where the acceleration is continuous, the third difference is a mean of the jerk.
+    """
+    poses = trajectory.poses_at(np.arange(0.0, trajectory.duration, h))
+    linear = (limits.speed, limits.acceleration, limits.jerk)
+    angular = (limits.angular_speed, limits.angular_acceleration, limits.angular_jerk)
+    use = []
+    for order, (a, b) in enumerate(zip(linear, angular, strict=True), start=1):
+        rates = np.diff(poses, n=order, axis=0) / h**order
+        use.append(max(np.hypot(rates[:, 0], rates[:, 1]).max() / a, np.abs(rates[:, 2]).max() / b))
+    return np.array(use)
+
+
+def _check(scenario: Scenario, path: PushPath, stable: StableSet, blend: Blend) -> None:
+    trajectory, limits = blend.trajectory, scenario.chain.pusher.limits
+    assert _use_by_differences(trajectory, limits).max() <= 1.0 + 1e-4
+    np.testing.assert_allclose(trajectory.poses[-1], path.end, atol=1e-9)
+    execution = simulate(trajectory, stable, path.end)
+    assert execution.loss is None
+    assert execution.margins.min() > scenario.stability.margin
+    assert max(execution.goal_error) < 1e-8
+    assert find_collision(scenario, trajectory.poses_at(np.arange(0.0, trajectory.duration, 2e-3))) is None
+    stopped = trajectory.breaks[np.abs(trajectory.twists_at(trajectory.breaks)).max(axis=1) < 1e-9]
+    assert len(stopped) == 2 + len(blend.stops)
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_packaged_scenarios_are_driven_in_nearly_the_time_of_no_stop_at_all(
+    planned: Planned, name: str
+) -> None:
+    scenario, path = planned(name)
+    limits, stable = scenario.chain.pusher.limits, _set(scenario)
+    blend = blend_path(scenario, path, stable)
+    _check(scenario, path, stable, blend)
+    exact = time_path(path, limits)
+    flow = sum(s / arc_limits(t, limits).speed for t, s in zip(path.twists, path.lengths, strict=True))
+    per_stop = (exact.duration - flow) / (len(corners_of(path)) + 1.0)
+    assert blend.trajectory.duration < flow + (2.0 + len(blend.stops)) * per_stop + 0.03 * flow
+    assert len(blend.stops) <= 0.3 * len(corners_of(path))
+
+
+def test_blending_saves_a_fifth_of_the_time_over_all_packaged_scenarios(planned: Planned) -> None:
+    saved = []
+    for name in example_names():
+        scenario, path = planned(name)
+        faster = replace(scenario.chain.pusher.limits, speed=max(0.3, scenario.chain.pusher.limits.speed))
+        blend = blend_path(_with_limits(scenario, faster), path, _set(scenario))
+        saved.append(1.0 - blend.trajectory.duration / time_path(path, faster).duration)
+    assert np.mean(saved) > 0.2
+
+
+def _free(
+    make_chain: ChainMaker, template: Scenario, *arcs: tuple[float, float, float, float]
+) -> tuple[Scenario, PushPath]:
+    """A scenario without obstacles for two boxes, and a path of the given twists and lengths."""
+    chain = make_chain.boxes(2, size=(0.1, 0.2))
+    values = np.array(arcs)
+    twists = values[:, :3] / cost_rate(values[:, :3])[:, None]
+    path = PushPath(np.array([0.2, -0.1, 0.4]), twists, values[:, 3])
+    return replace(template, chain=chain, obstacles=(), workspace=None, start=path.start), path
+
+
+TURNS = [(1.0, 0.0, 0.0, 0.4), (1.0, -0.1, 0.8, 0.3), (1.0, 0.1, -0.8, 0.3), (1.0, 0.0, 0.0, 0.3)]
+
+
+def test_the_twist_moves_straight_from_one_arc_to_the_next(make_chain: ChainMaker, planned: Planned) -> None:
+    """Arcs long enough for their steps not to overlap: the phase-synchronised blend between two twists."""
+    scenario, path = _free(make_chain, planned("one-box")[0], *TURNS)
+    blend = blend_path(scenario, path, _set(scenario))
+    assert not blend.stops
+    twists = blend.trajectory.twists_at(np.linspace(0.0, blend.trajectory.duration, 3000))
+    levels = [t * arc_limits(t, Limits()).speed for t in path.twists]
+    levels = [np.zeros(3), *levels, np.zeros(3)]
+    away = np.full(len(twists), np.inf)
+    for a, b in pairwise(levels):
+        share = np.clip((twists - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        away = np.minimum(away, np.linalg.norm(twists - a - share[:, None] * (b - a), axis=1))
+    assert away.max() < 1e-9
+
+
+def test_two_arcs_cannot_be_blended_onto_the_goal_and_keep_their_stop(
+    make_chain: ChainMaker, planned: Planned
+) -> None:
+    scenario, path = _free(make_chain, planned("one-box")[0], *TURNS[:2])
+    blend = blend_path(scenario, path, _set(scenario))
+    assert blend.stops == {0}
+    assert blend.trajectory.duration == time_path(path, Limits()).duration
+
+
+def test_translations_commute_and_need_no_third_arc(make_chain: ChainMaker, planned: Planned) -> None:
+    scenario, path = _free(make_chain, planned("one-box")[0], (1.0, 0.1, 0.0, 0.4), (1.0, -0.1, 0.0, 0.4))
+    blend = blend_path(scenario, path, _set(scenario))
+    assert not blend.stops
+    _check(scenario, path, _set(scenario), blend)
+
+
+def _blended(scenario: Scenario, path: PushPath) -> Trajectory:
+    return blend_path(scenario, path, _set(scenario)).trajectory
+
+
+def _exact(scenario: Scenario, path: PushPath) -> Trajectory:
+    return time_path(path, scenario.chain.pusher.limits)
+
+
+def test_arcs_of_the_same_twist_are_driven_on_without_slowing_down(
+    make_chain: ChainMaker, planned: Planned
+) -> None:
+    scenario, cut = _free(make_chain, planned("one-box")[0], *TURNS[:2], (1.0, -0.1, 0.8, 0.2), *TURNS[2:])
+    _, whole = _free(make_chain, scenario, TURNS[0], (1.0, -0.1, 0.8, 0.5), *TURNS[2:])
+    for make in (_blended, _exact):
+        a, b = make(scenario, cut), make(scenario, whole)
+        assert a.duration == pytest.approx(b.duration, abs=1e-3)
+        times = np.linspace(0.0, a.duration, 500)
+        np.testing.assert_allclose(a.twists_at(times), b.twists_at(times), atol=1e-3)
+        assert set(a.arc) == {0.0, 1.0, 2.0, 3.0, 4.0}
+        ends = cut.poses_at(np.cumsum(cut.lengths))
+        change = a.breaks[1:-1][np.diff(a.arc) != 0.0]
+        np.testing.assert_allclose(a.poses_at(change)[1, :2], ends[1, :2], atol=0.02)
+
+
+def test_a_path_without_corners_is_timed_exactly(make_chain: ChainMaker, planned: Planned) -> None:
+    scenario, path = _free(make_chain, planned("one-box")[0], TURNS[0])
+    blend = blend_path(scenario, path, _set(scenario))
+    assert blend.stops == frozenset()
+    assert blend.trajectory.duration == time_path(path, Limits()).duration
+    empty = PushPath(path.start, np.zeros((0, 3)), np.zeros(0))
+    assert blend_path(scenario, empty, _set(scenario)).trajectory.duration == 0.0
+
+
+def test_needles_in_the_way_of_the_cut_corners_move_the_way_or_make_a_stop(
+    make_chain: ChainMaker, planned: Planned
+) -> None:
+    """Needles that the blend would hit and the exact motion passes at half a millimetre."""
+    scenario, path = _free(make_chain, planned("one-box")[0], *TURNS, *TURNS[2:0:-1], *TURNS)
+    scenario = _with_limits(scenario, Limits(speed=0.4, angular_speed=2.0))
+    stable, limits = _set(scenario), scenario.chain.pusher.limits
+    plain = blend_path(scenario, path, stable).trajectory
+    exact = time_path(path, limits)
+    only_blended = shapely.difference(_swept(plain), shapely.buffer(_swept(exact), 7e-4))
+    places = [part.representative_point() for part in shapely.get_parts(only_blended) if part.area > 1e-7]
+    assert len(places) >= 2
+    stops = []
+    for some in [*([place] for place in places), places]:
+        blocked = replace(scenario, obstacles=tuple(_needle(place) for place in some))
+        assert find_collision(blocked, plain.poses) is not None
+        assert find_collision(blocked, exact.poses) is None
+        blend = blend_path(blocked, path, stable)
+        _check(blocked, path, stable, blend)
+        assert blend.trajectory.duration < exact.duration
+        stops.append(len(blend.stops))
+    assert min(stops) == 0
+
+
+def _swept(trajectory: Trajectory) -> shapely.Geometry:
+    """What pusher and boxes pass over."""
+    body = np.array([[-0.03, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.03, 0.1]])
+    poses = trajectory.poses_at(np.arange(0.0, trajectory.duration, 5e-3))
+    return shapely.union_all([shapely.Polygon(transform_points(pose, body)) for pose in poses])
+
+
+def _needle(place: shapely.Point) -> CircleObstacle:
+    return CircleObstacle(np.array([place.x, place.y]), 1e-4)
+
+
+def test_blends_keep_contacts_that_inertia_would_open(planned: Planned) -> None:
+    scenario, _ = planned("two-crates")
+    scenario = replace(scenario, stability=replace(scenario.stability, margin=0.05))
+    path = plan(scenario, seed=1, time_limit=0.4).path
+    assert path is not None
+    fast = Limits(
+        speed=0.5, acceleration=2.0, jerk=20.0, angular_speed=2.0, angular_acceleration=8.0, angular_jerk=80.0
+    )
+    scenario = replace(
+        scenario, chain=replace(scenario.chain, pusher=replace(scenario.chain.pusher, limits=fast))
+    )
+    contacts, stable = ContactDynamics(scenario.chain), _set(scenario)
+    least = []
+    for used in (None, contacts):
+        blend = blend_path(scenario, path, stable, contacts=used)
+        _check(scenario, path, stable, blend)
+        trajectory = blend.trajectory
+        times = np.linspace(1e-3, trajectory.duration - 1e-3, 5000)
+        rates = (trajectory.twists_at(times + 1e-6) - trajectory.twists_at(times - 1e-6)) / 2e-6
+        moving = np.abs(trajectory.twists_at(times)).max(axis=1) > 1e-6
+        least.append(contacts.margins(trajectory.twists_at(times)[moving], rates[moving]).min())
+        assert trajectory.duration <= time_path(path, fast, contacts=used).duration
+    assert least[0] < 0.0 < least[1]
+
+
+def test_the_same_path_gives_the_same_trajectory(planned: Planned) -> None:
+    scenario, path = planned("narrow-gap")
+    first, second = (blend_path(scenario, path, _set(scenario)).trajectory for _ in range(2))
+    np.testing.assert_array_equal(first.breaks, second.breaks)
+    np.testing.assert_array_equal(first.coefficients, second.coefficients)

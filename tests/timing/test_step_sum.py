@@ -1,0 +1,123 @@
+"""The sum of smooth steps: what it is by definition, and that it never leaves the hull of its levels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from pushplan.arrays import FloatArray
+from pushplan.planners.step_sum import Pieces, ordered_widths, step_sum
+
+
+def _at(pieces: Pieces, times: FloatArray) -> FloatArray:
+    """Values (m, 3) of the twist at times from its beginning."""
+    begins = np.concatenate([[0.0], np.cumsum(pieces.durations)])
+    index = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(pieces.durations) - 1)
+    tau = (times - begins[index])[:, None]
+    c = pieces.coefficients[index]
+    return np.asarray(c[:, 0] + tau * (c[:, 1] + tau * c[:, 2]))
+
+
+def _random(seed: int, steps: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    rng = np.random.default_rng(seed)
+    levels = np.concatenate([np.zeros((1, 3)), rng.normal(size=(steps - 1, 3)), np.zeros((1, 3))])
+    centers = np.cumsum(rng.exponential(0.3, steps))
+    long = rng.uniform(0.05, 0.6, steps)
+    widths = np.column_stack([long, long * rng.uniform(0.1, 1.0, steps)])
+    return levels, centers, ordered_widths(centers, widths)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_equal_windows_average_the_jumping_twist_twice(seed: int) -> None:
+    """With the same windows for all steps the sum is the jumping twist, convolved with both."""
+    levels, centers, _ = _random(seed, 6)
+    long, short = 0.4, 0.1
+    pieces = step_sum(levels, centers, np.tile([long, short], (6, 1)))
+    begin = centers[0] - (long + short) / 2.0
+    share = (np.arange(400) + 0.5) / 400 - 0.5
+    shifts = (long * share[:, None] + short * share[None, :]).ravel()
+    for time in np.linspace(0.01, pieces.durations.sum() - 0.01, 15):
+        jumped = levels[np.searchsorted(centers, begin + time + shifts)]
+        np.testing.assert_allclose(_at(pieces, np.array([time]))[0], jumped.mean(axis=0), atol=5e-3)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_sum_and_its_rate_are_continuous(seed: int) -> None:
+    pieces = step_sum(*_random(seed, 8))
+    h = pieces.durations[:, None]
+    c0, c1, c2 = (pieces.coefficients[:, j] for j in range(3))
+    np.testing.assert_allclose((c0 + h * (c1 + h * c2))[:-1], c0[1:], atol=1e-9)
+    np.testing.assert_allclose((c1 + 2.0 * h * c2)[:-1], c1[1:], atol=1e-6)
+    np.testing.assert_allclose([c0[0], c1[0]], 0.0, atol=1e-12)
+    np.testing.assert_allclose((c0 + h * (c1 + h * c2))[-1], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_every_level_counts_for_the_time_between_its_centres(seed: int) -> None:
+    levels, centers, widths = _random(seed, 8)
+    pieces = step_sum(levels, centers, widths)
+    powers = pieces.durations[:, None] ** np.arange(1, 4) / np.arange(1, 4)
+    total = np.einsum("qj,qjd->d", powers, pieces.coefficients)
+    np.testing.assert_allclose(total, np.diff(centers) @ levels[1:-1], atol=1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.integers(2, 12))
+def test_the_sum_stays_in_the_hull_of_its_levels(seed: int, steps: int) -> None:
+    levels, centers, widths = _random(seed, steps)
+    pieces = step_sum(levels, centers, widths)
+    values = _at(pieces, np.linspace(0.0, float(pieces.durations.sum()), 400))
+    directions = np.random.default_rng(seed).normal(size=(30, 3))
+    assert ((values @ directions.T) <= (levels @ directions.T).max(axis=0) + 1e-9).all()
+
+
+def test_without_ordered_widths_it_would_leave_the_hull() -> None:
+    """A narrow step before the end of a wide one takes more than there is."""
+    levels = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]])
+    centers, widths = np.array([0.5, 0.6, 2.0]), np.array([[1.0, 0.1], [0.05, 0.05], [0.1, 0.1]])
+    times = np.linspace(0.0, 1.5, 500)
+    assert _at(step_sum(levels, centers, widths), times).min() < -0.01
+    assert _at(step_sum(levels, centers, ordered_widths(centers, widths)), times).min() > -1e-12
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_ordered_widths_are_the_least_that_change_no_faster_than_the_centres(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    centers, widths = np.sort(rng.uniform(0.0, 3.0, 9)), rng.uniform(0.0, 1.0, (9, 2))
+    found = ordered_widths(centers, widths)
+    assert (found >= widths).all()
+    apart = np.diff(centers)[:, None]
+    assert (np.abs(np.diff(found, axis=0)) <= apart + 1e-12).all()
+    raised = found > widths + 1e-12
+    held = np.zeros_like(raised)
+    held[1:] |= np.abs(found[1:] - (found[:-1] - apart)) < 1e-12
+    held[:-1] |= np.abs(found[:-1] - (found[1:] - apart)) < 1e-12
+    assert (held | ~raised).all()
+
+
+def test_a_step_between_equal_levels_only_marks_a_time() -> None:
+    levels = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, 0]])
+    centers, widths = np.array([0.2, 1.0, 2.0]), np.full((3, 2), 0.2)
+    pieces = step_sum(levels, centers, widths)
+    plain = step_sum(levels[[0, 1, 3]], centers[[0, 2]], widths[[0, 2]])
+    times = np.linspace(0.0, 2.2, 100)
+    np.testing.assert_allclose(_at(pieces, times), _at(plain, times), atol=1e-12)
+    begins = np.concatenate([[0.0], np.cumsum(pieces.durations)])
+    assert begins[int(np.argmax(pieces.level == 2))] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_motion_agrees_with_an_ode_solver(seed: int) -> None:
+    pieces = step_sum(*_random(seed, 5))
+
+    def rate(t: float, pose: FloatArray) -> list[float]:
+        vx, vy, omega = _at(pieces, np.array([t]))[0]
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        return [c * vx - s * vy, s * vx + c * vy, omega]
+
+    end = float(pieces.durations.sum())
+    solved = solve_ivp(rate, (0.0, end), np.zeros(3), rtol=1e-10, atol=1e-11, max_step=0.02)
+    np.testing.assert_allclose(pieces.motion, solved.y[:, -1], atol=2e-7)
