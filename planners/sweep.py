@@ -28,6 +28,11 @@ def separations(scene: Scene, poses: FloatArray, enough: float) -> FloatArray:
     return out
 
 
+def least_gap(scene: Scene) -> float:
+    """Return the separation (m) that poses looked at must have: half-way from what is kept to what planners keep."""
+    return 0.5 * (scene.kept + scene.clearance)
+
+
 class Touches(NamedTuple):
     """Where a motion comes too close to something: times (k,), increasing, s, and separations (k,), m."""
 
@@ -36,12 +41,12 @@ class Touches(NamedTuple):
 
 
 def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
-    """Return where the body comes closer than `scene.clearance` to something, nowhere if it is free.
+    """Return where the body comes too close to something, nowhere if it keeps `scene.kept` throughout.
 
     Between two poses with separations g and h, no point of the body travelling more than d, the body stays
-    (g + h - d) / 2 away from everything. Where that is not at least half the clearance, the time between is
-    halved; every pose looked at must keep the whole clearance. So an empty answer is a proof that nothing is
-    touched. Where something is, the neighbourhood is looked at every `FINE` of travel.
+    (g + h - d) / 2 away from everything. Where that is not at least `scene.kept`, the time between is
+    halved; every pose looked at must have a bit more, see `least_gap`. So an empty answer is a proof. Where
+    something is touched, the neighbourhood is looked at every `FINE` of travel.
 
     Args:
         scene: What moves and what stands still.
@@ -56,8 +61,8 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
     places, found = [s], [gaps]
     while ends.shape[1]:
         low, high, g, h = ends
-        free = g + h - (high - low) >= scene.clearance
-        known = (np.minimum(g, h) < scene.clearance) & (high - low <= FINE)
+        free = g + h - (high - low) >= 2.0 * scene.kept
+        known = (np.minimum(g, h) < least_gap(scene)) & (high - low <= FINE)
         low, high, g, h = ends[:, ~free & ~known]
         middle = 0.5 * (low + high)
         m = _gaps(scene, trajectory, travel, middle)
@@ -65,7 +70,7 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
         found.append(m)
         ends = np.hstack([np.stack([low, middle, g, m]), np.stack([middle, high, m, h])])
     s, gaps = np.concatenate(places), np.concatenate(found)
-    close = np.flatnonzero(gaps < scene.clearance)
+    close = np.flatnonzero(gaps < least_gap(scene))
     close = close[np.argsort(s[close])]
     return Touches(np.interp(s[close], travel, trajectory.breaks), gaps[close])
 
@@ -73,4 +78,4 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
 def _gaps(scene: Scene, trajectory: Trajectory, travel: FloatArray, s: FloatArray) -> FloatArray:
     """Separations (m,) at the body's travels (m,)."""
     poses = trajectory.poses_at(np.interp(s, travel, trajectory.breaks))
-    return np.asarray(separations(scene, poses, 2.0 * COARSE))
+    return np.asarray(separations(scene, poses, 2.0 * (COARSE + scene.clearance)))
