@@ -118,8 +118,7 @@ def _clear_way(scenario: Scenario, trajectory: Trajectory) -> Check:
     hit = find_collision(scenario, trajectory.poses)
     if hit is None:
         return Check("collision", 0.0, 0.0, what="none")
-    other = "a wall of the workspace" if hit.obstacle is None else f"obstacle {hit.obstacle}"
-    return Check("collision", math.inf, 0.0, what=f"{hit.body} meets {other} with the chain at {hit.pose}")
+    return Check("collision", math.inf, 0.0, what=str(hit))
 
 
 def _execution(recorded: Execution, replayed: Execution) -> Iterator[Check]:

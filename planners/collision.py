@@ -15,8 +15,8 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.compiled import compiled
 
 EXACT_BELOW = 0.01
-"""Separations under this (m) are refined from the separating-axis bound to the exact distance."""
-
+"""Separations under this (m), or under twice the clearance, are refined from the bound that separating axes give to
+the exact distance."""
 
 DEPTH = 128
 """Room for intervals of an arc still to be looked at; each is at most half of the one below it."""
@@ -45,7 +45,8 @@ class Scene(NamedTuple):
         obstacles: Convex pieces of the polygonal obstacles, world frame.
         circles: (c, 3) centre and radius of the round obstacles, world frame.
         walls: (4,) workspace (xmin, ymin, xmax, ymax); infinite where there is none.
-        clearance: Distance (m) to keep from everything.
+        clearance: Distance (m) from everything at the poses that are looked at.
+        kept: Distance (m), smaller, that is proven between these poses.
     """
 
     body: Shapes
@@ -54,6 +55,7 @@ class Scene(NamedTuple):
     circles: FloatArray
     walls: FloatArray
     clearance: float
+    kept: float
 
 
 @compiled
@@ -100,15 +102,16 @@ def _corner_distance(
 
 @compiled
 def _polygon_separation(
-    a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
-) -> float:
-    """Distance of two convex polygons, or a lower bound while that is above EXACT_BELOW; <= 0 on overlap."""
+    a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float,
+    exact_below: float,
+) -> float:  # fmt: skip
+    """Distance of two convex polygons, or a lower bound while that is above `exact_below`; <= 0 on overlap."""
     forward = _axis_separation(a, a0, a1, b, b0, b1, c, s, x, y)
-    if forward >= EXACT_BELOW:
+    if forward >= exact_below:
         return forward
     ix, iy = -(c * x + s * y), s * x - c * y
     separation = max(forward, _axis_separation(b, b0, b1, a, a0, a1, c, -s, ix, iy))
-    if separation <= 0.0 or separation >= EXACT_BELOW:
+    if separation <= 0.0 or separation >= exact_below:
         return separation
     nearest = min(
         _corner_distance(a, a0, a1, b, b0, b1, c, s, x, y),
@@ -148,6 +151,7 @@ def _wall_separation(body: FloatArray, walls: FloatArray, c: float, s: float, x:
 def _body_to_polygon(scene: Scene, o: int, c: float, s: float, x: float, y: float, enough: float) -> float:
     """Separation of the body from obstacle polygon o, as far as it is below `enough`."""
     body, obstacles = scene.body, scene.obstacles
+    exact_below = max(EXACT_BELOW, 2.0 * scene.clearance)
     best = enough
     for p in range(body.starts.shape[0] - 1):
         dx = x + c * body.bounds[p, 0] - s * body.bounds[p, 1] - obstacles.bounds[o, 0]
@@ -156,7 +160,7 @@ def _body_to_polygon(scene: Scene, o: int, c: float, s: float, x: float, y: floa
         if dx * dx + dy * dy < reach * reach:
             d = _polygon_separation(
                 body.corners, body.starts[p], body.starts[p + 1],
-                obstacles.corners, obstacles.starts[o], obstacles.starts[o + 1], c, s, x, y,
+                obstacles.corners, obstacles.starts[o], obstacles.starts[o + 1], c, s, x, y, exact_below,
             )  # fmt: skip
             best = min(best, d)
     return best
@@ -221,12 +225,11 @@ def sweep_is_free(
 ) -> bool:
     """Return whether the body keeps clear of everything along an arc: proven, never merely sampled.
 
-    Every pose looked at keeps `scene.clearance`, every one between keeps half of it at least: a separation d at s
-    covers all s' with |s' - s| <= (d - clearance / 2) / (top speed of the body). Intervals are looked at in the
-    middle first, where a collision shows soonest. An arc that comes closer than the clearance may be refused.
+    Every pose looked at has `scene.clearance`, every one between has `scene.kept` at least: a separation d at s
+    covers all s' with |s' - s| <= (d - kept) / (top speed of the body). Intervals are looked at in the
+    middle first, where a collision shows soonest. An arc that comes closer than `scene.clearance` may be refused.
     """
     top = _top_speed(scene, vx, vy, omega)
-    half = 0.5 * scene.clearance
     begins, ends = np.empty(DEPTH), np.empty(DEPTH)
     begins[0], ends[0] = 0.0, length
     n = 1
@@ -238,7 +241,7 @@ def sweep_is_free(
         gap = separation(scene, px, py, pt, 0.5 * (end - begin) * top + 2.0 * scene.clearance)
         if gap < scene.clearance:
             return False
-        covered = (gap - half) / top
+        covered = (gap - scene.kept) / top
         if middle - covered > begin:
             begins[n], ends[n] = begin, middle - covered
             begins[n + 1], ends[n + 1] = middle + covered, end

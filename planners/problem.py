@@ -7,16 +7,19 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.names import COLLISION_CLEARANCE
-from pushplan.planners.collision import Scene
+from pushplan.names import CLEARANCE_ROOM
+from pushplan.planners.collision import Scene, separation
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments, steering_families
 from pushplan.planners.scene import build_scene, chain_outlines
 from pushplan.planners.search import Problem
 from pushplan.scenario import CircleObstacle, Scenario
 from pushplan.stable_set import StableSet
 
-ROUNDING = 0.9
-"""Share of the clearance that the search keeps: a pose exactly at it must not fail by rounding."""
+SLACK = 2e-4
+"""Distance beyond the clearance, m, that the poses looked at have, so that those between can be proven to keep it."""
+
+ROUNDING = 1e-9
+"""Start and goal may fail by rounding to have the distance they have, m."""
 
 LONGEST_SHARE = 0.3
 """Longest arc sampled, as a share of the sampling box's diagonal."""
@@ -44,10 +47,19 @@ def build_problem(scenario: Scenario, stable: StableSet) -> Problem:
 
 
 def scenario_scene(scenario: Scenario) -> Scene:
-    """Return what moves and what stands still in a scenario."""
+    """Return what moves and what stands still in a scenario.
+
+    The poses looked at have `SLACK` more than the scenario's clearance, or what start and goal have if that is less;
+    those between have the clearance, less `CLEARANCE_ROOM` at most where start and goal leave no room to prove it.
+    """
     circles = [(*o.center, o.radius) for o in scenario.obstacles if isinstance(o, CircleObstacle)]
     polygons = [o.outline for o in scenario.obstacles if not isinstance(o, CircleObstacle)]
-    return build_scene(scenario.chain, polygons, circles, _walls(scenario), ROUNDING * COLLISION_CLEARANCE)
+    wanted = scenario.clearance + SLACK
+    scene = build_scene(scenario.chain, polygons, circles, _walls(scenario), wanted)
+    ends = (scenario.start, scenario.goal.pose_chain)
+    gaps = [separation(scene, pose[0], pose[1], pose[2], wanted) for pose in ends]
+    looked_at = max(min(gaps), scenario.clearance) - ROUNDING
+    return scene._replace(clearance=looked_at, kept=min(scenario.clearance, looked_at - CLEARANCE_ROOM))
 
 
 def _walls(scenario: Scenario) -> Box:

@@ -74,6 +74,7 @@ def build_scene(
     circles: Iterable[tuple[float, float, float]],
     walls: tuple[float, float, float, float],
     clearance: float,
+    kept: float | None = None,
 ) -> Scene:
     """Return the compiled scene.
 
@@ -82,7 +83,8 @@ def build_scene(
         polygons: Outlines (k, 2) of polygonal obstacles, world frame.
         circles: (x, y, radius) of round obstacles, world frame.
         walls: Workspace (xmin, ymin, xmax, ymax); infinite where there is none.
-        clearance: Distance to keep from everything, m, > 0.
+        clearance: Distance from everything at the poses that are looked at, m, > 0.
+        kept: Distance that is proven between them, m, smaller; None stands for half of the clearance.
     """
     body = [piece for outline in chain_outlines(chain) for piece in convex_pieces(outline)]
     standing = [piece for outline in polygons for piece in convex_pieces(outline)]
@@ -93,4 +95,5 @@ def build_scene(
         np.array(list(circles), dtype=np.float64).reshape(-1, 3),
         np.array(walls, dtype=np.float64),
         clearance,
+        0.5 * clearance if kept is None else kept,
     )

@@ -32,4 +32,7 @@ RESERVED_NAMES = ("world", "chain", "pusher")
 """Frames of a run log; no object may be called so."""
 
 COLLISION_CLEARANCE = 0.0005
-"""Distance that the pusher and every object keep from obstacles and from the workspace's walls, m."""
+"""Distance that pusher and objects keep from obstacles and walls where the scenario asks for no other, m."""
+
+CLEARANCE_ROOM = 1e-5
+"""Part of the clearance that a motion may use up whose start or goal is no farther from something, m."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -11,36 +12,38 @@ from pushplan import se2
 from pushplan.arrays import FloatArray
 from pushplan.chain import Chain
 from pushplan.meeting import millimetres
-from pushplan.names import COLLISION_CLEARANCE
 from pushplan.penetration import overlap_depth
-from pushplan.report import Report
 from pushplan.scenario_parts import CircleObstacle, Obstacle, Workspace
-from pushplan.yaml_node import Place
+
+ROUNDING = 1e-9
+"""Distances that fall short of the clearance by less (m) are rounding."""
 
 
-def check_placement(
-    what: str,
-    place: Place,
-    bodies: Sequence[tuple[str, FloatArray]],
-    surroundings: tuple[Workspace | None, Sequence[Obstacle]],
-    report: Report,
-) -> None:
-    """Report every body that leaves the workspace or comes too near an obstacle.
+class Surroundings(NamedTuple):
+    """What to keep away from, and how far (m)."""
+
+    workspace: Workspace | None
+    obstacles: Sequence[Obstacle]
+    clearance: float
+
+
+def placement_troubles(
+    what: str, bodies: Sequence[tuple[str, FloatArray]], surroundings: Surroundings
+) -> Iterator[str]:
+    """Yield a sentence on every body that leaves the workspace or comes too near an obstacle.
 
     Args:
-        what: `start` or `goal`, for messages.
-        place: Where the pose is stated.
+        what: `start` or `goal`, for the sentences.
         bodies: Names and outlines (v, 2) in the world.
-        surroundings: The workspace and the obstacles.
-        report: Takes the findings.
+        surroundings: What to keep away from.
     """
-    workspace, obstacles = surroundings
+    obstacles, clearance = surroundings.obstacles, surroundings.clearance
     tree = shapely.STRtree([_geometry(obstacle) for obstacle in obstacles])
     for name, outline in bodies:
-        troubles = list(_beyond_walls(outline, workspace))
-        troubles += [_too_near(outline, obstacles[i], f"obstacles[{i}]") for i in _near(tree, outline)]
-        for trouble in filter(None, troubles):
-            report.add(place, f"at the {what}, '{name}' {trouble}")
+        troubles = list(_beyond_walls(outline, surroundings.workspace, clearance))
+        near = _near(tree, outline, 2.0 * clearance)
+        troubles += [_too_near(outline, obstacles[i], f"obstacles[{i}]", clearance) for i in near]
+        yield from (f"at the {what}, '{name}' {trouble}" for trouble in filter(None, troubles))
 
 
 def bodies_at(chain: Chain, pose: FloatArray) -> list[tuple[str, FloatArray]]:
@@ -57,13 +60,12 @@ def _geometry(obstacle: Obstacle) -> shapely.Polygon:
     return shapely.Polygon(obstacle.outline)
 
 
-def _near(tree: shapely.STRtree, outline: FloatArray) -> list[int]:
-    reach = 2.0 * COLLISION_CLEARANCE
+def _near(tree: shapely.STRtree, outline: FloatArray, reach: float) -> list[int]:
     (xmin, ymin), (xmax, ymax) = outline.min(axis=0) - reach, outline.max(axis=0) + reach
     return [int(i) for i in np.sort(tree.query(shapely.box(xmin, ymin, xmax, ymax)))]
 
 
-def _beyond_walls(outline: FloatArray, workspace: Workspace | None) -> Iterator[str]:
+def _beyond_walls(outline: FloatArray, workspace: Workspace | None, clearance: float) -> Iterator[str]:
     """Yield how far a body is beyond each wall, or that it is too near to it."""
     if workspace is None:
         return
@@ -77,11 +79,11 @@ def _beyond_walls(outline: FloatArray, workspace: Workspace | None) -> Iterator[
     for gap, wall in walls:
         if gap < 0.0:
             yield f"leaves the workspace ({wall}) by {millimetres(-gap)}"
-        elif gap < COLLISION_CLEARANCE:
-            yield _short_of(gap, f"the workspace's wall {wall}")
+        elif gap < clearance - ROUNDING:
+            yield _short_of(gap, f"the workspace's wall {wall}", clearance)
 
 
-def _too_near(outline: FloatArray, obstacle: Obstacle, name: str) -> str:
+def _too_near(outline: FloatArray, obstacle: Obstacle, name: str, clearance: float) -> str:
     """Return what is wrong between a body and an obstacle, or nothing."""
     body = shapely.Polygon(outline)
     if isinstance(obstacle, CircleObstacle):
@@ -94,8 +96,8 @@ def _too_near(outline: FloatArray, obstacle: Obstacle, name: str) -> str:
         gap = gap or 0.0 - overlap_depth(obstacle.outline, outline)
     if gap < 0.0:
         return f"overlaps {name} by {millimetres(-gap)}"
-    return _short_of(gap, name) if gap < COLLISION_CLEARANCE else ""
+    return _short_of(gap, name, clearance) if gap < clearance - ROUNDING else ""
 
 
-def _short_of(gap: float, what: str) -> str:
-    return f"is {millimetres(gap)} from {what}; allowed: at least {millimetres(COLLISION_CLEARANCE)}"
+def _short_of(gap: float, what: str, clearance: float) -> str:
+    return f"is {millimetres(gap)} from {what}; allowed: at least {millimetres(clearance)}"

@@ -10,12 +10,12 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.path import PushPath
+from pushplan.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.planners.checker import find_collision
-from pushplan.planners.collision import Scene, separation
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.registry import planner_named
 from pushplan.planners.session import Budget, Session
-from pushplan.planners.timing import time_path
+from pushplan.planners.trajectories import make_trajectory
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
@@ -82,7 +82,7 @@ def plan(
         warm_up(name, tell)
         stable = make_stable_set(scenario.chain, stable_set or scenario.stability.set)
         problem = build_problem(scenario, stable)
-        _check_ends(scenario, problem.scene)
+        _check_ends(scenario)
     used_seed = scenario.planner.seed if seed is None else seed
     limit = scenario.planner.time_limit if time_limit is None else time_limit
     budget = Budget(limit, int(STALL_PER_SECOND * limit), first=first, iterations=iterations)
@@ -93,7 +93,7 @@ def plan(
     seconds = session.elapsed
     path = _path_of(session)
     with watch("timing"):
-        trajectory = None if path is None else time_path(path, scenario.chain.pusher.limits)
+        trajectory = None if path is None else make_trajectory(scenario, path, stable)
     with watch("checking"):
         reason = _verdict(scenario, stable, path, trajectory, budget)
     solved = not reason
@@ -114,15 +114,14 @@ def plan(
     )
 
 
-def _check_ends(scenario: Scenario, scene: Scene) -> None:
-    """Refuse a start or a goal that touches something, and a goal that is the start."""
-    for name, pose in (("start", scenario.start), ("goal", scenario.goal.pose_chain)):
-        gap = separation(scene, pose[0], pose[1], pose[2], 1.0)
-        if gap < scene.clearance:
-            state = (
-                f"overlaps something by {-1e3 * gap:.1f} mm" if gap < 0 else f"keeps only {1e3 * gap:.2f} mm"
-            )
-            raise PlanningError(f"the {name} {state}; at least {1e3 * scene.clearance:.2f} mm must stay free")
+def _check_ends(scenario: Scenario) -> None:
+    """Refuse a start or a goal that is too near to something, and a goal that is the start."""
+    surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
+    troubles: list[str] = []
+    for what, pose in (("start", scenario.start), ("goal", scenario.goal.pose_chain)):
+        troubles += placement_troubles(what, bodies_at(scenario.chain, pose), surroundings)
+    if troubles:
+        raise PlanningError("; ".join(troubles))
     if max(pose_error(scenario.start, scenario.goal.pose_chain)) < EXACT:
         raise PlanningError("the chain is at the goal already: there is nothing to push")
 
@@ -155,8 +154,7 @@ def _verdict(
         return f"the path's smallest margin is {margin:.3g}; it must be above {scenario.stability.margin:g}"
     hit = find_collision(scenario, trajectory.poses)
     if hit is not None:
-        other = "a wall of the workspace" if hit.obstacle is None else f"obstacle {hit.obstacle}"
-        return f"the path is not free: {hit.body} meets {other} with the chain frame at {hit.pose}"
+        return f"the path is not free: {hit}; it must stay {1e3 * scenario.clearance:.3g} mm away"
     return ""
 
 

@@ -53,6 +53,7 @@ class Scenario:
         goal: Where to bring the chain.
         workspace: Where the chain may be; None leaves it free to go anywhere.
         obstacles: What is in the way.
+        clearance: Distance that pusher and objects keep from obstacles and walls, m.
         stability: The stable set and the margin to keep.
         planner: How to search.
         trajectory: How to time the path, one of `names.TRAJECTORIES`.
@@ -69,6 +70,7 @@ class Scenario:
     goal: Goal
     workspace: Workspace | None = None
     obstacles: tuple[Obstacle, ...] = ()
+    clearance: float = names.COLLISION_CLEARANCE
     stability: StabilitySettings = field(default_factory=StabilitySettings)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     trajectory: str = names.DEFAULT_TRAJECTORY
@@ -91,6 +93,7 @@ class Scenario:
             "start": self.start.tolist(),
             "goal": _resolved_goal(self.goal),
             **_resolved_surroundings(self),
+            "clearance": self.clearance,
             "stability": dataclasses.asdict(self.stability),
             "trajectory": self.trajectory,
             "planner": dataclasses.asdict(self.planner),

@@ -8,7 +8,7 @@ import numpy as np
 
 from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.placement import bodies_at, check_placement
+from pushplan.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.report import Report
 from pushplan.scenario import Scenario
 from pushplan.scenario_chain import Bodies, build_bodies, outline_of
@@ -100,6 +100,7 @@ def _scenario(
         goal=_goal(file, bodies),
         workspace=None if area is None else Workspace(*area.x, *area.y),
         obstacles=_obstacles(file),
+        clearance=file.clearance,
         stability=StabilitySettings(file.stability.set, file.stability.margin),
         planner=PlannerSettings(file.planner.name, file.planner.time_limit, file.planner.seed),
         trajectory=file.trajectory,
@@ -121,12 +122,13 @@ def _obstacles(file: ScenarioFile) -> tuple[Obstacle, ...]:
 
 def _check_ends(scenario: Scenario, doubtful: set[str], report: Report) -> None:
     """Report collisions at start and goal, as far as all that matters for them is known."""
-    if doubtful & {"workspace", "obstacles"}:
+    if doubtful & {"workspace", "obstacles", "clearance"}:
         return
-    surroundings = scenario.workspace, scenario.obstacles
-    if "start" not in doubtful:
-        bodies = bodies_at(scenario.chain, scenario.start)
-        check_placement("start", ("start",), bodies, surroundings, report)
-    if "goal" not in doubtful:
-        bodies = bodies_at(scenario.chain, scenario.goal.pose_chain)
-        check_placement("goal", ("goal", "pose"), bodies, surroundings, report)
+    surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
+    for what, place, pose in (
+        ("start", ("start",), scenario.start),
+        ("goal", ("goal", "pose"), scenario.goal.pose_chain),
+    ):
+        if what not in doubtful:
+            for trouble in placement_troubles(what, bodies_at(scenario.chain, pose), surroundings):
+                report.add(place, trouble)

@@ -109,6 +109,7 @@ class ScenarioFile(t.Strict):
         default=(),
         description="a list of {polygon: ...}, {box: ..., pose: ...} and {circle: ..., center: ...}",
     )
+    clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description="a length in m")
     stability: StabilityChoice = Field(default_factory=StabilityChoice, description="{set: ..., margin: ...}")
     trajectory: Literal[names.TRAJECTORIES] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_TRAJECTORY, description=_one_of(names.TRAJECTORIES)

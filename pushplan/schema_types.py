@@ -31,6 +31,7 @@ ALTERNATIVES = frozenset({"<word>", "<mapping>", "<bare>", "<loaded>"})
 
 Coordinate = Annotated[float, Quantity("a coordinate", units.LENGTH, -1e4, 1e4, "5 mm")]
 Size = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 1e3, "5 mm")]
+Clearance = Annotated[float, Quantity("a length", units.LENGTH, 1e-4, 10.0, "5 mm")]
 Height = Annotated[float, Quantity("a height", units.LENGTH, 0.0, 100.0, "5 mm")]
 Angle = Annotated[float, Quantity("an angle", units.ANGLE, -1e3, 1e3, "90 deg")]
 Mass = Annotated[float, Quantity("a mass", units.MASS, 1e-6, 1e6, "800 g")]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pushplan import se2
 from pushplan.planners.checker import SPACING, densify, find_collision
-from pushplan.scenario import Scenario
+from pushplan.scenario import CircleObstacle, Scenario
 from pushplan.scenario_file import scenario_from_text
 
 TEXT = """
@@ -50,6 +52,33 @@ def test_a_wall_of_the_workspace_is_no_obstacle_but_found(lane: Scenario) -> Non
     assert found is not None
     assert (found.body, found.obstacle) == ("pusher", None)
     assert found.pose[1] == pytest.approx(-0.35, abs=2 * SPACING)
+
+
+def test_coming_nearer_than_the_clearance_is_a_collision_that_tells_the_gap(lane: Scenario) -> None:
+    poses = np.array([[0.6, -0.008, 0.0], [0.7, -0.008, 0.0]])
+    assert find_collision(lane, poses) is None
+    found = find_collision(replace(lane, clearance=0.003), poses)
+    assert found is not None
+    assert (found.body, found.obstacle) == ("box", 1)
+    assert found.gap == pytest.approx(0.003, abs=SPACING)
+    assert "'box' is 2" in str(found)
+    assert "mm from obstacles[1] with the chain frame at (0." in str(found)
+
+
+def test_the_gap_to_a_circle_is_exact(lane: Scenario) -> None:
+    """The polygon that stands in for a large circle must not make it larger."""
+    large = replace(lane, obstacles=(CircleObstacle(np.array([0.5, -40.15 - 0.0005]), 40.0),))
+    assert find_collision(large, np.array([[0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])) is None
+    found = find_collision(large, np.array([[0.5, -0.0002, 0.0]]))
+    assert found is not None
+    assert found.gap == pytest.approx(3e-4, abs=1e-9)
+
+
+def test_a_wall_is_too_near_as_well(lane: Scenario) -> None:
+    found = find_collision(replace(lane, clearance=0.01), np.array([[0.0, -0.345, 0.0]]))
+    assert str(found) == (
+        "'pusher' is 5 mm from a wall of the workspace with the chain frame at (0.0000, -0.3450) m, 0.00 deg"
+    )
 
 
 def test_a_free_motion_is_free(lane: Scenario) -> None:

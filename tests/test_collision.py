@@ -30,7 +30,7 @@ def _scene(
 ) -> Scene:
     discs = np.array(circles or [], dtype=np.float64).reshape(-1, 3)
     bound = bounding_circle(np.concatenate(body))
-    return Scene(flatten(body), bound, flatten(obstacles), discs, walls, 5e-4)
+    return Scene(flatten(body), bound, flatten(obstacles), discs, walls, 5e-4, 2.5e-4)
 
 
 def _distance(scene_body: list[FloatArray], standing: Sequence[shapely.Geometry], pose: FloatArray) -> float:

@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from pushplan import names, scenario_schema, schema_objects
-from pushplan.names import COLLISION_CLEARANCE
+from pushplan.names import CLEARANCE_ROOM
 from pushplan.scenario_schema import ScenarioFile
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
@@ -52,5 +52,5 @@ def test_the_words_are_all_named() -> None:
 
 def test_limits_and_clearance_are_the_real_ones() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    assert f"at least {1e3 * COLLISION_CLEARANCE:g} mm" in text
+    assert f"may come nearer by {1e3 * CLEARANCE_ROOM:g} mm" in text
     assert "1 MiB, 32 levels and 100,000 values" in text
