@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from pushplan.path import PushPath
     from pushplan.plan import plan
     from pushplan.plot_run import plot_plan
+    from pushplan.plot_scenario import plot_scenario
     from pushplan.plot_sets import plot_stable_sets
     from pushplan.result import PlanResult, ProgressPoint, Run
     from pushplan.run import run
@@ -63,6 +64,7 @@ _HOMES = {
     "path": "PushPath",
     "plan": "plan",
     "plot_run": "plot_plan",
+    "plot_scenario": "plot_scenario",
     "plot_sets": "plot_stable_sets",
     "result": "PlanResult ProgressPoint Run",
     "run": "run",
@@ -125,6 +127,7 @@ __all__ = [
     "load_scenario",
     "plan",
     "plot_plan",
+    "plot_scenario",
     "plot_stable_sets",
     "read_run",
     "run",

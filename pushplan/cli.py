@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from typing import NoReturn, TextIO
 
-from pushplan.commands import check, examples, plan, replay, stable_set
+from pushplan.commands import check, completion, examples, new, plan, replay, schema, stable_set
 from pushplan.commands.console import Console
 from pushplan.commands.failure import PIPE_CLOSED, report_failure
 
@@ -18,7 +18,10 @@ COMMANDS = {
     "stable-set": stable_set,
     "replay": replay,
     "check": check,
+    "new": new,
     "examples": examples,
+    "schema": schema,
+    "completion": completion,
 }
 
 _EPILOG = """\

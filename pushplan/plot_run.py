@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from pushplan.chain import Chain
 from pushplan.cor_window import default_window
 from pushplan.plot_chain import GOAL_COLOUR, OBJECT_COLOUR, draw_chain, draw_contacts
 from pushplan.plot_cor import SENSE_NAMES, SENSES, style_cor_axes
@@ -27,7 +28,7 @@ from pushplan.plot_world import (
     draw_tree,
     view_box,
 )
-from pushplan.stable_set import stable_set
+from pushplan.stable_set import StableSet, stable_set
 
 if TYPE_CHECKING:
     from pushplan.result import PlanResult
@@ -59,7 +60,8 @@ def plot_plan(scenario: Scenario, plan: PlanResult, execution: Execution | None,
         floor = axes_at(figure, _LEFT, _BOTTOM, width, _FLOOR_HEIGHT)
         _draw_floor(floor, scenario, plan, view)
         above = _BOTTOM + _MARGIN_HEIGHT + _GAP
-        _draw_set(axes_at(figure, side, above, _SIDE_WIDTH, _BOTTOM + _FLOOR_HEIGHT - above), scenario, plan)
+        beside = axes_at(figure, side, above, _SIDE_WIDTH, _BOTTOM + _FLOOR_HEIGHT - above)
+        draw_set(beside, scenario.chain, stable_set(scenario.chain, plan.stable_set))
         if execution is not None:
             curve = axes_at(figure, side, _BOTTOM, _SIDE_WIDTH, _MARGIN_HEIGHT)
             bar = axes_at(figure, side + _SIDE_WIDTH + 0.05, _BOTTOM, 0.07, _MARGIN_HEIGHT)
@@ -90,12 +92,12 @@ def _title(scenario: Scenario, plan: PlanResult) -> str:
     return f"{scenario.name}: {plan.path.cost:.2f} m in {plan.trajectory.duration:.1f} s"
 
 
-def _draw_set(axes: Axes, scenario: Scenario, plan: PlanResult) -> None:
-    stable = stable_set(scenario.chain, plan.stable_set)
-    window = default_window(scenario.chain, [stable])
+def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
+    """Draw a stable set with the chain and its friction cones, in the chain frame."""
+    window = default_window(chain, [stable])
     draw_sets(axes, [stable], window)
-    draw_chain(axes, scenario.chain)
-    draw_contacts(axes, scenario.chain)
+    draw_chain(axes, chain)
+    draw_contacts(axes, chain)
     style_cor_axes(axes, window)
     axes.set_xlabel("")
     axes.set_ylabel("")

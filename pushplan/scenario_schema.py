@@ -50,6 +50,14 @@ class Area(t.Strict):
 class Obstacle(t.Strict):
     """A polygon or box, both at an optional pose in the world, or a circle."""
 
+    model_config = t.exactly_one(
+        "polygon",
+        "box",
+        "circle",
+        needs={"box": "pose", "circle": "center"},
+        only={"center": "circle", "pose": "polygon box"},
+    )
+
     polygon: t.Polygon | None = Field(default=None, description=POLYGON)
     box: t.Box | None = Field(default=None, description="[length along x, width along y]")
     circle: t.Size | None = Field(default=None, description="a radius in m")

@@ -20,12 +20,20 @@ _AXLE = "[x, y, theta] of the axle's middle in the chain frame"
 _LIMITS = Limits()
 
 
+# All feet have a load, or none has.
+_ALIKE = Field(
+    json_schema_extra={"anyOf": [{"items": {"type": "array", "maxItems": n, "minItems": n}} for n in (2, 3)]}
+)
+
+
 def _word_or_mapping(value: Any) -> str:
     return "<mapping>" if isinstance(value, dict | t.Strict) else "<word>"
 
 
 class Shape(t.Strict):
     """A box about its frame's origin, or a polygon in its frame."""
+
+    model_config = t.exactly_one("box", "polygon")
 
     box: t.Box | None = Field(default=None, description="[length along x, width along y]")
     polygon: t.Polygon | None = Field(default=None, description=POLYGON)
@@ -39,7 +47,9 @@ class Shape(t.Strict):
 class PlacedSupport(t.Strict):
     """Feet, with or without loads, or a measured pressure map; in the object's frame."""
 
-    feet: Annotated[tuple[t.Foot, ...], t.Several(1, 1000)] | None = Field(
+    model_config = t.exactly_one("feet", "pressure_map")
+
+    feet: Annotated[tuple[t.Foot, ...], t.Several(1, 1000), _ALIKE] | None = Field(
         default=None, description="a list of 1 to 1000 feet [x, y] or [x, y, load]"
     )
     pressure_map: Annotated[str, Field(strict=True, min_length=1)] | None = Field(
@@ -107,6 +117,8 @@ class Car(t.Strict):
 
 class WheeledDrive(t.Strict):
     """A drive with wheels that roll without slipping sideways."""
+
+    model_config = t.exactly_one("differential", "car")
 
     differential: Differential | None = Field(default=None, description="{axle: [x, y, theta]}")
     car: Car | None = Field(default=None, description="{axle: [x, y, theta], min_radius: ...}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -15,8 +16,10 @@ from pydantic import (
     Discriminator,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    JsonValue,
     StringConstraints,
     Tag,
+    WithJsonSchema,
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
@@ -125,13 +128,44 @@ def _simple(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, floa
 
 Polygon = Annotated[tuple[Point, ...], Several(3, MOST_CORNERS), AfterValidator(_simple)]
 
-Name = Annotated[str, StringConstraints(strict=True, pattern=r"^[^\W_][\w .-]{0,63}$")]
+NAME_PATTERN = r"^[^\W_][\w .-]{0,63}$"
+
+# Editors read `\w` as ASCII, so that their pattern excludes what ASCII has beside letters and digits.
+_NAME_IN_EDITORS = r"^[^\x00-/:-@\[-`{-\x7f\ud800-\udfff][^\x00-\x1f!-,/:-@\[-^`{-\x7f\ud800-\udfff]{0,63}$"
+
+Name = Annotated[
+    str,
+    StringConstraints(strict=True, pattern=NAME_PATTERN),
+    WithJsonSchema({"type": "string", "pattern": _NAME_IN_EDITORS}),
+]
 
 
 class Strict(BaseModel):
     """A mapping that takes no other keys than its own."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def exactly_one(
+    *keys: str, needs: Mapping[str, str] | None = None, only: Mapping[str, str] | None = None
+) -> ConfigDict:
+    """Return the configuration of a model that says in its JSON Schema what its validator requires.
+
+    Args:
+        keys: Of which exactly one is given.
+        needs: Keys that come with another one, e.g. `{"circle": "center"}`.
+        only: Keys that come with no other one, e.g. `{"center": "circle"}`.
+    """
+    forms: list[JsonValue] = []
+    for key in keys:
+        given: list[JsonValue] = [key, *((needs or {}).get(key, "").split())]
+        barred = [other for other in keys if other != key]
+        barred += [other for other, owner in (only or {}).items() if key not in owner.split()]
+        properties: dict[str, JsonValue] = {name: {"not": {"type": "null"}} for name in given}
+        forms.append(
+            {"properties": properties | {name: {"type": "null"} for name in barred}, "required": given}
+        )
+    return ConfigDict(json_schema_extra={"oneOf": forms})
 
 
 def require_one(model: Strict, *keys: str) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pushplan.commands.console import Console
 from pushplan.commands.failure import DONE
-from pushplan.commands.options import add_scenario
+from pushplan.commands.options import add_plot, add_scenario, check_outputs
 from pushplan.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command."""
     add_scenario(parser)
+    add_plot(parser, "draw start, goal and obstacles, and the chain with its stable set")
 
 
 def run(args: argparse.Namespace, console: Console) -> int:
@@ -25,6 +26,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     from pushplan.commands.stable_set import describe, document, rows
     from pushplan.scenario import load_scenario
 
+    check_outputs(args.scenario, args.plot)
     scenario = load_scenario(args.scenario)
     console.say(console.paint(scenario.name, "bold"))
     console.table(understood.rows(scenario))
@@ -33,6 +35,11 @@ def run(args: argparse.Namespace, console: Console) -> int:
         described = describe(scenario, scenario.stability.set)
     console.say(console.paint(f"stable set {scenario.stability.set}", "bold"))
     console.table(rows(described))
+    if args.plot is not None:
+        with console.working(f"drawing {args.plot}"):
+            from pushplan.plot_scenario import plot_scenario
+
+            plot_scenario(scenario, described.stable, args.plot)
     console.say(console.paint("no findings", "green"))
     console.emit(
         {

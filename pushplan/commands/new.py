@@ -1,0 +1,28 @@
+"""Write a commented scenario to begin with."""
+
+from __future__ import annotations
+
+import argparse
+
+from pushplan.commands.console import Console
+from pushplan.commands.failure import DONE
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the words of the command."""
+    parser.add_argument(
+        "name", metavar="NAME", help="the scenario's name; NAME.yaml is written, never overwritten"
+    )
+
+
+def run(args: argparse.Namespace, console: Console) -> int:
+    """Carry out the command and return the exit code."""
+    from pushplan.template import write_new_scenario
+
+    path = write_new_scenario(args.name)
+    console.say(f"wrote {path}; next:")
+    console.table(
+        [("see it", f"pushplan check {path} --plot {path.stem}.png"), ("plan it", f"pushplan plan {path}")]
+    )
+    console.emit({"name": path.stem, "file": path})
+    return DONE

@@ -1,0 +1,56 @@
+"""JSON Schemas of the file formats, with which editors complete and check (draft 2020-12)."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def scenario_schema() -> dict[str, Any]:
+    """Return the JSON Schema of scenario files.
+
+    It accepts every file that the loader accepts. The loader also checks what no schema can say: the range of numbers
+    with a unit, polygons that cross themselves, contacts, collisions.
+    """
+    from pushplan.scenario_schema import ScenarioFile
+
+    return _schema_of(ScenarioFile, "pushplan scenario")
+
+
+def schema_text(schema: dict[str, Any]) -> str:
+    """Return a schema as it is printed and packaged."""
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+
+
+def schema_file() -> Path:
+    """Return the file in which the package holds the schema of scenario files."""
+    with as_file(files("pushplan") / "scenario.schema.json") as path:
+        return path.resolve()
+
+
+def _schema_of(model: type[BaseModel], title: str) -> dict[str, Any]:
+    schema = model.model_json_schema()
+    return {"$schema": _DIALECT, **_without_titles(schema), "title": title}
+
+
+def _without_titles(node: Any) -> Any:
+    """Return a schema without the titles that pydantic makes from the keys: editors show them beside the keys."""
+    if isinstance(node, list):
+        return [_without_titles(child) for child in node]
+    if not isinstance(node, dict):
+        return node
+    return {
+        key: _properties(child) if key in ("properties", "$defs") else _without_titles(child)
+        for key, child in node.items()
+        if key != "title"
+    }
+
+
+def _properties(node: dict[str, Any]) -> dict[str, Any]:
+    return {name: _without_titles(child) for name, child in node.items()}

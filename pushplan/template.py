@@ -1,0 +1,49 @@
+"""A commented scenario to begin with."""
+
+from __future__ import annotations
+
+import json
+import re
+from importlib.resources import files
+from pathlib import Path
+
+from pushplan.errors import PushplanError
+from pushplan.schema_objects import NAME
+from pushplan.schema_types import NAME_PATTERN
+
+_SUFFIX = ".yaml"
+
+
+class TemplateError(PushplanError, ValueError):
+    """A new scenario cannot be called or placed so."""
+
+
+def write_new_scenario(name: str) -> Path:
+    """Write a commented scenario that loads and plans, and return its file.
+
+    Args:
+        name: Of the scenario, or a path that ends with it; `.yaml` is added where it is missing.
+
+    Raises:
+        TemplateError: When the file exists already, its folder does not, or no scenario may be called so.
+    """
+    path = Path(name if name.endswith(_SUFFIX) else name + _SUFFIX)
+    if not re.fullmatch(NAME_PATTERN, path.stem):
+        raise TemplateError(f"'{path.stem}' cannot be a scenario's name; allowed: {NAME}")
+    if not path.parent.is_dir():
+        raise TemplateError(f"{path}: there is no folder {path.parent}")
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(new_scenario_text(path.stem))
+    except FileExistsError as error:
+        raise TemplateError(f"{path}: this file exists already; choose another name or remove it") from error
+    return path
+
+
+def new_scenario_text(name: str) -> str:
+    """Return a commented scenario called `name`, with the line that lets editors complete and check it."""
+    from pushplan.json_schema import schema_file
+
+    text = (files("pushplan") / "new_scenario.yaml").read_text(encoding="utf-8")
+    named = text.replace('name: "my-push"', f"name: {json.dumps(name, ensure_ascii=False)}", 1)
+    return f"# yaml-language-server: $schema={schema_file().as_uri()}\n{named}"

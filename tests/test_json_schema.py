@@ -1,0 +1,114 @@
+"""The JSON Schema of scenario files: packaged as generated, and of one mind with the loader."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+from pathlib import Path
+from random import Random
+from types import ModuleType
+from typing import Any
+
+import jsonschema
+import pytest
+
+from pushplan.cli import main
+from pushplan.examples import example_names, example_text
+from pushplan.json_schema import scenario_schema, schema_file, schema_text
+from pushplan.scenario import load_scenario
+from pushplan.scenario_schema import ScenarioFile
+from pushplan.schema_findings import validate
+from pushplan.template import new_scenario_text
+from pushplan.yaml_tree import read_document
+
+VARIED = ("two-crates", "feet", "carts", "hook")
+BEYOND_A_SCHEMA = re.compile(
+    r"^(the edges after corners|corners \[\d+\] and \[\d+\] are the same point|an edge runs back|has an area of"
+    r"|is \[.*\]; allowed: \[min, max\] with min < max"
+    r"|is '[^']*'; allowed: .* with a unit|is '[^']*'; allowed: .*a friction angle|'.*' is no friction angle"
+    r"|is the text '.*', which is not finite|is '.*', which is not finite)"
+)
+"""What the loader refuses and a schema cannot."""
+
+
+def _load(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+mutators = _load("mutators")
+
+
+@pytest.fixture(scope="module")
+def checker() -> jsonschema.protocols.Validator:
+    """What editors do with the schema."""
+    jsonschema.Draft202012Validator.check_schema(scenario_schema())
+    return jsonschema.Draft202012Validator(scenario_schema())
+
+
+def _document(text: str) -> Any:
+    return read_document(text.encode()).root.plain()
+
+
+def test_the_packaged_schema_is_that_of_the_models(capsys: pytest.CaptureFixture[str]) -> None:
+    assert schema_file().read_text(encoding="utf-8") == schema_text(scenario_schema())
+    assert main(["schema"]) == 0
+    assert capsys.readouterr().out == schema_text(scenario_schema())
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_packaged_and_resolved_scenarios_are_valid(
+    name: str, checker: jsonschema.protocols.Validator
+) -> None:
+    checker.validate(_document(example_text(name)))
+    checker.validate(load_scenario(name).resolved())
+
+
+def test_a_new_scenario_is_valid_and_names_the_schema(checker: jsonschema.protocols.Validator) -> None:
+    text = new_scenario_text("mine")
+    checker.validate(_document(text))
+    assert text.startswith(f"# yaml-language-server: $schema={schema_file().as_uri()}\n")
+
+
+def test_schema_and_loader_agree_on_mutated_files(checker: jsonschema.protocols.Validator) -> None:
+    random = Random(7)
+    documents = [load_scenario(name).resolved() for name in VARIED]
+    documents += [_document(example_text(name)) for name in VARIED]
+    accepted = refused = 0
+    for _ in range(500):
+        document = read_document(
+            json.dumps(mutators.mutated_document(random.choice(documents), random)).encode()
+        )
+        _, faults = validate(ScenarioFile, document)
+        errors = list(checker.iter_errors(document.root.plain()))
+        sayable = [f for f in faults.values() if not BEYOND_A_SCHEMA.match(f.what)]
+        assert bool(errors) == bool(sayable), (errors[:1], sayable)
+        accepted, refused = accepted + (not faults), refused + bool(errors)
+    assert accepted > 20
+    assert refused > 300
+
+
+@pytest.mark.parametrize(
+    ("name", "valid"),
+    [
+        *(("a", True), ("Kiste-ä 7.b_c", True), ("日本", True), ("a" * 64, True), ("a" * 65, False)),
+        *(("_a", False), ("", False), ("a/b", False), ("a\tb", False), (" a", False), ("\ud800", False)),
+    ],
+)
+def test_names_are_the_same_for_editors_and_loader(
+    name: str, valid: bool, checker: jsonschema.protocols.Validator
+) -> None:
+    document = _document(example_text("one-box")) | {"name": name}
+    assert checker.is_valid(document) == valid
+    assert (not validate(ScenarioFile, read_document(json.dumps(document).encode()))[1]) == valid
+
+
+def test_every_key_carries_the_words_that_messages_use() -> None:
+    for model in scenario_schema()["$defs"].values():
+        for key, field in model["properties"].items():
+            assert field["description"], key

@@ -1,0 +1,82 @@
+"""The first own scenario: a commented file that loads, plans and is never overwritten."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pushplan.cli import main
+from pushplan.plot_format import PICTURE_SUFFIXES
+from pushplan.scenario import load_scenario
+
+Captured = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_new_scenario_loads_passes_its_check_and_plans(capsys: Captured) -> None:
+    assert main(["new", "mine"]) == 0
+    assert "wrote mine.yaml" in capsys.readouterr().out
+    assert load_scenario("mine.yaml").name == "mine"
+    assert main(["check", "mine.yaml"]) == 0
+    assert main(["plan", "mine.yaml", "--first"]) == 0
+
+
+def test_every_key_of_the_template_is_explained_or_plain() -> None:
+    main(["new", "mine"])
+    lines = Path("mine.yaml").read_text().splitlines()
+    assert sum("#" in line for line in lines) > len(lines) / 3
+    assert max(len(line) for line in lines[1:]) <= 120
+
+
+def test_a_file_is_never_overwritten(capsys: Captured) -> None:
+    Path("mine.yaml").write_text("precious")
+    for name in ("mine", "mine.yaml"):
+        assert main(["new", name]) == 2
+        assert capsys.readouterr().err == (
+            "error: mine.yaml: this file exists already; choose another name or remove it\n"
+        )
+    assert Path("mine.yaml").read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", ["my crates", "123", "null", "Kiste-ä", "a.b"])
+def test_names_that_yaml_would_take_for_something_else_stay_names(name: str) -> None:
+    assert main(["new", name]) == 0
+    assert load_scenario(Path(f"{name}.yaml")).name == name
+
+
+@pytest.mark.parametrize("name", ["", "_x", "a\tb", "-", "x" * 65])
+def test_a_name_that_no_scenario_can_have_is_refused(name: str, capsys: Captured) -> None:
+    assert main(["new", "--", name]) == 2
+    assert "cannot be a scenario's name; allowed: a name of up to 64" in capsys.readouterr().err
+    assert not list(Path().iterdir())
+
+
+def test_a_path_may_lead_to_another_folder_that_exists(tmp_path: Path, capsys: Captured) -> None:
+    (tmp_path / "sub").mkdir()
+    assert main(["new", "sub/mine", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"name": "mine", "file": "sub/mine.yaml"}
+    assert main(["new", "nowhere/mine"]) == 2
+    assert "there is no folder nowhere" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("suffix", PICTURE_SUFFIXES)
+def test_check_draws_what_was_understood(suffix: str, tmp_path: Path) -> None:
+    picture = tmp_path / f"check{suffix}"
+    assert main(["check", "two-crates", "--plot", str(picture)]) == 0
+    assert picture.stat().st_size > 5_000
+    if suffix == ".svg":
+        assert "<!-- near -->" in picture.read_text()
+        assert "<!-- far -->" in picture.read_text()
+
+
+def test_check_refuses_a_picture_it_cannot_write_before_it_works(capsys: Captured) -> None:
+    assert main(["check", "two-crates", "--plot", "nowhere/check.png"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "there is no folder nowhere" in err
