@@ -44,6 +44,7 @@ class Scene(NamedTuple):
         body_bound: (3,) centre and radius of a circle around the body, chain frame.
         obstacles: Convex pieces of the polygonal obstacles, world frame.
         circles: (c, 3) centre and radius of the round obstacles, world frame.
+        tree: (t, 9) boxes around groups of obstacles, a tree in preorder; see `obstacle_tree`.
         walls: (4,) workspace (xmin, ymin, xmax, ymax); infinite where there is none.
         clearance: Distance (m) from everything at the poses that are looked at.
         kept: Distance (m), smaller, that is proven between these poses.
@@ -53,6 +54,7 @@ class Scene(NamedTuple):
     body_bound: FloatArray
     obstacles: Shapes
     circles: FloatArray
+    tree: FloatArray
     walls: FloatArray
     clearance: float
     kept: float
@@ -148,9 +150,15 @@ def _wall_separation(body: FloatArray, walls: FloatArray, c: float, s: float, x:
 
 
 @compiled
-def _body_to_polygon(scene: Scene, o: int, c: float, s: float, x: float, y: float, enough: float) -> float:
-    """Separation of the body from obstacle polygon o, as far as it is below `enough`."""
+def _body_to_polygon(
+    scene: Scene, o: int, cx: float, cy: float, c: float, s: float, x: float, y: float, enough: float
+) -> float:
+    """Separation of the body, around (cx, cy), from obstacle polygon o, as far as it is below `enough`."""
     body, obstacles = scene.body, scene.obstacles
+    dx, dy = cx - obstacles.bounds[o, 0], cy - obstacles.bounds[o, 1]
+    reach = enough + scene.body_bound[2] + obstacles.bounds[o, 2]
+    if dx * dx + dy * dy >= reach * reach:
+        return enough
     exact_below = max(EXACT_BELOW, 2.0 * scene.clearance)
     best = enough
     for p in range(body.starts.shape[0] - 1):
@@ -167,9 +175,15 @@ def _body_to_polygon(scene: Scene, o: int, c: float, s: float, x: float, y: floa
 
 
 @compiled
-def _body_to_disc(scene: Scene, o: int, c: float, s: float, x: float, y: float, enough: float) -> float:
-    """Separation of the body from round obstacle o, as far as it is below `enough`."""
+def _body_to_disc(
+    scene: Scene, o: int, cx: float, cy: float, c: float, s: float, x: float, y: float, enough: float
+) -> float:
+    """Separation of the body, around (cx, cy), from round obstacle o, as far as it is below `enough`."""
     body, disc = scene.body, scene.circles
+    dx, dy = cx - disc[o, 0], cy - disc[o, 1]
+    reach = enough + scene.body_bound[2] + disc[o, 2]
+    if dx * dx + dy * dy >= reach * reach:
+        return enough
     best = enough
     for p in range(body.starts.shape[0] - 1):
         first, last = body.starts[p], body.starts[p + 1]
@@ -185,16 +199,19 @@ def separation(scene: Scene, x: float, y: float, theta: float, enough: float) ->
     best = min(enough, _wall_separation(scene.body.corners, scene.walls, c, s, x, y))
     cx = x + c * scene.body_bound[0] - s * scene.body_bound[1]
     cy = y + s * scene.body_bound[0] + c * scene.body_bound[1]
-    for o in range(scene.obstacles.bounds.shape[0]):
-        dx, dy = cx - scene.obstacles.bounds[o, 0], cy - scene.obstacles.bounds[o, 1]
-        reach = best + scene.body_bound[2] + scene.obstacles.bounds[o, 2]
-        if dx * dx + dy * dy < reach * reach:
-            best = _body_to_polygon(scene, o, c, s, x, y, best)
-    for o in range(scene.circles.shape[0]):
-        dx, dy = cx - scene.circles[o, 0], cy - scene.circles[o, 1]
-        reach = best + scene.body_bound[2] + scene.circles[o, 2]
-        if dx * dx + dy * dy < reach * reach:
-            best = _body_to_disc(scene, o, c, s, x, y, best)
+    i = 0
+    while i < scene.tree.shape[0]:
+        box = scene.tree[i]
+        dx, dy = max(box[0] - cx, cx - box[2], 0.0), max(box[1] - cy, cy - box[3], 0.0)
+        reach = best + scene.body_bound[2]
+        if dx * dx + dy * dy >= reach * reach:
+            i = int(box[4])
+            continue
+        for o in range(int(box[5]), int(box[6])):
+            best = _body_to_polygon(scene, o, cx, cy, c, s, x, y, best)
+        for o in range(int(box[7]), int(box[8])):
+            best = _body_to_disc(scene, o, cx, cy, c, s, x, y, best)
+        i += 1
     return best
 
 

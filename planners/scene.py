@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from pushplan.arrays import FloatArray
 from pushplan.chain import Chain
 from pushplan.planners.collision import Scene, Shapes
+from pushplan.planners.obstacle_tree import obstacle_tree
 
 
 def convex_pieces(outline: FloatArray) -> list[FloatArray]:
@@ -63,6 +64,11 @@ def bounding_circle(points: FloatArray) -> FloatArray:
     return np.append(center, np.linalg.norm(points - center, axis=1).max())
 
 
+def _box(points: FloatArray) -> FloatArray:
+    """Smallest box (xmin, ymin, xmax, ymax) around points (k, 2)."""
+    return np.concatenate([points.min(axis=0), points.max(axis=0)])
+
+
 def chain_outlines(chain: Chain) -> list[FloatArray]:
     """Return the outlines (k, 2) of the pusher and of every object, in the chain frame."""
     return [chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)]
@@ -88,12 +94,32 @@ def build_scene(
     """
     body = [piece for outline in chain_outlines(chain) for piece in convex_pieces(outline)]
     standing = [piece for outline in polygons for piece in convex_pieces(outline)]
+    discs = np.array(list(circles), dtype=np.float64).reshape(-1, 3)
+    return scene_of(body, standing, discs, np.array(walls, dtype=np.float64), clearance, kept)
+
+
+def scene_of(
+    body: Sequence[FloatArray],
+    polygons: Sequence[FloatArray],
+    circles: FloatArray,
+    walls: FloatArray,
+    clearance: float,
+    kept: float | None = None,
+) -> Scene:
+    """Return the compiled scene of convex pieces, its obstacles in the order of their tree."""
+    boxes = np.array([_box(polygon) for polygon in polygons]).reshape(-1, 4)
+    radius = circles[:, 2:]
+    boxes = np.concatenate([boxes, np.hstack([circles[:, :2] - radius, circles[:, :2] + radius])])
+    tree, order = obstacle_tree(boxes, len(polygons))
+    standing = [polygons[i] for i in order[order < len(polygons)]]
+    discs = circles[order[order >= len(polygons)] - len(polygons)]
     return Scene(
         flatten(body),
         bounding_circle(np.concatenate(body)),
         flatten(standing),
-        np.array(list(circles), dtype=np.float64).reshape(-1, 3),
-        np.array(walls, dtype=np.float64),
+        discs,
+        tree,
+        walls,
         clearance,
         0.5 * clearance if kept is None else kept,
     )

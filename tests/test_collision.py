@@ -11,7 +11,7 @@ import shapely
 from pushplan import se2
 from pushplan.arrays import FloatArray
 from pushplan.planners.collision import Scene, separation, step, sweep_is_free
-from pushplan.planners.scene import bounding_circle, convex_pieces, flatten
+from pushplan.planners.scene import convex_pieces, scene_of
 
 INFINITE = np.array([-np.inf, -np.inf, np.inf, np.inf])
 
@@ -29,8 +29,7 @@ def _scene(
     walls: FloatArray = INFINITE,
 ) -> Scene:
     discs = np.array(circles or [], dtype=np.float64).reshape(-1, 3)
-    bound = bounding_circle(np.concatenate(body))
-    return Scene(flatten(body), bound, flatten(obstacles), discs, walls, 5e-4, 2.5e-4)
+    return scene_of(body, obstacles, discs, walls, 5e-4)
 
 
 def _distance(scene_body: list[FloatArray], standing: Sequence[shapely.Geometry], pose: FloatArray) -> float:
