@@ -41,14 +41,11 @@ def _cor(twist: FloatArray) -> tuple[float, float]:
 
 
 @compiled
-def _store(
-    words: FloatArray, n: int, letters: tuple[int, int, int], lengths: tuple[float, float, float]
-) -> int:
-    """Write one word: cost, three letters, three lengths."""
-    words[n, 0] = lengths[0] + lengths[1] + lengths[2]
-    for i in range(3):
-        words[n, 1 + i] = letters[i]
-        words[n, 4 + i] = lengths[i]
+def _store(words: FloatArray, n: int, a: int, b: int, c: int, p: float, q: float, r: float) -> int:
+    """Write one word: cost, three letters, three lengths; return how many there are now."""
+    words[n, 0] = p + q + r
+    words[n, 1], words[n, 2], words[n, 3] = a, b, c
+    words[n, 4], words[n, 5], words[n, 6] = p, q, r
     return n + 1
 
 
@@ -79,8 +76,7 @@ def _straight_words(
         omega1, omega2 = family[first, 2], family[last, 2]
         turn1 = _turn(math.copysign(1.0, omega1) * (heading - start[2]))
         turn2 = _turn(math.copysign(1.0, omega2) * (goal[2] - heading))
-        lengths = (turn1 / abs(omega1), p, turn2 / abs(omega2))
-        n = _store(words, n, (first, STRAIGHT, last), lengths)
+        n = _store(words, n, first, 1, last, turn1 / abs(omega1), p, turn2 / abs(omega2))
     return n
 
 
@@ -115,8 +111,8 @@ def _turning_words(
         turn1 = _turn(math.copysign(1.0, omega1) * (heading1 - start[2]))
         turn2 = _turn(math.copysign(1.0, omega2) * (heading2 - heading1))
         turn3 = _turn(math.copysign(1.0, omega1) * (goal[2] - heading2))
-        lengths = (turn1 / abs(omega1), turn2 / abs(omega2), turn3 / abs(omega1))
-        n = _store(words, n, (first, middle, first), lengths)
+        lengths = turn1 / abs(omega1), turn2 / abs(omega2), turn3 / abs(omega1)
+        n = _store(words, n, first, middle, first, lengths[0], lengths[1], lengths[2])
     return n
 
 
@@ -130,19 +126,15 @@ def _moved(pose: FloatArray, x: float, y: float) -> tuple[float, float]:
 @compiled
 def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: FloatArray) -> int:
     """Fill `words` (MAX_WORDS, 7) with cost, letters and lengths of every word; return how many there are."""
-    n = 0
-    left, right = family[LEFT, 2] > 0.0, family[RIGHT, 2] < 0.0
     straight = family[STRAIGHT, 0] != 0.0 or family[STRAIGHT, 1] != 0.0
-    if straight and left:
-        n = _straight_words(family, LEFT, LEFT, start, goal, words, n)
-    if straight and right:
-        n = _straight_words(family, RIGHT, RIGHT, start, goal, words, n)
-    if straight and left and right:
-        n = _straight_words(family, LEFT, RIGHT, start, goal, words, n)
-        n = _straight_words(family, RIGHT, LEFT, start, goal, words, n)
-    if left and right:
-        n = _turning_words(family, LEFT, RIGHT, start, goal, words, n)
-        n = _turning_words(family, RIGHT, LEFT, start, goal, words, n)
+    n = 0
+    for first in range(LEFT, RIGHT + 1, 2):
+        for last in range(LEFT, RIGHT + 1, 2):
+            if family[first, 2] != 0.0 and family[last, 2] != 0.0:
+                if straight:
+                    n = _straight_words(family, first, last, start, goal, words, n)
+                if first != last:
+                    n = _turning_words(family, first, last, start, goal, words, n)
     return n
 
 
