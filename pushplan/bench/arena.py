@@ -128,7 +128,7 @@ CREATE TABLE IF NOT EXISTS pushplan_plan (
   key TEXT PRIMARY KEY, number INTEGER, problem TEXT, planner TEXT, stable_set TEXT, seed INTEGER);
 CREATE TABLE IF NOT EXISTS pushplan_runs (
   runid INTEGER PRIMARY KEY REFERENCES runs(id) ON DELETE CASCADE,
-  key TEXT UNIQUE NOT NULL, status TEXT, message TEXT, arcs TEXT, log TEXT, host TEXT, ended TEXT);
+  key TEXT UNIQUE NOT NULL, outcome TEXT, message TEXT, arcs TEXT, log TEXT, host TEXT, ended TEXT);
 """
 """The suite that was asked for last, its problems and the runs it consists of, and what else is known of each run."""
 

@@ -20,8 +20,8 @@ from pushplan.errors import PushplanError
 OUTPUT = "output.txt"
 """File in the run's folder that takes the process's standard streams."""
 
-ROOM = 1.25
-"""Share of the memory limit at which the kernel refuses more, in case the supervisor has not looked in time."""
+ROOM = 1000.0
+"""MB beyond the memory limit at which the kernel refuses more: what a run may grow by between two looks at it."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,13 @@ def guarded(writer: Connection, work: Callable[[Task, Path], Figures], task: Tas
     writer.send(_ended(work, task, folder))
 
 
+def idle() -> None:
+    """Do nothing: a process with this work has ended when the fork server is ready."""
+
+
 def _ended(work: Callable[[Task, Path], Figures], task: Task, folder: Path) -> Ended:
     try:
-        limit_memory(ROOM * task.megabytes)
+        limit_memory(task.megabytes + ROOM)
         figures = work(task, folder)
         return Ended(figures.status, figures.reason, figures)
     except MemoryError:

@@ -5,9 +5,9 @@ it within milliseconds, so that no run sees what another one left behind (memory
 caches), its peak memory is its own, and it can be killed at any moment.
 
 Memory counts as what a run takes on top of the code and kernels that it starts with. The supervisor looks at the
-resident set a few times a second and kills what has grown too large; a run that grows faster is refused further
-memory by the kernel (RLIMIT_DATA), of which it can still tell. The address space as a whole (RLIMIT_AS) would say
-little: compiled code and thread stacks reserve much that they never use.
+resident set a few times a second and kills what has grown too large; a run that grows faster, or asks for a lot
+at once, is refused memory by the kernel (RLIMIT_DATA), of which it can still tell. The address space as a whole
+(RLIMIT_AS) would say little: compiled code and thread stacks reserve much that they never use.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from threading import Lock
 from types import ModuleType
 
 from pushplan.bench import outcome
-from pushplan.bench.child import OUTPUT, Ended, guarded, resident_megabytes
+from pushplan.bench.child import OUTPUT, Ended, guarded, idle, resident_megabytes
 from pushplan.bench.outcome import Figures, Outcome, Task
 from pushplan.bench.work import LOG, perform
 
@@ -48,6 +48,15 @@ def _context() -> ForkServerContext:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["pushplan.bench.preload"])
     return context
+
+
+@cache
+def prepare() -> None:
+    """Have the fork server ready: compiling, at the first time on a machine, takes a while that no run shall pay."""
+    with _without_main():
+        process = _context().Process(target=idle)
+        process.start()
+    process.join()
 
 
 _main_hidden = Lock()
@@ -80,6 +89,7 @@ class IsolatedRun:
             scratch: Where the run's folder is made; None for the system's place for temporary files.
             work: What to do with it.
         """
+        prepare()
         self.task = task
         self._folder = Path(tempfile.mkdtemp(prefix=f"{task.key}-", dir=scratch))
         self._began = time.monotonic()

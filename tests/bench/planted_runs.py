@@ -1,0 +1,158 @@
+"""Runs that go wrong on purpose, each in the way that its seed says; and a batch of them as a program of its own."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pushplan.bench import isolation
+from pushplan.bench.batch import Choice, run_suite
+from pushplan.bench.folder import ResultsFolder
+from pushplan.bench.local import local_outcomes
+from pushplan.bench.outcome import Figures, Task
+from pushplan.bench.suite_file import suite_from_text
+
+FATES = (
+    "fine",
+    "segfault",
+    "no plan",
+    "raise",
+    "fine",
+    "hang",
+    "invalid",
+    "hog",
+    "fine",
+    "abort",
+    "leave",
+    "fine",
+    "exit",
+    "hog in C",
+    "fine",
+    "stubborn hang",
+    "killed",
+    "fine",
+    "lists",
+    "half a log",
+    "ask too much",
+)
+
+STATUS = {
+    "fine": "ok",
+    "no plan": "no plan",
+    "invalid": "invalid",
+    "segfault": "crash",
+    "abort": "crash",
+    "leave": "crash",
+    "killed": "crash",
+    "half a log": "crash",
+    "hang": "timeout",
+    "stubborn hang": "timeout",
+    "hog": "out of memory",
+    "hog in C": "out of memory",
+    "lists": "out of memory",
+    "ask too much": "out of memory",
+    "raise": "error",
+    "exit": "error",
+}
+
+
+def fate_of(seed: int) -> str:
+    """Return what happens to the run of a seed."""
+    return FATES[seed % len(FATES)]
+
+
+def work(task: Task, folder: Path) -> Figures:
+    """Meet the fate that the seed says."""
+    fate = fate_of(task.seed)
+    if fate in ("fine", "invalid", "no plan"):
+        return _figures(task.seed, fate)
+    if fate == "half a log":
+        (folder / "run.mcap.partial").write_bytes(b"half")
+        os._exit(1)
+    _go_wrong(fate)
+    raise AssertionError("nothing has gone wrong")
+
+
+def _figures(seed: int, fate: str) -> Figures:
+    if fate == "no plan":
+        return Figures(reason="there is none")
+    arcs = ((1.0, 0.0, 0.0, 0.1 * seed), (0.9, 0.0, 1.0, 1.0 / (seed + 1)))
+    return Figures(
+        found=True,
+        valid=fate == "fine",
+        reason="" if fate == "fine" else "it slips",
+        path_cost=seed / 7.0,
+        arcs=arcs,
+    )
+
+
+def _go_wrong(fate: str) -> None:
+    libc = ctypes.CDLL(None)
+    hoard: list[object] = []
+    match fate:
+        case "segfault":
+            ctypes.string_at(0)
+        case "abort":
+            os.abort()
+        case "leave":
+            os._exit(7)
+        case "killed":
+            os.kill(os.getpid(), signal.SIGKILL)
+        case "hang":
+            time.sleep(1000.0)
+        case "stubborn hang":
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            while True:
+                pass
+        case "hog":
+            while True:
+                hoard.append(np.ones(100_000))
+        case "lists":
+            while True:
+                hoard.append([0] * 10_000)
+        case "hog in C":
+            libc.malloc.restype = ctypes.c_void_p
+            while True:
+                libc.memset(ctypes.c_void_p(libc.malloc(1 << 20)), 1, 1 << 20)
+        case "ask too much":
+            hoard.append(np.ones(1_000_000_000))
+        case "raise":
+            raise ValueError("planted")
+        case "exit":
+            sys.exit(3)
+
+
+def suite_text(seeds: int, first: int = 0) -> str:
+    """Return a suite of planted runs."""
+    return (
+        "format: pushplan-suite/1\nname: planted\nproblems: [one-box]\n"
+        f"seeds: {list(range(first, first + seeds))}\nlimits: {{run: 3 s, memory: 100 MB}}\n"
+    )
+
+
+def main(folder: str, seeds: str) -> None:
+    """Do planted runs, or go on with them, and say so run by run."""
+    isolation._context().set_forkserver_preload(["planted_runs"])  # no planner is needed here
+    results = ResultsFolder(Path(folder))
+    suite = suite_from_text(suite_text(int(seeds)))
+    with results.locked():
+        run_suite(
+            suite,
+            results,
+            lambda tasks: local_outcomes(tasks, 2, results.scratch, work),
+            Choice(resume=True),
+            tell=lambda tally: print(tally.done, flush=True),
+            version="test",
+        )
+
+
+if __name__ == "__main__":
+    import planted_runs  # type: ignore[import-not-found]  # the processes find the work by the module's name, not as part of the main program
+
+    planted_runs.main(*sys.argv[1:])

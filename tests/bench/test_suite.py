@@ -1,0 +1,194 @@
+"""Suite files: what they mean, what is told when they are wrong, and the keys of their runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pushplan.bench.selection import SelectionError, chosen, with_key
+from pushplan.bench.suite import RunLimits, RunSpec, Suite
+from pushplan.bench.suite_file import SuiteError, load_suite, suite_from_text, suite_names
+from pushplan.examples import example_text
+
+SMALL = """\
+format: pushplan-suite/1
+problems:
+  - one-box
+  - name: gaps
+    generate: {objects: 2, gap: [1.5, 2.0], obstacles: [0, 3], size: ["10 cm", 0.15]}
+    count: 2
+    seed: 5
+planners: [auto, {name: rrt, label: rrt-first, first: true, time: 500 ms}]
+sets: [ecof, translation]
+seeds: [3, 7]
+limits: {time: 1.5 s, iterations: 1000, memory: 1 GB}
+"""
+
+
+def _runs(suite: Suite, version: str = "1") -> list[RunSpec]:
+    return list(suite.runs(version))
+
+
+def test_a_suite_is_problems_times_planners_times_sets_times_seeds() -> None:
+    suite = suite_from_text(SMALL)
+    assert [problem.name for problem in suite.problems] == ["one-box", "gaps-5", "gaps-6"]
+    assert [problem.instance for problem in suite.problems] == [None, 5, 6]
+    assert {len(problem.scenario.chain.objects) for problem in suite.problems[1:]} == {2}
+    assert [planner.label for planner in suite.planners] == ["auto", "rrt-first"]
+    assert [planner.time for planner in suite.planners] == [1.5, 0.5]
+    assert [planner.iterations for planner in suite.planners] == [1000, 1000]
+    runs = _runs(suite)
+    assert len(runs) == 3 * 2 * 2 * 2 == len({run.key for run in runs})
+    assert {run.seed for run in runs[:12]} == {3}
+    assert runs[0].limits == RunLimits(5.0 * 1.5 + 30.0, 1000.0)
+
+
+def test_what_is_left_out_has_a_default() -> None:
+    suite = suite_from_text("format: pushplan-suite/1\nproblems: [feet]\nlimits: {run: 7}\n", "my/feet.yaml")
+    assert suite.name == "feet"
+    assert suite.seeds == tuple(range(1, 11))
+    (run, *_) = _runs(suite)
+    assert str(run) == "problem=feet planner=auto set=ecof seed=1"
+    assert run.limits == RunLimits(7.0, 2000.0)
+
+
+def test_scenario_files_are_looked_for_beside_the_suite(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text(example_text("one-box"))
+    (tmp_path / "suite.yaml").write_text(
+        "format: pushplan-suite/1\nproblems: [two-crates, {scenario: mine.yaml, name: mine}]\n"
+    )
+    suite = load_suite(tmp_path / "suite.yaml")
+    assert [problem.name for problem in suite.problems] == ["two-crates", "mine"]
+
+
+def test_keys_change_with_all_that_bears_on_results_and_nothing_else() -> None:
+    suite = suite_from_text(SMALL)
+    keys = [run.key for run in _runs(suite)]
+    renamed = replace(
+        suite,
+        name="other",
+        planners=tuple(replace(planner, label=f"my {planner.label}") for planner in suite.planners),
+        problems=tuple(replace(problem, name=f"my {problem.name}") for problem in suite.problems),
+        megabytes=1.0,
+    )
+    assert [run.key for run in _runs(renamed)] == keys
+    others = [
+        _runs(suite, "2"),
+        _runs(suite_from_text(SMALL.replace("iterations: 1000", "iterations: 1001"))),
+        _runs(suite_from_text(SMALL.replace("time: 1.5 s", "time: 1.4 s").replace("500 ms", "501 ms"))),
+        _runs(suite_from_text(SMALL.replace("[3, 7]", "[4, 8]"))),
+        _runs(suite_from_text(SMALL.replace("name: rrt,", "name: est,")))[1::2][1::2],
+    ]
+    for other in others:
+        assert not set(keys) & {run.key for run in other}
+
+
+def test_all_that_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
+    (tmp_path / "bad.yaml").write_text(example_text("one-box").replace("mass:", "maß:"))
+    text = """\
+format: pushplan-suite/1
+problems:
+  - one-box
+  - {scenario: one-box, name: again}
+  - bad.yaml
+  - nowhere
+  - {name: gaps, generate: {gap: 1}}
+planners: [auto, {name: auto, label: same}, {name: rrt, label: auto}]
+"""
+    with pytest.raises(SuiteError) as caught:
+        suite_from_text(text, tmp_path / "suite.yaml")
+    lines = [finding.text("s.yaml").replace(str(tmp_path), "") for finding in caught.value.findings]
+    assert [line.split(": ")[0] for line in lines] == [
+        f"s.yaml:{p}" for p in ("4:5", "5:5", "5:5", "6:5", "7:5", "8:18", "8:45")
+    ]
+    assert lines[0] == (
+        "s.yaml:4:5: problems[1]: 'again' states the same problem as 'one-box'; leave it out or change it"
+    )
+    assert "problems[2]: cannot be used: /bad.yaml:" in lines[1]
+    assert "no packaged scenario is called so either" in lines[3]
+    assert lines[4].endswith("gap is [1.0, 1.0]; allowed: [low, high] from 1.05 to 100")
+    assert lines[5] == "s.yaml:8:18: planners[1]: is the same as planners[0]; leave one of them out"
+    assert lines[6] == "s.yaml:8:45: planners[2]: is called 'auto' like planners[0]; give it another label"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ("problems: []", "2:11: problems: is a list of 0; allowed: a list of scenarios"),
+        ("problems: [3]", "2:12: problems[0]: is 3; allowed: a list of scenarios"),
+        ("problem: [one-box]", "2:1: problem: unknown key; did you mean 'problems'?"),
+        ("problems: [{generate: {}}]", "problems[0]: generates problems without a name; allowed: {name: ..."),
+        ("problems: [{scenario: x, count: 2}]", "has count or seed but generates nothing"),
+        (
+            "problems: [{name: x, generate: {objects: [3, 1]}}]",
+            "is [3, 1]; allowed: [low, high] with low <= high",
+        ),
+        (
+            "problems: [{name: x, generate: {object: 1}}]",
+            "generate.object: unknown key; did you mean 'objects'?",
+        ),
+        ("problems: [{name: x, generate: {drives: [car, tank]}}]", "drives[1]: is the text 'tank'"),
+        ("problems: [one-box]\nplanners: [rtt]", "planners[0]: is the text 'rtt'"),
+        ("problems: [one-box]\nplanners: [{name: rrt, first: 1}]", "first: is 1; allowed: true to stop"),
+        ("problems: [one-box]\nsets: [ecof, ecof]", "3:7: sets: holds ecof twice; allowed: each value once"),
+        ("problems: [one-box]\nseeds: 0", "3:8: seeds: is 0; allowed: a whole number from 1 to 100000"),
+        ("problems: [one-box]\nseeds: [1, 1]", "3:8: seeds: holds 1 twice; allowed: each value once"),
+        ("problems: [one-box]\nlimits: {time: 1 kg}", "limits.time: '1 kg' is a mass; allowed: a time in s"),
+        ("problems: [one-box]\nlimits: {memory: 1 XB}", "limits.memory: has the unknown unit 'XB'"),
+    ],
+)
+def test_wrong_values_are_told_as_in_scenarios(wrong: str, message: str) -> None:
+    with pytest.raises(SuiteError) as caught:
+        suite_from_text(f"format: pushplan-suite/1\n{wrong}\n")
+    assert message in str(caught.value)
+
+
+def test_a_suite_that_is_nowhere_is_told_with_those_there_are() -> None:
+    with pytest.raises(
+        SuiteError, match="no packaged suite is called so either; did you mean 'smoke'"
+    ) as caught:
+        load_suite("smokes")
+    assert all(name in str(caught.value) for name in suite_names())
+
+
+def test_filters_choose_by_patterns_that_must_all_fit() -> None:
+    runs = _runs(suite_from_text(SMALL))
+    some = chosen(runs, ["problem=gaps-*", "planner=auto", "seed=7"])
+    assert [str(run) for run in some] == [
+        f"problem=gaps-{i} planner=auto set={name} seed=7" for i in (5, 6) for name in ("ecof", "translation")
+    ]
+    assert chosen(runs, []) == runs
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("gaps", "'gaps' is no filter; allowed: FIELD=PATTERN, FIELD one of problem, planner, set, seed"),
+        ("plan=auto", "'plan=auto' is no filter"),
+        (
+            "seed=9",
+            "no run fits seed=9; there are problem: gaps-5, gaps-6, one-box; planner: auto, rrt-first;",
+        ),
+    ],
+)
+def test_filters_that_fit_nothing_say_what_there_is(text: str, message: str) -> None:
+    with pytest.raises(SelectionError) as caught:
+        chosen(_runs(suite_from_text(SMALL)), [text])
+    assert message in str(caught.value)
+
+
+def test_a_run_is_found_by_the_beginning_of_its_key() -> None:
+    runs = _runs(suite_from_text(SMALL))
+    assert with_key(runs, runs[4].key[:9]) is runs[4]
+    for key, message in (("x", "no run"), ("", "24 runs")):
+        with pytest.raises(SelectionError, match=message):
+            with_key(runs, key)
+
+
+@pytest.mark.parametrize("name", suite_names())
+def test_packaged_suites_can_be_read(name: str) -> None:
+    suite = load_suite(name)
+    assert suite.name == name
+    assert len(_runs(suite)) > 0
