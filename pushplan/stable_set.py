@@ -20,6 +20,7 @@ from pushplan.errors import PushplanError
 from pushplan.intervals import Samples
 from pushplan.meridian_tracking import track_meridians
 from pushplan.meridians import find_meridians
+from pushplan.names import STABLE_SETS
 from pushplan.peaks import margin_peaks
 from pushplan.refined_meridians import RefinedMeridians, refine_meridians
 from pushplan.sphere import Meridians, TurningRadii, angles_of, checked_twists, twists_at
@@ -29,16 +30,13 @@ from pushplan.steering import SteeringPair, steering_pairs
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-NAMES = ("ecof",)
-"""Names of the stable sets."""
-
 
 class StableSet(ABC):
     """The twists that keep every contact, by one of the paper's algorithms.
 
     Attributes:
         chain: The chain that is pushed.
-        name: Which algorithm: one of `NAMES`.
+        name: Which algorithm: one of `names.STABLE_SETS`.
     """
 
     name: str
@@ -156,15 +154,21 @@ class StableSet(ABC):
 
 
 def stable_set(chain: Chain, name: str = "ecof") -> StableSet:
-    """Return the stable set of `chain` by one of the algorithms in `NAMES`.
+    """Return the stable set of `chain` by one of the algorithms in `names.STABLE_SETS`.
 
     Raises:
         PushplanError: On an unknown name.
-        SupportError: When the algorithm needs loads that are not known.
+        SupportError: When the algorithm needs loads that are not known, or a push at the contact height could
+            tip or lift an object.
     """
+    from pushplan.cof_set import CofSet
     from pushplan.ecof_set import EcofSet
+    from pushplan.robust_set import RobustSet
+    from pushplan.stable_unknown_set import StableUnknownSet
+    from pushplan.translation_set import TranslationSet
 
-    classes: dict[str, type[StableSet]] = {"ecof": EcofSet}
-    if name not in classes:
-        raise PushplanError(f"no stable set is called {name!r}; there are {', '.join(NAMES)}")
-    return classes[name](chain)
+    sets: tuple[type[StableSet], ...] = (EcofSet, CofSet, TranslationSet, StableUnknownSet, RobustSet)
+    for each in sets:
+        if each.name == name:
+            return each(chain)
+    raise PushplanError(f"no stable set is called {name!r}; there are {', '.join(STABLE_SETS)}")
