@@ -1,4 +1,4 @@
-"""Read a run's log back: show it, verify it, export it."""
+"""Read a run's log back: show it, verify it, export it, play it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pushplan.commands.console import Console
+from pushplan.commands.exports import asked_for, declare_exports, write_exports
 from pushplan.commands.failure import DONE, MISMATCH
-from pushplan.commands.options import add_output, add_plot, check_outputs
+from pushplan.commands.options import add_plot, check_outputs
+from pushplan.commands.playing import declare_playing, play
 from pushplan.errors import RunLogError
 
 if TYPE_CHECKING:
@@ -22,21 +24,21 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("log", metavar="RUN", help="a log (.mcap), or what a killed run left (.mcap.partial)")
     parser.add_argument("--verify", action="store_true", help="execute the recorded plan again and compare")
     add_plot(parser, "draw the swept chain, its margins and the stable set")
-    add_output(parser, "--html", help="write a page that plays the run")
-    add_output(parser, "--csv", help="write the executed samples as a table")
-    add_output(parser, "--layout", help="write a layout that makes Foxglove and Lichtblick show the run")
+    declare_exports(parser)
+    declare_playing(parser)
 
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
     from pushplan.logging.reader import read_run
 
-    check_outputs(args.log, args.plot, args.html, args.csv, args.layout)
+    check_outputs(args.log, args.plot, *asked_for(args).values())
     with console.working(f"reading {args.log}"):
         recorded = read_run(args.log)
     _tell(recorded, console)
     report = _verify(recorded, console) if args.verify else None
     _export(recorded, args, console)
+    play(recorded, args, console)
     console.emit(_document(recorded, report))
     return DONE if report is None or report.matches else MISMATCH
 
@@ -74,18 +76,7 @@ def _verify(recorded: RecordedRun, console: Console) -> VerifyReport:
 def _export(recorded: RecordedRun, args: argparse.Namespace, console: Console) -> None:
     if args.plot is not None:
         _draw(recorded, args.plot, console)
-    if args.html is not None:
-        from pushplan.logging.html import write_html
-
-        write_html(recorded, args.html)
-    if args.csv is not None:
-        from pushplan.logging.export_csv import write_csv
-
-        write_csv(recorded, args.csv)
-    if args.layout is not None:
-        from pushplan.logging.layout import write_layout
-
-        write_layout(recorded, args.layout)
+    write_exports(recorded, args, console)
 
 
 def _draw(recorded: RecordedRun, path: Path, console: Console) -> None:

@@ -1,0 +1,62 @@
+"""`pushplan replay`: its exports and its ways of playing, by the words that a user types."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pushplan.cli import main
+from pushplan.commands.exports import WRITERS
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("replay") / "run.mcap"
+    assert main(["plan", "free-space", "--first", "-o", str(path)]) == 0
+    return path
+
+
+def test_plain_exports_are_written_in_one_call(log: Path, tmp_path: Path) -> None:
+    files = {name: tmp_path / f"out.{name}" for name in ("html", "csv", "layout")}
+    words = [word for name, path in files.items() for word in (f"--{name}", str(path))]
+    assert main(["replay", str(log), *words]) == 0
+    assert files["html"].read_text().startswith("<!doctype html>")
+    assert files["csv"].read_text().count("\n") > 100
+    assert '"3D' in files["layout"].read_text()
+
+
+@pytest.mark.parametrize("name", sorted(WRITERS))
+def test_every_export_is_written_or_names_its_extra(
+    name: str, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if name == "mp4":
+        pytest.skip("a film takes most of a minute; tests/logs films a short run")
+    path = tmp_path / f"out.{name}"
+    code = main(["replay", str(log), f"--{name}", str(path)])
+    if code == 0:
+        assert path.stat().st_size > 100
+    else:
+        assert code == 2
+        assert "pip install 'pushplan[" in capsys.readouterr().err
+        assert not path.exists()
+
+
+def test_playing_needs_a_terminal(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", str(log), "--play"]) == 2
+    assert "--play draws on a terminal" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--play", "--rate", "0"], "rate is 0.0; it must be finite and > 0"),
+        (["--play", "--start-offset", "-1"], "start_offset is -1.0; it must be finite and >= 0"),
+        (["--serve", "8799", "--duration", "nan"], "duration is nan; it must be finite and > 0"),
+    ],
+)
+def test_impossible_playing_is_refused(
+    words: list[str], message: str, log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["replay", str(log), *words]) == 2
+    assert message in capsys.readouterr().err
