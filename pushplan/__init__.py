@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         ChainError,
         EmptyStableSetError,
         Finding,
+        ImportedFileError,
         PlanningError,
         PushplanError,
         RunLogError,
@@ -36,7 +37,13 @@ if TYPE_CHECKING:
     from pushplan.plot_sets import plot_stable_sets
     from pushplan.result import PlanResult, ProgressPoint, Run
     from pushplan.run import run
-    from pushplan.scenario import Scenario, check_scenario, load_scenario, scenario_from_text
+    from pushplan.scenario import (
+        Scenario,
+        check_scenario,
+        load_scenario,
+        scenario_from_document,
+        scenario_from_text,
+    )
     from pushplan.scenario_parts import (
         CircleObstacle,
         Goal,
@@ -55,8 +62,8 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "chain": "Chain Contact Drive Limits PushedObject Pusher",
-    "errors": "ChainError EmptyStableSetError Finding PlanningError PushplanError RunLogError ScenarioError "
-    "SupportError TimingError UndefinedEcofError",
+    "errors": "ChainError EmptyStableSetError Finding ImportedFileError PlanningError PushplanError RunLogError "
+    "ScenarioError SupportError TimingError UndefinedEcofError",
     "examples": "example_names example_text",
     "friction": "cof ecof friction_wrench",
     "logging.reader": "read_run",
@@ -68,7 +75,7 @@ _HOMES = {
     "plot_sets": "plot_stable_sets",
     "result": "PlanResult ProgressPoint Run",
     "run": "run",
-    "scenario": "Scenario check_scenario load_scenario scenario_from_text",
+    "scenario": "Scenario check_scenario load_scenario scenario_from_document scenario_from_text",
     "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle StabilitySettings Workspace",
     "sim.kinematic": "Execution StabilityLoss simulate",
     "sphere": "TurningRadii",
@@ -89,6 +96,7 @@ __all__ = [
     "FeetSupport",
     "Finding",
     "Goal",
+    "ImportedFileError",
     "Limits",
     "PlanResult",
     "PlannerSettings",
@@ -131,6 +139,7 @@ __all__ = [
     "plot_stable_sets",
     "read_run",
     "run",
+    "scenario_from_document",
     "scenario_from_text",
     "simulate",
     "stable_set",

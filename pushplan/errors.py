@@ -43,6 +43,10 @@ class ScenarioError(PushplanError, ValueError):
         super().__init__("\n".join(finding.text(path) for finding in self.findings))
 
 
+class ImportedFileError(PushplanError, ValueError):
+    """An outline or a map that is imported is not what it should be."""
+
+
 class ChainError(PushplanError, ValueError):
     """Objects and contacts do not form a chain or a tree that the pusher carries."""
 

@@ -35,6 +35,7 @@ __all__ = [
     "Workspace",
     "check_scenario",
     "load_scenario",
+    "scenario_from_document",
     "scenario_from_text",
 ]
 
@@ -160,6 +161,26 @@ def scenario_from_text(
     from pushplan.scenario_file import scenario_from_text as read
 
     return read(text, path, attachments)
+
+
+def scenario_from_document(
+    document: Mapping[str, Any],
+    path: str | Path = "scenario.json",
+    attachments: Mapping[str, bytes] | None = None,
+) -> Scenario:
+    """Return the scenario that plain data state; see `pushplan.builders` for functions that make them.
+
+    Args:
+        document: What a scenario file holds, as mappings, sequences, texts, numbers and NumPy arrays.
+        path: What messages call it; nothing is read from there.
+        attachments: Contents of the files that the scenario refers to, by the name that it uses.
+
+    Raises:
+        ScenarioError: As for `load_scenario`; the findings have no lines.
+    """
+    from pushplan.scenario_file import scenario_from_document as read
+
+    return read(document, path, attachments)
 
 
 def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:

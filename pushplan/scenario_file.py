@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from pushplan.errors import Finding, ScenarioError
 from pushplan.examples import example_file, example_names
@@ -35,6 +37,34 @@ def scenario_from_text(
     """Read a text; see `pushplan.scenario.scenario_from_text`."""
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     return _read(data, Path(path), Attachments(dict(attachments or {})))
+
+
+def scenario_from_document(
+    document: Mapping[str, Any],
+    path: str | Path = "scenario.json",
+    attachments: Mapping[str, bytes] | None = None,
+) -> Scenario:
+    """Read plain data; see `pushplan.scenario.scenario_from_document`."""
+    try:
+        text = json.dumps(document, default=_plain, indent=1)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ScenarioError(str(path), [Finding("", f"is no plain data: {error}")]) from error
+    try:
+        return scenario_from_text(text, path, attachments)
+    except ScenarioError as error:
+        placeless = [Finding(finding.where, finding.what) for finding in error.findings]
+        raise ScenarioError(str(path), placeless) from error
+
+
+def _plain(value: object) -> object:
+    """Turn NumPy's numbers and arrays, and mappings of other kinds, into what JSON knows."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(
+        f"it holds a {type(value).__name__}; allowed: mappings, sequences, texts, numbers and arrays"
+    )
 
 
 def _read(data: bytes, path: Path, attachments: Attachments) -> Scenario:

@@ -43,6 +43,8 @@ Friction = Annotated[float, friction(0.0)]
 FloorFriction = Annotated[float, friction(1e-3)]
 LoadFraction = Annotated[float, Quantity("a part of the load", units.FRACTION, 1e-6, 1.0, "25 %")]
 Margin = Annotated[float, Quantity("a margin", {}, 0.0, 0.99)]
+Weight = Annotated[float, Quantity("a weight", {}, 0.0, 1000.0)]
+Gap = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 100.0, "1 %")]
 Seed = Annotated[int, Quantity("a whole number", {}, 0, 2**31 - 1, whole=True)]
 Speed = Annotated[float, Quantity("a speed", units.SPEED, 1e-4, 100.0, "0.2 m/s")]
 Acceleration = Annotated[float, Quantity("an acceleration", units.ACCELERATION, 1e-4, 1e3, "0.5 m/s^2")]
@@ -161,7 +163,7 @@ def exactly_one(
         given: list[JsonValue] = [key, *((needs or {}).get(key, "").split())]
         barred = [other for other in keys if other != key]
         barred += [other for other, owner in (only or {}).items() if key not in owner.split()]
-        properties: dict[str, JsonValue] = {name: {"not": {"type": "null"}} for name in given}
+        properties: dict[str, JsonValue] = {str(name): {"not": {"type": "null"}} for name in given}
         forms.append(
             {"properties": properties | {name: {"type": "null"} for name in barred}, "required": given}
         )

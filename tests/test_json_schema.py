@@ -56,7 +56,9 @@ def _document(text: str) -> Any:
 
 
 def test_the_packaged_schema_is_that_of_the_models(capsys: pytest.CaptureFixture[str]) -> None:
-    assert schema_file().read_text(encoding="utf-8") == schema_text(scenario_schema())
+    assert schema_file().read_text(encoding="utf-8") == schema_text(scenario_schema()), (
+        "the models have changed; run `pushplan schema > pushplan/scenario.schema.json`"
+    )
     assert main(["schema"]) == 0
     assert capsys.readouterr().out == schema_text(scenario_schema())
 

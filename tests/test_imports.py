@@ -1,0 +1,217 @@
+"""Outlines and maps of others: right sizes and places, nothing uncovered, clear words for what cannot be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from pushplan.builders import box, build_scenario, plate
+from pushplan.errors import ImportedFileError
+from pushplan.hole_free import covering, hole_free
+from pushplan.import_outlines import read_csv_outlines, read_svg_outlines
+from pushplan.import_ros_map import read_ros_map
+from pushplan.schema_types import MOST_CORNERS
+
+SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 400 200">
+<g transform="translate(20,20)">{}</g></svg>"""
+MAP = """\
+image: map.pgm
+resolution: 0.05
+origin: [-1.0, 2.0, {}]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+FREE, UNKNOWN, OCCUPIED = 254, 205, 0
+
+
+def _drawing(folder: Path, shapes: str) -> Path:
+    file = folder / "drawing.svg"
+    file.write_text(SVG.format(shapes))
+    return file
+
+
+def test_shapes_of_a_drawing_have_their_printed_size_and_y_up(tmp_path: Path) -> None:
+    drawing = _drawing(
+        tmp_path, '<rect id="crate" x="0" y="0" width="80" height="60"/><polygon points="0,0 40,0 0,80"/>'
+    )
+    outlines = read_svg_outlines(drawing, centered=False)
+    assert list(outlines) == ["crate", "shape-2"]
+    np.testing.assert_allclose(outlines["crate"].min(axis=0), [0.01, -0.04], atol=1e-6)
+    np.testing.assert_allclose(outlines["crate"].max(axis=0), [0.05, -0.01], atol=1e-6)
+    triangle = shapely.Polygon(outlines["shape-2"])
+    assert triangle.exterior.is_ccw
+    assert triangle.area == pytest.approx(0.02 * 0.04 / 2.0, rel=1e-5)
+    centered = shapely.Polygon(read_svg_outlines(drawing)["shape-2"])
+    np.testing.assert_allclose([centered.centroid.x, centered.centroid.y], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5])
+def test_curves_become_chords_within_the_tolerance(tolerance: float, tmp_path: Path) -> None:
+    drawing = _drawing(tmp_path, '<circle id="tin" cx="100" cy="80" r="60"/>')
+    tin = shapely.Polygon(read_svg_outlines(drawing, tolerance=tolerance)["tin"])
+    true = shapely.Point(0.0, 0.0).buffer(0.03, quad_segs=2000)
+    assert shapely.hausdorff_distance(tin.exterior, true.exterior, densify=0.01) < 1.2 * tolerance
+    assert len(tin.exterior.coords) < 20 / np.sqrt(tolerance / 0.03)
+
+
+@pytest.mark.parametrize(
+    ("shapes", "what"),
+    [
+        ("", "no shape is in the drawing; needed: a path"),
+        ('<path id="p" d="M 0 0 L 10 0 L 10 10"/>', "p: is open; allowed: one closed outline"),
+        (
+            '<path id="p" d="M0 0 L9 0 L9 9 Z M2 2 L3 2 L3 3 Z"/>',
+            "p: has 2 outlines; allowed: one closed outline",
+        ),
+        ('<path id="p" d="M0 0 L9 9 L9 0 L0 9 Z"/>', "must be a simple polygon"),
+        (
+            '<rect id="r" width="9" height="9"/><rect id="r" width="9" height="9"/>',
+            "two shapes are called 'r'",
+        ),
+        ("<rect", "cannot read the drawing"),
+    ],
+)
+def test_a_drawing_that_is_no_outlines_is_refused(shapes: str, what: str, tmp_path: Path) -> None:
+    with pytest.raises(ImportedFileError, match=r"drawing\.svg") as caught:
+        read_svg_outlines(_drawing(tmp_path, shapes))
+    assert what in str(caught.value)
+
+
+def test_tables_hold_one_outline_or_several(tmp_path: Path) -> None:
+    table = tmp_path / "wedge.csv"
+    table.write_text("x, y\n0,0\n0,1\n1,0\n")
+    np.testing.assert_array_equal(read_csv_outlines(table)["wedge"], [[1, 0], [0, 1], [0, 0]])
+    table.write_text("\ufeffname,x,y\na,0,0\na,1,0\na,0,1\nb,0,0\nb,2,0\nb,2,2\n", encoding="utf-8")
+    outlines = read_csv_outlines(table, centered=True)
+    assert list(outlines) == ["a", "b"]
+    np.testing.assert_allclose(outlines["b"].mean(axis=0), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("a,b\n0,0\n", "wedge.csv:1: the header is 'a,b'; it must name x and y"),
+        ("", "wedge.csv:1: the header is ''; it must name x and y"),
+        ("x,y\n0,0\n1,nan\n", "wedge.csv:3: y is 'nan'; allowed: a finite number of metres"),
+        ("x,y\n0,0\n1\n", "wedge.csv:3: y is ''; allowed: a finite number of metres"),
+        ("x,y\n0,0\n1,1\n", "has 2 vertices; a polygon needs at least 3"),
+    ],
+)
+def test_a_table_that_is_no_outline_is_refused(text: str, what: str, tmp_path: Path) -> None:
+    (tmp_path / "wedge.csv").write_text(text)
+    with pytest.raises(ImportedFileError) as caught:
+        read_csv_outlines(tmp_path / "wedge.csv")
+    assert what in str(caught.value)
+
+
+@pytest.mark.parametrize("read", [read_csv_outlines, read_svg_outlines, read_ros_map])
+def test_a_missing_file_is_told(read: object, tmp_path: Path) -> None:
+    assert callable(read)
+    with pytest.raises(ImportedFileError, match=r"none: cannot read the file: No such file"):
+        read(tmp_path / "none")
+
+
+def _map(folder: Path, cells: npt.NDArray[np.uint8], turned: float = 0.0) -> Path:
+    """Write a map; row 0 of `cells` is the uppermost."""
+    Image.fromarray(cells).save(folder / "map.pgm")
+    (folder / "map.yaml").write_text(MAP.format(turned))
+    return folder / "map.yaml"
+
+
+def _room(seed: int = 1) -> npt.NDArray[np.uint8]:
+    """A walled room with clutter, and something unknown outside it."""
+    rng = np.random.default_rng(seed)
+    cells = np.full((60, 80), FREE, np.uint8)
+    cells[:, :10] = UNKNOWN
+    cells[[0, 59], :] = cells[:, [0, 79]] = OCCUPIED
+    cells[5:55, [10, 79]] = cells[[5, 54], 10:] = OCCUPIED
+    for row, column, size in rng.integers([10, 15, 1], [50, 70, 6], (8, 3)):
+        cells[row : row + size, column : column + size] = OCCUPIED
+    return cells
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.4, -2.0])
+@pytest.mark.parametrize("unknown_is_free", [False, True])
+def test_obstacles_cover_what_is_in_the_way_and_little_more(
+    turned: float, unknown_is_free: bool, tmp_path: Path
+) -> None:
+    cells = _room()
+    found = read_ros_map(_map(tmp_path, cells, turned), unknown_is_free=unknown_is_free)
+    covered = shapely.union_all([shapely.Polygon(obstacle.outline) for obstacle in found.obstacles])
+    rows, columns = np.indices(cells.shape)
+    local = np.stack([columns.ravel() + 0.5, cells.shape[0] - rows.ravel() - 0.5], axis=1) * 0.05
+    cos, sin = np.cos(turned), np.sin(turned)
+    middles = shapely.points(local @ np.array([[cos, sin], [-sin, cos]]) + [-1.0, 2.0])
+    blocked = (cells == OCCUPIED) if unknown_is_free else (cells != FREE)
+    assert shapely.covers(covered, middles[blocked.ravel()]).all()
+    from_wall = shapely.distance(middles[~blocked.ravel()], shapely.MultiPoint(middles[blocked.ravel()]))
+    beyond = shapely.distance(covered, middles[~blocked.ravel()]) == 0.0
+    assert from_wall[beyond].max(initial=0.0) < 0.05 * (0.71 + 3.0 * 0.75)
+    area = found.workspace
+    if turned == 0.0:
+        np.testing.assert_allclose([area.xmin, area.xmax, area.ymin, area.ymax], [-1.0, 3.0, 2.0, 5.0])
+
+
+def test_a_map_can_be_pushed_through(tmp_path: Path) -> None:
+    found = read_ros_map(_map(tmp_path, np.pad(np.full((50, 70), FREE, np.uint8), 3)))
+    area = found.workspace
+    scenario = build_scenario(
+        "room",
+        [box("crate", 0.3, 0.3, 5.0)],
+        plate(0.4, 0.5),
+        (1.5, 4.0, 1.0),
+        floor_friction=0.3,
+        start=(0.0, 3.0, 0.0),
+        obstacles=found.obstacles,
+        workspace={"x": [area.xmin, area.xmax], "y": [area.ymin, area.ymax]},
+    )
+    assert len(scenario.obstacles) == len(found.obstacles) >= 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("resolution: 0.05", "resolution: 0", "map.yaml:2:13: resolution: is 0; allowed: a length"),
+        ("origin: [-1.0, 2.0, 0.0]", "origin: [0, 0]", "origin: is a list of 2; allowed: [x, y, theta]"),
+        ("image: map.pgm\n", "", "image: is missing; needed: the name of a picture"),
+        ("image: map.pgm", "image: none.pgm", "none.pgm: cannot read the picture"),
+        ("image: map.pgm", "image: map.yaml", "map.yaml: cannot read the picture"),
+        ("negate: 0", "negate: 0\nmode: raw", "mode: is 'raw'; allowed: trinary, scale"),
+        ("negate: 0", "negate: [", "map.yaml:"),
+    ],
+)
+def test_a_map_that_cannot_be_read_is_told(old: str, new: str, what: str, tmp_path: Path) -> None:
+    file = _map(tmp_path, _room())
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(ImportedFileError) as caught:
+        read_ros_map(file)
+    assert what in str(caught.value)
+
+
+@given(seed=st.integers(0, 10_000), share=st.floats(0.05, 0.7))
+@settings(max_examples=60, deadline=None)
+def test_any_region_is_covered_by_polygons_without_holes(seed: int, share: float) -> None:
+    rows, columns = np.nonzero(np.random.default_rng(seed).random((14, 14)) < share)
+    region = shapely.union_all(shapely.box(columns, rows, columns + 1, rows + 1))
+    for tolerance in (0.0, 0.75):
+        grown = covering(region, tolerance) if tolerance else region
+        outlines = list(hole_free(grown))
+        assert all(3 <= len(outline) <= MOST_CORNERS for outline in outlines)
+        whole = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
+        assert shapely.area(shapely.difference(region, shapely.buffer(whole, 1e-9))) < 1e-9
+        assert shapely.area(whole) == pytest.approx(shapely.area(grown), rel=1e-9)
+
+
+def test_polygons_with_too_many_corners_are_cut() -> None:
+    outlines = list(hole_free(shapely.Point(0.0, 0.0).buffer(1.0, quad_segs=2000)))
+    assert len(outlines) > 10
+    assert max(len(outline) for outline in outlines) <= MOST_CORNERS
