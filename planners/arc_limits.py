@@ -25,7 +25,7 @@ ROOM = 0.9
 SPLITS = 24
 """Top speeds tried when speed and acceleration compete for the same contact condition."""
 
-CREEP = 100.0
+CREEP = 10.0
 """An arc that the contacts slow down by more than this factor is refused: its twist leaves no room to accelerate."""
 
 

@@ -20,13 +20,13 @@ TINY = 1e-12
 def bounds_use(pieces: Pieces, bounds: Bounds) -> FloatArray:
     """Return the share (q, 4) of its limits that each piece uses: speed, acceleration, jerk, contacts.
 
-    The first three bound the whole piece. The last one looks at its ends and its middle, how much of the room
-    in the contact conditions (`arc_limits.ROOM` of their quasi-static values) inertia uses up.
+    The first three bound the whole piece. The last one looks at its beginning and its middle, how much of the
+    room in the contact conditions (`arc_limits.ROOM` of their quasi-static values) inertia uses up.
     """
     pusher = limit_use(pieces.durations, pieces.coefficients, bounds.limits)
     held = np.zeros(len(pusher))
     if bounds.contacts is not None:
-        held = np.max([_contact_use(pieces, bounds.contacts, place) for place in (0.0, 0.5, 1.0)], axis=0)
+        held = np.max([_contact_use(pieces, bounds.contacts, place) for place in (0.0, 0.5)], axis=0)
     return np.column_stack([pusher, held])
 
 

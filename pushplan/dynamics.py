@@ -122,7 +122,7 @@ class ContactDynamics:
         return carried
 
     def _facet_values(self, wrenches: FloatArray) -> FloatArray:
-        """g . w (m, n, 4) of transmitted wrenches (m, n, 3) for the contacts' unit facets g."""
+        """G . w (m, n, 4) of transmitted wrenches (m, n, 3) for the contacts' unit facets g."""
         scaled = wrenches / np.array([1.0, 1.0, self.packed.length])
         return np.asarray(np.einsum("kjc,mkc->mkj", self.packed.rows, scaled), dtype=np.float64)
 
