@@ -6,6 +6,7 @@ friction, and moves the plate. What it cannot know either is a load on the floor
 
 from __future__ import annotations
 
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -53,7 +54,8 @@ def simulate_twist(
         raise PushplanError(f"travel is {travel} m; it must be > 0")
     way = travel * _soft_start(int(np.ceil(travel / (settings.step * length))), settings.run_in)
     dt = float(way[-1] - way[-2]) / _creep(chain, settings)
-    return _simulate(chain, np.zeros(3), Motion(dt, se2.exp(direction * way[:, None])), dt, settings)
+    motion = _counted(chain, Motion(dt, se2.exp(direction * way[:, None])), settings)
+    return _simulate(chain, np.zeros(3), motion, dt, settings)
 
 
 def simulate_trajectory(
@@ -79,9 +81,12 @@ def simulate_trajectory(
     wanted = settings.step * length / peak if quasi_static else settings.time_step
     steps = int(np.ceil(trajectory.duration / wanted))
     dt = trajectory.duration / steps
-    slower = peak / _creep(chain, settings) if quasi_static else 1.0
     poses = se2.relative(trajectory.start, trajectory.poses_at(dt * np.arange(steps + 1)))
-    return _simulate(chain, trajectory.start, Motion(dt * slower, poses), dt, settings)
+    if quasi_static:
+        motion = _counted(chain, Motion(dt * peak / _creep(chain, settings), poses), settings)
+    else:
+        motion = Motion(dt, poses)
+    return _simulate(chain, trajectory.start, motion, dt, settings)
 
 
 def _simulate(
@@ -91,7 +96,9 @@ def _simulate(
     begin = perf_counter()
     recording = drive(chain, motion, settings)
     seconds = perf_counter() - begin
-    slide, opening, rotation = contact_motion(chain, recording.motions)
+    slide, opening, rotation = contact_motion(
+        chain, recording.motions, np.searchsorted(recording.steps, motion.base)
+    )
     objects = np.array([obj.pose_chain for obj in chain.objects])
     return PhysicsReport(
         chain=chain,
@@ -104,6 +111,14 @@ def _simulate(
         tolerance=settings.tolerance,
         seconds=seconds,
     )
+
+
+def _counted(chain: Chain, motion: Motion, settings: PhysicsSettings) -> Motion:
+    """Return the motion with slides and gaps counted from where the contacts have taken up their load."""
+    length = chain.characteristic_length
+    way = np.cumsum(_rate(se2.relative(motion.poses[:-1], motion.poses[1:]), length))
+    taken_up = np.searchsorted(way, min(settings.taking_up * length, 0.5 * float(way[-1])))
+    return replace(motion, base=int(taken_up) + 1)
 
 
 def _soft_start(steps: int, ramp: int) -> FloatArray:

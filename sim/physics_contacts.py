@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import PLATE, Chain, Contact
+from pushplan.chain import GRAVITY, PLATE, Chain, Contact
 from pushplan.sim.contact_edges import edge_extent
 from pushplan.sim.physics_engine import engine
 
@@ -19,13 +19,13 @@ _CORNER = 2e-3
 """Radius of a corner over the length of the contact segment."""
 _OVERLAP = 1e-8
 """How deep corners reach into faces, over the length of the segment, so that they touch from the start."""
-_IMPEDANCE = 0.9999
-"""The hardest contact that the engine offers."""
+_SOFTEST = 0.3
+"""Compliance of the contacts times an object's mass, at most: softer ones would swing."""
 _THICKNESS = 0.05
 """Half the thickness of a face over the length of the segment."""
 
 
-def add_contacts(spec: Any, chain: Chain, bodies: list[Any], dt: float) -> None:
+def add_contacts(spec: Any, chain: Chain, bodies: list[Any], dt: float, indentation: float) -> None:
     """Add what touches in all contacts of a chain.
 
     Args:
@@ -33,7 +33,12 @@ def add_contacts(spec: Any, chain: Chain, bodies: list[Any], dt: float) -> None:
         chain: The chain.
         bodies: The bodies of its objects, then the plate's, so that `bodies[PLATE]` is right.
         dt: Time step, s.
+        indentation: How deep a corner may sink into a face under the friction of one object, m. A sliding corner is
+            lifted off by the convex contact model of the engine, again and again, if it has not sunk in.
     """
+    friction = max(obj.floor_friction for obj in chain.objects)
+    compliance = min(indentation / (4.0 * dt**2 * friction * GRAVITY), _SOFTEST)
+    impedance = 1.0 / (1.0 + compliance)
     for k, contact in enumerate(chain.contacts):
         for own, other, side in (
             (contact.pushed, contact.pusher, 1.0),
@@ -44,7 +49,7 @@ def add_contacts(spec: Any, chain: Chain, bodies: list[Any], dt: float) -> None:
             for end, place in enumerate(edge_extent(contact, _outline(chain, own))):
                 corner = f"contact{k}/corner{own}.{end}"
                 _add_corner(bodies[own], corner, contact, place, side)
-                _add_pair(spec, face, corner, contact.friction, dt)
+                _add_pair(spec, face, corner, contact.friction, dt, impedance)
 
 
 def _outline(chain: Chain, body: int) -> FloatArray:
@@ -82,8 +87,8 @@ def _add_corner(body: Any, name: str, contact: Contact, place: float, side: floa
     )
 
 
-def _add_pair(spec: Any, face: str, corner: str, friction: float, dt: float) -> None:
+def _add_pair(spec: Any, face: str, corner: str, friction: float, dt: float, impedance: float) -> None:
     pair = spec.add_pair(geomname1=face, geomname2=corner, condim=3)
     pair.friction = [friction, friction, 0.0, 0.0, 0.0]
     pair.solref = pair.solreffriction = [2.0 * dt, 1.0]
-    pair.solimp = [_IMPEDANCE, _IMPEDANCE, 1e-3, 0.5, 2.0]
+    pair.solimp = [impedance, impedance, 1e-3, 0.5, 2.0]

@@ -24,10 +24,12 @@ class Motion:
     Attributes:
         dt: Time step, s.
         poses: (k + 1, 3) poses of the chain frame, seen from its first one.
+        base: Number of the step after which slides and gaps are counted.
     """
 
     dt: float
     poses: FloatArray
+    base: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +58,12 @@ def drive(chain: Chain, motion: Motion, settings: PhysicsSettings) -> Recording:
     transfer = LoadTransfer(chain)
     model = build_model(chain, motion.dt, max(_sliding_speed(chain, motion), _BARELY), settings)
     bodies = np.arange(len(model.dofs))
+    model.carry(True)
     for _ in range(settings.run_in):
         model.drive(bodies, motion.poses[0], motion.poses[1])
         model.step()
         transfer.follow(model)
+    model.carry(False)
     model.drive(bodies, motion.poses[0], motion.poses[1])
     return _push(model, transfer, motion, settings)
 
@@ -69,7 +73,7 @@ def _push(
 ) -> Recording:
     count = len(motion.poses) - 1
     plate = np.array([len(model.dofs) - 1])
-    looks = np.unique(np.linspace(0, count, settings.samples + 1).astype(np.int64))
+    looks = np.union1d(np.linspace(0, count, settings.samples + 1).astype(np.int64), motion.base)
     motions: list[FloatArray] = []
     for i in range(count + 1):
         if i == looks[len(motions)]:

@@ -18,9 +18,10 @@ from pushplan.sim.physics_settings import PhysicsSettings
 
 _PLATE_MASS = 1e8
 """Mass of the plate over that of all objects: no contact slows it down."""
-_ITERATIONS = 30
-_PRECISION = 1e-12
-"""Of the solver. A coarser one stops early now and then, and a contact that holds slips for one step."""
+_CARRIED = 1e8
+"""Inertia of a body that is carried along, kg or kg m^2."""
+_ITERATIONS, _LINE_SEARCHES, _PRECISION = 50, 500, 1e-12
+"""Of the solver. With less it stops early now and then, and a contact that holds slips for one step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,11 @@ class PhysicsModel:
                 f"the simulation went astray after {self.data.time:.3g} s: {complaints} complaints of the engine; "
                 f"try a smaller `step` or `time_step`"
             )
+
+    def carry(self, carried: bool) -> None:
+        """Make all bodies so heavy that nothing keeps them from going where they are driven, or end that."""
+        places = self.dofs[:, None] + np.arange(3)
+        self.model.dof_armature[places] = _CARRIED if carried else 0.0
 
     def drive(self, bodies: IntArray, begin: FloatArray, end: FloatArray) -> None:
         """Set bodies on their way from one motion (3,) of the chain frame to another within one time step."""
@@ -113,7 +119,7 @@ def build_model(chain: Chain, dt: float, sliding: float, settings: PhysicsSettin
         stand(spec, body, obj, each, lift * obj.floor_friction, dt) if obj.floor_friction > 0.0 else None
         for body, obj, each in zip(bodies[:-1], chain.objects, feet, strict=True)
     )
-    add_contacts(spec, chain, bodies, dt)
+    add_contacts(spec, chain, bodies, dt, settings.indentation * chain.characteristic_length)
     model = spec.compile()
     data = mujoco.MjData(model)
     for each in standing:
@@ -132,5 +138,5 @@ def _set_options(mujoco: Any, spec: Any, dt: float, settings: PhysicsSettings) -
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = settings.friction_stiffness
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.iterations = _ITERATIONS
+    option.iterations, option.ls_iterations = _ITERATIONS, _LINE_SEARCHES
     option.tolerance = _PRECISION / _PLATE_MASS  # the engine measures with the mean inertia, so the plate's

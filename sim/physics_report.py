@@ -89,13 +89,16 @@ class PhysicsReport:
         )
 
 
-def contact_motion(chain: Chain, motions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return slide, opening and rotation (m, n) of the contacts.
+def contact_motion(
+    chain: Chain, motions: FloatArray, base: int = 0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return slide, opening and rotation (m, n) of the contacts, counted from sample `base` on and 0 before.
 
     Args:
         chain: The chain.
         motions: (m, n + 1, 3) how the objects and, last, the plate have moved, as poses of frames that began as the
             chain frame.
+        base: Number of a sample.
     """
     shape = (len(motions), len(chain.contacts))
     slide, opening, rotation = np.empty(shape), np.empty(shape), np.empty(shape)
@@ -103,7 +106,8 @@ def contact_motion(chain: Chain, motions: FloatArray) -> tuple[FloatArray, Float
         moved = relative(motions[:, contact.pusher], motions[:, contact.pushed])
         ends = np.stack([contact.right, contact.left])
         shifts = np.array([transform_points(pose, ends) for pose in moved]) - ends
+        shifts = np.where(np.arange(len(shifts))[:, None, None] < base, 0.0, shifts - shifts[base])
         slide[:, k] = shifts.mean(axis=1) @ contact.tangent
         opening[:, k] = (shifts @ contact.normal).max(axis=1)
-        rotation[:, k] = moved[:, 2]
+        rotation[:, k] = np.where(np.arange(len(moved)) < base, 0.0, moved[:, 2] - moved[base, 2])
     return slide, opening, rotation

@@ -1,0 +1,126 @@
+"""Feet that stand for a pressure: positive, inside, with the same moments and the same friction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+
+from pushplan.arrays import FloatArray
+from pushplan.chain import Contact, PushedObject
+from pushplan.errors import SupportError
+from pushplan.friction import friction_wrench
+from pushplan.sim.contact_edges import edge_extent
+from pushplan.sim.feet import DEGREE, compressed, feet_of
+from pushplan.sim.polygon_rule import Rule, polygon_rule
+from pushplan.sphere import twists_about
+from pushplan.support import FeetSupport, PressureMapSupport, Support, UniformSupport, UnknownSupport
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
+MOST = (DEGREE + 1) * (DEGREE + 2) // 2
+
+
+def outlines(make_chain: ChainMaker) -> list[FloatArray]:
+    """A box and stars with up to nine corners, not convex."""
+    return [BOX, *(make_chain.star(np.random.default_rng(seed), 3 + seed) for seed in range(7))]
+
+
+def test_the_rule_on_a_polygon_has_its_area_centroid_and_second_moments(make_chain: ChainMaker) -> None:
+    for outline in outlines(make_chain):
+        moments = UniformSupport(outline).moments
+        rule = polygon_rule(outline, 2)
+        assert rule.weights.sum() == pytest.approx(moments.area, rel=1e-12)
+        np.testing.assert_allclose(rule.weights @ rule.points / moments.area, moments.centroid, atol=1e-15)
+        offsets = rule.points - moments.centroid
+        np.testing.assert_allclose(
+            (offsets * rule.weights[:, None]).T @ offsets, moments.second, rtol=1e-10, atol=1e-18
+        )
+
+
+def test_feet_are_few_loaded_and_under_the_object(make_chain: ChainMaker) -> None:
+    for outline in outlines(make_chain):
+        feet = feet_of(UniformSupport(outline))
+        assert len(feet.fractions) <= MOST
+        assert (feet.fractions > 0.0).all()
+        assert feet.fractions.sum() == pytest.approx(1.0, abs=1e-14)
+        assert shapely.contains_xy(shapely.Polygon(outline).buffer(1e-9), *feet.positions.T).all()
+
+
+def test_feet_have_the_moments_of_the_pressure_up_to_their_degree() -> None:
+    """Against a much finer rule, monomial by monomial."""
+    fine = polygon_rule(BOX, 12)
+    feet = feet_of(UniformSupport(BOX))
+    for i in range(DEGREE + 1):
+        for j in range(DEGREE + 1 - i):
+            want = fine.weights @ np.prod(fine.points ** [i, j], axis=1) / fine.weights.sum()
+            have = feet.fractions @ np.prod(feet.positions ** [i, j], axis=1)
+            assert have == pytest.approx(want, abs=1e-12 * 0.05 ** (i + j))
+
+
+@pytest.mark.parametrize("center", [None, np.array([0.008, -0.004])])
+def test_friction_on_the_feet_is_that_of_the_pressure(center: FloatArray | None) -> None:
+    """The wrench at centres of rotation around the footprint, twice as far out as its corners."""
+    support = UniformSupport(BOX, center)
+    feet = feet_of(support)
+    angle = np.linspace(-np.pi, np.pi, 40)
+    twists = twists_about(0.12 * np.stack([np.cos(angle), np.sin(angle)], axis=1), +1)
+    wrenches = [
+        friction_wrench(PushedObject("box", BOX, 1.0, 0.3, each, np.zeros(3)), twists)
+        for each in (support, FeetSupport(feet.positions, feet.fractions))
+    ]
+    np.testing.assert_allclose(wrenches[1], wrenches[0], atol=3e-6)
+
+
+def test_feet_with_loads_stay_as_they_are() -> None:
+    feet = feet_of(FeetSupport(BOX, np.array([0.1, 0.2, 0.3, 0.4])))
+    np.testing.assert_array_equal(feet.positions, BOX)
+    np.testing.assert_array_equal(feet.fractions, [0.1, 0.2, 0.3, 0.4])
+    np.testing.assert_array_equal(feet.stiffness, np.full(4, 0.25))
+
+
+def test_a_pressure_map_is_thinned_out_and_keeps_its_centre() -> None:
+    rng = np.random.default_rng(0)
+    support = PressureMapSupport(rng.uniform(-1.0, 1.0, (500, 2)), rng.dirichlet(np.ones(500)))
+    feet = feet_of(support)
+    assert len(feet.fractions) <= MOST
+    np.testing.assert_allclose(feet.fractions @ feet.positions, support.center, atol=1e-12)
+
+
+def test_a_rule_with_few_points_is_left_alone() -> None:
+    rule = Rule(BOX, np.full(4, 0.25))
+    assert compressed(rule, 2) is rule
+
+
+@pytest.mark.parametrize("support", [UnknownSupport(BOX), FeetSupport(BOX, None, np.zeros(2))])
+def test_unknown_loads_are_refused(support: Support) -> None:
+    with pytest.raises(SupportError, match="needs to know how the load rests on the floor"):
+        feet_of(support)
+
+
+def test_an_edge_reaches_as_far_as_its_outline() -> None:
+    """Cut into pieces, beyond the segment to one side; pieces that only lie on the same line do not count."""
+    contact = Contact(np.array([0.0, -0.01]), np.array([0.0, 0.02]), 0.3, 0, -1)
+    pieces = np.array(
+        [
+            [0.0, -0.01],
+            [0.0, 0.01],
+            [0.0, 0.02],
+            [0.0, 0.05],
+            [0.03, 0.05],
+            [0.03, -0.08],
+            [0.0, -0.08],
+            [0.0, -0.06],
+        ]
+    )
+    outline = np.concatenate([pieces, [[0.01, -0.06], [0.01, -0.01]]])
+    assert edge_extent(contact, outline) == pytest.approx((0.0, 0.06))
+
+
+def test_without_an_edge_the_segment_is_the_edge() -> None:
+    contact = Contact(np.array([0.0, -0.01]), np.array([0.0, 0.02]), 0.3, 0, -1)
+    assert edge_extent(contact, BOX) == pytest.approx((0.0, 0.03))

@@ -1,0 +1,230 @@
+"""The physics engine as a judge: first judged itself by what can be worked out by hand, then of the predictions."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from functools import reduce
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from pushplan import se2
+from pushplan.arrays import FloatArray
+from pushplan.chain import GRAVITY, Chain
+from pushplan.errors import PushplanError, SupportError
+from pushplan.friction import friction_wrench
+from pushplan.sim.agreement import Agreement, compare, under_objects
+from pushplan.sim.load_transfer import LoadTransfer
+from pushplan.sim.physics import simulate_trajectory, simulate_twist
+from pushplan.sim.physics_engine import MissingEngineError, PhysicsError
+from pushplan.sim.physics_model import build_model
+from pushplan.sim.physics_settings import PhysicsSettings
+from pushplan.sim.pushes import sample_pushes
+from pushplan.sphere import twists_about
+from pushplan.stable_set import stable_set
+from pushplan.support import UniformSupport, UnknownSupport
+from pushplan.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+try:
+    import mujoco  # noqa: F401
+
+    INSTALLED = True
+except ImportError:
+    INSTALLED = False
+
+needs_engine = pytest.mark.skipif(
+    not INSTALLED, reason="MuJoCo is not installed; the extra pushplan[physics] brings it"
+)
+BAND = np.radians(0.5), 0.02
+SAFE_BAND = np.radians(0.1), 0.005
+
+
+def straight(chain: Chain, speeds: list[float], times: list[float]) -> Trajectory:
+    """Straight ahead, the speed piecewise linear in time."""
+    breaks = np.array(times)
+    slopes = np.diff(speeds) / np.diff(times)
+    coefficients = np.zeros((len(slopes), 3, 3))
+    coefficients[:, 0, 0], coefficients[:, 1, 0] = speeds[:-1], slopes
+    return Trajectory(np.array([1.0, 2.0, 0.5]), breaks, coefficients, np.zeros(len(slopes)))
+
+
+@needs_engine
+def test_a_push_straight_ahead_moves_no_contact(make_chain: ChainMaker) -> None:
+    report = simulate_twist(make_chain.boxes(3), [1.0, 0.0, 0.0])
+    assert report.kept
+    assert report.displacement.max() < 1e-5
+    np.testing.assert_allclose(report.poses[-1, 0], 0.1 * make_chain.boxes(3).characteristic_length)
+
+
+@needs_engine
+@pytest.mark.parametrize(("beyond", "error"), [(0.1, 0.02), (0.5, 0.02), (2.0, 0.02), (10.0, 0.2)])
+def test_a_box_slides_along_the_plate_as_worked_out_by_hand(
+    make_chain: ChainMaker, beyond: float, error: float
+) -> None:
+    """Pushed at an angle beyond the friction angle, a box moves along the edge of the friction cone.
+
+    Fast slides come out up to a fifth too long: the contact model lifts the corners off again and again.
+    """
+    chain = make_chain.boxes(1, pusher_friction=0.25)
+    cone = np.arctan(0.25)
+    heading = cone + np.radians(beyond)
+    report = simulate_twist(chain, [np.cos(heading), np.sin(heading), 0.0], travel=0.01)
+    way = np.linalg.norm(report.poses[-1, :2] - report.poses[100, :2])
+    slide = -way * (np.sin(heading) - np.cos(heading) * np.tan(cone))
+    assert report.slide[-1, 0] - report.slide[100, 0] == pytest.approx(slide, rel=error)
+    assert abs(report.rotation[-1, 0]) < 1e-4
+
+
+@needs_engine
+@pytest.mark.parametrize(("braking", "leaves"), [(2.5, False), (4.0, True)])
+def test_a_box_leaves_a_plate_that_brakes_harder_than_friction(
+    make_chain: ChainMaker, braking: float, leaves: bool
+) -> None:
+    """It slides on by v^2 / 2 (1 / (mu g) - 1 / a)."""
+    chain, speed = make_chain.boxes(1), 0.3
+    trajectory = straight(chain, [0.0, speed, 0.0, 0.0], [0.0, 0.3, 0.3 + speed / braking, 0.6])
+    report = simulate_trajectory(chain, trajectory)
+    gap = max(0.5 * speed**2 * (1.0 / (0.3 * GRAVITY) - 1.0 / braking), 0.0)
+    assert report.moved[0] == leaves
+    assert report.opening[-1, 0] == pytest.approx(gap, rel=0.02, abs=1e-6)
+    assert (report.moved_at[0] > 0.3) == True  # noqa: E712
+    assert simulate_trajectory(chain, trajectory, quasi_static=True).kept
+
+
+@needs_engine
+def test_a_report_says_where_everything_went_and_what_each_contact_did(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2)
+    trajectory = straight(chain, [0.0, 0.05, 0.05, 0.0], [0.0, 0.5, 1.0, 1.5])
+    report = simulate_trajectory(chain, trajectory)
+    assert report.kept
+    np.testing.assert_allclose(report.poses[[0, -1]], trajectory.poses_at(np.array([0.0, 1.5])), atol=1e-12)
+    want = se2.compose(report.poses[:, None], np.array([obj.pose_chain for obj in chain.objects]))
+    np.testing.assert_allclose(report.object_poses, want, atol=1e-5)
+    assert [text.split(":")[0] for text in report.sentences()] == ["plate-box0 held", "box0-box1 held"]
+    assert np.isinf(report.moved_at).all()
+
+
+@needs_engine
+def test_the_same_push_gives_the_same_report(make_chain: ChainMaker) -> None:
+    reports = [simulate_twist(make_chain.boxes(2), [1.0, 0.3, 2.0]) for _ in range(2)]
+    np.testing.assert_array_equal(reports[0].object_poses, reports[1].object_poses)
+
+
+@needs_engine
+@pytest.mark.parametrize("height", [0.0, 0.03])
+@pytest.mark.parametrize("cor", [[0.05, 0.25], [-0.3, -0.2], [1e6, 0.0]])
+def test_the_floor_rubs_as_coulomb_says(make_chain: ChainMaker, height: float, cor: list[float]) -> None:
+    """Objects carried along by force feel the friction of the closed form, shifted loads included."""
+    chain = make_chain.boxes(2, contact_height=height)
+    twist = twists_about(np.array(cor), +1)
+    twist *= 1e-3 / np.hypot(*twist[:2])
+    settings = PhysicsSettings()
+    model, transfer = build_model(chain, 0.01, 2e-3, settings), LoadTransfer(chain)
+    bodies = np.arange(3)
+    model.carry(True)
+    for _ in range(100):
+        model.drive(bodies, np.zeros(3), twist * 0.01)
+        model.step()
+        transfer.follow(model)
+    want = [friction_wrench(obj, twist[None], height)[0, :2] for obj in chain.objects]
+    np.testing.assert_allclose(model.floor_forces(), want, rtol=2e-3, atol=2e-3)
+
+
+@needs_engine
+def test_predictions_and_simulations_agree(make_chain: ChainMaker) -> None:
+    """Chains and trees, on feet and on polygons; a third of the pushes is close to the boundary."""
+    results = []
+    for seed in range(8):
+        chain = make_chain.random(seed, 1 + seed % 3, tree=seed % 2 == 0, feet=seed % 4 > 1)
+        pushes = sample_pushes(stable_set(chain), 6, np.random.default_rng(seed))
+        results.append(compare(chain, pushes))
+    result = reduce(Agreement.joined, results)
+    assert min(result.predicted.sum(), (~result.predicted).sum()) >= 15
+    clear = (np.abs(result.depth(*BAND)) > 1.0) & ~result.footprint
+    assert result.agreed[clear].all()
+    assert result.kept[result.depth(*SAFE_BAND) > 1.0].all()
+
+
+@needs_engine
+def test_a_push_above_the_floor_is_judged_with_the_shifted_load(make_chain: ChainMaker) -> None:
+    """A push that only the shift of the load makes unstable."""
+    low = make_chain.boxes(2, contact_friction=0.8, pusher_friction=0.8, floor_friction=0.6)
+    high = replace(low, pusher=replace(low.pusher, contact_height=0.018))
+    ways = np.array(
+        [[np.cos(a), np.sin(a), w] for a in np.linspace(-0.6, 0.6, 31) for w in np.linspace(-8, 8, 31)]
+    )
+    margins = [stable_set(chain).margin(ways) for chain in (low, high)]
+    push = ways[np.argmax(np.minimum(margins[0], -margins[1]))]
+    assert stable_set(low).margin(push[None])[0] > 0.015 > -0.015 > stable_set(high).margin(push[None])[0]
+    assert simulate_twist(low, push).kept
+    assert not simulate_twist(high, push).kept
+
+
+def test_samples_are_stable_unstable_and_near_the_boundary(make_chain: ChainMaker) -> None:
+    stable = stable_set(make_chain.boxes(2))
+    margins = stable.margin(sample_pushes(stable, 60, np.random.default_rng(0)))
+    assert (np.abs(margins[:20]) < 0.06).all()
+    assert (margins[20:40] > 0.0).all()
+    assert (margins[40:] <= 0.0).all()
+
+
+def test_centres_of_rotation_under_objects_are_known(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2)
+    twists = np.array(
+        [*twists_about(np.array([[0.05, 0.0], [0.19, 0.04], [0.05, 0.06]]), -1), [1.0, 0.0, 0.0]]
+    )
+    np.testing.assert_array_equal(under_objects(chain, twists), [True, True, False, False])
+
+
+def agreement(angle: FloatArray, inset: FloatArray, displacement: FloatArray) -> Agreement:
+    twists = np.tile([1.0, 0.0, 0.0], (len(angle), 1))
+    return Agreement(twists, angle, inset, displacement, np.zeros(len(angle), dtype=bool), 1e-3)
+
+
+def test_agreement_is_counted() -> None:
+    """One of each kind; a push is stable only when both force and line of action are inside."""
+    result = agreement(
+        np.array([0.1, 0.1, -0.1, 0.1]), np.array([0.1, 0.2, 0.3, -0.1]), np.array([0.0, 0.1, 0.0, 0.1])
+    )
+    assert result.confusion() == ((1, 1), (1, 1))
+    np.testing.assert_array_equal(result.agreed, [True, False, False, True])
+    np.testing.assert_allclose(result.depth(0.05, 0.1), [1.0, 2.0, -2.0, -1.0])
+    assert len(result.joined(result).agreed) == 8
+
+
+def test_a_missing_engine_is_named_with_its_extra(
+    make_chain: ChainMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(MissingEngineError, match=r"pip install 'pushplan\[physics\]'"):
+        simulate_twist(make_chain.boxes(1), [1.0, 0.0, 0.0])
+
+
+def test_what_cannot_be_simulated_is_refused(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(1)
+    with pytest.raises(SupportError, match="load under 'box0' is unknown"):
+        simulate_twist(make_chain.boxes(1, support=UnknownSupport), [1.0, 0.0, 0.0])
+    with pytest.raises(PhysicsError, match="no object has friction with the floor"):
+        simulate_twist(make_chain.boxes(1, floor_friction=0.0), [1.0, 0.0, 0.0])
+    with pytest.raises(PushplanError, match=r"travel is -1.0 m; it must be > 0"):
+        simulate_twist(chain, [1.0, 0.0, 0.0], travel=-1.0)
+    with pytest.raises(PushplanError, match="twist 0 is zero"):
+        simulate_twist(chain, [0.0, 0.0, 0.0])
+    with pytest.raises(PhysicsError, match="does not move"):
+        simulate_trajectory(chain, straight(chain, [0.0, 0.0], [0.0, 1.0]))
+    with pytest.raises(PushplanError, match="step of the physics settings is 0"):
+        PhysicsSettings(step=0.0)
+
+
+@needs_engine
+def test_an_object_without_floor_friction_is_carried_along(make_chain: ChainMaker) -> None:
+    """It asks for no force, so nothing holds or moves it, and nothing breaks."""
+    chain = make_chain.boxes(2)
+    smooth = replace(chain.objects[1], floor_friction=0.0, support=UniformSupport(chain.objects[1].outline))
+    report = simulate_twist(replace(chain, objects=(chain.objects[0], smooth)), [1.0, 0.0, 0.0])
+    assert report.displacement[-1].max() < 1e-3
