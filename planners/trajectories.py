@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pushplan.dynamics import ContactDynamics
+from pushplan.names import KNOWN_LOAD_SETS
 from pushplan.path import PushPath
 from pushplan.planners.blending import blend_path
 from pushplan.planners.timing import time_path
@@ -25,10 +26,15 @@ def make_trajectory(
 
     Raises:
         TimingError: When an arc cannot be timed within the limits.
-        SupportError: When the contacts' limits are asked for and a load is not known.
     """
     limits = scenario.chain.pusher.limits
-    contacts = ContactDynamics(scenario.chain) if limits.contact == "dynamic" else None
+    contacts = contact_dynamics(scenario, stable) if limits.contact == "dynamic" else None
     if scenario.trajectory == "blended":
         return blend_path(scenario, path, stable, rate, contacts).trajectory
     return time_path(path, limits, rate, contacts)
+
+
+def contact_dynamics(scenario: Scenario, stable: StableSet) -> ContactDynamics:
+    """Return the contact conditions with inertia, in the worst case over all pressures where the set is for that."""
+    known = stable.loads_known and stable.name in KNOWN_LOAD_SETS
+    return ContactDynamics(scenario.chain, worst_case=not known)

@@ -26,7 +26,8 @@ from pushplan.chain import Chain
 from pushplan.contact_kernel import contact_margins_of, wrenches_of
 from pushplan.errors import PushplanError
 from pushplan.inertia import InertiaTable, inertia_table
-from pushplan.packed import PackedChain, pack_chain
+from pushplan.packed import PackedChain, contact_rows, pack_chain
+from pushplan.robust_kernel import PackedAreas, robust_rows_of
 from pushplan.sphere import checked_twists
 
 
@@ -66,26 +67,41 @@ class ContactDynamics:
     """A chain's contact conditions with inertia, ready to be asked many times.
 
     Attributes:
-        chain: Objects and contacts; the loads must be known.
+        chain: Objects and contacts.
+        worst_case: Take every quasi-static row as the least over all pressures with the centres of the loads
+            (see the stable set `robust`), so that loads need not be known.
 
     Raises:
-        SupportError: When a load is not known.
+        SupportError: When a load is not known, unless the worst case is asked for.
     """
 
     chain: Chain
+    worst_case: bool = False
 
     def __post_init__(self) -> None:
-        _ = self.packed  # raises where a load is not known
+        _ = self._areas if self.worst_case else self.packed  # raise where loads are not known or tip
 
     @cached_property
     def packed(self) -> PackedChain:
-        """The chain as arrays."""
+        """The chain as arrays; the loads have to be known."""
         return pack_chain(self.chain)
 
     @cached_property
     def table(self) -> InertiaTable:
         """Masses, centres of mass and moments of inertia."""
         return inertia_table(self.chain)
+
+    @cached_property
+    def facets(self) -> FloatArray:
+        """(n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length)."""
+        length = self.chain.characteristic_length
+        return np.array([contact_rows(contact, length) for contact in self.chain.contacts])
+
+    @cached_property
+    def _areas(self) -> PackedAreas:
+        from pushplan.robust_set import pack_areas
+
+        return pack_areas(self.chain)
 
     def rows(self, twist: ArrayLike) -> DynamicRows:
         """Return the rows along a constant body twist (3,) per unit of s."""
@@ -96,6 +112,8 @@ class ContactDynamics:
 
     def quasi_static_rows(self, twists: FloatArray) -> FloatArray:
         """Return the facets' values (m, n, 4), N, without inertia, at body twists (m, 3)."""
+        if self.worst_case:
+            return robust_rows_of(self._areas, np.ascontiguousarray(twists))
         return self._facet_values(wrenches_of(self.packed, twists))
 
     def inertia_rows(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
@@ -123,11 +141,15 @@ class ContactDynamics:
 
     def _facet_values(self, wrenches: FloatArray) -> FloatArray:
         """G . w (m, n, 4) of transmitted wrenches (m, n, 3) for the contacts' unit facets g."""
-        scaled = wrenches / np.array([1.0, 1.0, self.packed.length])
-        return np.asarray(np.einsum("kjc,mkc->mkj", self.packed.rows, scaled), dtype=np.float64)
+        scaled = wrenches / np.array([1.0, 1.0, self.chain.characteristic_length])
+        return np.asarray(np.einsum("kjc,mkc->mkj", self.facets, scaled), dtype=np.float64)
 
     def margins(self, twists: ArrayLike, rates: ArrayLike) -> FloatArray:
-        """Return the margin (m, n) of each contact while the chain moves and accelerates; see `dynamic_margins`."""
+        """Return the margin (m, n) of each contact while the chain moves and accelerates; see `dynamic_margins`.
+
+        Raises:
+            SupportError: When a load is not known.
+        """
         v = checked_twists(twists)
         dv = np.ascontiguousarray(rates, dtype=np.float64)
         if dv.shape != v.shape or not np.isfinite(dv).all():

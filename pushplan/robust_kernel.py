@@ -250,3 +250,16 @@ def robust_contact_margins_of(areas: PackedAreas, twists: FloatArray) -> FloatAr
                     least = _update(areas, k, j, central, omega, sizes[k], least)
             out[t, k] = least
     return out
+
+
+@compiled
+def robust_rows_of(areas: PackedAreas, twists: FloatArray) -> FloatArray:
+    """Return the least of the rows (m, n, 4), N, over all pressures at twists (m, 3), none of them 0."""
+    n = len(areas.tables)
+    central, sizes, out = np.empty((n, 7)), np.empty(n), np.empty((len(twists), n, 4))
+    for t in range(len(twists)):
+        _begin(areas, twists, t, central, sizes)
+        for k in range(n):
+            for j in range(4):
+                out[t, k, j] = worst_row(areas, k, j, central, math.inf)
+    return out

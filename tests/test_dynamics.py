@@ -230,3 +230,41 @@ def test_wrong_questions_are_refused(make_chain: ChainMaker) -> None:
         dynamic_margins(chain, [[1.0, 0.0, 0.0]], np.zeros((2, 3)))
     with pytest.raises(SupportError, match="unknown"):
         dynamic_rows(make_chain.boxes(1, support=UnknownSupport), [1.0, 0.0, 0.0])
+
+
+def _pressures(outline: FloatArray, center: FloatArray, rng: np.random.Generator) -> FeetSupport:
+    """A random load on five points of a box that has the given centre."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    while True:
+        points = rng.uniform(low, high, (4, 2))
+        shares = rng.dirichlet(np.ones(5))
+        last = (center - shares[:4] @ points) / shares[4]
+        if (last >= low).all() and (last <= high).all():
+            return FeetSupport(np.vstack([points, last]), shares)
+
+
+def test_the_worst_case_is_below_every_pressure_with_the_same_centre_and_near_the_worst(
+    make_chain: ChainMaker,
+) -> None:
+    rng = np.random.default_rng(8)
+    twists = rng.normal(size=(40, 3)) * [0.3, 0.3, 3.0] + [1.0, 0.0, 0.0]
+    worst = ContactDynamics(make_chain.boxes(2, support=UnknownSupport), worst_case=True)
+    bound = worst.quasi_static_rows(twists)
+    least = np.full_like(bound, np.inf)
+    for _ in range(200):
+        chain = make_chain.boxes(2, support=lambda outline: _pressures(outline, np.zeros(2), rng))
+        found = ContactDynamics(chain).quasi_static_rows(twists)
+        assert (found >= bound - 1e-9).all()
+        least = np.minimum(least, found)
+    assert np.median(least - bound) < 0.1 * np.median(np.abs(bound))
+
+
+def test_inertia_counts_alike_whether_loads_are_known_or_not(make_chain: ChainMaker) -> None:
+    known, unknown = make_chain.boxes(2), make_chain.boxes(2, support=UnknownSupport)
+    a, b = (
+        dynamic_rows(known, (1.0, 0.1, 0.0)),
+        ContactDynamics(unknown, worst_case=True).rows((1.0, 0.1, 0.0)),
+    )
+    np.testing.assert_allclose(a.beta, b.beta, atol=1e-12)
+    np.testing.assert_allclose(a.gamma, b.gamma, atol=1e-12)
+    np.testing.assert_allclose(a.alpha, b.alpha, atol=1e-9)
