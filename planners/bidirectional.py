@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
-from pushplan.compiled import compiled
+from pushplan.compiled import compiled, woven
 from pushplan.planners.collision import Scene, separation, step, sweep_is_free
+from pushplan.planners.rows import put, put_rows
 from pushplan.planners.search import TRIES, Problem, random, remaining
 from pushplan.planners.steering import MAX_WORDS, connect, find_words
 
@@ -52,7 +53,7 @@ class Forest(NamedTuple):
     state: RandomState
 
 
-@compiled
+@woven
 def _draw(forest: Forest, start: FloatArray, goal: FloatArray, bound: float, pose: FloatArray) -> None:
     """Draw a pose: its position from the box, or from the ellipse that paths below the bound stay in, if smaller."""
     box, state = forest.box, forest.state
@@ -72,7 +73,7 @@ def _draw(forest: Forest, start: FloatArray, goal: FloatArray, bound: float, pos
         pose[1] = box[1] + (box[3] - box[1]) * random(state)
 
 
-@compiled
+@woven
 def _sample(problem: Problem, forest: Forest, start: FloatArray, bound: float, pose: FloatArray) -> bool:
     """Draw a free pose that a path cheaper than the bound could pass; give up after some tries."""
     goal = problem.goal
@@ -104,7 +105,7 @@ def _nearest(tree: FloatArray, count: int, pose: FloatArray, heading_length: flo
     return n
 
 
-@compiled
+@woven
 def _best_word(
     families: FloatArray, start: FloatArray, goal: FloatArray, words: FloatArray, word: FloatArray
 ) -> float:
@@ -116,12 +117,12 @@ def _best_word(
             if words[i, 0] < best:
                 best = words[i, 0]
                 for k in range(3):
-                    word[k, :3] = families[f, int(words[i, 1 + k])]
+                    put(word[k], families[f, int(words[i, 1 + k])])
                     word[k, 3] = words[i, 4 + k]
     return best
 
 
-@compiled
+@woven
 def _clip(word: FloatArray, reach: float, from_end: bool) -> None:
     """Shorten a word to `reach`, keeping its beginning, or its end."""
     total = word[0, 3] + word[1, 3] + word[2, 3]
@@ -133,7 +134,7 @@ def _clip(word: FloatArray, reach: float, from_end: bool) -> None:
         excess -= cut
 
 
-@compiled
+@woven
 def _walk(scene: Scene, pose: FloatArray, word: FloatArray, sign: float) -> tuple[bool, float, float, float]:
     """Whether a word is free, and the pose after it (sign +1), or before it (-1)."""
     x, y, theta = pose[0], pose[1], pose[2]
@@ -148,7 +149,7 @@ def _walk(scene: Scene, pose: FloatArray, word: FloatArray, sign: float) -> tupl
     return True, x, y, theta
 
 
-@compiled
+@woven
 def _add(
     tree: FloatArray,
     counts: IntArray,
@@ -165,12 +166,12 @@ def _add(
     tree[row, 3] = tree[parent, 3] + word[0, 3] + word[1, 3] + word[2, 3]
     tree[row, 4] = parent
     for i in range(3):
-        tree[row, 5 + 4 * i : 9 + 4 * i] = word[i]
+        put(tree[row, 5 + 4 * i :], word[i])
     counts[which] = row + 1
     return row
 
 
-@compiled
+@woven
 def _extend(
     problem: Problem,
     forest: Forest,
@@ -187,10 +188,8 @@ def _extend(
     for i in range(n):
         parent = near[i]
         node = tree[parent, :3]
-        if which == 0:
-            cost = _best_word(problem.families[:1], node, sample, words, word)
-        else:
-            cost = _best_word(problem.families[:1], sample, node, words, word)
+        first, last = (node, sample) if which == 0 else (sample, node)
+        cost = _best_word(problem.families[:1], first, last, words, word)
         if cost == np.inf:
             continue
         _clip(word, forest.reach, which == 1)
@@ -204,7 +203,7 @@ def _extend(
     return -1
 
 
-@compiled
+@woven
 def _join(
     problem: Problem, forest: Forest, which: int, row: int, bound: float, arcs: FloatArray
 ) -> tuple[float, int]:
@@ -227,11 +226,11 @@ def _join(
             cost, _ = connect(problem.scene, problem.families[:1], first[:3], last[:3], limit, TRIES, word)
             if so_far + cost < best:
                 best, partner = so_far + cost, j
-                arcs[:] = word
+                put_rows(arcs, word)
     return best, partner
 
 
-@compiled
+@woven
 def _whole(forest: Forest, ahead: int, behind: int, word: FloatArray, path: FloatArray) -> int:
     """Write the arcs start tree, connection, goal tree into `path`; return how many."""
     depth = 0
@@ -243,21 +242,20 @@ def _whole(forest: Forest, ahead: int, behind: int, word: FloatArray, path: Floa
     i = ahead
     for k in range(depth - 1, -1, -1):
         for a in range(3):
-            path[3 * k + a] = forest.ahead[i, 5 + 4 * a : 9 + 4 * a]
+            put(path[3 * k + a], forest.ahead[i, 5 + 4 * a : 9 + 4 * a])
         i = int(forest.ahead[i, 4])
     for a in range(3):
-        path[n] = word[a]
+        put(path[n], word[a])
         n += 1
     i = behind
     while forest.behind[i, 4] >= 0.0:
         for a in range(3):
-            path[n] = forest.behind[i, 5 + 4 * a : 9 + 4 * a]
+            put(path[n], forest.behind[i, 5 + 4 * a : 9 + 4 * a])
             n += 1
         i = int(forest.behind[i, 4])
     return n
 
 
-@compiled
 def plant(forest: Forest, start: FloatArray, goal: FloatArray) -> None:
     """Reduce both trees to their roots."""
     forest.ahead[0, :] = 0.0
@@ -291,7 +289,7 @@ def grow_both(
     for done in range(1, iterations + 1):
         which = (forest.counts[0] > forest.counts[1]) * 1
         if random(forest.state) < GOAL_SHARE:
-            sample[:] = forest.behind[0, :3] if which == 0 else forest.ahead[0, :3]
+            put(sample, forest.behind[0, :3] if which == 0 else forest.ahead[0, :3])
         elif not _sample(problem, forest, forest.ahead[0], bound, sample):
             continue
         row = _extend(problem, forest, which, sample, bound, words, word)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.compiled import compiled
+from pushplan.compiled import compiled, woven
 
 EXACT_BELOW = 0.01
 """Separations under this (m), or under twice the clearance, are refined from the bound that separating axes give to
@@ -122,7 +122,7 @@ def _polygon_separation(
     return math.sqrt(nearest)
 
 
-@compiled
+@woven
 def _disc_separation(
     a: FloatArray, a0: int, a1: int, cx: float, cy: float, r: float, c: float, s: float, x: float, y: float
 ) -> float:
@@ -138,7 +138,7 @@ def _disc_separation(
     return inside - r if inside <= 0.0 else math.sqrt(nearest) - r
 
 
-@compiled
+@woven
 def _wall_separation(body: FloatArray, walls: FloatArray, c: float, s: float, x: float, y: float) -> float:
     """Distance of the body from the workspace's walls; negative outside."""
     best = np.inf
@@ -149,7 +149,7 @@ def _wall_separation(body: FloatArray, walls: FloatArray, c: float, s: float, x:
     return best
 
 
-@compiled
+@woven
 def _body_to_polygon(
     scene: Scene, o: int, cx: float, cy: float, c: float, s: float, x: float, y: float, enough: float
 ) -> float:
@@ -174,7 +174,7 @@ def _body_to_polygon(
     return best
 
 
-@compiled
+@woven
 def _body_to_disc(
     scene: Scene, o: int, cx: float, cy: float, c: float, s: float, x: float, y: float, enough: float
 ) -> float:
@@ -215,7 +215,7 @@ def separation(scene: Scene, x: float, y: float, theta: float, enough: float) ->
     return best
 
 
-@compiled
+@woven
 def _top_speed(scene: Scene, vx: float, vy: float, omega: float) -> float:
     """Largest speed of any point of the body under a body twist; convex, so found at a corner."""
     best = 0.0

@@ -14,8 +14,9 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import compiled
+from pushplan.compiled import compiled, woven
 from pushplan.planners.collision import Scene, step, sweep_is_free
+from pushplan.planners.rows import put
 
 LEFT, STRAIGHT, RIGHT = 0, 1, 2
 """Rows of a family: (3, 3) body twists scaled to a cost rate of 1; a row of zeros is a motion that is not used."""
@@ -40,7 +41,7 @@ def _cor(twist: FloatArray) -> tuple[float, float]:
     return -twist[1] / twist[2], twist[0] / twist[2]
 
 
-@compiled
+@woven
 def _store(words: FloatArray, n: int, a: int, b: int, c: int, p: float, q: float, r: float) -> int:
     """Write one word: cost, three letters, three lengths; return how many there are now."""
     words[n, 0] = p + q + r
@@ -49,7 +50,7 @@ def _store(words: FloatArray, n: int, a: int, b: int, c: int, p: float, q: float
     return n + 1
 
 
-@compiled
+@woven
 def _straight_words(
     family: FloatArray, first: int, last: int, start: FloatArray, goal: FloatArray, words: FloatArray, n: int
 ) -> int:
@@ -80,7 +81,7 @@ def _straight_words(
     return n
 
 
-@compiled
+@woven
 def _turning_words(
     family: FloatArray,
     first: int,
@@ -138,7 +139,7 @@ def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: F
     return n
 
 
-@compiled
+@woven
 def word_is_free(scene: Scene, family: FloatArray, word: FloatArray, start: FloatArray) -> bool:
     """Return whether the three arcs of a word keep clear of everything."""
     x, y, theta = start[0], start[1], start[2]
@@ -197,7 +198,7 @@ def connect(
         family = families[owner[best]]
         if word_is_free(scene, family, words[best], start):
             for i in range(3):
-                arcs[i, :3] = family[int(words[best, 1 + i])]
+                put(arcs[i], family[int(words[best, 1 + i])])
                 arcs[i, 3] = words[best, 4 + i]
             return words[best, 0], promise
         words[best, 0] = np.inf

@@ -55,3 +55,10 @@ _discard_stale_cache()
 
 compiled = njit(cache=True, error_model="numpy")
 """Compile a function on its first call, or load it from the cache; x / 0 is infinite as in NumPy."""
+
+woven = njit(inline="always", error_model="numpy")
+"""Compile a function into its caller instead, for code with one caller.
+
+LLVM optimises a function anew with everything it calls at each level of calls, so every level above a large one costs
+compile time.
+"""
