@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from pushplan.arrays import FloatArray, frozen
+from pushplan.logging import schemas
 from pushplan.logging.effort import Effort
 from pushplan.logging.schemas import MessageClass, Plan
 from pushplan.path import PushPath
-from pushplan.result import PlanResult, ProgressPoint
+from pushplan.result import Diagnosis, PlanResult, ProgressPoint
 from pushplan.trajectory import Trajectory
 
 
@@ -25,10 +26,14 @@ def encode(plan: PlanResult) -> MessageClass:
         seed=plan.seed,
         min_margin=plan.min_margin,
         tree=plan.tree.ravel(),
+        lower_bound=plan.lower_bound,
+        diagnosis=[_diagnosis_message(found) for found in plan.diagnosis],
+        approximate_error=plan.approximate_error or (),
     )
-    if plan.path is not None:
-        for name in ("start", "twists", "lengths"):
-            getattr(message.path, name).extend(getattr(plan.path, name).ravel())
+    for field, path in (("path", plan.path), ("approximate_path", plan.approximate_path)):
+        if path is not None:
+            for name in ("start", "twists", "lengths"):
+                getattr(getattr(message, field), name).extend(getattr(path, name).ravel())
     if plan.trajectory is not None:
         for name in ("start", "breaks", "coefficients", "arc"):
             getattr(message.trajectory, name).extend(getattr(plan.trajectory, name).ravel())
@@ -65,7 +70,30 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, 
         extensions=effort.extensions,
         min_margin=message.min_margin if message.HasField("min_margin") else None,
         tree=frozen(_array(message.tree, (-1, 2, 3)), (None, 2, 3), "tree"),
+        lower_bound=message.lower_bound if message.HasField("lower_bound") else None,
+        diagnosis=tuple(map(_diagnosis, message.diagnosis)),
+        approximate_path=_path(message.approximate_path) if message.HasField("approximate_path") else None,
+        approximate_error=_pair(message.approximate_error),
     )
+
+
+def _diagnosis_message(diagnosis: Diagnosis) -> MessageClass:
+    numbers = [{"name": name, "value": value} for name, value in diagnosis.numbers.items()]
+    return schemas.Diagnosis(
+        cause=diagnosis.cause, text=diagnosis.text, proven=diagnosis.proven, numbers=numbers
+    )
+
+
+def _diagnosis(message: MessageClass) -> Diagnosis:
+    numbers = {number.name: number.value for number in message.numbers}
+    return Diagnosis(message.cause, message.text, message.proven, numbers)
+
+
+def _pair(values: Sequence[float]) -> tuple[float, float] | None:
+    if not values:
+        return None
+    first, second = values
+    return first, second
 
 
 def _path(message: MessageClass) -> PushPath:

@@ -3,7 +3,7 @@
 The messages of our own (package `pushplan`) are declared in `_MESSAGES` and built here, so that no generated
 code has to be kept. Field numbers never change their meaning; new fields take new numbers. SI units, radians.
 
-- `Plan`: what planning found, complete: arcs of the path, polynomial of the trajectory, search tree.
+- `Plan`: what planning found, complete: arcs of the path, polynomial of the trajectory, search tree; or why nothing.
 - `Progress`: one improvement of the best path. Wall-clock times are in the metadata `pushplan.planning`.
 - `Twist`, `Margins`: what the pusher does and how far every contact is from slipping, for people and plots.
 - `Execution`: the samples of one stretch of the execution, bit for bit (see `blocks`), and `ExecutionEnd`.
@@ -59,7 +59,13 @@ _MESSAGES: dict[str, tuple[str, ...]] = {
         "8 pushplan.Path path",
         "9 pushplan.Trajectory trajectory",
         "10 repeated double tree",
+        "11 optional double lower_bound",
+        "12 repeated pushplan.Diagnosis diagnosis",
+        "13 pushplan.Path approximate_path",
+        "14 repeated double approximate_error",
     ),
+    "Number": ("1 string name", "2 double value"),
+    "Diagnosis": ("1 string cause", "2 string text", "3 bool proven", "4 repeated pushplan.Number numbers"),
     "Array": ("1 string name", "2 repeated uint32 shape", "3 bytes planes"),
     "Execution": (_STAMP, "2 uint64 first", "3 repeated pushplan.Array arrays"),
     "Loss": ("1 double time", "2 uint32 contact", "3 double margin", "4 repeated double pose"),
@@ -121,6 +127,7 @@ Twist = _message_class("Twist")
 Margins = _message_class("Margins")
 Progress = _message_class("Progress")
 Plan = _message_class("Plan")
+Diagnosis = _message_class("Diagnosis")
 Array = _message_class("Array")
 Execution = _message_class("Execution")
 ExecutionEnd = _message_class("ExecutionEnd")

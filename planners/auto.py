@@ -59,7 +59,7 @@ def _round(session: Session, forest: Forest, allowance: int, excess: float) -> b
     path = np.empty((3 * (len(forest.ahead) + len(forest.behind)) + 3, 4))
     used = 0
     while used < allowance and not session.finished:
-        bound = excess * session.best_cost
+        bound = excess * session.horizon
         done, arcs = grow_both(session.problem, forest, bound, CHUNK, path)
         used += done
         session.spent(done)

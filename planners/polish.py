@@ -1,6 +1,6 @@
 """Compiled shortening of a path: random pairs of its poses are joined anew by exact words.
 
-Every corner costs a stop, so a path counts as better by its cost plus a small price for each of its arcs.
+What counts is the sum of the prices of a path's arcs (`prices`): by default their lengths and a little for each.
 """
 
 from __future__ import annotations
@@ -13,14 +13,12 @@ from pushplan.arrays import FloatArray, RandomState
 from pushplan.compiled import compiled
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import step
+from pushplan.planners.prices import TRAVEL, Prices, arc_price
 from pushplan.planners.search import TRIES, Problem, random
 from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
 
-ARC_PRICE = 0.002
-"""What an arc costs beside its length, m."""
-
 GAIN = 1e-9
-"""Smallest saving (m) for which a piece of path is exchanged."""
+"""Smallest saving, in the unit of the price, for which a piece of path is exchanged."""
 
 DRAWN_SHARE = 0.8
 """Share of the attempts that join by turns and pushes drawn from the whole stable set."""
@@ -30,9 +28,28 @@ SHORTEST_WINDOW = 0.07
 
 
 @compiled
-def price(path: FloatArray) -> float:
-    """Return the cost (m) of a path (k, 4), its arcs priced."""
-    return float(path[:, 3].sum() + ARC_PRICE * path.shape[0])
+def price(prices: Prices, path: FloatArray) -> float:
+    """Return the price of a path (k, 4)."""
+    if prices.kind == TRAVEL:
+        return float(path[:, 3].sum() + prices.per_arc * path.shape[0])
+    total = 0.0
+    for arc in path:
+        total += arc_price(prices, arc[0], arc[1], arc[2], arc[3])
+    return total
+
+
+@compiled
+def _worth(
+    prices: Prices, path: FloatArray, i: int, into_i: float, j: int, into_j: float, travel: float
+) -> float:
+    """Travel (m) that a word must stay below to be cheaper than the piece of path of some travel between two places."""
+    if prices.kind == TRAVEL:
+        return travel + prices.per_arc * (j - i + 1)
+    total = 0.0
+    for k in range(i, j + 1):
+        length = (into_j if k == j else path[k, 3]) - (into_i if k == i else 0.0)
+        total += arc_price(prices, path[k, 0], path[k, 1], path[k, 2], max(length, 0.0))
+    return total / prices.lowest
 
 
 @compiled
@@ -170,9 +187,9 @@ def shorten(
         low, high = _window(state, path[:, 3].sum())
         i, into_i, begin = _locate(start, path, low)
         j, into_j, end = _locate(start, path, high)
-        bound = high - low + ARC_PRICE * (j - i + 1)
+        bound = _worth(problem.prices, path, i, into_i, j, into_j, high - low)
         if _rejoin(problem, state, begin, end, bound, word) < bound:
             exchanged = _spliced(path, i, into_i, word, j, into_j)
-            if price(exchanged) < price(path) - GAIN:
+            if price(problem.prices, exchanged) < price(problem.prices, path) - GAIN:
                 path = exchanged
     return path

@@ -10,6 +10,7 @@ from pushplan.arrays import FloatArray
 from pushplan.names import CLEARANCE_ROOM
 from pushplan.planners.collision import Scene, separation
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments, steering_families
+from pushplan.planners.prices import make_prices
 from pushplan.planners.scene import build_scene, chain_outlines
 from pushplan.planners.search import Problem
 from pushplan.scenario import CircleObstacle, Scenario
@@ -43,6 +44,7 @@ def build_problem(scenario: Scenario, stable: StableSet) -> Problem:
         steering_families(segments),
         np.array(scenario.goal.pose_chain, dtype=np.float64),
         LONGEST_SHARE * math.hypot(xmax - xmin, ymax - ymin),
+        make_prices(scenario, stable, segments),
     )
 
 

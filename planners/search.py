@@ -11,6 +11,7 @@ from pushplan.arrays import FloatArray, RandomState
 from pushplan.compiled import compiled
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import Scene, step, sweep_is_free
+from pushplan.planners.prices import Prices
 from pushplan.planners.steering import MAX_WORDS, connect
 
 NODE = 9
@@ -36,6 +37,7 @@ class Problem(NamedTuple):
         families: (f, 3, 3) left, straight and right twists for exact connections.
         goal: (3,) pose of the chain frame in the world.
         longest: Longest arc sampled, m of cost.
+        prices: What makes one path better than another.
     """
 
     scene: Scene
@@ -43,6 +45,7 @@ class Problem(NamedTuple):
     families: FloatArray
     goal: FloatArray
     longest: float
+    prices: Prices
 
 
 @compiled

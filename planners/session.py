@@ -11,6 +11,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.planners.polish import merged, price, shorten
+from pushplan.planners.prices import TRAVEL
 from pushplan.planners.search import NODE, Problem, grow, remaining, trace
 from pushplan.result import ProgressPoint
 
@@ -85,6 +86,7 @@ class Session:
         self.iterations = 0
         self._best_price = math.inf
         self._reference, self._improved_at = math.inf, 0
+        self._lower_bound = 0.0
         self._on_progress = on_progress
         self._word = np.zeros((3, 4))
         self.nodes = np.zeros((FIRST_CAPACITY, NODE))
@@ -93,14 +95,27 @@ class Session:
 
     @property
     def lower_bound(self) -> float:
-        """Cost that no path can beat: straight travel and the smallest turn, m."""
+        """Cost that no path can beat, m: straight travel and the smallest turn, or a higher one that is known."""
         x, y, theta = self.start
-        return float(remaining(x, y, theta, self.problem.goal))
+        return max(self._lower_bound, float(remaining(x, y, theta, self.problem.goal)))
+
+    def raise_lower_bound(self, cost: float) -> None:
+        """Take over a cost (m) that no path can beat."""
+        self._lower_bound = max(self._lower_bound, cost)
+
+    @property
+    def horizon(self) -> float:
+        """Cost (m) from which on no path can be better than the best one; infinite while there is none.
+
+        That is its own cost when paths are ranked by it, else what its price would buy at the lowest rate.
+        """
+        prices = self.problem.prices
+        return self.best_cost if prices.kind == TRAVEL else self._best_price / prices.lowest
 
     @property
     def bound(self) -> float:
-        """Cost that a path has to stay below to count as better, m."""
-        return self.best_cost - GAIN
+        """Cost that a path has to stay below to be better, m."""
+        return self.horizon - GAIN
 
     @property
     def elapsed(self) -> float:
@@ -116,7 +131,7 @@ class Session:
             return True
         if self.best_arcs is None:
             return False
-        if self.budget.first or self.best_cost <= self.lower_bound * (1.0 + self.budget.gap) + 1e-12:
+        if self.budget.first or self.horizon <= self.lower_bound * (1.0 + self.budget.gap) + 1e-12:
             return True
         return self.iterations - self._improved_at >= self.budget.stall
 
@@ -174,12 +189,13 @@ class Session:
 
     def _record(self, arcs: FloatArray) -> None:
         """Keep a path (k, 4) if it is better than the best one."""
-        if price(arcs) >= self._best_price - GAIN:
+        arcs_price = price(self.problem.prices, arcs)
+        if arcs_price >= self._best_price - GAIN:
             return
-        self.best_arcs, self._best_price = arcs.copy(), price(arcs)
+        self.best_arcs, self._best_price = arcs.copy(), arcs_price
         self.best_cost = float(arcs[:, 3].sum())
-        if self.best_cost < self._reference * (1.0 - WORTHWHILE):
-            self._reference, self._improved_at = self.best_cost, self.iterations
+        if self.horizon < self._reference * (1.0 - WORTHWHILE):
+            self._reference, self._improved_at = self.horizon, self.iterations
         self.progress.append(ProgressPoint(self.elapsed, self.best_cost, self.iterations))
         if self._on_progress is not None:
             self._on_progress(self.progress[-1])

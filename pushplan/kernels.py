@@ -12,6 +12,7 @@ import numpy as np
 from pushplan.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.contact_state import contact_state
 from pushplan.planners.polish import shorten
+from pushplan.planners.prices import travel_prices
 from pushplan.planners.registry import planner_named
 from pushplan.planners.scene import build_scene
 from pushplan.planners.search import Problem
@@ -76,4 +77,4 @@ def _problem(chain: Chain) -> Problem:
     scene = build_scene(chain, [wall], [(9.0, 9.0, 1.0)], (-10.0, -10.0, 10.0, 10.0), 1e-4)
     family = np.array([[[0.4, 0.0, 1.0], [1.0, 0.0, 0.0], [0.4, 0.0, -1.0]]])
     segments = np.array([[0.4, 0.0, 1.0, 0.4, 0.0, -1.0]])
-    return Problem(scene, segments, family, np.array([1.5, 0.0, 0.0]), 0.5)
+    return Problem(scene, segments, family, np.array([1.5, 0.0, 0.0]), 0.5, travel_prices())

@@ -18,6 +18,11 @@ DEFAULT_STABLE_SET = "ecof"
 KNOWN_LOAD_SETS = ("ecof", "cof", "translation")
 """Stable sets that need to know how every object's load rests on the floor."""
 
+COSTS = ("travel", "time", "margin")
+"""What `planner.cost` may choose to rank paths by."""
+
+DEFAULT_COST = "travel"
+
 TRAJECTORIES = ("exact", "blended")
 """Ways of timing a path: with a stop at every corner, or with the corners blended."""
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
+from pushplan.names import COSTS
 from pushplan.path import PushPath
 from pushplan.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.planners.checker import find_collision
+from pushplan.planners.lower_bound import lower_bound
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.registry import planner_named
 from pushplan.planners.session import Budget, Session
@@ -26,6 +29,9 @@ from pushplan.trajectory import Trajectory
 
 EXACT = 1e-7
 """Largest error (m, rad) of a path's end that counts as reaching the goal pose."""
+
+ROUNDING = 1e-9
+"""Share of the lower bound by which an optimal path's cost may exceed it."""
 
 SHORTEST_ARC = 1e-10
 """Arcs below this (m of cost) are rounding and are left out."""
@@ -49,6 +55,8 @@ def plan(
     time_limit: float | None = None,
     first: bool = False,
     iterations: int | None = None,
+    cost: str | None = None,
+    gap: float | None = None,
     progress: Callable[[ProgressPoint], None] | None = None,
     tell: Callable[[str], None] | None = None,
     watch: Stopwatch | None = None,
@@ -56,7 +64,7 @@ def plan(
     """Plan a push to the goal pose.
 
     Args:
-        scenario: The problem; what the next four leave open is taken from it.
+        scenario: The problem; what the others leave open is taken from it.
         planner: Name of the planner.
         stable_set: Name of the stable set that limits the pusher's twists.
         seed: Of the random numbers; the same seed gives the same plan unless the time limit cuts it short.
@@ -64,6 +72,8 @@ def plan(
         first: Stop at the first path instead of shortening it.
         iterations: Extensions and shortcuts, at most; where they, not the time limit, end the search, the same seed
             gives the same plan on every machine.
+        cost: What ranks paths, one of `names.COSTS`.
+        gap: Share above the lower bound (`planners.lower_bound`) at which a path is good enough to stop.
         progress: Called with every improvement.
         tell: Called with sentences for the user about what takes long.
         watch: Takes the time of the phases `posing`, `search`, `timing` and `checking`.
@@ -75,6 +85,7 @@ def plan(
         PlanningError: When the problem cannot be posed.
         EmptyStableSetError: When no pusher twist keeps every contact.
     """
+    scenario = _ranked_by(scenario, cost)
     name = planner or scenario.planner.name
     search = planner_named(name)
     watch = watch or Stopwatch()
@@ -85,9 +96,12 @@ def plan(
         _check_ends(scenario)
     used_seed = scenario.planner.seed if seed is None else seed
     limit = scenario.planner.time_limit if time_limit is None else time_limit
-    budget = Budget(limit, int(STALL_PER_SECOND * limit), first=first, iterations=iterations)
+    good_enough = scenario.planner.gap if gap is None else gap
+    budget = Budget(limit, int(STALL_PER_SECOND * limit), max(good_enough, ROUNDING), first, iterations)
     session = Session(problem, scenario.start, budget, used_seed, progress)
     with watch("search"):
+        if good_enough > 0.0:
+            session.raise_lower_bound(lower_bound(scenario))
         if not session.finished:
             search(session, sampling_box(scenario), body_reach(scenario))
     seconds = session.elapsed
@@ -96,6 +110,7 @@ def plan(
         trajectory = None if path is None else make_trajectory(scenario, path, stable)
     with watch("checking"):
         reason = _verdict(scenario, stable, path, trajectory, budget)
+        least = session.lower_bound if path is None else lower_bound(scenario, path.cost)
     solved = not reason
     return PlanResult(
         solved=solved,
@@ -111,7 +126,17 @@ def plan(
         extensions=session.extensions,
         min_margin=None if path is None or not len(path.twists) else float(stable.margin(path.twists).min()),
         tree=_branches(session),
+        lower_bound=least,
     )
+
+
+def _ranked_by(scenario: Scenario, cost: str | None) -> Scenario:
+    """Return the scenario with another cost."""
+    if cost is None:
+        return scenario
+    if cost not in COSTS:
+        raise PlanningError(f"no cost is called {cost!r}; there are {', '.join(COSTS)}")
+    return replace(scenario, planner=replace(scenario.planner, cost=cost))
 
 
 def _check_ends(scenario: Scenario) -> None:

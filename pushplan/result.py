@@ -25,6 +25,35 @@ class ProgressPoint:
     iterations: int
 
 
+@dataclass(frozen=True)
+class Diagnosis:
+    """One reason why there is no plan.
+
+    Attributes:
+        cause: A word of `CAUSES`.
+        text: The same in a sentence, with the numbers.
+        proven: There is no plan for this reason; False stands for a guess.
+        numbers: The numbers by name, SI units.
+    """
+
+    cause: str
+    text: str
+    proven: bool
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+
+CAUSES = {
+    "gap": "a passage between start and goal is too narrow for the chain",
+    "heading": "no stable push turns the chain, and the goal asks for another heading",
+    "direction": "no stable push turns the chain, and the goal lies in a direction that none goes",
+    "one-sided": "the chain turns to one side only",
+    "wide turns": "the turns are wide for the room there is",
+    "boxed in": "hardly any push is possible from the start, or into the goal",
+    "time": "the search was not over",
+}
+"""What a diagnosis may name, and what it means."""
+
+
 @dataclass(frozen=True, eq=False)
 class PlanResult:
     """The outcome of planning.
@@ -43,6 +72,10 @@ class PlanResult:
         extensions: Number of arcs propagated.
         min_margin: Smallest margin along the path, or None.
         tree: (q, 2, 3) poses at both ends of the search tree's branches, thinned.
+        lower_bound: Cost (m) that no path beats; it knows the obstacles only roughly and turning limits not at all.
+        diagnosis: What kept the planner from finding a path, most certain first; empty when solved.
+        approximate_path: Where none was found, the free and stable path that ends nearest to the goal, or None.
+        approximate_error: How far (m, rad) from the goal that is, or None.
     """
 
     solved: bool
@@ -58,6 +91,20 @@ class PlanResult:
     extensions: int
     min_margin: float | None
     tree: FloatArray
+    lower_bound: float | None = None
+    diagnosis: tuple[Diagnosis, ...] = ()
+    approximate_path: PushPath | None = None
+    approximate_error: tuple[float, float] | None = None
+
+    @property
+    def gap(self) -> float | None:
+        """Share by which the path costs more than the lower bound; None without a path.
+
+        The optimum lies between: the path wastes no more than this, mostly much less.
+        """
+        if self.path is None or not self.lower_bound:
+            return None
+        return max(0.0, self.path.cost / self.lower_bound - 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,8 @@ def run(
     time_limit: float | None = None,
     first: bool = False,
     iterations: int | None = None,
+    cost: str | None = None,
+    gap: float | None = None,
     progress: Callable[[ProgressPoint], None] | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> Run:
@@ -42,6 +44,8 @@ def run(
         time_limit: See `plan`.
         first: See `plan`.
         iterations: See `plan`.
+        cost: See `plan`.
+        gap: See `plan`.
         progress: See `plan`.
         tell: See `plan`.
 
@@ -59,6 +63,8 @@ def run(
             time_limit=time_limit,
             first=first,
             iterations=iterations,
+            cost=cost,
+            gap=gap,
             progress=progress,
             tell=tell,
             watch=watch,
@@ -74,6 +80,8 @@ def run(
         "set": stable_set or scenario.stability.set,
         "seed": scenario.planner.seed if seed is None else seed,
         "time_limit": scenario.planner.time_limit if time_limit is None else time_limit,
+        "cost": cost or scenario.planner.cost,
+        "gap": scenario.planner.gap if gap is None else gap,
     }
     with RunLogWriter.create(log, scenario, settings) as writer:
         try:

@@ -102,7 +102,7 @@ def _scenario(
         obstacles=_obstacles(file),
         clearance=file.clearance,
         stability=StabilitySettings(file.stability.set, file.stability.margin),
-        planner=PlannerSettings(file.planner.name, file.planner.time_limit, file.planner.seed),
+        planner=PlannerSettings(**file.planner.model_dump()),
         trajectory=file.trajectory,
         attachments=attachments.contents,
         bodies=bodies.stated,

@@ -84,8 +84,21 @@ class StabilitySettings:
 
 @dataclass(frozen=True)
 class PlannerSettings:
-    """The planner, its wall-clock limit (s), and the seed of its random numbers."""
+    """How to search.
+
+    Attributes:
+        name: The planner, one of `names.PLANNERS`.
+        time_limit: Wall-clock limit, s.
+        seed: Of the random numbers.
+        cost: What ranks paths, one of `names.COSTS`.
+        weight: Of the margin in `cost: margin`: what a metre at the set's boundary costs more than one at the safest
+            twist, as a share.
+        gap: Share above the lower bound at which a path is good enough to stop.
+    """
 
     name: str = names.DEFAULT_PLANNER
     time_limit: float = 2.0
     seed: int = 1
+    cost: str = names.DEFAULT_COST
+    weight: float = 1.0
+    gap: float = 0.0

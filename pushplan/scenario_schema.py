@@ -95,6 +95,11 @@ class PlannerChoice(t.Strict):
     )
     time_limit: t.Duration = Field(default=2.0, description="a time in s")
     seed: t.Seed = Field(default=1, description="a whole number")
+    cost: Literal[names.COSTS] = Field(  # type: ignore[valid-type]
+        default=names.DEFAULT_COST, description=_one_of(names.COSTS)
+    )
+    weight: t.Weight = Field(default=1.0, description="a weight from 0 to 1000")
+    gap: t.Gap = Field(default=0.0, description="a share from 0 to 100")
 
 
 class ScenarioFile(t.Strict):

@@ -46,6 +46,14 @@ def count(text: str) -> int:
     return value
 
 
+def share(text: str) -> float:
+    """Return a share, e.g. `0.05` or `5%`; argparse's `type`."""
+    value = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
+    if not (isfinite(value) and value >= 0.0):
+        raise argparse.ArgumentTypeError(f"{text} is no share; it must be at least 0 and finite")
+    return value
+
+
 def seed(text: str) -> int:
     """Return a seed of random numbers; argparse's `type`."""
     value = int(text)

@@ -9,8 +9,17 @@ from typing import TYPE_CHECKING
 
 from pushplan.commands.check import require_pushable
 from pushplan.commands.console import Console
-from pushplan.commands.options import add_output, add_plot, add_scenario, check_outputs, count, seconds, seed
-from pushplan.names import PLANNERS, STABLE_SETS
+from pushplan.commands.options import (
+    add_output,
+    add_plot,
+    add_scenario,
+    check_outputs,
+    count,
+    seconds,
+    seed,
+    share,
+)
+from pushplan.names import COSTS, PLANNERS, STABLE_SETS
 
 if TYPE_CHECKING:
     from pushplan.result import PlanResult, ProgressPoint, Run
@@ -29,6 +38,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--first", action="store_true", help="stop at the first path instead of shortening it"
     )
+    parser.add_argument(
+        "--gap",
+        type=share,
+        metavar="G",
+        help="stop at a path that costs at most this share more than a lower bound",
+    )
+    parser.add_argument("--cost", choices=COSTS, metavar="NAME", help=f"rank paths by {', '.join(COSTS)}")
     parser.add_argument("--seed", type=seed, metavar="N", help="seed of the random numbers")
     add_plot(parser, "draw the swept chain, its margins and the stable set")
     add_output(parser, "--html", help="write a page that plays the run")
@@ -77,6 +93,8 @@ def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
             time_limit=args.time_limit,
             iterations=args.iterations,
             first=args.first,
+            cost=args.cost,
+            gap=args.gap,
             progress=improved,
         )
 

@@ -42,6 +42,8 @@ def document(
         "planning_s": plan.planning_s,
         "extensions": plan.extensions,
         "path_cost": plan.path.cost if plan.path else None,
+        "lower_bound": plan.lower_bound,
+        "gap": plan.gap,
         "arcs": _arcs(plan.path) if plan.path else [],
         "duration_s": plan.trajectory.duration if plan.trajectory else None,
         "goal_error": _goal_error(execution) if execution else None,
@@ -57,7 +59,10 @@ def rows(
     """Return label and value of the numbers of a run."""
     found = [] if plan.solved else [("reason", plan.reason)]
     if plan.path and plan.trajectory:
-        found.append(("path cost", f"{plan.path.cost:.3f} m in {counted(len(plan.path.lengths), 'arc')}"))
+        most = "" if plan.gap is None else f", at most {100.0 * plan.gap:.3g} % above the least possible"
+        found.append(
+            ("path cost", f"{plan.path.cost:.3f} m in {counted(len(plan.path.lengths), 'arc')}{most}")
+        )
         found.append(("duration", f"{plan.trajectory.duration:.2f} s"))
     spent = f"{time_text(plan.planning_s)}, {counted(plan.extensions, 'extension')}"
     first = (

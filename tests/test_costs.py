@@ -1,0 +1,169 @@
+"""The costs to choose: prices agree with what they stand for, and each planner's path is best by its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pushplan.chain import Limits
+from pushplan.errors import PlanningError
+from pushplan.path import PushPath
+from pushplan.plan import plan
+from pushplan.planners.arc_limits import arc_limits
+from pushplan.planners.polish import price
+from pushplan.planners.prices import ARC_PRICE, Prices, arc_price, make_prices, rest_to_rest_time
+from pushplan.planners.problem import build_problem
+from pushplan.planners.profile import ArcLimits, rest_to_rest
+from pushplan.result import PlanResult
+from pushplan.scenario import Scenario, load_scenario
+from pushplan.stable_set import stable_set
+
+
+def ranked(cost: str, weight: float = 1.0, trajectory: str = "exact") -> Scenario:
+    scenario = load_scenario("two-crates")
+    settings = replace(scenario.planner, cost=cost, weight=weight)
+    return replace(scenario, planner=settings, trajectory=trajectory)
+
+
+@cache
+def planned(cost: str, weight: float = 1.0, trajectory: str = "exact") -> PlanResult:
+    result = plan(ranked(cost, weight, trajectory), time_limit=60.0, iterations=25_000)
+    assert result.solved, result.reason
+    return result
+
+
+def prices_of(scenario: Scenario) -> Prices:
+    return build_problem(scenario, stable_set(scenario.chain)).prices
+
+
+def path_price(prices: Prices, path: PushPath) -> float:
+    return float(price(prices, np.column_stack([path.twists, path.lengths])))
+
+
+def mean_margin(scenario: Scenario, path: PushPath) -> float:
+    return float(stable_set(scenario.chain).margin(path.twists) @ path.lengths / path.cost)
+
+
+def test_the_rest_to_rest_time_is_ruckigs() -> None:
+    """Lengths from a micrometre to metres: every phase of the profile may be missing."""
+    rng = np.random.default_rng(2)
+    for _ in range(300):
+        length, speed, acceleration, jerk = 10.0 ** rng.uniform([-6, -1.5, -1.5, -1], [1, 0.5, 0.5, 2])
+        profile = rest_to_rest(length, ArcLimits(speed, acceleration, acceleration, jerk))
+        found = rest_to_rest_time(length, speed, acceleration, jerk)
+        assert found == pytest.approx(profile.duration, rel=1e-9)
+
+
+def test_travel_is_the_length_and_a_little_for_each_arc() -> None:
+    prices, path = prices_of(ranked("travel")), planned("travel").path
+    assert path is not None
+    assert path_price(prices, path) == pytest.approx(path.cost + ARC_PRICE * len(path.lengths))
+
+
+def test_the_price_of_time_is_the_duration_of_the_exact_trajectory() -> None:
+    result = planned("time")
+    assert result.path is not None
+    assert result.trajectory is not None
+    assert path_price(prices_of(ranked("time")), result.path) == pytest.approx(
+        result.trajectory.duration, rel=0.02
+    )
+
+
+def test_the_price_of_time_is_close_to_the_duration_of_the_blended_trajectory() -> None:
+    result = planned("time", trajectory="blended")
+    prices = prices_of(ranked("time", trajectory="blended"))
+    assert result.path is not None
+    assert result.trajectory is not None
+    assert path_price(prices, result.path) == pytest.approx(result.trajectory.duration, rel=0.1)
+
+
+def test_ranking_by_time_is_faster_and_by_travel_shorter() -> None:
+    fast, short = planned("time"), planned("travel")
+    assert fast.trajectory is not None
+    assert short.trajectory is not None
+    assert fast.path is not None
+    assert short.path is not None
+    assert fast.trajectory.duration < 0.95 * short.trajectory.duration
+    assert short.path.cost < fast.path.cost
+
+
+def test_ranking_by_margin_is_safer_the_more_the_higher_its_weight() -> None:
+    paths = [planned("travel").path, planned("margin", 1.0).path, planned("margin", 20.0).path]
+    scenario = ranked("margin")
+    means = [mean_margin(scenario, path) for path in paths if path is not None]
+    assert len(means) == 3
+    assert means[0] < means[1] < means[2]
+
+
+def test_prices_of_the_margin_follow_from_the_margin() -> None:
+    scenario = ranked("margin", 3.0)
+    stable = stable_set(scenario.chain)
+    problem = build_problem(scenario, stable)
+    rng = np.random.default_rng(4)
+    rows = problem.segments[rng.integers(len(problem.segments), size=200)]
+    share = rng.uniform(size=(200, 1))
+    twists = (1.0 - share) * rows[:, :3] + share * rows[:, 3:]
+    best = stable.peaks[1].max()
+    found = np.array([arc_price(problem.prices, *twist, 1.0) for twist in twists]) - ARC_PRICE
+    expected = 1.0 + 3.0 * (1.0 - stable.margin(twists) / best)
+    assert np.abs(found - expected).max() < 0.3  # the table is coarse where the margin has a kink
+    assert np.abs(found - expected).mean() < 0.03
+    assert found.min() >= problem.prices.lowest
+    assert found.max() <= 4.0 + 0.3
+
+
+@pytest.mark.parametrize("trajectory", ["exact", "blended"])
+def test_the_lowest_price_is_a_bound(trajectory: str) -> None:
+    """The search prunes by it: no arc may be cheaper."""
+    scenario = ranked("time", trajectory=trajectory)
+    problem = build_problem(scenario, stable_set(scenario.chain))
+    limits = scenario.chain.pusher.limits
+    rng = np.random.default_rng(8)
+    for row in problem.segments[rng.integers(len(problem.segments), size=100)]:
+        for twist in (row[:3], row[3:]):
+            unit = twist / (np.hypot(*twist[:2]) + 0.1 * abs(twist[2]))
+            length = 10.0 ** rng.uniform(-3, 0.5)
+            assert arc_price(problem.prices, *unit, length) >= problem.prices.lowest * length
+            assert arc_limits(unit, limits).speed <= 1.0 / problem.prices.lowest * (1.0 + 1e-2)
+
+
+def test_dynamic_contact_limits_make_time_dearer_near_the_boundary() -> None:
+    scenario = ranked("time")
+    pusher = scenario.chain.pusher
+    chain = replace(
+        scenario.chain, pusher=replace(pusher, limits=Limits(acceleration=2.0, contact="dynamic"))
+    )
+    slow = replace(scenario, chain=chain)
+    stable = stable_set(slow.chain)
+    segments = build_problem(scenario, stable).segments
+    prices = make_prices(slow, stable, segments)
+    inner = np.array([1.0, 0.0, 0.0])
+    edge = segments[len(segments) // 2, :3]
+    edge = edge / (np.hypot(*edge[:2]) + 0.1 * abs(edge[2]))
+    assert arc_price(prices, *edge, 1.0) > 1.5 * arc_price(prices, *inner, 1.0)
+
+
+def test_the_same_seed_gives_the_same_plan_whatever_the_cost() -> None:
+    for cost in ("time", "margin"):
+        again = plan(ranked(cost), time_limit=60.0, iterations=25_000)
+        assert again.path is not None
+        first = planned(cost).path
+        assert first is not None
+        np.testing.assert_array_equal(again.path.twists, first.twists)
+        np.testing.assert_array_equal(again.path.lengths, first.lengths)
+
+
+def test_an_unknown_cost_is_refused_by_name() -> None:
+    with pytest.raises(PlanningError, match=r"^no cost is called 'fuel'; there are travel, time, margin$"):
+        plan(load_scenario("one-box"), cost="fuel")
+
+
+def test_the_cost_may_be_given_beside_the_scenario() -> None:
+    given = plan(load_scenario("two-crates"), cost="time", time_limit=60.0, iterations=25_000)
+    stated = planned("time")
+    assert given.path is not None
+    assert stated.path is not None
+    np.testing.assert_array_equal(given.path.lengths, stated.path.lengths)
