@@ -1,4 +1,4 @@
-"""Make the README's pictures, output and figures anew: `python docs/refresh.py`, with the package installed."""
+"""Make pictures, output and figures of README and docs anew: `python docs/refresh.py`, with the package installed."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ ROOT = Path(__file__).parents[1]
 PICTURES = {
     "two-crates.png": "plan two-crates -o run.mcap --plot run.png",
     "stable-set.png": "stable-set two-crates --plot run.png",
+    "four-sets.png": "stable-set two-crates --set ecof --set cof --set robust --set stable --plot run.png",
+    "own-scenario.png": "check mine.yaml --plot run.png",
 }
 SEEDS = range(1, 21)
 NUMBER = """\
@@ -28,6 +30,9 @@ for some twenty seconds.
 def main() -> None:
     """Run the README's first command and those that draw its pictures; put in what they print and draw."""
     with tempfile.TemporaryDirectory() as folder:
+        page = (ROOT / "docs" / "own-scenario.md").read_text()
+        steps = re.findall(r"```yaml\n(.*?)```", page, flags=re.DOTALL)
+        (Path(folder) / "mine.yaml").write_text("".join(steps))
         printed = [
             _drawn(words.split(), Path(folder), ROOT / "docs" / name) for name, words in PICTURES.items()
         ]

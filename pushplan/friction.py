@@ -35,7 +35,7 @@ def friction_wrench(obj: PushedObject, twists: ArrayLike, contact_height: float 
 def ecof(obj: PushedObject, cor: ArrayLike, sense: int = +1, contact_height: float = 0.0) -> FloatArray:
     """Return the effective centre of friction (2,): the point of friction's line of action nearest the COR.
 
-    ECOF - c = m_c (f_y, -f_x) / |f|^2 with the wrench (f, m_c) about the COR c (Harada et al. 2006,
+    `ECOF - c = m_c (f_y, -f_x) / |f|^2` with the wrench (f, m_c) about the COR c (Harada et al. 2006,
     appendix).
 
     Args:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -56,9 +57,11 @@ def plot_scenario(scenario: Scenario, stable: StableSet, path: str | Path) -> No
 
 
 def _draw_names(axes: Axes, scenario: Scenario) -> None:
-    """Write every object's name where its load is centred, in the chain frame."""
-    for obj in scenario.chain.objects:
-        _write(axes, transform_points(obj.pose_chain, np.atleast_2d(_inside(obj.outline)))[0], obj.name)
+    """Write every object's name into it, in the chain frame; across the push when there are many in a row."""
+    objects = scenario.chain.objects
+    turned = 90.0 if len(objects) > 2 else 0.0
+    for obj in objects:
+        _write(axes, transform_points(obj.pose_chain, _inside(obj.outline)[None])[0], obj.name, turned)
 
 
 def _inside(outline: FloatArray) -> FloatArray:
@@ -68,19 +71,9 @@ def _inside(outline: FloatArray) -> FloatArray:
     return np.array([point.x, point.y])
 
 
-def _write(axes: Axes, place: FloatArray, text: str) -> None:
-    axes.text(
-        place[0],
-        place[1],
-        text,
-        ha="center",
-        va="center",
-        fontsize=7.0,
-        color=INK,
-        bbox=_HALO,
-        zorder=8.0,
-        clip_on=True,
-    )
+def _write(axes: Axes, place: FloatArray, text: str, turned: float) -> None:
+    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5, "clip_on": True, "bbox": _HALO}
+    axes.text(float(place[0]), float(place[1]), text, rotation=turned, color=INK, zorder=8.0, **style)
 
 
 def _legend() -> list[Patch]:

@@ -1,0 +1,139 @@
+"""What README and docs say is so: commands run, code runs, options, links, pictures and public names exist."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+import pushplan
+from pushplan import cli
+from pushplan.cli import main
+from pushplan.names import STABLE_SETS
+from pushplan.planners.registry import MODULES
+from pushplan.scenario import load_scenario
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+SET_UP = {
+    "python3 -m venv .venv",
+    ". .venv/bin/activate",
+    "pip install -e .",
+}
+"""Lines that set an environment up: what .ci/run and whoever runs this test have done."""
+
+
+def _id(page: Path) -> str:
+    return page.stem
+
+
+def _blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+
+
+def _run(line: str) -> None:
+    """Run a line of shell that is a `pushplan` command, perhaps with its output in a file."""
+    command, _, target = line.partition(" > ")
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        assert main(shlex.split(command)[1:]) == 0, line
+    if target:
+        Path(target).write_text(out.getvalue())
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that pages may speak of before they have made one."""
+    log = tmp_path_factory.mktemp("recorded") / "run.mcap"
+    pushplan.run(load_scenario("free-space"), log=log, time_limit=0.1)
+    return log
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_id)
+def test_every_command_and_all_code_run_in_the_order_of_the_page(
+    page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(recorded, "run.mcap")
+    if page.stem == "own-scenario":
+        Path("mine.yaml").write_text("".join(_blocks(page, "yaml")))
+    for block in _blocks(page, "sh"):
+        for line in block.splitlines():
+            if line.startswith("pushplan "):
+                _run(line)
+            else:
+                assert line in SET_UP or page.stem in ("README", "contributing"), line
+    space: dict[str, object] = {}
+    for block in _blocks(page, "python"):
+        exec(compile(block, page.name, "exec"), space)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_id)
+def test_every_command_that_is_named_exists_with_its_options(page: Path) -> None:
+    for words in re.findall(r"`pushplan ([^`]+)`", page.read_text("utf-8")):
+        command, *rest = words.replace("[", " ").replace("]", " ").split()
+        if command.startswith("--"):
+            assert command in ("--version", "--help")
+            continue
+        assert command in cli.COMMANDS, words
+        options = re.findall(r"(?<!\S)--?[a-z][a-z0-9-]*", " ".join(rest))
+        assert set(options) <= _options(command), words
+
+
+def _options(command: str) -> set[str]:
+    top = cli.parser()
+    (children,) = (action for action in top._actions if isinstance(action.choices, dict))
+    assert isinstance(children.choices, dict)
+    return {flag for action in children.choices[command]._actions for flag in action.option_strings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_id)
+def test_links_and_pictures_exist(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text("utf-8")):
+        if not target.startswith(("https://", "#")):
+            assert (page.parent / target).is_file(), target
+
+
+def test_every_page_is_reached_from_the_index() -> None:
+    index = (ROOT / "docs" / "index.md").read_text("utf-8")
+    listed = {
+        line for block in re.findall(r"```{toctree}(.*?)```", index, re.DOTALL) for line in block.split()
+    }
+    assert {page.stem for page in PAGES} - {"README", "index"} <= listed
+
+
+def test_all_public_names_are_in_the_reference() -> None:
+    reference = (ROOT / "docs" / "api.md").read_text("utf-8")
+    named = set(re.findall(r"^\.\. auto\w+:: pushplan\.(\w+)$", reference, flags=re.MULTILINE))
+    assert named == set(pushplan.__all__) - {"__version__"}
+
+
+def test_all_commands_planners_and_sets_are_described() -> None:
+    texts = {page.stem: page.read_text("utf-8") for page in PAGES}
+    for command in cli.COMMANDS:
+        assert f"`pushplan {command}" in texts["README"], command
+    assert set(re.findall(r"^\| `(.*?)` \|", texts["support-and-sets"], re.MULTILINE)) == {*STABLE_SETS}
+    rows = re.findall(r"^\| (`.*?) \|", texts["planners"], re.MULTILINE)
+    assert {word for row in rows for word in re.findall(r"`([\w-]+)`", row)} == {*MODULES}
+
+
+def test_the_steps_are_a_scenario_and_its_mistake_is_told_as_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = ROOT / "docs" / "own-scenario.md"
+    steps = "".join(_blocks(page, "yaml"))
+    assert len(re.findall(r"^\*\*\d+\. ", page.read_text("utf-8"), re.MULTILINE)) == 10
+    Path("mine.yaml").write_text(steps.replace("width: 0.70", "widht: 0.70"))
+    assert main(["check", "mine.yaml"]) == 2
+    assert _blocks(page, "text")[0].strip() in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("script", sorted((ROOT / "benchmarks").glob("*.py")), ids=_id)
+def test_every_benchmark_is_on_its_page(script: Path) -> None:
+    assert f"`{script.name}`" in (ROOT / "docs" / "benchmarks.md").read_text("utf-8")
