@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from typing import NoReturn, TextIO
 
-from pushplan.commands import check, completion, examples, new, plan, replay, schema, stable_set
+from pushplan.commands import bench, check, completion, examples, new, plan, replay, schema, stable_set
 from pushplan.commands.console import Console
 from pushplan.commands.failure import PIPE_CLOSED, report_failure
 
@@ -17,6 +17,7 @@ COMMANDS = {
     "plan": plan,
     "stable-set": stable_set,
     "replay": replay,
+    "bench": bench,
     "check": check,
     "new": new,
     "examples": examples,
@@ -32,7 +33,7 @@ exit codes:
   1    a failure that is not yours
   2    the input is wrong
   3    no plan within the time limit; the run is logged all the same
-  4    a replay or an execution does not match the plan
+  4    a replay or an execution does not match the plan; a benchmark found an invalid solution or a regression
   130  interrupted
 """
 

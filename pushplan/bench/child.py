@@ -7,6 +7,7 @@ import fcntl
 import multiprocessing
 import os
 import resource
+import signal
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -35,6 +36,7 @@ class Ended:
 
 def guarded(writer: Connection, work: Callable[[Task, Path], Figures], task: Task, folder: Path) -> None:
     """Do the work within the task's limits and send how it ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the supervisor
     _end_with_parent()
     _write_into(folder / OUTPUT)
     writer.send(_ended(work, task, folder))

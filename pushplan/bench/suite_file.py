@@ -28,6 +28,11 @@ def suite_names() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(_SUFFIX) for name in found if name.endswith(_SUFFIX)))
 
 
+def suite_text(name: str) -> str:
+    """Return the file of a packaged suite."""
+    return (_folder() / (name + _SUFFIX)).read_text(encoding="utf-8")
+
+
 def load_suite(source: str | Path) -> Suite:
     """Read a suite from a file, or a packaged one by its name, with all its problems.
 

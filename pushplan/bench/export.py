@@ -1,0 +1,64 @@
+"""Results as tables for other programs: CSV always, Parquet where pyarrow is installed."""
+
+from __future__ import annotations
+
+import csv
+import math
+from importlib.util import find_spec
+from pathlib import Path
+
+from pushplan.bench.arena import ATTRIBUTES
+from pushplan.bench.results import Results, RunRow
+
+WORDS = ("key", "problem", "planner", "stable_set", "seed", "outcome", "message", "log", "host")
+
+MEASURED = tuple(name for name, _ in ATTRIBUTES if name not in ("seed", "status", "solved"))
+"""Columns of numbers; empty where there is none."""
+
+
+def write_tables(results: Results, folder: Path) -> list[Path]:
+    """Write a row for each run, and a row for each improvement during planning; return the files.
+
+    The files are `runs` and `progress`, as .csv and, where pyarrow is installed, as .parquet.
+    """
+    tables = {"runs": [_row(run) for run in results.runs], "progress": _progress(results)}
+    written = []
+    for name, rows in tables.items():
+        columns = [*WORDS, *MEASURED] if name == "runs" else ["key", "time", "cost"]
+        written.append(_write_csv(columns, rows, folder / f"{name}.csv"))
+        if find_spec("pyarrow") is not None:
+            written.append(_write_parquet(columns, rows, folder / f"{name}.parquet"))
+    return written
+
+
+def _row(run: RunRow) -> dict[str, object]:
+    words = {name: getattr(run, name) for name in WORDS}
+    values = ((name, run.values[name]) for name in MEASURED)
+    return {**words, **{name: None if math.isnan(value) else value for name, value in values}}
+
+
+def _progress(results: Results) -> list[dict[str, object]]:
+    return [
+        {"key": run.key, "time": time, "cost": cost}
+        for run in results.runs
+        for time, cost in run.progress.tolist()
+    ]
+
+
+def _write_csv(columns: list[str], rows: list[dict[str, object]], path: Path) -> Path:
+    part = path.with_name(f".{path.name}.new")
+    with part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(rows)
+    return part.replace(path)
+
+
+def _write_parquet(columns: list[str], rows: list[dict[str, object]], path: Path) -> Path:
+    import pyarrow
+    from pyarrow import parquet
+
+    part = path.with_name(f".{path.name}.new")
+    table = pyarrow.table({name: [row[name] for row in rows] for name in columns})
+    parquet.write_table(table, part)
+    return part.replace(path)

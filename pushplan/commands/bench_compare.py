@@ -1,0 +1,42 @@
+"""Tell what two benchmarks differ in: the part of `pushplan bench --compare`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+from pushplan.commands.console import Console
+from pushplan.commands.failure import DONE, MISMATCH
+
+
+def compare(old: Path, new: Path, threshold: float, console: Console) -> int:
+    """Compare the results of two folders and return the exit code."""
+    from pushplan.bench.report_tables import comparison_row
+    from pushplan.bench.results import read_results
+    from pushplan.bench.versions import compare_versions
+
+    found = compare_versions(read_results(old), read_results(new), threshold)
+    groups = (("better", found.better, "green"), ("worse", found.worse, "red"))
+    for word, comparisons, colour in groups:
+        for one in comparisons:
+            respect, planner, _, pairs, effect, p, _ = comparison_row(one)
+            console.say(
+                f"{console.paint(word, colour)}: {planner}, {respect}: {effect} in {pairs} runs (p = {p})"
+            )
+    for run in found.newly_invalid:
+        text = f"{run.problem}, {run.planner}, seed {run.seed}: {run.message.partition(chr(10))[0]}"
+        console.say(f"{console.paint('invalid now', 'red')}: {text}")
+    if not (found.better or found.worse or found.newly_invalid):
+        console.say("nothing has changed beyond chance")
+    console.emit(
+        {
+            "regression": found.is_regression,
+            "threshold": threshold,
+            "comparisons": [
+                {**asdict(one), "significant": one.significant, "better": one.second_is_better}
+                for one in found.comparisons
+            ],
+            "newly_invalid": [run.key for run in found.newly_invalid],
+        }
+    )
+    return MISMATCH if found.is_regression else DONE

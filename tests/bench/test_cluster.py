@@ -1,0 +1,177 @@
+"""The same rows from a Dask cluster, also when a worker is killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pushplan.bench.batch import run_suite
+from pushplan.bench.cluster import ClusterError, cluster_outcomes
+from pushplan.bench.folder import ResultsFolder
+from pushplan.bench.local import local_outcomes
+from pushplan.bench.machine import package_version
+from pushplan.bench.outcome import Outcome, Task
+from pushplan.bench.suite_file import suite_from_text
+from pushplan.bench.tally import Tally
+
+HERE = Path(__file__).parent
+
+Rows = list[dict[str, Any]]
+ReadRows = Callable[[Path], Rows]
+
+REAL = """\
+format: pushplan-suite/1
+problems: [one-box, two-crates]
+planners: [{name: auto, first: true}]
+seeds: 3
+limits: {time: 20 s, iterations: 2000}
+"""
+
+
+class Cluster:
+    """A scheduler and workers as programs of their own.
+
+    Attributes:
+        address: Of the scheduler.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._environment = {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")]),
+            "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
+        }
+        self._folder = folder
+        self._programs: list[subprocess.Popen[str]] = []
+        ready = folder / "scheduler.json"
+        self.scheduler = self._start("scheduler", "--port=0", "--no-dashboard", f"--scheduler-file={ready}")
+        self.scheduler_file = ready
+        self.workers = [self.add_worker() for _ in range(2)]
+
+    def add_worker(self, *more: str) -> subprocess.Popen[str]:
+        """Start another worker."""
+        where = (f"--scheduler-file={self.scheduler_file}", f"--local-directory={self._folder}")
+        return self._start("worker", *where, "--nthreads=1", "--no-dashboard", *(more or ("--no-nanny",)))
+
+    def _start(self, *words: str) -> subprocess.Popen[str]:
+        with (self._folder / "output.txt").open("a") as output:
+            program = subprocess.Popen(
+                [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]],
+                stdout=output,
+                stderr=output,
+                env=self._environment,
+                text=True,
+            )
+        self._programs.append(program)
+        return program
+
+    @property
+    def address(self) -> str:
+        dask: Any = import_module("distributed")
+        with dask.Client(
+            scheduler_file=str(self.scheduler_file), timeout=30.0, set_as_default=False
+        ) as client:
+            client.wait_for_workers(2, timeout=60.0)
+            return str(client.scheduler.address)
+
+    def close(self) -> None:
+        for program in reversed(self._programs):
+            program.send_signal(signal.SIGKILL)
+            program.wait()
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    pytest.importorskip("distributed")
+    made = Cluster(tmp_path_factory.mktemp("cluster"))
+    yield made
+    made.close()
+
+
+def _run(text: str, path: Path, engine: Any, **more: Any) -> Tally:
+    folder = ResultsFolder(path)
+    with folder.locked():
+        return run_suite(suite_from_text(text), folder, engine, **more)
+
+
+def test_workers_of_another_version_do_nothing(
+    cluster: Cluster, make_task: Callable[..., Task], planted: Any
+) -> None:
+    outcomes = cluster_outcomes([make_task(1, version="0.0")], cluster.address, planted.work)
+    with pytest.raises(ClusterError, match=r"a worker has pushplan .*, the benchmark 0\.0; install the same"):
+        list(outcomes)
+
+
+def test_a_cluster_gives_the_same_rows_also_when_a_worker_is_killed(
+    cluster: Cluster, planted: Any, tmp_path: Path, rows: ReadRows
+) -> None:
+    address = cluster.address
+    _run(REAL, tmp_path / "local", lambda tasks: local_outcomes(tasks, 2))
+    _run(REAL, tmp_path / "dask", lambda tasks: cluster_outcomes(tasks, address))
+    one, two = (rows(tmp_path / name) for name in ("local", "dask"))
+    for name in ("key", "outcome", "solution_length", "arcs", "log"):
+        assert [row[name] for row in one] == [row[name] for row in two]
+    assert all((tmp_path / "dask" / row["log"]).stat().st_size > 10_000 for row in two)
+
+    def kill_one(tally: Tally) -> None:
+        if tally.done == 5:
+            cluster.workers[0].send_signal(signal.SIGKILL)
+        if tally.done == 10:
+            cluster.add_worker()
+
+    count = len(planted.FATES)
+    _run(
+        planted.suite_text(count),
+        tmp_path / "planted",
+        lambda tasks: cluster_outcomes(tasks, address, planted.work),
+        tell=kill_one,
+    )
+    found = rows(tmp_path / "planted")
+    assert [(row["seed"], row["outcome"]) for row in found] == [
+        (seed, planted.STATUS[planted.fate_of(seed)]) for seed in range(count)
+    ]
+
+
+def test_a_scheduler_that_is_nowhere_is_told(
+    make_task: Callable[..., Task], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("pushplan.bench.cluster.CONNECT", 1.0)
+    with pytest.raises(ClusterError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"):
+        list(cluster_outcomes([make_task(1)], "tcp://127.0.0.1:9"))
+
+
+def test_workers_that_may_not_start_processes_are_told_how_to(
+    make_task: Callable[..., Task], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import multiprocessing
+
+    from pushplan.bench.cluster import _remote
+
+    monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)  # type: ignore[attr-defined]
+    with pytest.raises(ClusterError, match="DASK_DISTRIBUTED__WORKER__DAEMON=False"):
+        _remote(make_task(1, version=package_version()), lambda task, folder: pytest.fail("it ran"))
+
+
+def test_a_run_that_loses_all_its_workers_is_a_crash(make_task: Callable[..., Task]) -> None:
+    from pushplan.bench.cluster import _outcome
+
+    class KilledWorker(Exception):  # noqa: N818  the name that Dask gives it
+        pass
+
+    class Lost:
+        status = "error"
+
+        def exception(self) -> Exception:
+            return KilledWorker()
+
+    outcome: Outcome = _outcome(Lost(), make_task(1))
+    assert (outcome.status, outcome.message) == ("crash", "every worker that did this run was lost")

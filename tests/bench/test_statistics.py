@@ -1,0 +1,103 @@
+"""Statistics against closed forms, against scipy, and against their own promises."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pushplan.bench.statistics import (
+    RESAMPLES,
+    Comparison,
+    holm,
+    interval,
+    log_ratios,
+    mean,
+    median,
+    percentiles,
+    rank_test,
+    success_test,
+)
+
+INF = np.inf
+
+
+def test_percentiles_are_values_that_occur() -> None:
+    values = np.array([5.0, 1.0, 3.0, INF])
+    assert percentiles(values, (0, 25, 50, 75, 100)).tolist() == [1.0, 3.0, 5.0, INF, INF]
+    assert np.isnan(percentiles(np.array([]), (50,))).all()
+
+
+def test_the_median_of_rows_with_unsolved_runs_is_infinite_when_half_are_unsolved() -> None:
+    assert median(np.array([[1.0, 2.0, INF], [1.0, INF, INF]])).tolist() == [2.0, INF]
+
+
+def test_bootstrap_intervals_cover_the_truth_as_often_as_they_say() -> None:
+    """Shares of successes of 40 runs: the binomial law says how often; the seed is fixed."""
+    rng = np.random.default_rng(1)
+    hits = 0
+    for _ in range(200):
+        runs = [(rng.random(20) < p).astype(float) for p in (0.9, 0.5)]
+        low, high = interval(runs, mean)
+        hits += low <= 0.7 <= high
+    assert 0.90 <= hits / 200 <= 0.99
+
+
+def test_chance_is_within_problems_not_between_them() -> None:
+    certain = [np.ones(10), np.zeros(10)]
+    assert interval(certain, mean) == (0.5, 0.5)
+    assert np.isnan(interval([], mean)).all()
+    assert interval([np.array([1.0, INF])], median)[1] == INF
+    assert RESAMPLES >= 1000
+
+
+@pytest.mark.parametrize(("wins", "losses"), [(0, 0), (1, 0), (5, 0), (8, 2), (50, 30)])
+def test_the_success_test_is_the_sign_test_on_the_pairs_that_differ(wins: int, losses: int) -> None:
+    first = np.array([True] * wins + [False] * losses + [True] * 7 + [False] * 3)
+    second = np.array([False] * wins + [True] * losses + [True] * 7 + [False] * 3)
+    tail = stats.binom.cdf(min(wins, losses), wins + losses, 0.5)
+    assert success_test(first, second) == pytest.approx(min(1.0, 2.0 * tail))
+
+
+def test_the_rank_test_agrees_with_scipy_and_ignores_scale() -> None:
+    rng = np.random.default_rng(2)
+    first = rng.uniform(1.0, 2.0, 30)
+    second = first * rng.uniform(0.9, 1.3, 30)
+    expected = stats.wilcoxon(np.log(second / first)).pvalue
+    scale = rng.uniform(0.1, 10.0, 30)
+    assert rank_test(first, second) == pytest.approx(expected)
+    assert rank_test(first * scale, second * scale) == pytest.approx(expected)
+    assert rank_test(second, first) == pytest.approx(expected)
+
+
+def test_unsolved_runs_count_as_worst() -> None:
+    first = np.full(12, 1.0)
+    assert rank_test(first, np.full(12, INF)) < 0.01
+    assert rank_test(np.full(12, INF), np.full(12, INF)) == 1.0
+    mixed = np.array([INF] * 6 + [0.5] * 6)
+    assert rank_test(first, mixed) > 0.1
+
+
+def test_values_that_hardly_differ_are_equal() -> None:
+    first = np.full(12, 2.0)
+    assert rank_test(first, first * (1.0 + 1e-9)) == 1.0
+    assert log_ratios(first, first * 1.1) == pytest.approx(np.log(1.1))
+
+
+def test_rank_tests_of_equal_planners_are_significant_as_often_as_they_may() -> None:
+    rng = np.random.default_rng(3)
+    p = [rank_test(*rng.uniform(1.0, 2.0, (2, 25))) for _ in range(400)]
+    assert 0.02 <= np.mean(np.array(p) < 0.05) <= 0.08
+
+
+def test_holm_corrects_as_in_his_example() -> None:
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.9, 0.8]) == [1.0, 1.0]
+    assert holm([]) == []
+
+
+def test_better_is_more_solved_or_a_smaller_ratio() -> None:
+    assert Comparison("solved", "a", "b", 9, 0.1, 0.01).second_is_better
+    assert not Comparison("cost", "a", "b", 9, 1.1, 0.01).second_is_better
+    assert Comparison("first path", "a", "b", 9, 0.9, 0.01).significant
+    assert not Comparison("first path", "a", "b", 9, 0.9, 0.06).significant
