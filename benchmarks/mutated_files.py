@@ -1,0 +1,165 @@
+"""Thousands of scenario files gone wrong: each must be a scenario or a located message, soon and with little memory.
+
+Run `python benchmarks/mutated_files.py [--files 10000] [--plans 200] [--seed 1]`. The packaged scenarios are mutated
+as text and as documents. Every file is read and checked as `pushplan check` does it; of those that are valid, the
+first `--plans` are planned too. Prints counts, the slowest file and the memory at its peak; exits 1 on anything but a
+scenario or a message with its place, on a file that takes longer than 5 s, or when memory exceeds 500 MB.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import io
+import json
+import platform
+import resource
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from random import Random
+from types import ModuleType
+from typing import NamedTuple
+
+from pushplan.cli import main as pushplan
+from pushplan.errors import PushplanError, ScenarioError
+from pushplan.examples import example_names, example_text
+from pushplan.plan import plan
+from pushplan.scenario import Scenario, check_scenario, load_scenario, scenario_from_text
+from pushplan.template import new_scenario_text
+from pushplan.yaml_tree import read_document
+
+MOST_SECONDS, MOST_MB = 5.0, 500.0
+PLANNING = 0.2
+"""Time limit of each plan, s; it is taken off what a file may take."""
+
+THROUGH_CLI = 200
+"""Files that go through the command line as well, for exit code and streams."""
+
+
+class Verdict(NamedTuple):
+    """What became of a file."""
+
+    word: str
+    text: str
+    seconds: float
+
+
+def main() -> int:
+    """Read, check and plan; return the exit code."""
+    options = _options()
+    random = Random(options.seed)
+    _warm_up()
+    verdicts: list[Verdict] = []
+    plans = 0
+    for text in _files(random, options.files):
+        verdict = _judge(text, plans < options.plans)
+        plans += verdict.word in ("planned", "no plan")
+        verdicts.append(verdict)
+    wrong = [v for v in verdicts if v.word == "WRONG"] + _through_the_command_line(random)
+    return _report(verdicts, wrong)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--files", type=int, default=10_000)
+    parser.add_argument("--plans", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    return parser.parse_args()
+
+
+def _files(random: Random, count: int) -> Iterator[str]:
+    """Yield mutated texts and documents in turn."""
+    mutators = _mutators()
+    texts = [*map(example_text, example_names()), new_scenario_text("new")]
+    documents = [read_document(text.encode()).root.plain() for text in texts]
+    documents += [load_scenario(name).resolved() for name in example_names()]
+    for i in range(count):
+        if i % 2:
+            yield mutators.mutated_text(random.choice(texts), random)
+        else:
+            yield json.dumps(mutators.mutated_document(random.choice(documents), random))
+
+
+def _judge(text: str, may_plan: bool) -> Verdict:
+    begin = time.perf_counter()
+    word, what, planning = "valid", "", 0.0
+    try:
+        scenario = scenario_from_text(text, "f.yaml")
+        findings = check_scenario(scenario)
+        word = "not pushable" if findings else "valid"
+        if findings and not all(finding.line and finding.what for finding in findings):
+            word, what = "WRONG", f"a finding without a place: {findings}"
+        if word == "valid" and may_plan:
+            planning = PLANNING
+            word = _planned(scenario)
+    except ScenarioError as error:
+        word = "refused"
+        if not all(finding.line and finding.what for finding in error.findings):
+            word, what = "WRONG", f"a message without a place: {error}"
+    except Exception as error:
+        word, what = "WRONG", f"{type(error).__name__}: {error}"
+    seconds = time.perf_counter() - begin
+    if seconds - planning > MOST_SECONDS:
+        word, what = "WRONG", f"takes {seconds:.1f} s"
+    return Verdict(word, f"{what}\n{text[:3000]}" if what else "", seconds)
+
+
+def _planned(scenario: Scenario) -> str:
+    try:
+        return "planned" if plan(scenario, time_limit=PLANNING).solved else "no plan"
+    except PushplanError:
+        return "no plan"
+
+
+def _through_the_command_line(random: Random) -> list[Verdict]:
+    """Return what goes wrong when files are given to `pushplan check`."""
+    wrong = []
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "f.yaml"
+        for text in _files(random, THROUGH_CLI):
+            file.write_text(text, encoding="utf-8", errors="surrogatepass")
+            with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+                code = pushplan(["check", str(file), "--json"])
+            if code not in (0, 2):
+                wrong.append(Verdict("WRONG", f"exit code {code}\n{text[:3000]}", 0.0))
+    return wrong
+
+
+def _report(verdicts: list[Verdict], wrong: list[Verdict]) -> int:
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    slowest = max(verdict.seconds for verdict in verdicts)
+    for verdict in wrong[:10]:
+        sys.stderr.write(f"--- {verdict.text}\n")
+    counts = ", ".join(f"{number} {word}" for word, number in Counter(v.word for v in verdicts).most_common())
+    sys.stderr.write(
+        f"{len(verdicts)} files: {counts}; {len(wrong)} wrong\n"
+        f"slowest {slowest:.2f} s, memory at its peak {peak:.0f} MB\n"
+        f"Python {platform.python_version()} on {platform.machine()}\n"
+    )
+    return int(bool(wrong) or peak > MOST_MB)
+
+
+def _warm_up() -> None:
+    """Load and compile, so that the first file is not charged for it."""
+    scenario = load_scenario("free-space")
+    check_scenario(scenario)
+    plan(scenario, time_limit=PLANNING)
+
+
+def _mutators() -> ModuleType:
+    path = Path(__file__).parents[1] / "tests" / "mutators.py"
+    spec = importlib.util.spec_from_file_location("mutators", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,15 @@
+"""Record a run, read it back, check that nothing is lost, and write the motion as a table and as a page."""
+
+import numpy as np
+
+import pushplan
+from pushplan.logging.export_csv import write_csv
+from pushplan.logging.html import write_html
+
+run = pushplan.run(pushplan.load_scenario("one-box"), log="run.mcap", time_limit=0.5)
+log = pushplan.read_run("run.mcap")
+
+assert np.array_equal(log.execution.poses, run.execution.poses)
+print(f"{log.scenario.name}: {log.plan.path.cost:.3f} m, {len(log.execution.t)} samples, {log.outcome}")
+write_csv(log, "run.csv")
+write_html(log, "run.html")
