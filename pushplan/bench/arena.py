@@ -25,12 +25,13 @@ EXPERIMENTS = (
 )
 
 PARAMETERS = (
+    ("drive", "TEXT"),
     ("instance", "INTEGER"),
     ("objects", "INTEGER"),
     ("obstacles", "INTEGER"),
-    ("drive", "TEXT"),
 )
-"""Of a problem: seed of its generator, numbers of objects and obstacles, the pusher's drive."""
+"""Of a problem: the pusher's drive, seed of its generator, numbers of objects and obstacles. The order is that in
+which OMPL's reader adds them."""
 
 PLANNER_CONFIGS = (
     ("id", "INTEGER PRIMARY KEY AUTOINCREMENT"),

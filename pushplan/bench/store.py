@@ -110,10 +110,10 @@ class Store:
             now(),
             seeds if len(seeds) <= 24 else f"{seeds[:21]}...",
             scenario.source.decode("utf-8"),
+            scenario.chain.pusher.drive.kind,
             problem.instance,
             len(scenario.chain.objects),
             len(scenario.obstacles),
-            scenario.chain.pusher.drive.kind,
         )
         added = self._insert("experiments", (None, *row))
         self._insert("pushplan_problems", (added, problem.name, problem.hash, version))
