@@ -1,0 +1,205 @@
+"""The database: the same tables as OMPL's own reader makes of a benchmark log, opened by Planner Arena itself."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Generator, Iterable
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from pushplan.bench import arena
+from pushplan.bench.batch import run_suite
+from pushplan.bench.folder import ResultsFolder
+from pushplan.bench.outcome import STATUSES, Figures, Outcome, Task
+from pushplan.bench.store import Store, StoreError
+from pushplan.bench.suite_file import suite_from_text
+
+SUITE = """\
+format: pushplan-suite/1
+problems: [one-box, {name: random, generate: {objects: 2, obstacles: 5}, count: 2}]
+planners: [auto, {name: rrt, first: true}]
+seeds: 4
+"""
+
+TABLES = ("experiments", "plannerConfigs", "enums", "runs", "progress")
+VIEWS = ("bestPlannerConfigsPerExperiment", "bestPlannerConfigs")
+
+ARENA = """\
+import io, sys
+import polars as pl
+from plannerarena.database import load_database
+from plannerarena.performance import boxplot, ecdf_plot, enums_plot
+data = load_database(sys.argv[1])
+assert data["problem_names"] == ["one-box", "random"], data["problem_names"]
+assert data["parameters"] == sys.argv[2].split(","), data["parameters"]
+assert data["attributes"] == sys.argv[3].split(","), data["attributes"]
+assert len(data["runs"]) == 24
+assert len(data["progress"]) == int(sys.argv[4])
+enums_plot(data["runs"], data["enums"].filter(pl.col("name") == "status"), []).save(io.BytesIO(), format="png")
+for attribute in ("time", "solution length", "min margin"):
+    boxplot(data["runs"], attribute, [], "o", False).save(io.BytesIO(), format="png")
+    ecdf_plot(data["runs"], attribute, []).save(io.BytesIO(), format="png")
+"""
+
+
+def _outcome(task: Task) -> Outcome:
+    """Every status once in a while, with figures where there are any."""
+    status = STATUSES[(task.seed + len(task.name)) % len(STATUSES)]
+    if status not in ("ok", "invalid"):
+        return Outcome(task.key, status, status, seconds=1.0)
+    seconds = {"search": 0.1 * task.seed, "posing": 0.01, "validation": 0.02}
+    figures = Figures(
+        found=True,
+        valid=status == "ok",
+        first_solution_s=0.01,
+        seconds=seconds,
+        path_cost=1.0 + task.seed,
+        arcs=((1.0, 0.0, 0.0, 1.0 + task.seed),),
+        min_margin=0.1,
+        memory=150.0,
+        progress=((0.01, 2.0, 5), (0.02, 1.5, 9), (0.02, 1.4, 9), (0.1, 1.0 + task.seed, 20)),
+    )
+    return Outcome(task.key, status, "", figures, b"log", whole=True, seconds=1.0, host="here")
+
+
+def _engine(tasks: Iterable[Task]) -> Generator[Outcome]:
+    for task in tasks:
+        yield _outcome(task)
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Path:
+    folder = ResultsFolder(tmp_path)
+    with folder.locked():
+        run_suite(suite_from_text(SUITE), folder, _engine, version="1")
+    return folder.database
+
+
+def _ompl_reader() -> ModuleType:
+    (folder,) = importlib.util.find_spec("ompl").submodule_search_locations or []  # type: ignore[union-attr]
+    specification = importlib.util.spec_from_file_location("reader", f"{folder}/_benchmark_statistics.py")
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def _ompl_log(database: sqlite3.Connection, experiment: tuple[Any, ...]) -> str:
+    """Return one experiment as OMPL's benchmarks write it."""
+    fixed = dict(zip([name for name, _ in arena.EXPERIMENTS], experiment, strict=False))
+    own = zip(arena.PARAMETERS, experiment[len(arena.EXPERIMENTS) :], strict=True)
+    lines = [
+        f"OMPL version {fixed['version']}",
+        f"Experiment {fixed['name']}",
+        f"{len(arena.PARAMETERS)} experiment properties",
+        *(f"{name} {kind} = {value}" for (name, kind), value in own),
+        f"Running on {fixed['hostname']}",
+        f"Starting at {fixed['date']}",
+        f"<<<|\n{fixed['setup']}\n|>>>\n<<<|\n{fixed['cpuinfo']}\n|>>>",
+        "1 is the random seed",
+        f"{fixed['timelimit']} seconds per run\n{fixed['memorylimit']} MB per run\n4 runs per planner",
+        f"{fixed['totaltime']} seconds spent to collect the data",
+        f"1 enum type\nstatus|{'|'.join(STATUSES)}",
+    ]
+    query = (
+        "SELECT DISTINCT p.* FROM plannerConfigs p JOIN runs r ON r.plannerid = p.id WHERE r.experimentid = ?"
+    )
+    planners = database.execute(query, (fixed["id"],)).fetchall()
+    lines.append(f"{len(planners)} planners")
+    for number, name, settings in planners:
+        runs = database.execute(
+            "SELECT * FROM runs WHERE experimentid = ? AND plannerid = ?", (fixed["id"], number)
+        ).fetchall()
+        lines += [name, f"{settings.count(chr(10))} common properties", settings.rstrip()]
+        lines += [f"{len(arena.ATTRIBUTES)} properties for each run"]
+        lines += [f"{column} {kind}" for column, kind in arena.ATTRIBUTES]
+        lines += [f"{len(runs)} runs"]
+        lines += ["".join(f"{'' if value is None else value}; " for value in run[3:]) for run in runs]
+        lines += ["3 progress properties for each run", "time REAL"]
+        lines += [f"{column} {kind}" for column, kind in arena.MEASUREMENTS]
+        lines += [f"{len(runs)} runs"]
+        for run in runs:
+            points = database.execute("SELECT * FROM progress WHERE runid = ?", (run[0],)).fetchall()
+            lines.append("".join("".join(f"{value}," for value in point[1:]) + ";" for point in points))
+        lines.append(".")
+    return "\n".join(lines) + "\n"
+
+
+def _columns(database: sqlite3.Connection, table: str) -> list[tuple[str, str]]:
+    return [(row[1], row[2]) for row in database.execute(f"PRAGMA table_info({table})")]
+
+
+def test_tables_columns_and_views_are_those_that_ompls_reader_makes(database: Path, tmp_path: Path) -> None:
+    ours = sqlite3.connect(database)
+    logs = []
+    for experiment in ours.execute("SELECT * FROM experiments").fetchall():
+        logs.append(tmp_path / f"{experiment[0]}.log")
+        logs[-1].write_text(_ompl_log(ours, experiment))
+    reader, made = _ompl_reader(), tmp_path / "ompl.db"
+    reader.readBenchmarkLog(str(made), [str(log) for log in logs], False)
+    reader.computeViews(str(made), False)
+    theirs = sqlite3.connect(made)
+    for table in TABLES:
+        assert (table, _columns(ours, table)) == (table, _columns(theirs, table))
+    for table in ("runs", "progress", "enums", *VIEWS):
+        first, second = (
+            sorted(map(str, db.execute(f"SELECT * FROM {table} ORDER BY 1, 2").fetchall()))
+            for db in (ours, theirs)
+        )
+        if table not in ("runs", "progress"):
+            assert (table, first) == (table, second)
+        assert len(first) == len(second) > 0
+    for db in (ours, theirs):
+        db.close()
+
+
+def _arena_python() -> str:
+    """Return a Python that has Planner Arena; it needs much that nothing else here does."""
+    python = os.environ.get("PUSHPLAN_PLANNERARENA", "")
+    if not python:
+        pytest.importorskip("plannerarena")
+        python = sys.executable
+    return python
+
+
+def test_planner_arena_opens_and_draws_the_database(database: Path) -> None:
+    parameters, attributes = (
+        ",".join(name.replace("_", " ") for name, _ in columns)
+        for columns in (arena.PARAMETERS, arena.ATTRIBUTES)
+    )
+    ours = sqlite3.connect(database)
+    (points,) = ours.execute("SELECT COUNT(*) FROM progress").fetchone()
+    ours.close()
+    command = [_arena_python(), "-c", ARENA, str(database), parameters, attributes, str(points)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_what_is_no_database_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "results.db"
+    path.write_text("this is no database, and long enough to be taken for one by its size " * 20)
+    with pytest.raises(StoreError, match=r"results\.db is no file of results: file is not a database"):
+        Store(path)
+
+
+def test_a_run_in_the_middle_of_being_written_is_not_there(database: Path) -> None:
+    """A commit holds a run with its progress, or nothing of it."""
+    store = Store(database)
+    before = store.done()
+    suite = suite_from_text(SUITE)
+    run = next(suite.runs("1"))
+    broken = Outcome(run.key, "ok", "", Figures(progress=((0.0, object(), 1),)))  # type: ignore[arg-type]
+    with pytest.raises(sqlite3.ProgrammingError):
+        store.add(run, broken, None)
+    assert store.done() == before
+    store.close()
+    assert import_module("pushplan.bench.results").read_results(database).runs[0].key == run.key
