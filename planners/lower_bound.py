@@ -46,7 +46,7 @@ def lower_bound(scenario: Scenario, most: float = math.inf) -> float:
     for disc in _discs(scenario):
         rest = (TURN_WEIGHT - float(np.linalg.norm(disc.center))) * turn
         bounds.append(_way_around(scenario, disc, most - rest) + rest)
-    return max(bounds)
+    return float(max(bounds))
 
 
 def _discs(scenario: Scenario) -> list[Disc]:
