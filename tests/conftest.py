@@ -48,7 +48,7 @@ class ChainMaker:
             for i in range(n)
         )
         frictions = [pusher_friction, *[contact_friction] * (n - 1)]
-        ends = [(np.array([i * size[0], s * size[1] / 2]) for s in (-1.0, 1.0)) for i in range(n)]
+        ends = [[np.array([i * size[0], s * size[1] / 2]) for s in (-1.0, 1.0)] for i in range(n)]
         contacts = tuple(
             Contact(right, left, mu, i, i - 1)
             for i, ((right, left), mu) in enumerate(zip(ends, frictions, strict=True))
