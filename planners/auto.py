@@ -12,6 +12,7 @@ from itertools import cycle
 
 import numpy as np
 
+from pushplan.arrays import FloatArray
 from pushplan.planners.bidirectional import NODE, Forest, grow_both, plant
 from pushplan.planners.session import Session
 
@@ -66,4 +67,17 @@ def _round(session: Session, forest: Forest, allowance: int, excess: float) -> b
         if arcs:
             session.offer(path[:arcs])
             return True
+    node = session.nearer(forest.ahead[: forest.counts[0], :3])
+    if node >= 0:
+        session.approach(_way_to(forest.ahead, node))
     return False
+
+
+def _way_to(tree: FloatArray, node: int) -> FloatArray:
+    """Arcs (k, 4) from the root of the tree from the start to a node."""
+    words: list[FloatArray] = []
+    while tree[node, 4] >= 0.0:
+        words.append(tree[node, 5:].reshape(3, 4))
+        node = int(tree[node, 4])
+    arcs = np.concatenate(words[::-1]) if words else np.zeros((0, 4))
+    return arcs[arcs[:, 3] > 0.0]

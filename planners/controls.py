@@ -18,6 +18,7 @@ from pushplan.path import cost_rate
 from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT
 from pushplan.sphere import twists_at
 from pushplan.stable_set import StableSet
+from pushplan.weakest import HELP, contact_words, emptiness, weakest_contact
 
 MARGIN_FLOOR = 1e-6
 """Planned twists keep this much more than the margin asked for, so that rounding cannot put them outside."""
@@ -46,11 +47,25 @@ def control_segments(stable: StableSet, drive: Drive, margin: float) -> FloatArr
         turns = _stable_turns(stable, drive, margin)
         segments = np.hstack([_drive_twists(drive.axle, turns[:, 0]), _drive_twists(drive.axle, turns[:, 1])])
     if len(segments) == 0:
-        raise EmptyStableSetError(
-            f"no twist that the {drive.kind} pusher can make keeps every contact with a margin above {margin:g} "
-            f"(set {stable.name}); widen the contacts, raise their friction, move the loads, or choose another drive"
-        )
+        raise EmptyStableSetError(_why_empty(stable, drive, margin))
     return segments
+
+
+def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
+    """Tell which contact does not hold, in general or under what the drive can do."""
+    asked = max(0.0, margin - MARGIN_FLOOR)
+    what, _ = emptiness(stable, asked)
+    if what or drive.axle is None:
+        return what or f"no push has a margin above {margin:g}"
+    twists = _drive_twists(drive.axle, _drive_turns(stable, drive))
+    margins = stable.margin(twists)
+    best = int(np.argmax(margins))
+    weakest = contact_words(stable.chain, weakest_contact(stable, twists[best]))
+    return (
+        f"the {drive.kind} cannot push the chain: its best push keeps {weakest} with a margin of "
+        f"{margins[best]:.3g}, it must be above {asked:.3g}; an omnidirectional pusher could; allowed: {HELP}, "
+        "or another place of the axle"
+    )
 
 
 def steering_families(segments: FloatArray) -> FloatArray:
@@ -67,7 +82,7 @@ def steering_families(segments: FloatArray) -> FloatArray:
     left, right = _closest_turns(ends)
     families = np.zeros((3, 3, 3))
     families[:, LEFT], families[:, RIGHT] = left, right
-    straight = _translations(segments)
+    straight = straight_pushes(segments)
     if len(straight):
         ahead = _dubins_heading(left, right)
         order = np.arctan2(straight @ [-ahead[1], ahead[0]], straight @ ahead)
@@ -95,7 +110,7 @@ def _cors(twists: FloatArray) -> FloatArray:
     return np.asarray(np.stack([-twists[:, 1], twists[:, 0]], axis=1) / twists[:, 2:])
 
 
-def _translations(segments: FloatArray) -> FloatArray:
+def straight_pushes(segments: FloatArray) -> FloatArray:
     """Directions (m, 2) of the translations on segments."""
     low, high = segments[:, 2], segments[:, 5]
     across = segments[(low <= 0.0) & (high >= 0.0) | (low >= 0.0) & (high <= 0.0)]
@@ -122,16 +137,21 @@ def _drive_twists(axle: FloatArray, turns: FloatArray) -> FloatArray:
 def _stable_turns(stable: StableSet, drive: Drive, margin: float) -> FloatArray:
     """Intervals (k, 2) of turns per metre, rad/m, that are stable, their ends found by bisection on the inside."""
     assert drive.axle is not None
-    scale = stable.chain.characteristic_length
-    limit = math.inf if drive.min_radius == 0.0 else 1.0 / drive.min_radius
-    angles = np.linspace(-0.5, 0.5, TURNS + 2)[1:-1] * np.pi
-    turns = np.unique(np.append(np.clip(np.tan(angles) / scale, -limit, limit), 0.0))
+    turns = _drive_turns(stable, drive)
     inside = _stable_at(stable, drive.axle, turns, margin)
     steps = np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))
     firsts, lasts = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) - 1
     low = [_bisect(stable, drive.axle, turns, int(i), int(i) - 1, margin) for i in firsts]
     high = [_bisect(stable, drive.axle, turns, int(i), int(i) + 1, margin) for i in lasts]
     return np.column_stack([low, high]) if low else np.zeros((0, 2))
+
+
+def _drive_turns(stable: StableSet, drive: Drive) -> FloatArray:
+    """Turns per metre (k,) at which a drive's family is scanned, increasing, rad/m."""
+    limit = math.inf if drive.min_radius == 0.0 else 1.0 / drive.min_radius
+    angles = np.linspace(-0.5, 0.5, TURNS + 2)[1:-1] * np.pi
+    turns = np.tan(angles) / stable.chain.characteristic_length
+    return np.unique(np.append(np.clip(turns, -limit, limit), 0.0))
 
 
 def _stable_at(stable: StableSet, axle: FloatArray, turns: FloatArray, margin: float) -> np.ndarray:

@@ -42,7 +42,7 @@ def price(prices: Prices, path: FloatArray) -> float:
 def _worth(
     prices: Prices, path: FloatArray, i: int, into_i: float, j: int, into_j: float, travel: float
 ) -> float:
-    """Travel (m) that a word must stay below to be cheaper than the piece of path of some travel between two places."""
+    """Travel (m) that a word must stay below to be cheaper than the piece of path between two places."""
     if prices.kind == TRAVEL:
         return travel + prices.per_arc * (j - i + 1)
     total = 0.0

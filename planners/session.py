@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.path import TURN_WEIGHT, PushPath
 from pushplan.planners.polish import merged, price, shorten
 from pushplan.planners.prices import TRAVEL
 from pushplan.planners.search import NODE, Problem, grow, remaining, trace
@@ -26,6 +27,9 @@ REFINE_CHUNK = 2_000
 
 GAIN = 1e-9
 """A path counts as better when it is cheaper by this much, m."""
+
+SHORTEST_ARC = 1e-10
+"""Arcs below this (m of cost) are rounding and are left out."""
 
 WORTHWHILE = 1e-3
 """Share of the cost that an improvement has to save to put off the end by stalling."""
@@ -60,6 +64,8 @@ class Session:
         start: (3,) pose of the chain frame in the world.
         best_arcs: (k, 4) twists and lengths of the best path, None while there is none.
         best_cost: Its cost, m; infinite while there is none.
+        closest_arcs: (k, 4) free path that ends nearest to the goal, kept while there is none to it.
+        closest_left: Lower bound on the cost that is missing from there, m.
         progress: Every improvement.
         extensions: Arcs propagated.
         iterations: Arcs propagated and shortcuts tried.
@@ -81,6 +87,7 @@ class Session:
         self.random = np.array([seed], dtype=np.uint64)
         self.best_arcs: FloatArray | None = None
         self.best_cost = math.inf
+        self.closest_arcs, self.closest_left = np.zeros((0, 4)), self.lower_bound_from(self.start)
         self.progress: list[ProgressPoint] = []
         self.extensions = 0
         self.iterations = 0
@@ -89,19 +96,37 @@ class Session:
         self._lower_bound = 0.0
         self._on_progress = on_progress
         self._word = np.zeros((3, 4))
-        self.nodes = np.zeros((FIRST_CAPACITY, NODE))
+        self.nodes, self.count = np.zeros((FIRST_CAPACITY, NODE)), 0
         self.began = time.perf_counter()
         self.restart()
 
     @property
     def lower_bound(self) -> float:
         """Cost that no path can beat, m: straight travel and the smallest turn, or a higher one that is known."""
-        x, y, theta = self.start
-        return max(self._lower_bound, float(remaining(x, y, theta, self.problem.goal)))
+        return max(self._lower_bound, self.lower_bound_from(self.start))
+
+    def lower_bound_from(self, pose: FloatArray) -> float:
+        """Straight travel and the smallest turn from a pose (3,) to the goal, m."""
+        return float(remaining(pose[0], pose[1], pose[2], self.problem.goal))
 
     def raise_lower_bound(self, cost: float) -> None:
         """Take over a cost (m) that no path can beat."""
         self._lower_bound = max(self._lower_bound, cost)
+
+    @property
+    def best_path(self) -> PushPath | None:
+        """The best path, None while there is none."""
+        return None if self.best_arcs is None else self._path(self.best_arcs)
+
+    @property
+    def closest_path(self) -> PushPath:
+        """The path that ends nearest to the goal, as long as there is none to it."""
+        self.note_approach()
+        return self._path(self.closest_arcs)
+
+    def _path(self, arcs: FloatArray) -> PushPath:
+        arcs = arcs[arcs[:, 3] > SHORTEST_ARC]
+        return PushPath(self.start, arcs[:, :3], arcs[:, 3])
 
     @property
     def horizon(self) -> float:
@@ -137,6 +162,7 @@ class Session:
 
     def restart(self) -> None:
         """Drop the tree, keep the best path, and try the exact connection from the start."""
+        self.note_approach()
         self.nodes[0, :] = 0.0
         self.nodes[0, :3] = self.start
         self.nodes[0, 4] = -1.0
@@ -160,6 +186,27 @@ class Session:
         self.count = node + 1
         self._consider(node, cost)
         return node
+
+    def note_approach(self) -> None:
+        """Keep the way to the tree's node nearest to the goal, if no path leads there and none came nearer."""
+        node = self.nearer(self.nodes[: self.count, :3])
+        if node >= 0:
+            path = np.empty((self.count + 3, 4))
+            self.approach(path[: trace(self.nodes, node, np.zeros((3, 4)), path)])
+
+    def nearer(self, poses: FloatArray) -> int:
+        """Return which of the poses (n, 3) is nearest to the goal, -1 if another one was nearer or reached it."""
+        if self.best_arcs is not None or len(poses) == 0:
+            return -1
+        turn = np.abs((self.problem.goal[2] - poses[:, 2] + math.pi) % (2.0 * math.pi) - math.pi)
+        away = np.hypot(*(self.problem.goal[:2] - poses[:, :2]).T) + TURN_WEIGHT * turn
+        node = int(np.argmin(away))
+        return node if away[node] < self.closest_left - GAIN else -1
+
+    def approach(self, arcs: FloatArray) -> None:
+        """Take over a free path (k, 4) that ends nearer to the goal than all before."""
+        path = PushPath(self.start, arcs[:, :3], arcs[:, 3])
+        self.closest_arcs, self.closest_left = merged(arcs), self.lower_bound_from(path.end)
 
     def spent(self, extensions: int) -> None:
         """Count arcs that were propagated."""

@@ -11,30 +11,22 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.names import COSTS
-from pushplan.path import PushPath
 from pushplan.placement import Surroundings, bodies_at, placement_troubles
-from pushplan.planners.checker import find_collision
+from pushplan.planners.failure import explain_failure
 from pushplan.planners.lower_bound import lower_bound
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.registry import planner_named
 from pushplan.planners.session import Budget, Session
 from pushplan.planners.trajectories import make_trajectory
+from pushplan.planners.verdict import EXACT, verdict
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
-from pushplan.stable_set import StableSet
 from pushplan.stable_set import stable_set as make_stable_set
 from pushplan.stopwatch import Stopwatch
-from pushplan.trajectory import Trajectory
-
-EXACT = 1e-7
-"""Largest error (m, rad) of a path's end that counts as reaching the goal pose."""
 
 ROUNDING = 1e-9
 """Share of the lower bound by which an optimal path's cost may exceed it."""
-
-SHORTEST_ARC = 1e-10
-"""Arcs below this (m of cost) are rounding and are left out."""
 
 STALL_PER_SECOND = 7_500
 """Iterations without a better path after which planning ends, per second of the time limit.
@@ -105,12 +97,15 @@ def plan(
         if not session.finished:
             search(session, sampling_box(scenario), body_reach(scenario))
     seconds = session.elapsed
-    path = _path_of(session)
+    path = session.best_path
     with watch("timing"):
         trajectory = None if path is None else make_trajectory(scenario, path, stable)
     with watch("checking"):
-        reason = _verdict(scenario, stable, path, trajectory, budget)
+        reason = verdict(scenario, stable, path, trajectory, budget)
+        failure = None if path is not None else explain_failure(session, scenario, stable)
         least = session.lower_bound if path is None else lower_bound(scenario, path.cost)
+    if failure is not None:
+        reason += f": {failure.words}"
     solved = not reason
     return PlanResult(
         solved=solved,
@@ -127,6 +122,9 @@ def plan(
         min_margin=None if path is None or not len(path.twists) else float(stable.margin(path.twists).min()),
         tree=_branches(session),
         lower_bound=least,
+        diagnosis=failure.diagnosis if failure else (),
+        approximate_path=failure.nearest if failure else None,
+        approximate_error=failure.error if failure else None,
     )
 
 
@@ -149,38 +147,6 @@ def _check_ends(scenario: Scenario) -> None:
         raise PlanningError("; ".join(troubles))
     if max(pose_error(scenario.start, scenario.goal.pose_chain)) < EXACT:
         raise PlanningError("the chain is at the goal already: there is nothing to push")
-
-
-def _path_of(session: Session) -> PushPath | None:
-    """The best path, without arcs that are mere rounding."""
-    arcs = session.best_arcs
-    if arcs is None:
-        return None
-    arcs = arcs[arcs[:, 3] > SHORTEST_ARC]
-    return PushPath(session.start, arcs[:, :3], arcs[:, 3])
-
-
-def _verdict(
-    scenario: Scenario,
-    stable: StableSet,
-    path: PushPath | None,
-    trajectory: Trajectory | None,
-    budget: Budget,
-) -> str:
-    """Return why the result is no solution, empty if it is: judged by code that the planners do not use."""
-    if path is None or trajectory is None:
-        limit = "" if budget.iterations is None else f" or {budget.iterations} iterations"
-        return f"no path found within the time limit of {budget.time_limit:g} s{limit}"
-    error = pose_error(path.end, scenario.goal.pose_chain)
-    if max(error) > EXACT:
-        return f"the path misses the goal by {error[0]:.2g} m and {error[1]:.2g} rad"
-    margin = float(stable.margin(path.twists).min())
-    if margin <= scenario.stability.margin:
-        return f"the path's smallest margin is {margin:.3g}; it must be above {scenario.stability.margin:g}"
-    hit = find_collision(scenario, trajectory.poses)
-    if hit is not None:
-        return f"the path is not free: {hit}; it must stay {1e3 * scenario.clearance:.3g} mm away"
-    return ""
 
 
 def _branches(session: Session) -> FloatArray:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from pushplan.chain import PLATE, Chain
+from pushplan.chain import PLATE
 from pushplan.errors import Finding, PushplanError
 from pushplan.names import KNOWN_LOAD_SETS, STABLE_SETS
 from pushplan.report import Report
 from pushplan.scenario import Scenario
 from pushplan.stable_set import StableSet, stable_set
+from pushplan.weakest import emptiness
 from pushplan.yaml_tree import read_document
 
 
@@ -38,25 +37,9 @@ def _needs_loads(name: str, unknown: list[str]) -> str:
 
 
 def _check_not_empty(stable: StableSet, minimum: float, report: Report) -> None:
-    twists, margins = stable.peaks
-    best = float(margins.max(initial=-1.0))
-    if best > minimum:
-        return
-    if best > 0.0:
-        what = f"no push has a margin above {minimum:.3g}; the largest is {best:.3g}; allowed: less than that"
+    what, contact = emptiness(stable, minimum)
+    if contact is not None:
+        on_plate = stable.chain.contacts[contact].pusher == PLATE
+        report.add(("pusher", "friction") if on_plate else ("contacts",), what)
+    elif what:
         report.add(("stability", "margin"), what)
-        return
-    at_best = f" (the best misses by a margin of {-best:.3g})" if len(margins) else ""
-    weakest = 0 if not len(margins) else int(np.argmin(stable.contact_margins(twists[[margins.argmax()]])[0]))
-    names, place = _contact(stable.chain, weakest)
-    what = f"the stable set is empty: no push keeps {names} together with the rest{at_best}"
-    report.add(place, f"{what}; allowed: more friction there, a wider contact, or fewer objects")
-
-
-def _contact(chain: Chain, index: int) -> tuple[str, tuple[str, ...]]:
-    """Return what messages call the two bodies of a contact, and where their friction is stated."""
-    contact = chain.contacts[index]
-    pushed = f"'{chain.objects[contact.pushed].name}'"
-    if contact.pusher == PLATE:
-        return f"{pushed} on the plate", ("pusher", "friction")
-    return f"{pushed} on '{chain.objects[contact.pusher].name}'", ("contacts",)

@@ -94,5 +94,8 @@ def test_the_tightest_turn_of_a_car_is_its_own_where_the_contacts_allow_more(sta
 
 def test_a_drive_that_cannot_push_stably_is_refused_with_the_reason(stable: StableSet) -> None:
     sideways = Drive("differential", np.array([-0.25, 0.0, np.pi / 2]))
-    with pytest.raises(EmptyStableSetError, match="no twist that the differential pusher can make"):
+    with pytest.raises(
+        EmptyStableSetError,
+        match="the differential cannot push the chain: its best push keeps 'box2' on 'box1'",
+    ):
         control_segments(stable, sideways, 1e-6)

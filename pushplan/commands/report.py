@@ -44,6 +44,8 @@ def document(
         "path_cost": plan.path.cost if plan.path else None,
         "lower_bound": plan.lower_bound,
         "gap": plan.gap,
+        "diagnosis": [vars(found) for found in plan.diagnosis],
+        "nearest": _nearest(plan),
         "arcs": _arcs(plan.path) if plan.path else [],
         "duration_s": plan.trajectory.duration if plan.trajectory else None,
         "goal_error": _goal_error(execution) if execution else None,
@@ -58,6 +60,10 @@ def rows(
 ) -> list[tuple[str, str]]:
     """Return label and value of the numbers of a run."""
     found = [] if plan.solved else [("reason", plan.reason)]
+    if plan.approximate_path and plan.approximate_error:
+        position, angle = plan.approximate_error
+        off = f"ends {position:.3g} m and {degrees(angle):.3g} deg from the goal"
+        found.append(("nearest path", f"{plan.approximate_path.cost:.3f} m long, {off}"))
     if plan.path and plan.trajectory:
         most = "" if plan.gap is None else f", at most {100.0 * plan.gap:.3g} % above the least possible"
         found.append(
@@ -106,6 +112,15 @@ def _arcs(path: PushPath) -> list[dict[str, object]]:
     return [
         {"twist": twist, "length": length} for twist, length in zip(path.twists, path.lengths, strict=True)
     ]
+
+
+def _nearest(plan: PlanResult) -> dict[str, object] | None:
+    """The path that ends nearest to the goal where none reaches it."""
+    if plan.approximate_path is None or plan.approximate_error is None:
+        return None
+    position, angle = plan.approximate_error
+    path = plan.approximate_path
+    return {"path_cost": path.cost, "position": position, "angle": angle, "arcs": _arcs(path)}
 
 
 def _goal_error(execution: Execution) -> dict[str, float | None]:

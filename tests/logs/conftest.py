@@ -16,7 +16,7 @@ from pushplan.chain import Limits
 from pushplan.logging.writer import RunLogWriter
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing import time_path
-from pushplan.result import PlanResult, ProgressPoint
+from pushplan.result import Diagnosis, PlanResult, ProgressPoint
 from pushplan.scenario import Scenario, scenario_from_text
 from pushplan.sim.kinematic import Execution
 
@@ -59,6 +59,10 @@ class Case:
     def unsolved(self) -> Case:
         """Return the same case without a solution."""
         plan = replace(self.plan, solved=False, reason="no path", path=None, trajectory=None, min_margin=None)
+        numbers = {"passage": 0.1 + 0.2, "needed": 1.0 / 3.0}
+        found = (Diagnosis("gap", "too narrow", True, numbers), Diagnosis("time", "not over", False))
+        error = (0.25, 1.0 / 7.0)
+        plan = replace(plan, diagnosis=found, approximate_path=self.plan.path, approximate_error=error)
         return replace(self, plan=replace(plan, first_solution_s=None, progress=()))
 
     def unknown_loads(self) -> Case:
@@ -87,6 +91,7 @@ def _plan() -> PlanResult:
         extensions=12345,
         min_margin=0.1 + 0.2,
         tree=rng.normal(size=(40, 2, 3)),
+        lower_bound=0.1 + 0.2,
     )
 
 

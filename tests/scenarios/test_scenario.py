@@ -180,7 +180,8 @@ def test_equal_scenarios_hash_alike_and_travel_between_processes(valid: Changed)
 
 def test_replaced_settings_show_in_the_resolved_scenario(valid: Changed) -> None:
     scenario = dataclasses.replace(valid.scenario(), planner=PlannerSettings("est", 0.5, 9))
-    assert scenario.resolved()["planner"] == {"name": "est", "time_limit": 0.5, "seed": 9}
+    stated = {"name": "est", "time_limit": 0.5, "seed": 9}
+    assert scenario.resolved()["planner"] == {**stated, "cost": "travel", "weight": 1.0, "gap": 0.0}
     assert scenario != valid.scenario()
 
 

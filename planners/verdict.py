@@ -1,0 +1,43 @@
+"""Whether a result is a solution: judged by code that the planners do not use."""
+
+from __future__ import annotations
+
+from pushplan.arrays import FloatArray
+from pushplan.path import PushPath
+from pushplan.planners.checker import find_collision
+from pushplan.planners.session import Budget
+from pushplan.scenario import Scenario
+from pushplan.sim.kinematic import pose_error
+from pushplan.stable_set import StableSet
+from pushplan.trajectory import Trajectory
+
+EXACT = 1e-7
+"""Largest error (m, rad) of a path's end that counts as reaching the goal pose."""
+
+
+def verdict(
+    scenario: Scenario,
+    stable: StableSet,
+    path: PushPath | None,
+    trajectory: Trajectory | None,
+    budget: Budget,
+) -> str:
+    """Return why the result is no solution, empty if it is."""
+    if path is None or trajectory is None:
+        limit = "" if budget.iterations is None else f" or {budget.iterations} iterations"
+        return f"no path found within the time limit of {budget.time_limit:g} s{limit}"
+    error = pose_error(path.end, scenario.goal.pose_chain)
+    if max(error) > EXACT:
+        return f"the path misses the goal by {error[0]:.2g} m and {error[1]:.2g} rad"
+    return flaw(scenario, stable, path, trajectory.poses)
+
+
+def flaw(scenario: Scenario, stable: StableSet, path: PushPath, poses: FloatArray) -> str:
+    """Return why a path, driven through poses (m, 3), is not stable or not free; empty if it is both."""
+    margin = float(stable.margin(path.twists).min())
+    if margin <= scenario.stability.margin:
+        return f"the path's smallest margin is {margin:.3g}; it must be above {scenario.stability.margin:g}"
+    hit = find_collision(scenario, poses)
+    if hit is not None:
+        return f"the path is not free: {hit}; it must stay {1e3 * scenario.clearance:.3g} mm away"
+    return ""

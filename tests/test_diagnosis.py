@@ -1,0 +1,271 @@
+"""Why it failed: exact words for every cause, nothing called impossible that is possible, the nearest path kept."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pushplan.arrays import FloatArray
+from pushplan.cli import main
+from pushplan.errors import EmptyStableSetError
+from pushplan.examples import example_names, example_text
+from pushplan.logging.reader import read_run
+from pushplan.plan import plan
+from pushplan.planners.checker import find_collision
+from pushplan.planners.controls import straight_pushes
+from pushplan.planners.diagnosis import diagnose
+from pushplan.planners.passage import passage_faults
+from pushplan.planners.problem import build_problem
+from pushplan.result import CAUSES, Diagnosis, PlanResult
+from pushplan.run import run
+from pushplan.scenario import PolygonObstacle, Scenario, load_scenario, scenario_from_text
+from pushplan.sim.kinematic import pose_error
+from pushplan.stable_set import stable_set
+
+ROOM = """
+obstacles:
+  - {box: [0.05, 2.0], pose: [-0.3, 0.0, 0.0]}
+  - {box: [0.05, 2.0], pose: [0.5, 0.0, 0.0]}
+  - {box: [1.0, 0.05], pose: [0.1, 0.5, 0.0]}
+  - {box: [1.0, 0.05], pose: [0.1, -0.5, 0.0]}
+"""
+WALLED_IN = scenario_from_text(example_text("free-space") + ROOM, "walled-in.yaml")
+
+
+def gap(top: float) -> Scenario:
+    """The example narrow-gap, whose gap begins at y = 1.07, with another end of it."""
+    return scenario_from_text(example_text("narrow-gap").replace("1.33", f"{top}"), "gap.yaml")
+
+
+def short(scenario: Scenario, planner: str = "auto") -> PlanResult:
+    result = plan(scenario, planner=planner, time_limit=60.0, iterations=600)
+    assert not result.solved
+    assert {item.cause for item in result.diagnosis} <= set(CAUSES)
+    return result
+
+
+def faults(scenario: Scenario) -> list[Diagnosis]:
+    segments = build_problem(scenario, stable_set(scenario.chain)).segments
+    return passage_faults(scenario, straight_pushes(segments))
+
+
+def diagnosed(scenario: Scenario, segments: FloatArray) -> tuple[Diagnosis, ...]:
+    """What is said of a scenario whose pushes are `segments` (k, 6)."""
+    stable = stable_set(scenario.chain)
+    problem = build_problem(scenario, stable)._replace(segments=segments)
+    return diagnose(scenario, stable, problem, 1234, (0.25, 0.5))
+
+
+def test_walls_all_around_are_proven_to_leave_no_way() -> None:
+    result = short(WALLED_IN)
+    assert result.reason == (
+        "no path found within the time limit of 60 s or 600 iterations: "
+        "obstacles and walls separate the start from the goal: no passage joins them"
+    )
+    (found,) = result.diagnosis
+    assert (found.cause, found.proven) == ("gap", True)
+
+
+def test_a_gap_narrower_than_a_disc_in_the_chain_is_proven() -> None:
+    """The boxes are 0.16 m wide and 0.24 m long together: the largest disc in them has that diameter."""
+    result = short(gap(1.20))
+    (found,) = result.diagnosis
+    assert found.text == (
+        "the chain cannot pass: the widest passage from start to goal is 130 mm wide, and the chain, into "
+        "which a disc of 160 mm fits, needs at least 161 mm with its clearance"
+    )
+    assert (found.cause, found.proven) == ("gap", True)
+    assert found.numbers["passage"] == pytest.approx(0.13, abs=2e-5)
+    assert found.numbers["disc"] == pytest.approx(0.16, abs=1e-4)
+
+
+def test_a_gap_narrower_than_the_plate_is_perhaps_too_narrow() -> None:
+    result = short(gap(1.26))
+    first, last = result.diagnosis
+    assert (first.cause, first.proven, last.cause) == ("gap", False, "time")
+    assert first.text == (
+        "perhaps the passage is too narrow: the widest one from start to goal is about 190 mm wide, and the "
+        "chain is 200 mm wide across its straight pushes, 201 mm with its clearance"
+    )
+    assert last.text.startswith("nothing proves that there is no way: ")
+
+
+def test_a_passage_that_is_used_is_never_called_too_narrow() -> None:
+    for name in example_names():
+        assert [item for item in faults(load_scenario(name)) if item.proven] == []
+    scenario = gap(1.29)
+    result = plan(scenario, time_limit=60.0, first=True)
+    assert result.solved
+    assert result.diagnosis == ()
+    assert faults(scenario) == []
+
+
+def test_a_clearance_can_close_a_gap() -> None:
+    assert faults(gap(1.24))[0].proven is False
+    (found,) = faults(replace(gap(1.24), clearance=0.006))
+    assert found.proven
+    assert found.numbers["needed"] == pytest.approx(0.172, abs=1e-4)
+
+
+def test_no_turning_and_another_heading_is_proven() -> None:
+    scenario = load_scenario("narrow-gap")
+    (found,) = diagnosed(scenario, np.array([[1.0, 0.1, 0.0, 1.0, -0.1, 0.0]]))
+    assert (found.cause, found.proven) == ("heading", True)
+    assert found.text == (
+        "the goal cannot be reached: no push of the set ecof turns the chain, and it asks for a turn by -40 deg"
+    )
+
+
+def test_no_turning_and_a_goal_beside_the_straight_pushes_is_proven() -> None:
+    scenario = load_scenario("narrow-gap")
+    cone = stable_set(scenario.chain).translation_cone(0.0)
+    assert cone is not None
+    edge = float(np.arctan2(cone[1, 1], cone[1, 0]))
+    segments = np.array([[1.0, 0.1, 0.0, 1.0, -0.1, 0.0]])
+    for direction, expected in ((1.05 * edge, ["direction"]), (0.95 * edge, [])):
+        away = 0.5 * np.array([np.cos(direction), np.sin(direction), 0.0])
+        goal = replace(scenario.goal, pose_chain=scenario.start + away)
+        found = diagnosed(replace(scenario, goal=goal, obstacles=()), segments)
+        assert [item.cause for item in found if item.proven] == expected
+    assert (
+        f"straight pushes go {np.degrees(-edge):.4g} to {np.degrees(edge):.4g} deg"
+        in diagnosed(
+            replace(
+                scenario, goal=replace(goal, pose_chain=np.add(scenario.start, [0.0, 0.5, 0.0])), obstacles=()
+            ),
+            segments,
+        )[0].text
+    )
+
+
+def test_turns_to_the_wrong_side_only_are_perhaps_the_reason() -> None:
+    scenario = replace(load_scenario("narrow-gap"), obstacles=())
+    lefts = np.array([[1.0, 0.0, 2.0, 1.0, 0.0, 0.0]])
+    one_sided, time = diagnosed(scenario, lefts)
+    assert (one_sided.cause, one_sided.proven, time.cause) == ("one-sided", False, "time")
+    assert one_sided.text == (
+        "perhaps the one-sided turning is the reason: every stable turn goes to the left, with a radius of "
+        "0.5 m or more, and the goal asks for a way to the right"
+    )
+    rights = lefts * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0]
+    straight_on = replace(scenario.goal, pose_chain=np.add(scenario.start, [1.0, 0.0, -0.5]))
+    assert [item.cause for item in diagnosed(replace(scenario, goal=straight_on), rights)] == ["time"]
+
+
+def test_turns_wider_than_the_workspace_are_perhaps_the_reason() -> None:
+    scenario = replace(load_scenario("narrow-gap"), obstacles=())
+    wide, _ = diagnosed(scenario, np.array([[1.0, 0.0, 0.5, 1.0, 0.0, -0.5]]))
+    assert wide.text == (
+        "perhaps the turns are too wide: the tightest one, of radius 2 m, makes a circle that does not fit "
+        "into the workspace, 2.4 m across"
+    )
+
+
+@pytest.mark.parametrize(("end", "x", "text"), [
+    ("start", 0.243, "none of 300 pushes tried leads farther from the start than "),
+    ("goal", -0.033 - 0.02, "none of 300 pushes tried leads to the goal from farther away than "),
+])  # fmt: skip
+def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(end: str, x: float, text: str) -> None:
+    """A bar before the front box at the start; a bar behind the plate at the goal."""
+    scenario = load_scenario("narrow-gap")
+    pose = scenario.start if end == "start" else scenario.goal.pose_chain
+    bar = np.array([[x, -0.3], [x + 0.02, -0.3], [x + 0.02, 0.3], [x, 0.3]])
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    turned = bar @ np.array([[c, s], [-s, c]]) + pose[:2]
+    result = short(replace(scenario, obstacles=(PolygonObstacle(turned),)))
+    boxed = [item for item in result.diagnosis if item.cause == "boxed in"]
+    assert len(boxed) == 1
+    assert boxed[0].text.startswith(f"perhaps the {end} is boxed in: {text}")
+    assert 0.0 < boxed[0].numbers[f"free_from_{end}"] < 0.02
+    assert not boxed[0].proven
+
+
+def test_a_search_cut_short_says_how_far_it_came_and_claims_nothing() -> None:
+    result = plan(load_scenario("three-boxes-clutter"), planner="rrt", time_limit=60.0, iterations=1)
+    assert not result.solved
+    (found,) = result.diagnosis
+    assert (found.cause, found.proven) == ("time", False)
+    assert result.approximate_error is not None
+    position, angle = result.approximate_error
+    assert found.text == (
+        f"nothing shows that there is no way: 1 extensions came within {position:.3g} m and "
+        f"{np.degrees(angle):.3g} deg of the goal, and more time or another seed may help"
+    )
+
+
+@pytest.mark.parametrize("planner", ["auto", "rrt", "est", "kpiece"])
+def test_the_path_that_ends_nearest_to_the_goal_is_kept(planner: str) -> None:
+    scenario = gap(1.26)
+    result = short(scenario, planner)
+    path = result.approximate_path
+    assert path is not None
+    assert result.path is None
+    assert result.trajectory is None
+    np.testing.assert_array_equal(path.start, scenario.start)
+    assert result.approximate_error == pose_error(path.end, scenario.goal.pose_chain)
+    assert result.approximate_error[0] < pose_error(scenario.start, scenario.goal.pose_chain)[0]
+    assert find_collision(scenario, path.sampled(0.01)) is None
+    assert stable_set(scenario.chain).margin(path.twists).min() > 0.0
+
+
+def test_a_log_keeps_the_diagnosis_and_the_nearest_path(tmp_path: Path) -> None:
+    done = run(gap(1.26), log=tmp_path / "run.mcap", time_limit=60.0, iterations=600)
+    kept = read_run(tmp_path / "run.mcap").plan
+    assert kept is not None
+    assert kept.diagnosis == done.plan.diagnosis
+    assert kept.approximate_error == done.plan.approximate_error
+    assert kept.lower_bound == done.plan.lower_bound
+    assert kept.approximate_path is not None
+    assert done.plan.approximate_path is not None
+    np.testing.assert_array_equal(kept.approximate_path.twists, done.plan.approximate_path.twists)
+    np.testing.assert_array_equal(kept.approximate_path.lengths, done.plan.approximate_path.lengths)
+
+
+def test_the_command_tells_reason_and_nearest_path(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "gap.yaml"
+    file.write_text(example_text("narrow-gap").replace("1.33", "1.20"))
+    assert main(["plan", str(file), "--iterations", "600", "--time-limit", "60", "--json"]) == 3
+    out, err = capsys.readouterr()
+    found = json.loads(out)
+    assert [item["cause"] for item in found["diagnosis"]] == ["gap"]
+    assert found["diagnosis"][0]["proven"] is True
+    assert found["nearest"]["position"] > 0.1
+    assert found["nearest"]["path_cost"] == pytest.approx(
+        sum(arc["length"] for arc in found["nearest"]["arcs"])
+    )
+    line = next(line for line in err.splitlines() if "nearest path" in line)
+    assert f"ends {found['nearest']['position']:.3g} m and " in line
+    assert "the chain cannot pass" in err
+
+
+def test_an_empty_set_tells_the_contact_that_empties_it_and_what_would_help() -> None:
+    text = example_text("narrow-gap").replace("contacts: {friction: 0.35}", "contacts: {friction: 0.0}")
+    with pytest.raises(EmptyStableSetError) as caught:
+        plan(scenario_from_text(text, "slippery.yaml"), time_limit=0.1)
+    assert str(caught.value).startswith(
+        "the stable set is empty: no push keeps 'far' on 'near' together with the rest"
+    )
+    assert str(caught.value).endswith("allowed: more friction there, a wider contact, or fewer objects")
+
+
+def test_a_margin_that_no_push_has_is_told_with_the_largest() -> None:
+    scenario = load_scenario("narrow-gap")
+    with pytest.raises(EmptyStableSetError) as caught:
+        plan(replace(scenario, stability=replace(scenario.stability, margin=0.9)), time_limit=0.1)
+    assert str(caught.value).startswith("no push has a margin above 0.9; the largest is 0.")
+
+
+def test_a_drive_that_cannot_push_the_chain_is_told_which_contact_slips() -> None:
+    text = example_text("narrow-gap").replace(
+        "friction: 0.55}", "friction: 0.55, drive: {differential: {axle: [-0.1, 0.0, 90 deg]}}}"
+    )
+    with pytest.raises(EmptyStableSetError) as caught:
+        plan(scenario_from_text(text, "sideways.yaml"), time_limit=0.1)
+    assert str(caught.value).startswith("the differential cannot push the chain: its best push keeps '")
+    assert "it must be above 0; an omnidirectional pusher could" in str(caught.value)
