@@ -23,14 +23,25 @@ def scenario_schema() -> dict[str, Any]:
     return _schema_of(ScenarioFile, "pushplan scenario")
 
 
+def suite_schema() -> dict[str, Any]:
+    """Return the JSON Schema of benchmark suites, likewise."""
+    from pushplan.bench.suite_schema import SuiteFile
+
+    return _schema_of(SuiteFile, "pushplan benchmark suite")
+
+
+SCHEMAS = {"scenario": scenario_schema, "suite": suite_schema}
+"""What makes the schema of each file format; the package holds it as `NAME.schema.json`."""
+
+
 def schema_text(schema: dict[str, Any]) -> str:
     """Return a schema as it is printed and packaged."""
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
-def schema_file() -> Path:
-    """Return the file in which the package holds the schema of scenario files."""
-    with as_file(files("pushplan") / "scenario.schema.json") as path:
+def schema_file(name: str = "scenario") -> Path:
+    """Return the file in which the package holds a schema of `SCHEMAS`."""
+    with as_file(files("pushplan") / f"{name}.schema.json") as path:
         return path.resolve()
 
 

@@ -13,9 +13,10 @@ from typing import Any
 import jsonschema
 import pytest
 
+from pushplan.bench.suite_file import suite_names, suite_text
 from pushplan.cli import main
 from pushplan.examples import example_names, example_text
-from pushplan.json_schema import scenario_schema, schema_file, schema_text
+from pushplan.json_schema import SCHEMAS, scenario_schema, schema_file, schema_text, suite_schema
 from pushplan.scenario import load_scenario
 from pushplan.scenario_schema import ScenarioFile
 from pushplan.schema_findings import validate
@@ -55,12 +56,30 @@ def _document(text: str) -> Any:
     return read_document(text.encode()).root.plain()
 
 
-def test_the_packaged_schema_is_that_of_the_models(capsys: pytest.CaptureFixture[str]) -> None:
-    assert schema_file().read_text(encoding="utf-8") == schema_text(scenario_schema()), (
-        "the models have changed; run `pushplan schema > pushplan/scenario.schema.json`"
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_the_packaged_schemas_are_those_of_the_models(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    text = schema_text(SCHEMAS[name]())
+    assert schema_file(name).read_text(encoding="utf-8") == text, (
+        f"the models have changed; run `pushplan schema {name} > pushplan/{name}.schema.json`"
     )
-    assert main(["schema"]) == 0
-    assert capsys.readouterr().out == schema_text(scenario_schema())
+    assert main(["schema", name]) == 0
+    assert capsys.readouterr().out == text
+
+
+@pytest.mark.parametrize("name", suite_names())
+def test_packaged_suites_are_valid_and_mistakes_are_not(name: str) -> None:
+    jsonschema.Draft202012Validator.check_schema(suite_schema())
+    checker = jsonschema.Draft202012Validator(suite_schema())
+    suite = _document(suite_text(name))
+    checker.validate(suite)
+    mistakes: list[dict[str, Any]] = [
+        {"planers": ["auto"]},
+        {"planners": ["autobahn"]},
+        {"seeds": 0},
+        {"problems": []},
+    ]
+    for wrong in mistakes:
+        assert not checker.is_valid(suite | wrong)
 
 
 @pytest.mark.parametrize("name", example_names())

@@ -1,4 +1,4 @@
-"""Print the JSON Schema of scenario files, for editors."""
+"""Print the JSON Schema of scenario files or of benchmark suites, for editors."""
 
 from __future__ import annotations
 
@@ -9,14 +9,21 @@ from pushplan.commands.failure import DONE
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the words of the command: there are none."""
+    """Declare the words of the command."""
+    parser.add_argument(
+        "format",
+        choices=("scenario", "suite"),
+        nargs="?",
+        default="scenario",
+        help="of which files (scenario)",
+    )
 
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    from pushplan.json_schema import scenario_schema, schema_text
+    from pushplan.json_schema import SCHEMAS, schema_text
 
-    schema = scenario_schema()
+    schema = SCHEMAS[args.format]()
     console.say(schema_text(schema).rstrip("\n"))
     console.emit(schema)
     return DONE
