@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 _VANISHING = 1e-12
+_NO_AREA = 1e-14
 
 
 def velocity_rows(forces: FloatArray, points: FloatArray, length: float) -> FloatArray:
@@ -66,7 +67,7 @@ def cor_polygon(rows: FloatArray, length: float, sense: int, window: Window | No
     for normal, offset in zip(normals, offsets, strict=True):
         corners = _clipped(corners, corners @ normal + offset)
     polygon = shapely.Polygon(corners) if len(corners) > 2 else shapely.Polygon()
-    return polygon if polygon.area > 0.0 else shapely.Polygon()
+    return polygon if polygon.area > _NO_AREA * box.area else shapely.Polygon()
 
 
 def _clipped(corners: FloatArray, height: FloatArray) -> FloatArray:

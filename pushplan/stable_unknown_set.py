@@ -12,8 +12,9 @@ end e of the contact, all CORs are kept for which
 through the middle of e and g, and at r^2 / p from g on the far side. All are linear in the twist.
 
 When the pusher pushes at a height h above the floor, friction moves the centre to some g + n, |n| <= h mu,
-and (2) has to hold for all of these. The second inequality is concave in n, so the corners of a polygon
-around all n suffice; the first one is kept linear in n by leaving out a term |omega| |n|^2 / 2 > 0.
+and when loads are only known as intervals, g may lie anywhere in a polygon; (2) has to hold for all of these.
+The second inequality is concave in n, so the corners of a polygon around all n suffice; the first one is kept
+linear in n by leaving out a term |omega| |n|^2 / 2 > 0.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.carried import carried_objects, common_centers
+from pushplan.carried import carried_objects, center_range
 from pushplan.chain import Chain, Contact
 from pushplan.cor_region import Window
 from pushplan.half_spaces import cor_polygon, smallest_sines, unit_rows, velocity_rows
@@ -43,15 +44,20 @@ class StableUnknownSet(StableSet):
 
     The margin is the sine of the angle, on the twist sphere, to the nearest of the great circles above.
 
+    Args:
+        chain: Objects and contacts.
+        loads: (n, 2) least and largest friction load mu m g of every object, N; without it, what they say.
+            All centres of friction that they allow have to satisfy (2).
+
     Raises:
         SupportError: When a push at the contact height could tip an object.
     """
 
     name = "stable"
 
-    def __init__(self, chain: Chain) -> None:
+    def __init__(self, chain: Chain, loads: FloatArray | None = None) -> None:
         super().__init__(chain)
-        rows = _chain_rows(chain)
+        rows = _chain_rows(chain, loads)
         self._owner = np.repeat(np.arange(len(rows)), [len(part) for part in rows])
         self._rows = np.concatenate(rows)
 
@@ -64,18 +70,21 @@ class StableUnknownSet(StableSet):
         return cor_polygon(self._rows, self.chain.characteristic_length, sense, window)
 
 
-def _chain_rows(chain: Chain) -> list[FloatArray]:
+def _chain_rows(chain: Chain, loads: FloatArray | None) -> list[FloatArray]:
     """Return the unit rows (m, 3) of every contact."""
-    areas, carried = load_areas(chain), carried_objects(chain)
-    loads = np.array([obj.friction_load for obj in chain.objects])
-    centers = common_centers(carried, loads, np.array([area.center for area in areas]))
-    rows = []
-    for contact, behind, center in zip(chain.contacts, carried, centers, strict=True):
+    areas, length = load_areas(chain), chain.characteristic_length
+    if loads is None:
+        loads = np.array([[obj.friction_load, obj.friction_load] for obj in chain.objects])
+    centers, rows = np.array([area.center for area in areas]), []
+    for contact, behind in zip(chain.contacts, carried_objects(chain), strict=True):
         members = np.flatnonzero(behind)
         hull = convex_hull(np.concatenate([areas[i].points for i in members]))
-        offsets = _offsets(max(areas[i].shift for i in members))
-        moving = float(loads[behind].sum() > 0.0)
-        rows.append(moving * contact_conditions(contact, hull, center, offsets, chain.characteristic_length))
+        reached = center_range(loads[members], centers[members])
+        center = reached.mean(axis=0)
+        shifts = _around(max(areas[i].shift for i in members))
+        offsets = convex_hull((reached - center + shifts[:, None]).reshape(-1, 2))
+        moving = float(loads[members, 1].sum() > 0.0)
+        rows.append(moving * contact_conditions(contact, hull, center, offsets, length))
     return rows
 
 
@@ -114,7 +123,7 @@ def _moment_rows(
     return np.concatenate([near, beyond])
 
 
-def _offsets(shift: float) -> FloatArray:
+def _around(shift: float) -> FloatArray:
     """Return the corners (m, 2) of a polygon around the disc with radius `shift`; the origin for 0."""
     if shift == 0.0:
         return np.zeros((1, 2))

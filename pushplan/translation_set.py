@@ -23,22 +23,26 @@ class TranslationSet(StableSet):
     The margin of a translation is that of `ecof`. A twist that turns has at most minus the sine of its
     latitude on the twist sphere, so that the margin jumps at omega = 0. All CORs are at infinity.
 
+    Args:
+        chain: Objects and contacts.
+        straight: Whose margins translations have; None stands for Algorithm 2, which is exact for them.
+
     Raises:
         SupportError: See `CofSet`.
     """
 
     name = "translation"
 
-    def __init__(self, chain: Chain) -> None:
+    def __init__(self, chain: Chain, straight: StableSet | None = None) -> None:
         super().__init__(chain)
-        self._cof = CofSet(chain)
+        self._straight = CofSet(chain) if straight is None else straight
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
         straight = twists * [1.0, 1.0, 0.0]
         moving = straight.any(axis=1)
         margins = np.full((len(twists), len(self.chain.contacts)), -1.0)
-        margins[moving] = self._cof.contact_margin_values(straight[moving])
+        margins[moving] = self._straight.contact_margin_values(straight[moving])
         turn = twists[:, 2] * self.chain.characteristic_length
         sine = np.abs(turn) / np.hypot(np.hypot(twists[:, 0], twists[:, 1]), turn)
         return np.where(turn[:, None] != 0.0, np.minimum(margins, -sine[:, None]), margins)

@@ -1,0 +1,67 @@
+"""Algorithm 1 on a grid against the exact set."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from pushplan.errors import PushplanError, SupportError
+from pushplan.grid_cor_set import grid_cor_set
+from pushplan.quadrature import load_elements
+from pushplan.sphere import twists_about
+from pushplan.stable_set import stable_set
+from pushplan.support import UniformSupport, UnknownSupport
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_cells_agree_with_the_exact_set(make_chain: ChainMaker, seed: int) -> None:
+    """Every cell that is not within the error of 400 elements of the boundary."""
+    chain = make_chain.random(seed, 1 + seed, tree=seed == 3, feet=seed == 1)
+    length = chain.characteristic_length
+    grid = grid_cor_set(chain, (-3.0 * length, -4.0 * length, 3.0 * length, 4.0 * length), (50, 60), 400)
+    cors = np.stack(np.meshgrid(grid.x, grid.y), axis=-1).reshape(-1, 2)
+    exact = stable_set(chain, "ecof")
+    for sense, cells in ((+1, grid.counter_clockwise), (-1, grid.clockwise)):
+        assert cells.shape == (60, 50)
+        margin = exact.margin(twists_about(cors, sense))
+        assert ((margin > 0.0) == cells.ravel())[np.abs(margin) > 2e-3].all()
+        assert cells.any()
+
+
+def test_a_cell_at_the_centre_of_friction_is_not_stable(make_chain: ChainMaker) -> None:
+    """There is no ECOF: the friction force vanishes."""
+    grid = grid_cor_set(make_chain.boxes(1), (-0.05, -0.1, 0.15, 0.1), (1, 1))
+    assert not grid.counter_clockwise.any()
+    assert not grid.clockwise.any()
+
+
+def test_elements_have_the_load_and_its_centre(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(1, support=lambda outline: UniformSupport(outline, np.array([0.01, -0.005])))
+    points, parts = load_elements(chain.objects[0], 2500)
+    assert len(points) == 2500
+    assert parts.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(parts @ points, [0.06, -0.005], atol=1e-4)
+    sliver = replace(
+        chain.objects[0], support=UniformSupport(np.array([[0.0, 0.0], [1.0, 1e-4], [1.0, 2e-4]]))
+    )
+    points, parts = load_elements(sliver, 3)
+    assert len(points) >= 1
+    assert parts.sum() == pytest.approx(1.0)
+
+
+def test_what_the_grid_cannot_answer_is_refused(make_chain: ChainMaker) -> None:
+    window = (-1.0, -1.0, 1.0, 1.0)
+    with pytest.raises(PushplanError, match="must be at least 1"):
+        grid_cor_set(make_chain.boxes(1), window, (0, 5))
+    with pytest.raises(PushplanError, match="contact_height must be 0"):
+        grid_cor_set(make_chain.boxes(1, contact_height=0.01), window)
+    with pytest.raises(PushplanError, match="window is"):
+        grid_cor_set(make_chain.boxes(1), (1.0, -1.0, -1.0, 1.0))
+    with pytest.raises(SupportError, match="the load under 'box0' is unknown"):
+        grid_cor_set(make_chain.boxes(1, support=UnknownSupport), window)

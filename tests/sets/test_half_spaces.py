@@ -1,0 +1,233 @@
+"""The sets that are polyhedral cones, against the geometry that defines them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+import shapely.affinity
+
+from pushplan.arrays import FloatArray
+from pushplan.chain import Chain, Contact
+from pushplan.errors import PushplanError, SupportError
+from pushplan.friction import cof
+from pushplan.load_area import load_areas
+from pushplan.polygon import convex_hull
+from pushplan.sphere import twists_about
+from pushplan.stable_set import StableSet, stable_set
+from pushplan.support import UnknownSupport
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+
+def cors_near(chain: Chain, seed: int, count: int) -> FloatArray:
+    """Return CORs within a few lengths of the chain."""
+    length = chain.characteristic_length
+    return np.asarray(np.random.default_rng(seed).uniform(-4.0, 4.0, size=(count, 2)) * length)
+
+
+def in_wedges(chain: Chain, c: FloatArray, sense: int) -> bool:
+    """Return whether Algorithm 2 accepts a COR: at every contact, the velocity of the COF points through its segment,
+    inside its friction cone."""
+    loads = np.array([obj.friction_load for obj in chain.objects])
+    centers = np.array([cof(obj) for obj in chain.objects])
+    for k, contact in enumerate(chain.contacts):
+        g = loads[k:] @ centers[k:] / loads[k:].sum()
+        v = sense * np.array([c[1] - g[1], g[0] - c[0]])
+        if abs(v @ contact.tangent) >= contact.friction * (v @ contact.normal):
+            return False
+        to_line = (contact.right - g) @ contact.normal / (v @ contact.normal)
+        where = (g + to_line * v - contact.right) @ contact.tangent
+        if not 0.0 < where < contact.length:
+            return False
+    return True
+
+
+def stable_accepts(contact: Contact, hull: FloatArray, g: FloatArray, c: FloatArray, sense: int) -> bool:
+    """Return whether STABLE accepts a COR for one contact, by lines and strips as Lynch and Mason draw them.
+
+    (1) For both edges f of the friction cone the COR lies outside the strip perpendicular to f around the hull. A
+    counter-clockwise turn about a COR left of f moves the hull backwards along it, and so on. (2) For both ends e it
+    lies outside the strip between the middle of e and g and the line r^2 / p beyond g.
+    """
+    n, t = contact.normal, contact.tangent
+    for f, side in ((n - contact.friction * t, +1.0), (n + contact.friction * t, -1.0)):
+        inner = np.array([-f[1], f[0]]) * side  # points into the cone
+        along = (hull - c) @ f
+        if not ((along > 0.0).all() or (along < 0.0).all()):
+            return False
+        velocity = sense * np.array([-(hull - c)[0, 1], (hull - c)[0, 0]])
+        if not velocity @ inner > 0.0:
+            return False
+    r2, push = ((hull - g) ** 2).sum(axis=1).max(), c - g
+    for e, turn in ((contact.right, -1), (contact.left, +1)):
+        p = float(np.linalg.norm(e - g))
+        beyond = -float(push @ (e - g)) / p  # distance from g on the side away from e
+        if -p / 2.0 <= beyond <= r2 / p:
+            return False
+        # the load at g turns with the chain about e when the COR is on e's side, against it beyond g
+        if (sense if beyond < 0.0 else -sense) != turn:
+            return False
+    return True
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_cof_is_the_intersection_of_wedges(make_chain: ChainMaker, n: int) -> None:
+    inside = 0
+    for seed in range(6):
+        chain = make_chain.random(seed, n)
+        stable = stable_set(chain, "cof")
+        for sense in (1, -1):
+            cors = cors_near(chain, seed, 300)
+            expected = [in_wedges(chain, c, sense) for c in cors]
+            inside += sum(expected)
+            assert stable.contains(twists_about(cors, sense)).tolist() == expected
+    assert inside > 50
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_stable_is_the_intersection_of_half_planes(make_chain: ChainMaker, n: int) -> None:
+    """With the farthest support point, not the farthest contact end, as the radius r."""
+    inside = 0
+    for seed in range(6):
+        chain = make_chain.random(seed, n)
+        loads = np.array([obj.friction_load for obj in chain.objects])
+        areas = load_areas(chain)
+        centers = np.array([area.center for area in areas])
+        for sense in (1, -1):
+            cors = 3.0 * cors_near(chain, seed, 300)
+            expected = [
+                all(
+                    stable_accepts(
+                        contact,
+                        convex_hull(np.concatenate([area.points for area in areas[k:]])),
+                        loads[k:] @ centers[k:] / loads[k:].sum(),
+                        c,
+                        sense,
+                    )
+                    for k, contact in enumerate(chain.contacts)
+                )
+                for c in cors
+            ]
+            inside += sum(expected)
+            found = stable_set(chain, "stable").contains(twists_about(cors, sense))
+            assert found.tolist() == expected
+    assert inside > 50
+
+
+@pytest.mark.parametrize("name", ["cof", "stable"])
+def test_polygons_are_those_of_the_margin(make_chain: ChainMaker, name: str) -> None:
+    """Exact polygons against points, and against the regions found from the margin alone."""
+    for seed in range(4):
+        chain = make_chain.random(seed, 1 + seed)
+        stable = stable_set(chain, name)
+        half = 5.0 * chain.characteristic_length
+        window = (-half, -1.2 * half, half, 1.2 * half)
+        for sense in (1, -1):
+            region = stable.cor_region(sense, window)
+            traced = StableSet.cor_region(stable, sense, window)
+            assert region.symmetric_difference(traced).area < 1e-4 * shapely.box(*window).area
+            cors = cors_near(chain, seed, 400)
+            away = shapely.distance(region.boundary, shapely.points(cors)) > 1e-9
+            inside = shapely.contains_xy(region, cors[:, 0], cors[:, 1])
+            assert (stable.contains(twists_about(cors, sense)) == inside)[away].all()
+
+
+def test_cof_tends_to_ecof_for_far_turns(make_chain: ChainMaker) -> None:
+    """The difference of the margins falls at least in proportion to the curvature."""
+    for seed in range(5):
+        chain = make_chain.random(seed, 3, feet=seed % 2 == 0)
+        angle = np.linspace(-np.pi, np.pi, 60)
+        errors = []
+        for curvature in (1e-2, 1e-3, 1e-4):
+            turn = np.full_like(angle, curvature / chain.characteristic_length)
+            twists = np.stack([np.cos(angle), np.sin(angle), turn], axis=1)
+            difference = stable_set(chain, "cof").margin(twists) - stable_set(chain, "ecof").margin(twists)
+            errors.append(np.abs(difference).max())
+        assert errors[0] < 0.02
+        assert errors[1] < 0.15 * errors[0]
+        assert errors[2] < 0.15 * errors[1]
+
+
+def test_translation_has_no_turns(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2)
+    stable = stable_set(chain, "translation")
+    assert not stable.contains([[1.0, 0.0, 1e-12], [0.0, 0.0, 1.0], [1.0, 0.0, -0.1]]).any()
+    assert stable.contains([[1.0, 0.0, 0.0]]).all()
+    assert stable.area() == 0.0
+    assert stable.cor_region(+1).is_empty
+    assert stable.cor_region(-1).is_empty
+    assert stable.turning_radii() == (np.inf, np.inf)
+    left, straight, right = stable.steering_pair()
+    assert left is None
+    assert right is None
+    assert straight is not None
+    assert straight == pytest.approx([1.0, 0.0, 0.0])
+    assert len(stable.steering_pairs()) == 1
+    meridians = stable.meridians(count=360)
+    assert len(meridians) > 0
+    assert not meridians.lower.any()
+    assert not meridians.upper.any()
+
+
+def test_translation_of_a_chain_that_cannot_be_pushed(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2, contact_friction=0.0)
+    stable = stable_set(chain, "translation")
+    assert stable.translation_cone() is None
+    assert all(twist is None for twist in stable.steering_pair())
+    assert len(stable.meridians()) == 0
+
+
+@pytest.mark.parametrize("name", ["ecof", "cof", "translation"])
+def test_unknown_loads_are_refused_where_they_matter(make_chain: ChainMaker, name: str) -> None:
+    chain = make_chain.boxes(2, support=UnknownSupport)
+    with pytest.raises(SupportError, match=r"the load under 'box0' is unknown; .*'stable' or 'robust'"):
+        stable_set(chain, name)
+    for other in ("stable", "robust"):
+        assert stable_set(chain, other).contains([[1.0, 0.0, 0.0]]).all()
+
+
+@pytest.mark.parametrize("name", ["stable", "robust"])
+def test_a_push_that_could_tip_is_refused(make_chain: ChainMaker, name: str) -> None:
+    chain = make_chain.boxes(1, support=UnknownSupport, contact_height=0.2)
+    with pytest.raises(SupportError, match=r"could tip 'box0': .* by up to 0\.06 m .* at most 0\.166667 m"):
+        stable_set(chain, name)
+
+
+@pytest.mark.parametrize("name", ["cof", "stable"])
+def test_bad_windows_and_senses_are_refused(make_chain: ChainMaker, name: str) -> None:
+    stable = stable_set(make_chain.boxes(1), name)
+    with pytest.raises(PushplanError, match="sense is 0"):
+        stable.cor_region(0)
+    with pytest.raises(PushplanError, match="window is"):
+        stable.cor_region(1, (0.0, 0.0, 0.0, 1.0))
+
+
+def test_squares_have_the_stated_smallest_turns(make_chain: ChainMaker) -> None:
+    """Squares of side 1, friction 0.5: left turns about (x, R) and right turns about (x, -R) for the best x.
+
+    Looked for in steps of a quarter these radii are 1.50, 2.50, 4.25, 6.50.
+    """
+    radii = []
+    for n in (1, 2, 3, 4):
+        stable = stable_set(
+            make_chain.boxes(n, (1.0, 1.0), contact_friction=0.5, pusher_friction=0.5), "stable"
+        )
+        region = stable.cor_region(+1, (-20.0, -20.0, 20.0, 20.0))
+        mirrored = shapely.affinity.scale(
+            stable.cor_region(-1, (-20.0, -20.0, 20.0, 20.0)), yfact=-1, origin=(0, 0)
+        )
+        radii.append(region.intersection(mirrored).bounds[1])
+        assert stable.steering_pair().separation / 2.0 == pytest.approx(radii[-1], rel=1e-3)
+    assert radii == pytest.approx([1.5, 2.5, 4.1, 6.375])
+
+
+def test_height_makes_stable_smaller(make_chain: ChainMaker) -> None:
+    low, high = make_chain.boxes(2), make_chain.boxes(2, contact_height=0.03)
+    assert stable_set(high, "stable").area() < stable_set(low, "stable").area()
+    floor = replace(high, pusher=replace(high.pusher, contact_height=1e-9))
+    assert stable_set(floor, "stable").area() == pytest.approx(stable_set(low, "stable").area(), rel=1e-6)

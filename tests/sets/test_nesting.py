@@ -1,0 +1,110 @@
+"""Every set that knows less lies inside the one that knows more, whatever the pressure turns out to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from pushplan.arrays import FloatArray
+from pushplan.chain import Chain
+from pushplan.errors import SupportError
+from pushplan.load_area import load_areas
+from pushplan.stable_set import StableSet, stable_set
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+    from sets.conftest import Pressures
+
+
+def near_boundary(stable: StableSet, rng: np.random.Generator, count: int) -> FloatArray:
+    """Return twists (2 count, 3): some within 0.001 rad of the boundary, some anywhere forward."""
+    found = stable.meridians(count=64)
+    length = stable.chain.characteristic_length
+    forward: FloatArray = rng.normal(size=(count, 3)) * [0.3, 0.3, 0.5 / length] + np.array([1.0, 0.0, 0.0])
+    if len(found) == 0:
+        return forward
+    lon, lat = np.tile(found.longitude, 2), np.concatenate([found.lower, found.upper])
+    pick = rng.integers(len(lon), size=count)
+    near = stable.twists_on_sphere(lon[pick], lat[pick] + rng.choice([-1e-3, 0.0, 1e-3], size=count))
+    return np.asarray(np.concatenate([near, forward]), dtype=np.float64)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+def test_stable_is_inside_robust_is_inside_ecof(make_chain: ChainMaker, pressures: Pressures, n: int) -> None:
+    """For random polygons, and pressures with the same centres: on few points, and all over the hull."""
+    inside = 0
+    for seed in range(4):
+        chain = make_chain.random(seed + 10 * n, n, tree=seed == 3)
+        robust, rng = stable_set(chain, "robust"), np.random.default_rng(seed)
+        twists = np.concatenate(
+            [near_boundary(each, rng, 40) for each in (robust, stable_set(chain, "stable"))]
+        )
+        margins = robust.margin(twists)
+        assert not (stable_set(chain, "stable").contains(twists) & (margins <= 0.0)).any()
+        inside += int((margins > 0.0).sum())
+        for _ in range(5):
+            for loaded in (pressures.on_points(chain), pressures.spread(chain)):
+                exact = stable_set(loaded, "ecof").margin(twists)
+                assert not ((margins > 0.0) & (exact < margins - 1e-9)).any()
+    assert inside > 0
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_nesting_holds_for_pushes_above_the_floor(
+    make_chain: ChainMaker, pressures: Pressures, n: int
+) -> None:
+    """The load shifts with the friction force, in `ecof` by an affine pressure, in the others in any way."""
+    inside = tried = 0
+    for seed in range(12):
+        chain = raised(make_chain.random(seed, n), 0.05 + 0.05 * seed)
+        robust, rng = stable_set(chain, "robust"), np.random.default_rng(seed)
+        twists = np.concatenate(
+            [near_boundary(each, rng, 40) for each in (robust, stable_set(chain, "stable"))]
+        )
+        margins = robust.margin(twists)
+        assert not (stable_set(chain, "stable").contains(twists) & (margins <= 0.0)).any()
+        inside += int((margins > 0.0).sum())
+        for loaded in (chain, pressures.spread(chain), pressures.on_points(chain)):
+            try:
+                exact = stable_set(loaded, "ecof").margin(twists)
+            except SupportError:
+                continue  # the affine shift would have to pull at some of these points
+            tried += 1
+            assert not ((margins > 0.0) & (exact < margins - 1e-9)).any()
+    assert inside > 0
+    assert tried > 5
+
+
+def raised(chain: Chain, part: float) -> Chain:
+    """Return the chain pushed at a height that uses `part` of the room that its loads have to shift."""
+    low = replace(chain.pusher, contact_height=0.0)
+    heights = []
+    for obj, area in zip(chain.objects, load_areas(replace(chain, pusher=low)), strict=True):
+        step = np.roll(area.points, -1, axis=0) - area.points
+        normal = np.stack([step[:, 1], -step[:, 0]], axis=1) / np.linalg.norm(step, axis=1, keepdims=True)
+        heights.append(((area.points - area.center) * normal).sum(axis=1).min() / obj.floor_friction)
+    return replace(chain, pusher=replace(chain.pusher, contact_height=part * min(heights)))
+
+
+@pytest.mark.parametrize("name", ["cof", "translation", "stable", "robust"])
+def test_all_sets_agree_on_translations(make_chain: ChainMaker, name: str) -> None:
+    """Where nothing turns, only the centres count; margins are those of `ecof`, but for the measure of `stable`."""
+    angle = np.linspace(-np.pi, np.pi, 400)
+    twists = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    found = 0
+    for seed in range(8):
+        chain = make_chain.random(seed, 1 + seed % 4, tree=seed > 5, feet=seed % 2 == 1)
+        exact, other = stable_set(chain, "ecof"), stable_set(chain, name)
+        assert (exact.contains(twists) == other.contains(twists)).all()
+        if name != "stable":
+            np.testing.assert_allclose(other.margin(twists), exact.margin(twists), atol=2e-9)
+        cone = exact.translation_cone()
+        again = other.translation_cone()
+        assert (cone is None) == (again is None)
+        if cone is not None and again is not None:
+            found += 1
+            np.testing.assert_allclose(again, cone, atol=1e-8)
+    assert found > 3
