@@ -125,7 +125,7 @@ def _dubins_heading(left: FloatArray, right: FloatArray) -> FloatArray:
     if left[2] == 0.0 or right[2] == 0.0:
         return np.array([1.0, 0.0])
     x, y = (_cors(right[None]) - _cors(left[None]))[0]
-    return np.array([-y, x]) / np.hypot(x, y)
+    return np.asarray(np.array([-y, x]) / np.hypot(x, y))
 
 
 def _drive_twists(axle: FloatArray, turns: FloatArray) -> FloatArray:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pushplan.plot_run import plot_plan
     from pushplan.plot_scenario import plot_scenario
     from pushplan.plot_sets import plot_stable_sets
-    from pushplan.result import PlanResult, ProgressPoint, Run
+    from pushplan.result import Diagnosis, PlanResult, ProgressPoint, Run
     from pushplan.run import run
     from pushplan.scenario import (
         Scenario,
@@ -73,7 +73,7 @@ _HOMES = {
     "plot_run": "plot_plan",
     "plot_scenario": "plot_scenario",
     "plot_sets": "plot_stable_sets",
-    "result": "PlanResult ProgressPoint Run",
+    "result": "Diagnosis PlanResult ProgressPoint Run",
     "run": "run",
     "scenario": "Scenario check_scenario load_scenario scenario_from_document scenario_from_text",
     "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle StabilitySettings Workspace",
@@ -90,6 +90,7 @@ __all__ = [
     "ChainError",
     "CircleObstacle",
     "Contact",
+    "Diagnosis",
     "Drive",
     "EmptyStableSetError",
     "Execution",

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from pushplan.arrays import FloatArray
 from pushplan.chain import Limits
 from pushplan.errors import PlanningError
 from pushplan.path import PushPath
@@ -41,6 +42,10 @@ def prices_of(scenario: Scenario) -> Prices:
 
 def path_price(prices: Prices, path: PushPath) -> float:
     return float(price(prices, np.column_stack([path.twists, path.lengths])))
+
+
+def rate(prices: Prices, twist: FloatArray, length: float = 1.0) -> float:
+    return float(arc_price(prices, twist[0], twist[1], twist[2], length))
 
 
 def mean_margin(scenario: Scenario, path: PushPath) -> float:
@@ -107,7 +112,7 @@ def test_prices_of_the_margin_follow_from_the_margin() -> None:
     share = rng.uniform(size=(200, 1))
     twists = (1.0 - share) * rows[:, :3] + share * rows[:, 3:]
     best = stable.peaks[1].max()
-    found = np.array([arc_price(problem.prices, *twist, 1.0) for twist in twists]) - ARC_PRICE
+    found = np.array([rate(problem.prices, twist) for twist in twists]) - ARC_PRICE
     expected = 1.0 + 3.0 * (1.0 - stable.margin(twists) / best)
     assert np.abs(found - expected).max() < 0.3  # the table is coarse where the margin has a kink
     assert np.abs(found - expected).mean() < 0.03
@@ -126,7 +131,7 @@ def test_the_lowest_price_is_a_bound(trajectory: str) -> None:
         for twist in (row[:3], row[3:]):
             unit = twist / (np.hypot(*twist[:2]) + 0.1 * abs(twist[2]))
             length = 10.0 ** rng.uniform(-3, 0.5)
-            assert arc_price(problem.prices, *unit, length) >= problem.prices.lowest * length
+            assert rate(problem.prices, unit, length) >= problem.prices.lowest * length
             assert arc_limits(unit, limits).speed <= 1.0 / problem.prices.lowest * (1.0 + 1e-2)
 
 
@@ -143,7 +148,7 @@ def test_dynamic_contact_limits_make_time_dearer_near_the_boundary() -> None:
     inner = np.array([1.0, 0.0, 0.0])
     edge = segments[len(segments) // 2, :3]
     edge = edge / (np.hypot(*edge[:2]) + 0.1 * abs(edge[2]))
-    assert arc_price(prices, *edge, 1.0) > 1.5 * arc_price(prices, *inner, 1.0)
+    assert rate(prices, edge) > 1.5 * rate(prices, inner)
 
 
 def test_the_same_seed_gives_the_same_plan_whatever_the_cost() -> None:
