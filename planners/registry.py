@@ -17,6 +17,9 @@ MODULES = {
     "rrt": "pushplan.planners.rrt",
     "est": "pushplan.planners.est",
     "kpiece": "pushplan.planners.kpiece",
+    "sst": "pushplan.planners.sst",
+    "rrt-dubins": "pushplan.planners.rrt_dubins",
+    "bitstar-dubins": "pushplan.planners.bitstar_dubins",
 }
 """Module of each planner; it has a function `search` of the kind `Planner`."""
 

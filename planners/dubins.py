@@ -1,0 +1,189 @@
+"""OMPL's geometric planners over Dubins' car, which the chain is for turns about two of its own points.
+
+Positive combinations of a left turn about cL and a right turn about cR move m = (cL + cR) / 2 along J (cR - cL) with
+curvature 2 / |cR - cL| at most: Dubins' car of radius R = |cR - cL| / 2. OMPL searches there; every edge is a word of
+our own three arcs, swept by our own check, and the path is made of exactly these arcs.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from ompl import base as ob
+from ompl import util as ou
+
+from pushplan import se2
+from pushplan.arrays import FloatArray
+from pushplan.errors import PlanningError
+from pushplan.planners.collision import separation
+from pushplan.planners.search import TRIES
+from pushplan.planners.session import Session
+from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
+
+ROUNDING = 1e-9
+"""Directions (rad) this close count as the same."""
+
+_INSTEAD = "choose a planner that needs none, such as auto"
+
+Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Car:
+    """The chain as Dubins' car.
+
+    Attributes:
+        family: (3, 3) left, straight and right twists, scaled to a cost rate of 1; see `steering`.
+        middle: (3,) pose of the car in the chain frame: the point m and the heading J (cR - cL).
+        radius: Smallest turning radius of m, m.
+    """
+
+    family: FloatArray
+    middle: FloatArray
+    radius: float
+
+    @classmethod
+    def from_families(cls, families: FloatArray) -> Car:
+        """Return the car whose turns are those of the first family.
+
+        Args:
+            families: (f, 3, 3) left, straight and right twists; the straight ones span the stable translations.
+
+        Raises:
+            PlanningError: When there are no turns to both sides, or no stable push along J (cR - cL).
+        """
+        left, right = families[0, LEFT], families[0, RIGHT]
+        if left[2] == 0.0 or right[2] == 0.0 or not families[:, STRAIGHT].any():
+            raise PlanningError(
+                f"the chain is no Dubins' car: it cannot turn to both sides and go straight; {_INSTEAD}"
+            )
+        cors = np.array([[-twist[1], twist[0]] / twist[2] for twist in (left, right)])
+        x, y = cors[1] - cors[0]
+        straight = _straight(families[:, STRAIGHT, :2], math.atan2(x, -y))
+        family = np.stack([left, straight, right])
+        middle = np.append(cors.mean(axis=0), math.atan2(x, -y))
+        return cls(family, middle, 0.5 * math.hypot(x, y))
+
+    def of_chain(self, pose: FloatArray) -> FloatArray:
+        """Return the car's pose (3,) with the chain frame at a pose."""
+        return se2.compose(pose, self.middle)
+
+    def chain_at(self, state: Any) -> FloatArray:
+        """Return the pose (3,) of the chain frame with the car at an OMPL state."""
+        theta = state.getYaw() - self.middle[2]
+        c, s = math.cos(theta), math.sin(theta)
+        x, y = self.middle[0], self.middle[1]
+        return np.array([state.getX() - c * x + s * y, state.getY() - s * x - c * y, theta])
+
+
+def _straight(straights: FloatArray, heading: float) -> FloatArray:
+    """Return the translation (3,) along a heading, if it is among those between `straights` (f, 2)."""
+    across = straights @ [-math.sin(heading), math.cos(heading)]
+    leaning = np.arctan2(across, straights @ [math.cos(heading), math.sin(heading)])
+    if not leaning.min() - ROUNDING <= 0.0 <= leaning.max() + ROUNDING:
+        raise PlanningError(
+            f"the chain is no Dubins' car: its tightest turns need a push at {math.degrees(heading):.1f} deg, "
+            f"the nearest stable one is {math.degrees(np.abs(leaning).min()):.1f} deg away; {_INSTEAD}"
+        )
+    angle = heading + min(max(0.0, float(leaning.min())), float(leaning.max()))
+    return np.array([math.cos(angle), math.sin(angle), 0.0])
+
+
+class SweptWords(ob.MotionValidator):  # type: ignore[misc]
+    """Says of two states whether one of our words joins them without touching anything."""
+
+    def __init__(self, information: Any, session: Session, car: Car) -> None:
+        super().__init__(information)
+        self._session, self._car = session, car
+
+    def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802 OMPL's name
+        """Return whether a free word joins two states."""
+        self._session.spent(1)
+        return self.word(self._car.chain_at(first), self._car.chain_at(second)) is not None
+
+    def word(self, begin: FloatArray, end: FloatArray) -> FloatArray | None:
+        """Return the arcs (3, 4) from one pose of the chain frame to another, None if they are blocked."""
+        problem, arcs = self._session.problem, np.zeros((3, 4))
+        cost, _ = connect(problem.scene, self._car.family[None], begin, end, np.inf, TRIES, arcs)
+        return arcs if cost < np.inf else None
+
+
+def search(session: Session, box: Box, make: Callable[[Any], Any], anew: bool) -> None:
+    """Run a geometric planner until the session is finished.
+
+    Args:
+        session: The search to drive.
+        box: (xmin, ymin, xmax, ymax) that the chain frame is to stay in, m.
+        make: Constructor of the planner from a `SpaceInformation`.
+        anew: Whether it begins anew after every path instead of going on.
+
+    Raises:
+        PlanningError: When the chain is no Dubins' car.
+    """
+    ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
+    ou.RNG.setSeed(session.seed + 1)  # OMPL takes 0 for "no seed"
+    car = Car.from_families(session.problem.families)
+    information, words = _space(session, box, car)
+    definition = ob.ProblemDefinition(information)
+    ends = (session.start, session.problem.goal)
+    definition.setStartAndGoalStates(*(_state(information, car.of_chain(pose)) for pose in ends))
+    planner = make(information)
+    planner.setProblemDefinition(definition)
+    planner.setup()
+    while not session.finished:
+        planner.solve(ob.PlannerTerminationCondition(lambda: session.finished))
+        if definition.hasExactSolution():
+            session.offer(_arcs(definition.getSolutionPath(), car, words, ends))
+        session.refine()
+        if anew:
+            planner.clear()
+            definition.clearSolutionPaths()
+
+
+def _space(session: Session, box: Box, car: Car) -> tuple[Any, SweptWords]:
+    """Return OMPL's space information and the motion validator."""
+    space = ob.DubinsStateSpace(car.radius)
+    bounds, reach = ob.RealVectorBounds(2), math.hypot(car.middle[0], car.middle[1])
+    for i in range(2):
+        bounds.setLow(i, box[i] - reach)
+        bounds.setHigh(i, box[i + 2] + reach)
+    space.setBounds(bounds)
+    information = ob.SpaceInformation(space)
+    scene = session.problem.scene
+
+    def valid(state: Any) -> bool:
+        x, y, theta = car.chain_at(state).tolist()
+        return bool(separation(scene, x, y, theta, 2.0 * scene.clearance) >= scene.clearance)
+
+    words = SweptWords(information, session, car)
+    information.setStateValidityChecker(valid)
+    information.setMotionValidator(words)
+    information.setup()
+    return information, words
+
+
+def _state(information: Any, pose: FloatArray) -> Any:
+    state = information.allocState()
+    state.setX(float(pose[0]))
+    state.setY(float(pose[1]))
+    state.setYaw(float(se2.wrap_angle(pose[2])))
+    return state
+
+
+def _arcs(path: Any, car: Car, words: SweptWords, ends: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """Return the arcs (k, 4) of our words through the states of OMPL's path.
+
+    Raises:
+        PlanningError: When OMPL claims a path of which an edge is not free.
+    """
+    poses = [ends[0], *(car.chain_at(state) for state in path.getStates()[1:-1]), ends[1]]
+    found = [words.word(begin, end) for begin, end in itertools.pairwise(poses)]
+    arcs = [word for word in found if word is not None]
+    if len(arcs) < len(found):
+        raise PlanningError("OMPL returned a path with an edge that is not free")
+    return np.concatenate(arcs)

@@ -1,0 +1,142 @@
+"""The sparse tree keeps its promises, and OMPL gets what a planner owes it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from ompl import base as ob
+
+from pushplan import se2
+from pushplan.arrays import FloatArray
+from pushplan.planners import sst
+from pushplan.planners.collision import sweep_is_free
+from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.search import NODE, Problem
+from pushplan.planners.session import Budget, Session
+from pushplan.planners.sst_kernel import (
+    ACTIVE,
+    CHILDREN,
+    NODES,
+    TO_GO,
+    UNUSED,
+    WITNESSES,
+    SparseTree,
+    grow_sparse,
+)
+from pushplan.scenario_file import load_scenario
+from pushplan.stable_set import stable_set
+
+HEADING_LENGTH = 0.4
+RADII = np.array([HEADING_LENGTH, 0.5, 0.25])
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    scenario = load_scenario("three-boxes-clutter")
+    return build_problem(scenario, stable_set(scenario.chain))
+
+
+def _session(problem: Problem, iterations: int) -> Session:
+    start = load_scenario("three-boxes-clutter").start
+    return Session(problem, start, Budget(60.0, iterations=iterations), seed=1)
+
+
+@pytest.fixture(scope="module")
+def tree(problem: Problem) -> SparseTree:
+    """Return a tree grown with 4,000 extensions, its connections to the goal left unused."""
+    session = _session(problem, 1)
+    box = sampling_box(load_scenario("three-boxes-clutter"))
+    tree = sst._planted(session, np.array(box), RADII)
+    while len(tree.nodes) < 4000:
+        tree = sst._doubled(tree)
+    path = np.empty((len(tree.nodes) + 3, 4))
+    done = 0
+    while done < 4000:
+        done += grow_sparse(problem, tree, np.inf, 4000 - done, path)[0]
+    return tree
+
+
+def _rows(tree: SparseTree) -> FloatArray:
+    unused = tree.unused[: tree.counts[UNUSED]]
+    return np.setdiff1d(np.arange(tree.counts[NODES]), unused)
+
+
+def _distance(a: FloatArray, b: FloatArray) -> FloatArray:
+    turn = np.abs(se2.wrap_angle(a[..., 2] - b[..., 2]))
+    return np.asarray(np.hypot(a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]) + HEADING_LENGTH * turn)
+
+
+def test_every_branch_is_a_free_arc_with_the_right_cost(problem: Problem, tree: SparseTree) -> None:
+    rows = _rows(tree)
+    assert len(rows) > 100
+    for row in rows[1:]:
+        node, parent = tree.nodes[row], tree.nodes[int(tree.nodes[row, 4])]
+        end = se2.compose(parent[:3], se2.exp(node[5:8] * node[8]))
+        np.testing.assert_allclose(node[:3], end, atol=1e-12)
+        assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-12)
+        assert sweep_is_free(problem.scene, *parent[:3], *node[5:9])
+        assert node[TO_GO] <= np.hypot(*(problem.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
+
+
+def test_witnesses_are_apart_and_each_keeps_one_near_node(tree: SparseTree) -> None:
+    witnesses = tree.witnesses[: tree.counts[WITNESSES]]
+    apart = _distance(witnesses[:, None, :3], witnesses[None, :, :3])
+    np.fill_diagonal(apart, np.inf)
+    assert apart.min() >= RADII[2]
+    standing = witnesses[:, 3].astype(int)
+    assert len(np.unique(standing)) == len(standing)
+    np.testing.assert_array_equal(np.sort(standing), _rows(tree)[tree.roles[_rows(tree), ACTIVE] == 1])
+    assert _distance(witnesses[:, :3], tree.nodes[standing, :3]).max() < RADII[2]
+
+
+def test_nothing_is_kept_that_leads_nowhere(tree: SparseTree) -> None:
+    rows = _rows(tree)
+    parents = tree.nodes[rows[1:], 4].astype(int)
+    assert np.isin(parents, rows).all()
+    children = np.bincount(parents, minlength=len(tree.nodes))
+    np.testing.assert_array_equal(tree.roles[rows, CHILDREN], children[rows])
+    idle = (tree.roles[rows, ACTIVE] == 0) & (children[rows] == 0)
+    assert not idle.any()
+    witnesses = tree.witnesses[: tree.counts[WITNESSES]]
+    replaced = (tree.nodes[witnesses[:, 3].astype(int), :3] != witnesses[:, :3]).any(axis=1)
+    assert replaced.sum() > 50
+
+
+def test_longer_rounds_find_shorter_paths(problem: Problem) -> None:
+    scenario = load_scenario("three-boxes-clutter")
+    costs = []
+    for iterations in (3_000, 60_000):
+        session = _session(problem, iterations)
+        sst.search(session, sampling_box(scenario), body_reach(scenario))
+        assert session.iterations >= iterations or session.finished
+        costs.append(session.best_cost)
+    assert costs[1] < costs[0] < np.inf
+    assert costs[1] > session.lower_bound
+
+
+def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(problem: Problem) -> None:
+    scenario = load_scenario("three-boxes-clutter")
+    session = Session(problem, scenario.start, Budget(60.0, first=True), seed=3)
+    information, definition = sst._pose(session, sampling_box(scenario))
+    planner = sst.StableSparseRRT(information, session, sampling_box(scenario), body_reach(scenario))
+    assert isinstance(planner, ob.Planner)
+    planner.setProblemDefinition(definition)
+    planner.setup()
+    status = planner.solve(ob.PlannerTerminationCondition(lambda: session.finished))
+    assert status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
+    assert definition.hasExactSolution()
+    end = definition.getSolutionPath().getStates()[-1]
+    np.testing.assert_allclose([end.getX(), end.getY()], problem.goal[:2], atol=1e-9)
+    assert abs(float(se2.wrap_angle(end.getYaw() - problem.goal[2]))) < 1e-9
+
+
+def test_no_time_is_a_timeout(problem: Problem) -> None:
+    scenario = load_scenario("three-boxes-clutter")
+    session = Session(problem, scenario.start, Budget(0.0), seed=3)
+    information, definition = sst._pose(session, sampling_box(scenario))
+    planner = sst.StableSparseRRT(information, session, sampling_box(scenario), body_reach(scenario))
+    planner.setProblemDefinition(definition)
+    status = planner.solve(ob.PlannerTerminationCondition(lambda: session.finished))
+    assert status.getStatus() == ob.PlannerStatus.TIMEOUT
+    assert not definition.hasSolution()
+    assert NODE == TO_GO
