@@ -15,7 +15,7 @@ from pushplan import se2
 from pushplan.arrays import FloatArray
 from pushplan.path import PushPath
 from pushplan.planners.collision import Scene
-from pushplan.planners.sweep import Touches, least_gap, separations
+from pushplan.planners.sweep import Touches, separations
 from pushplan.trajectory import Trajectory
 
 APART = 0.2

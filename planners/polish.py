@@ -10,10 +10,11 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
-from pushplan.compiled import compiled
+from pushplan.compiled import compiled, woven
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import step
 from pushplan.planners.prices import TRAVEL, Prices, arc_price
+from pushplan.planners.rows import put, put_rows
 from pushplan.planners.search import TRIES, Problem, random
 from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
 
@@ -69,15 +70,21 @@ def _locate(start: FloatArray, arcs: FloatArray, s: float) -> tuple[int, float, 
     return i, s, np.array([x, y, theta])
 
 
-@compiled
+@woven
+def _differ(one: FloatArray, other: FloatArray) -> float:
+    """Largest difference of two twists, the first three numbers."""
+    return float(max(abs(one[0] - other[0]), abs(one[1] - other[1]), abs(one[2] - other[2])))
+
+
+@woven
 def _append(arcs: FloatArray, n: int, twist: FloatArray, length: float) -> int:
     """Append an arc, or lengthen the last one if it is the same motion; return how many there are."""
     if length <= 0.0:
         return n
-    if n > 0 and np.abs(arcs[n - 1, :3] - twist).max() < 1e-12:
+    if n > 0 and _differ(arcs[n - 1], twist) < 1e-12:
         arcs[n - 1, 3] += length
         return n
-    arcs[n, :3] = twist
+    put(arcs[n], twist)
     arcs[n, 3] = length
     return n + 1
 
@@ -85,26 +92,23 @@ def _append(arcs: FloatArray, n: int, twist: FloatArray, length: float) -> int:
 @compiled
 def merged(arcs: FloatArray) -> FloatArray:
     """Return a path (k, 4) without empty arcs and with neighbours of the same motion made one."""
-    path = np.empty_like(arcs)
+    path = np.empty(arcs.shape)
     n = 0
     for i in range(arcs.shape[0]):
         n = _append(path, n, arcs[i, :3], arcs[i, 3])
     return path[:n].copy()
 
 
-@compiled
+@woven
 def _spliced(path: FloatArray, i: int, into_i: float, word: FloatArray, j: int, into_j: float) -> FloatArray:
     """Return the path with everything between two places exchanged for a word."""
     joined = np.empty((path.shape[0] + 5, 4))
-    joined[:i] = path[:i]
-    joined[i] = path[i]
+    put_rows(joined, path[: i + 1])
     joined[i, 3] = into_i
-    joined[i + 1 : i + 4] = word
-    joined[i + 4] = path[j]
+    put_rows(joined[i + 1 :], word)
+    put_rows(joined[i + 4 :], path[j:])
     joined[i + 4, 3] = path[j, 3] - into_j
-    rest = path.shape[0] - j - 1
-    joined[i + 5 : i + 5 + rest] = path[j + 1 :]
-    return merged(joined[: i + 5 + rest])
+    return merged(joined[: i + 4 + path.shape[0] - j])
 
 
 @compiled
@@ -141,16 +145,16 @@ def random_family(segments: FloatArray, state: RandomState, family: FloatArray) 
                 family[letter] = 0.0
 
 
-@compiled
+@woven
 def _some_family(problem: Problem, state: RandomState, family: FloatArray) -> None:
     """Fill `family` (1, 3, 3) with a steering family, or with one drawn from the whole stable set."""
     if random(state) < DRAWN_SHARE:
         random_family(problem.segments, state, family[0])
     else:
-        family[0] = problem.families[int(random(state) * problem.families.shape[0])]
+        put_rows(family[0], problem.families[int(random(state) * problem.families.shape[0])])
 
 
-@compiled
+@woven
 def _window(state: RandomState, total: float) -> tuple[float, float]:
     """Draw a piece of a path: its length log-uniform, its place uniform, ends clipped to the path's."""
     length = total * math.exp(math.log(SHORTEST_WINDOW) * random(state))
@@ -158,7 +162,7 @@ def _window(state: RandomState, total: float) -> tuple[float, float]:
     return max(0.0, low), min(total, low + length)
 
 
-@compiled
+@woven
 def _rejoin(
     problem: Problem, state: RandomState, begin: FloatArray, end: FloatArray, bound: float, word: FloatArray
 ) -> float:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
-from pushplan.compiled import compiled
+from pushplan.compiled import compiled, woven
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import Scene, step, sweep_is_free
 from pushplan.planners.prices import Prices
+from pushplan.planners.rows import put
 from pushplan.planners.steering import MAX_WORDS, connect
 
 NODE = 9
@@ -24,7 +25,7 @@ END_SHARE = 0.25
 """Share of the other controls that lie on either end of their segment, the boundary of the stable set."""
 
 
-TRIES = 2
+TRIES = cast(int, np.int64(2))  # numba compiles functions anew for a plain constant
 """Words that are swept, at most, in the attempt to connect a new node."""
 
 
@@ -48,7 +49,7 @@ class Problem(NamedTuple):
     prices: Prices
 
 
-@compiled
+@woven
 def choose_twist(problem: Problem, u0: float, u1: float) -> tuple[float, float, float]:
     """Map two numbers in [0, 1] onto the stable set: a twist scaled to a cost rate of 1."""
     families, segments = problem.families, problem.segments
@@ -75,7 +76,7 @@ def remaining(x: float, y: float, theta: float, goal: FloatArray) -> float:
     return float(math.hypot(goal[0] - x, goal[1] - y) + TURN_WEIGHT * turn)
 
 
-@compiled
+@woven
 def extend(
     problem: Problem,
     nodes: FloatArray,
@@ -164,11 +165,11 @@ def trace(nodes: FloatArray, node: int, last: FloatArray, path: FloatArray) -> i
         i = int(nodes[i, 4])
     i = node
     for k in range(depth - 1, -1, -1):
-        path[k] = nodes[i, 5:9]
+        put(path[k], nodes[i, 5:9])
         i = int(nodes[i, 4])
     for k in range(3):
         if last[k, 3] > 0.0:
-            path[depth] = last[k]
+            put(path[depth], last[k])
             depth += 1
     return depth
 
