@@ -70,7 +70,7 @@ def add_planar(spec: Any, name: str, mass: float, anchor: FloatArray, moment: fl
     joint = engine().mjtJoint
     body = spec.worldbody.add_body(name=name, pos=[*anchor, 0.0])
     body.explicitinertial = True
-    body.mass, body.inertia = mass, [moment] * 3
+    body.mass, body.inertia, body.ipos = mass, [moment] * 3, [0.0] * 3  # otherwise ipos is taken from pos
     body.add_joint(name=name, type=joint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])
     body.add_joint(type=joint.mjJNT_SLIDE, axis=[0.0, 1.0, 0.0])
     body.add_joint(type=joint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0])
@@ -112,7 +112,7 @@ def _add_foot(body: Any, name: str, offset: FloatArray, mass: float, armature: f
     mujoco = engine()
     foot = body.add_body(name=name, pos=[*offset, 0.0])
     foot.explicitinertial = True
-    foot.mass, foot.inertia = _FOOT_MASS * mass, [_FOOT_MASS * mass * _FOOT_RADIUS**2] * 3
+    foot.mass, foot.inertia, foot.ipos = _FOOT_MASS * mass, [_FOOT_MASS * mass * _FOOT_RADIUS**2] * 3, [0.0] * 3
     foot.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0.0, 0.0, 1.0], armature=armature)
     foot.add_geom(
         name=name,

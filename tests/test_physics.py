@@ -77,7 +77,7 @@ def test_a_box_slides_along_the_plate_as_worked_out_by_hand(
     way = np.linalg.norm(report.poses[-1, :2] - report.poses[100, :2])
     slide = -way * (np.sin(heading) - np.cos(heading) * np.tan(cone))
     assert report.slide[-1, 0] - report.slide[100, 0] == pytest.approx(slide, rel=error)
-    assert abs(report.rotation[-1, 0]) < 1e-4
+    assert abs(report.rotation[-1, 0]) < 1e-3
 
 
 @needs_engine
