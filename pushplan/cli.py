@@ -11,7 +11,7 @@ from typing import NoReturn, TextIO
 
 from pushplan.commands import bench, check, completion, examples, new, plan, replay, schema, stable_set
 from pushplan.commands.console import Console
-from pushplan.commands.failure import PIPE_CLOSED, report_failure
+from pushplan.commands.failure import PIPE_CLOSED, WRONG_INPUT, report_failure
 
 COMMANDS = {
     "plan": plan,
@@ -53,6 +53,9 @@ def entry() -> NoReturn:
 
 def main(argv: Sequence[str]) -> int:
     """Run the command line with the words `argv` (without the program's name) and return the exit code."""
+    if not argv:
+        parser().print_help(sys.stderr)
+        return WRONG_INPUT
     try:
         args = parser().parse_args(argv)
     except SystemExit as stop:  # argparse has written its help or what is wrong

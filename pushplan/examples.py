@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
@@ -31,10 +32,11 @@ def example_file(name: str) -> Traversable:
     Raises:
         PushplanError: When there is none of that name.
     """
-    if name not in example_names():
-        raise PushplanError(
-            f"no packaged scenario is called '{name}'; there are {', '.join(example_names())}"
-        )
+    names = example_names()
+    if name not in names:
+        close = difflib.get_close_matches(name.lower(), names, n=1)
+        meant = f"did you mean '{close[0]}'? " if close else ""
+        raise PushplanError(f"no packaged scenario is called '{name}'; {meant}there are {', '.join(names)}")
     return _folder() / (name + _SUFFIX)
 
 

@@ -82,6 +82,9 @@ def _read(data: bytes, path: Path, attachments: Attachments) -> Scenario:
 def _unreadable(source: str | Path, error: Exception) -> str:
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     text = f"cannot read the file: {reason}"
+    beside = Path(f"{source}.yaml")
+    if isinstance(error, FileNotFoundError) and beside.is_file():
+        return f"{text}; did you mean '{beside}'?"
     if isinstance(error, FileNotFoundError) and isinstance(source, str) and Path(source).name == source:
         names = list(example_names())
         text += (

@@ -80,3 +80,23 @@ def test_check_refuses_a_picture_it_cannot_write_before_it_works(capsys: Capture
     out, err = capsys.readouterr()
     assert out == ""
     assert "there is no folder nowhere" in err
+
+
+def test_a_forgotten_suffix_and_a_misspelt_example_are_recognised(capsys: Captured) -> None:
+    main(["new", "mine"])
+    assert main(["check", "mine"]) == 2
+    assert (
+        "mine: cannot read the file: No such file or directory; did you mean 'mine.yaml'?"
+        in capsys.readouterr().err
+    )
+    for command in ("examples", "check"):
+        assert main([command, "two-crate"]) == 2
+        assert "did you mean 'two-crates'? there are asymmetric, " in capsys.readouterr().err
+
+
+def test_no_words_at_all_show_the_help(capsys: Captured) -> None:
+    assert main([]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "COMMAND" in err
+    assert "pushplan examples" in err
