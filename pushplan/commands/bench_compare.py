@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pushplan.commands.console import Console
 from pushplan.commands.failure import DONE, MISMATCH
+
+if TYPE_CHECKING:
+    from pushplan.bench.statistics import Comparison
 
 
 def compare(old: Path, new: Path, threshold: float, console: Console) -> int:
@@ -32,11 +37,14 @@ def compare(old: Path, new: Path, threshold: float, console: Console) -> int:
         {
             "regression": found.is_regression,
             "threshold": threshold,
-            "comparisons": [
-                {**asdict(one), "significant": one.significant, "better": one.second_is_better}
-                for one in found.comparisons
-            ],
+            "comparisons": [_document(one) for one in found.comparisons],
             "newly_invalid": [run.key for run in found.newly_invalid],
         }
     )
     return MISMATCH if found.is_regression else DONE
+
+
+def _document(one: Comparison) -> dict[str, object]:
+    """Return a comparison as data; an effect that has no number (most runs are not solved any more) is null."""
+    effect = one.effect if math.isfinite(one.effect) else None
+    return {**asdict(one), "effect": effect, "significant": one.significant, "better": one.second_is_better}

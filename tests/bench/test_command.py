@@ -1,0 +1,107 @@
+"""`pushplan bench`: what it prints, what it leaves, how it ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pushplan.bench.suite_file import suite_names
+from pushplan.bench.tally import Tally
+from pushplan.cli import main
+from pushplan.commands.bench import progress_text, time_left
+
+Captured = pytest.CaptureFixture[str]
+
+SUITE = """\
+format: pushplan-suite/1
+name: small
+problems: [one-box]
+planners: [{name: auto, first: true}]
+seeds: 2
+"""
+
+
+@pytest.fixture
+def suite(tmp_path: Path) -> str:
+    (tmp_path / "small.yaml").write_text(SUITE)
+    return str(tmp_path / "small.yaml")
+
+
+def test_a_suite_is_run_reported_and_resumed(suite: str, tmp_path: Path, capsys: Captured) -> None:
+    folder = tmp_path / "results"
+    assert main(["bench", suite, "-o", str(folder), "--jobs", "2"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("small: 2 runs in ")
+    assert out.endswith(f"report: {folder / 'report.html'}\n")
+    names = {"results.db", "report.html", "runs.csv", "progress.csv", "logs", "problems", "suite.yaml"}
+    assert names <= set(os.listdir(folder))
+    assert len(os.listdir(folder / "logs")) == 2
+    assert main(["bench", suite, "-o", str(folder)]) == 2
+    assert f"{folder} has the results of 2 runs; resume them" in capsys.readouterr().err
+    assert main(["bench", suite, "-o", str(folder), "--resume", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["runs"], document["before"], document["done"], document["left"]) == (2, 2, 0, 0)
+    assert main(["bench", suite, "-o", str(folder), "--resume", "--filter", "seed=9"]) == 2
+    assert "no run fits seed=9" in capsys.readouterr().err
+
+
+def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
+    (tmp_path / "long.yaml").write_text(SUITE.replace("first: true", "time: 60 s, iterations: 1000000000"))
+    command = [sys.executable, "-m", "pushplan", "bench", "long.yaml", "-o", "results"]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as program:
+        assert program.stderr is not None
+        while "small ..." not in program.stderr.readline():
+            pass
+        program.send_signal(signal.SIGINT)
+        _, rest = program.communicate(timeout=30.0)
+    assert program.returncode == 130
+    assert "stopped; go on with: pushplan bench long.yaml -o results --resume\ninterrupted\n" in rest
+    assert "Traceback" not in rest
+    assert not (tmp_path / "results" / "scratch").exists()
+    assert (tmp_path / "results" / "results.db").exists()
+
+
+def test_packaged_suites_are_listed(capsys: Captured) -> None:
+    assert main(["bench", "--json"]) == 0
+    suites = json.loads(capsys.readouterr().out)["suites"]
+    assert tuple(suites) == suite_names()
+    assert all(suites.values())
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["smoke"], "name a folder for the results: -o DIR"),
+        (["nosuite", "-o", "x"], "no packaged suite is called so either"),
+        (["smoke", "-o", "x", "--jobs", "0"], "0 is no number of jobs"),
+        (["smoke", "-o", "x", "--jobs", "many"], "invalid"),
+        (["--compare", "a", "b", "--threshold", "-1"], "-1 is no threshold"),
+    ],
+)
+def test_wrong_words_end_with_exit_code_2(
+    words: list[str], message: str, capsys: Captured, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_wrong_suite_is_told_with_its_places(tmp_path: Path, capsys: Captured) -> None:
+    (tmp_path / "wrong.yaml").write_text("format: pushplan-suite/1\nproblem: [one-box]\n")
+    assert main(["bench", str(tmp_path / "wrong.yaml"), "-o", str(tmp_path / "x")]) == 2
+    err = capsys.readouterr().err
+    assert "wrong.yaml:1:1: problems: is missing" in err
+    assert "wrong.yaml:2:1: problem: unknown key; did you mean 'problems'?" in err
+
+
+def test_progress_says_what_is_done_and_left() -> None:
+    tally = Tally(total=40, before=8, counts={"ok": 9, "no plan": 2, "crash": 1}, seconds=60.0)
+    assert progress_text(tally) == "20 of 40 done, 9 solved, 1 failed, 20 left, about 2 min to go"
+    assert progress_text(Tally(total=4)) == "0 of 4 done, 0 solved, 4 left"
+    assert [time_left(t) for t in (5.0, 100.0, 6000.0)] == ["5 s", "2 min", "1.7 h"]

@@ -1,0 +1,292 @@
+"""The report, the tables and the comparison of versions, from results made up so that the answers are known."""
+
+from __future__ import annotations
+
+import csv
+import html.parser
+import json
+import re
+from collections.abc import Callable, Generator, Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pushplan.bench.batch import run_suite
+from pushplan.bench.export import write_tables
+from pushplan.bench.folder import ResultsFolder
+from pushplan.bench.isolation import isolated
+from pushplan.bench.outcome import Figures, Outcome, Task
+from pushplan.bench.report import render, write_report
+from pushplan.bench.report_plots import cost_quartiles
+from pushplan.bench.report_tables import by_planner, comparisons, outcomes, seconds
+from pushplan.bench.report_worst import worst_runs
+from pushplan.bench.results import Results, read_results
+from pushplan.bench.store import StoreError
+from pushplan.bench.suite_file import suite_from_text
+from pushplan.bench.versions import compare_versions
+from pushplan.cli import main
+
+Make = Callable[[Task], Outcome]
+Captured = pytest.CaptureFixture[str]
+
+SUITE = """\
+format: pushplan-suite/1
+name: made up
+problems: [one-box, two-crates]
+planners: [auto, {name: rrt, label: slow}]
+seeds: 12
+limits: {time: 4 s}
+"""
+
+
+def solved(task: Task, cost: float, first: float, **more: object) -> Outcome:
+    figures = Figures(
+        found=True,
+        valid=True,
+        first_solution_s=first,
+        path_cost=cost,
+        seconds={"search": 2.0},
+        min_margin=0.1,
+        progress=((first, 2.0 * cost, 1), (3.0 * first, cost, 2)),
+    )
+    return Outcome(task.key, "ok", "", figures, seconds=2.1, host="here")
+
+
+def typical(task: Task) -> Outcome:
+    """`slow` is ten times slower and a tenth costlier; one run is invalid, one crashes, one has no plan."""
+    slow = task.planner == "rrt"
+    if slow and task.seed == 3 and task.name == "one-box":
+        return Outcome(
+            task.key, "invalid", "it <slips>", Figures(found=True, path_cost=0.5, first_solution_s=0.1)
+        )
+    if slow and task.seed == 4 and task.name == "one-box":
+        return Outcome(task.key, "crash", "killed by SIGSEGV\nFatal <error>")
+    if slow and task.seed == 5 and task.name == "one-box":
+        return Outcome(task.key, "no plan", "there is none", Figures())
+    noise = 1.0 + 0.01 * task.seed
+    return solved(task, (3.3 if slow else 3.0) * noise, (0.5 if slow else 0.05) * noise)
+
+
+def make(folder: Path, outcome: Make = typical, text: str = SUITE) -> Results:
+    def engine(tasks: Iterable[Task]) -> Generator[Outcome]:
+        for task in tasks:
+            yield outcome(task)
+
+    results = ResultsFolder(folder)
+    with results.locked():
+        run_suite(suite_from_text(text), results, engine, version="1")
+    return read_results(folder)
+
+
+class Page(html.parser.HTMLParser):
+    """Collects addresses, and checks that tags are closed in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.addresses: list[str] = []
+        self.open: list[str] = []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.addresses += [value for name, value in attributes if name in ("src", "href") and value]
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_tables_say_what_was_made_up(tmp_path: Path) -> None:
+    results = make(tmp_path)
+    auto, slow = by_planner(results).rows
+    assert auto[:5] == ["auto", "24", "24", "24", "100.0 % [100.0 %, 100.0 %]"]
+    assert slow[:4] == ["slow", "22", "21", "24"]
+    assert slow[4].startswith("87.5 % [")
+    assert auto[5].startswith("53.5 ms [")
+    assert by_planner(results).wrong == [1]
+    assert outcomes(results).rows[1] == ["slow", "21", "1", "1", "1", "0", "0", "0", "0"]
+    found = {row[0]: row for row in comparisons(results).rows}  # type: ignore[union-attr]
+    assert found["first path"][4] == "x 10"
+    assert found["first path"][6] == found["cost"][6] == "auto"
+    assert found["solved"][4:] == ["-12.5 points", "0.25", "–"]
+
+
+def test_the_best_cost_is_that_of_valid_paths_only(tmp_path: Path) -> None:
+    results = make(tmp_path)
+    assert results.best_costs["one-box"] == pytest.approx(3.0 * 1.01)
+    assert min(results.excess(run) for run in results.runs) == 1.0
+
+
+def test_costs_over_time_begin_when_half_of_the_runs_have_a_path(tmp_path: Path) -> None:
+    results = make(tmp_path)
+    times = np.array([0.01, 0.04, 0.052, 0.2, 3.0])
+    low, middle, high = cost_quartiles(results, results.of("auto"), times)
+    assert np.isinf(middle[:2]).all()
+    assert np.isinf([low[2], middle[2], high[2]]).all()
+    assert middle[3] == pytest.approx(1.07 / 1.01, rel=0.02)
+    assert low[3] <= middle[3] <= high[3]
+    assert cost_quartiles(results, [], times).shape == (3, 5)
+
+
+def test_the_page_holds_all_it_shows_and_marks_what_is_invalid(tmp_path: Path) -> None:
+    results = make(tmp_path)
+    text = render(results)
+    page = Page(text)
+    assert all(a.startswith(("data:image/", "logs/")) for a in page.addresses)
+    assert sum(a.startswith("data:image/svg+xml") for a in page.addresses) == 4
+    assert "http" not in re.sub(r"data:image/[^\"]*", "", text)
+    assert '<span class="wrong">1 invalid</span>' in text
+    assert re.search(r'<tr class="wrong"><td>one-box, slow, seed 3</td>.*?<td>it &lt;slips&gt;</td>', text)
+    assert "<summary>killed by SIGSEGV</summary><pre>Fatal &lt;error&gt;</pre>" in text
+    assert "1-12" in text
+    assert "name: made up" in text
+
+
+def test_runs_worth_a_look_are_the_invalid_the_failed_and_the_costly(tmp_path: Path) -> None:
+    worst = worst_runs(make(tmp_path))
+    assert [run.outcome for run in worst[:3]] == ["invalid", "crash", "no plan"]
+    assert len({(run.problem, run.planner, run.outcome) for run in worst}) == len(worst) == 6
+    assert worst[3].seed == 12
+    assert worst[3].planner == "slow"
+
+
+def test_pictures_and_links_lead_to_the_logs(tmp_path: Path) -> None:
+    results = make(
+        tmp_path, isolated, "format: pushplan-suite/1\nproblems: [one-box]\nseeds: 1\nlimits: {time: 1}\n"
+    )
+    write_report(results, tmp_path / "report.html")
+    addresses = Page((tmp_path / "report.html").read_text()).addresses
+    assert any(a.startswith("data:image/png") for a in addresses)
+    (link,) = {a for a in addresses if a.startswith("logs/")}
+    assert (tmp_path / link).is_file()
+
+
+def test_a_report_of_nothing_solved_is_a_report(tmp_path: Path) -> None:
+    results = make(tmp_path, lambda task: Outcome(task.key, "timeout", "killed after 1 s"))
+    text = render(results)
+    Page(text)
+    assert "No run has a valid path." in text
+    assert "48 timeout" in text
+    assert len(worst_runs(results)) == 4
+
+
+def test_a_benchmark_that_was_stopped_has_a_report_too(tmp_path: Path) -> None:
+    def some(task: Task) -> Outcome:
+        if task.seed > 4:
+            raise KeyboardInterrupt
+        return typical(task)
+
+    with pytest.raises(KeyboardInterrupt):
+        make(tmp_path, some)
+    text = render(read_results(tmp_path), with_pictures=False)
+    assert "16 of 48 runs done" in text
+
+
+def test_tables_for_other_programs_hold_every_run(tmp_path: Path) -> None:
+    results = make(tmp_path)
+    files = write_tables(results, tmp_path)
+    with (tmp_path / "runs.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 48
+    assert rows[0]["problem"] == "one-box"
+    assert float(rows[0]["solution_length"]) == results.runs[0].cost
+    assert rows[0]["solution_clearance"] == ""
+    assert {row["outcome"] for row in rows} == {"ok", "invalid", "crash", "no plan"}
+    parquet = pytest.importorskip("pyarrow.parquet")
+    assert len(files) == 4
+    table = parquet.read_table(tmp_path / "runs.parquet").to_pylist()
+    assert [row["key"] for row in table] == [row["key"] for row in rows]
+    assert table[0]["solution_length"] == results.runs[0].cost
+    assert len(parquet.read_table(tmp_path / "progress.parquet")) == sum(
+        len(run.progress) for run in results.runs
+    )
+
+
+def test_without_results_the_reader_says_so(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match=r"results\.db: there are no results"):
+        read_results(tmp_path)
+
+
+def _scaled(cost: float = 1.0, first: float = 1.0, fail: int = 0) -> Make:
+    """Return outcomes with costs and times multiplied, of which the first seeds fail."""
+
+    def outcome(task: Task) -> Outcome:
+        if task.seed <= fail:
+            return Outcome(task.key, "no plan", "", Figures())
+        noise = 1.0 + 0.01 * (task.seed * 7 % 12)
+        return solved(task, 3.0 * cost * noise, 0.05 * first * noise)
+
+    return outcome
+
+
+@pytest.mark.parametrize(
+    ("change", "better", "worse", "regression"),
+    [
+        ({}, 0, 0, False),
+        ({"cost": 0.9}, 2, 0, False),
+        ({"cost": 1.2}, 0, 2, True),
+        ({"cost": 1.02}, 0, 2, False),
+        ({"first": 2.0, "cost": 0.9}, 2, 2, True),
+        ({"fail": 8}, 0, 6, True),
+    ],
+)
+def test_versions_are_compared_beyond_chance_and_threshold(
+    change: dict[str, float], better: int, worse: int, regression: bool, tmp_path: Path
+) -> None:
+    old, new = make(tmp_path / "old", _scaled()), make(tmp_path / "new", _scaled(**change))  # type: ignore[arg-type]
+    found = compare_versions(old, new)
+    assert (len(found.better), len(found.worse), found.is_regression) == (better, worse, regression)
+    assert compare_versions(old, new, threshold=10.0).is_regression is ("fail" in change)
+
+
+def test_a_run_that_is_invalid_now_is_a_regression(tmp_path: Path) -> None:
+    def one_invalid(task: Task) -> Outcome:
+        if (task.name, task.planner, task.seed) == ("one-box", "rrt", 7):
+            return Outcome(task.key, "invalid", "it slips", Figures(found=True))
+        return _scaled()(task)
+
+    old, new = make(tmp_path / "old", _scaled()), make(tmp_path / "new", one_invalid)
+    found = compare_versions(old, new, threshold=10.0)
+    assert [run.seed for run in found.newly_invalid] == [7]
+    assert found.is_regression
+    assert not compare_versions(new, new).is_regression
+    assert not compare_versions(new, old).is_regression
+
+
+def test_versions_without_common_runs_cannot_be_compared(tmp_path: Path) -> None:
+    old = make(tmp_path / "old", _scaled())
+    new = make(
+        tmp_path / "new", _scaled(), SUITE.replace("auto", "est").replace("label: slow", "label: fast")
+    )
+    with pytest.raises(StoreError, match=r"have no runs in common: .* planners are auto, slow and est, fast"):
+        compare_versions(old, new)
+
+
+def test_the_command_tells_regressions_with_exit_code_4(tmp_path: Path, capsys: Captured) -> None:
+    make(tmp_path / "old", _scaled())
+    make(tmp_path / "new", _scaled(cost=1.2, first=0.5))
+    words = ["bench", "--compare", str(tmp_path / "old"), str(tmp_path / "new")]
+    assert main(words) == 4
+    out = capsys.readouterr().out
+    assert re.search(r"^better: auto, first path: x 0\.5 in 24 runs \(p = ", out, re.MULTILINE)
+    assert re.search(r"^worse: slow, cost: x 1\.2 in 24 runs \(p = ", out, re.MULTILINE)
+    assert main([*words, "--threshold", "30"]) == 0
+    capsys.readouterr()
+    assert main([*words, "--json"]) == 4
+    document = json.loads(capsys.readouterr().out)
+    assert document["regression"] is True
+    assert len(document["comparisons"]) == 6
+    assert main(["bench", "--compare", str(tmp_path / "old"), str(tmp_path / "old")]) == 0
+    assert capsys.readouterr().out == "nothing has changed beyond chance\n"
+    assert main(["bench", "--compare", str(tmp_path / "old"), str(tmp_path / "nowhere")]) == 2
+    capsys.readouterr()
+    make(tmp_path / "failing", _scaled(fail=9))
+    assert main(["bench", "--compare", str(tmp_path / "old"), str(tmp_path / "failing"), "--json"]) == 4
+    comparisons = json.loads(capsys.readouterr().out)["comparisons"]
+    assert [one["effect"] for one in comparisons if one["respect"] == "cost"] == [None, None]
+
+
+def test_times_read_well() -> None:
+    assert [seconds(t) for t in (0.00123, 0.5, 2.0, np.inf, np.nan)] == ["1.23 ms", "500 ms", "2 s", "–", "–"]
