@@ -44,7 +44,7 @@ class PackedAreas(NamedTuple):
 
 
 @compiled
-def _central_loads(areas: PackedAreas, vx: float, vy: float, omega: float, out: FloatArray) -> None:
+def central_loads(areas: PackedAreas, vx: float, vy: float, omega: float, out: FloatArray) -> None:
     """Fill `out` (n, 7) with unit loads on the centres g and bounds of how other pressures differ from them.
 
     With u = u(g), g x u, rho = |c - g|, r the size of the support around g and s the sense, all friction
@@ -113,7 +113,7 @@ def _central_row(areas: PackedAreas, k: int, j: int, i: int, central: FloatArray
 
 @compiled
 def _low_row(areas: PackedAreas, k: int, j: int, i: int, central: FloatArray, omega: float) -> float:
-    """Return a quick lower bound of row j of contact k for a unit load on object i, from `_central_loads`."""
+    """Return a quick lower bound of row j of contact k for a unit load on object i, from `central_loads`."""
     kappa = areas.facets[k, j, 2]
     gamma_x = areas.facets[k, j, 0] - kappa * areas.tables[i, HEAD, G_Y]
     gamma_y = areas.facets[k, j, 1] + kappa * areas.tables[i, HEAD, G_X]
@@ -197,7 +197,7 @@ def _begin(areas: PackedAreas, twists: FloatArray, t: int, central: FloatArray, 
     vx, vy, omega = twists[t, 0], twists[t, 1], twists[t, 2]
     scale = 1.0 / max(abs(vx), abs(vy), abs(omega) * areas.length)
     vx, vy, omega = vx * scale, vy * scale, omega * scale
-    _central_loads(areas, vx, vy, omega, central)
+    central_loads(areas, vx, vy, omega, central)
     for i in range(len(areas.tables)):
         start_twist(areas.tables[i], vx, vy, omega)
     for k in range(len(areas.tables)):
