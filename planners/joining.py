@@ -11,9 +11,10 @@ from pushplan import se2
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.path import PushPath
 from pushplan.planners.arc_limits import Bounds
+from pushplan.planners.driven import Driven
 from pushplan.planners.goal_fit import fit_lengths
 from pushplan.planners.nudge import LengthRows
-from pushplan.planners.section import Driven, make_driven
+from pushplan.planners.section import make_driven
 from pushplan.planners.timing import SAME
 from pushplan.trajectory import Trajectory
 

@@ -1,4 +1,4 @@
-"""Parts of a path that are driven from rest to rest without a stop in between.
+"""Arcs of several twists driven from rest to rest without a stop in between.
 
 Every arc has a speed; the twist moves from one arc's to the next on a jerk-limited step around the time at
 which the arc's length is spent. Each step is the fastest that the limits allow (Ruckig's velocity interface);
@@ -8,19 +8,18 @@ where the sum of overlapping steps exceeds a limit, the steps there are widened.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
-from pushplan import se2
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.chain import Limits
 from pushplan.path import PushPath
 from pushplan.planners.arc_limits import Bounds, contact_limits
 from pushplan.planners.contact_use import ORDERS, bounds_use
+from pushplan.planners.driven import Driven, Push
 from pushplan.planners.profile import step_widths
 from pushplan.planners.step_sum import Pieces, ordered_widths, step_sum
-from pushplan.planners.timing import SAME, time_run
+from pushplan.planners.timing import SAME
 
 PACES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.3)
 """Shares of the arcs' top speeds that are tried: a short section is sooner over when driven below full speed."""
@@ -39,75 +38,6 @@ WIDTH_POWERS = np.array([0.0, 1.0, 0.5, 1.0])
 
 USED_UP = 1.0 + 1e-9
 """A limit is kept when no more than this share of it is used."""
-
-
-class Driven(Protocol):
-    """Arcs of a path between two stops; methods take the lengths (k,) of all arcs of the path."""
-
-    @property
-    def arcs(self) -> IntArray:
-        """Indices (a,) of the arcs."""
-
-    def pieces(self, lengths: FloatArray) -> Pieces:
-        """Return the twist over time; a piece's level is the index of its arc."""
-
-    def duration(self, lengths: FloatArray) -> float:
-        """Return how long it takes, s."""
-
-    def motion(self, lengths: FloatArray) -> FloatArray:
-        """Return the pose (3,) at the end, seen from the beginning."""
-
-    def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the arcs (c,) after which the twist changes, and when (c,), s from the beginning."""
-
-    def eased(self, lengths: FloatArray) -> Driven:
-        """Return it with wider steps wherever a limit is exceeded, as far as that helps."""
-
-    def slowed(self, lengths: FloatArray) -> tuple[Driven, float]:
-        """Return it slowed down as a whole until no limit is exceeded, and when the most was, s."""
-
-
-@dataclass(frozen=True, eq=False)
-class Push:
-    """Arcs of one twist, driven by the exact profile of `timing`; see `Driven`.
-
-    Attributes:
-        arcs: (a,) their indices.
-        twist: (3,) body twist per unit of the arcs' parameters.
-        bounds: What limits the motion.
-    """
-
-    arcs: IntArray
-    twist: FloatArray
-    bounds: Bounds
-
-    def pieces(self, lengths: FloatArray) -> Pieces:
-        """Return the twist over time."""
-        durations, coefficients, owner = time_run(self.twist, lengths[self.arcs], self.bounds)
-        return Pieces(durations, coefficients, self.arcs[owner])
-
-    def duration(self, lengths: FloatArray) -> float:
-        """Return how long it takes, s."""
-        return float(self.pieces(lengths).durations.sum())
-
-    def motion(self, lengths: FloatArray) -> FloatArray:
-        """Return the pose (3,) at the end."""
-        return se2.exp(self.twist * lengths[self.arcs].sum())
-
-    def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return nothing: there are none."""
-        del lengths
-        return np.zeros(0, dtype=np.int64), np.zeros(0)
-
-    def eased(self, lengths: FloatArray) -> Push:
-        """Return the push: its profile keeps the limits."""
-        del lengths
-        return self
-
-    def slowed(self, lengths: FloatArray) -> tuple[Push, float]:
-        """Return the push: its profile keeps the limits."""
-        del lengths
-        return self, 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,6 +71,7 @@ def _draw(axes: Axes, speeds: AdmissibleSpeeds, limits: list[tuple[int, int]]) -
     axes.set(xlim=(0.0, u), ylim=(-a, a), xlabel="$\\dot s^2$", ylabel="$\\ddot s$")
     top = axes.secondary_xaxis("top", functions=(_root, _square))
     top.set_xlabel("$\\dot s$", color=INK)
+    top.set_xticks([tick for tick in top.get_xticks() if tick == 0.0 or tick**2 > 0.06 * u])
 
 
 def _segment(speeds: AdmissibleSpeeds, k: int, j: int) -> FloatArray:

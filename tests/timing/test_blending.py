@@ -18,7 +18,8 @@ from pushplan.examples import example_names
 from pushplan.path import PushPath, cost_rate
 from pushplan.plan import plan
 from pushplan.planners.arc_limits import arc_limits
-from pushplan.planners.blending import Blend, blend_path
+from pushplan.planners.blend_search import Blend
+from pushplan.planners.blending import blend_path
 from pushplan.planners.checker import find_collision
 from pushplan.planners.joining import corners_of
 from pushplan.planners.timing import time_path
