@@ -13,6 +13,7 @@ import shapely
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import ImportedFileError
+from pushplan.logging.extras import optional
 from pushplan.polygon import simple_polygon
 
 MOST_BYTES = 16 << 20
@@ -37,22 +38,21 @@ def read_svg_outlines(
         Counter-clockwise outlines (v, 2), m, by id, or `shape-1`, `shape-2` and so on where there is none.
 
     Raises:
+        MissingExtraError: When svgelements is not installed.
         ImportedFileError: When the file cannot be read, or a shape is not one simple closed outline.
     """
-    from svgelements import SVG, Shape
-    from svgelements import Path as Curve
-
+    svg = optional("svgelements", "reading an SVG drawing", "svgelements", "import")
     path = Path(path)
     _check_size(path)
     try:
-        drawing = SVG.parse(str(path), ppi=96.0, reify=True)
+        drawing = svg.SVG.parse(str(path), ppi=96.0, reify=True)
     except Exception as error:  # the parser and its XML library raise whatever they stumble over
         raise ImportedFileError(f"{path}: cannot read the drawing: {error}") from error
     outlines: dict[str, FloatArray] = {}
     for element in drawing.elements():
-        if isinstance(element, Shape) and element.values.get("visibility") != "hidden":
+        if isinstance(element, svg.Shape) and element.values.get("visibility") != "hidden":
             name = element.id or f"shape-{len(outlines) + 1}"
-            corners = _corners(Curve(element), f"{path}: {name}", tolerance * _PIXELS_PER_METRE)
+            corners = _corners(svg.Path(element), f"{path}: {name}", tolerance * _PIXELS_PER_METRE)
             _add(outlines, name, corners * [1.0, -1.0] / _PIXELS_PER_METRE, path, centered)
     if not outlines:
         raise ImportedFileError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from pushplan.errors import ImportedFileError
 from pushplan.hole_free import covering, hole_free
 from pushplan.import_outlines import read_csv_outlines, read_svg_outlines
 from pushplan.import_ros_map import read_ros_map
+from pushplan.logging.extras import MissingExtraError
 from pushplan.schema_types import MOST_CORNERS
 
 SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 400 200">
@@ -83,6 +85,14 @@ def test_a_drawing_that_is_no_outlines_is_refused(shapes: str, what: str, tmp_pa
     with pytest.raises(ImportedFileError, match=r"drawing\.svg") as caught:
         read_svg_outlines(_drawing(tmp_path, shapes))
     assert what in str(caught.value)
+
+
+def test_a_missing_package_is_told_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "svgelements", None)
+    with pytest.raises(
+        MissingExtraError, match=r"needs the package svgelements: pip install 'pushplan\[import\]'"
+    ):
+        read_svg_outlines(_drawing(tmp_path, '<rect width="9" height="9"/>'))
 
 
 def test_tables_hold_one_outline_or_several(tmp_path: Path) -> None:
