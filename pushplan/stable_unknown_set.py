@@ -57,9 +57,15 @@ class StableUnknownSet(StableSet):
 
     def __init__(self, chain: Chain, loads: FloatArray | None = None) -> None:
         super().__init__(chain)
+        self._as_numbers = loads is None
         rows = _chain_rows(chain, loads)
         self._owner = np.repeat(np.arange(len(rows)), [len(part) for part in rows])
         self._rows = np.concatenate(rows)
+
+    @property
+    def loads_known(self) -> bool:
+        """Whether the load under every object is known, in its distribution and as a number."""
+        return self._as_numbers and super().loads_known
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""

@@ -37,6 +37,11 @@ class TranslationSet(StableSet):
         super().__init__(chain)
         self._straight = CofSet(chain) if straight is None else straight
 
+    @property
+    def loads_known(self) -> bool:
+        """Whether the load under every object is known, in its distribution and as a number."""
+        return self._straight.loads_known
+
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
         straight = twists * [1.0, 1.0, 0.0]

@@ -85,6 +85,8 @@ def test_points_give_the_ordinary_set(make_chain: ChainMaker, name: str) -> None
     over = stable_set_over(IntervalChain.from_ranges(chain), name)
     np.testing.assert_allclose(over.margin(twists), stable_set(chain, name).margin(twists), atol=1e-9)
     assert over.name == name
+    assert stable_set(chain, name).loads_known
+    assert not stable_set_over(widened(chain), name).loads_known
 
 
 def test_sets_over_intervals_are_nested(make_chain: ChainMaker) -> None:
