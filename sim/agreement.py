@@ -16,8 +16,8 @@ from pushplan.sim.physics import simulate_twist
 from pushplan.sim.physics_settings import PhysicsSettings
 from pushplan.sphere import checked_twists
 
-FINE = PhysicsSettings(tolerance=1e-4)
-"""A contact counts as moved from a ten-thousandth of its segment on: a slip soon reaches that, a hold never."""
+FINE = PhysicsSettings(tolerance=1e-4, indentation=5e-6)
+"""Hard contacts that count as moved from a ten-thousandth of the segment on: slips soon get there, holds never."""
 _NOWHERE = -1e3
 """Stands for a force that is parallel to the segment: it passes nowhere near it."""
 

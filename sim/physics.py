@@ -96,9 +96,8 @@ def _simulate(
     begin = perf_counter()
     recording = drive(chain, motion, settings)
     seconds = perf_counter() - begin
-    slide, opening, rotation = contact_motion(
-        chain, recording.motions, np.searchsorted(recording.steps, motion.base)
-    )
+    base = int(np.searchsorted(recording.steps, motion.base))
+    slide, opening, rotation = contact_motion(chain, recording.motions, base)
     objects = np.array([obj.pose_chain for obj in chain.objects])
     return PhysicsReport(
         chain=chain,
