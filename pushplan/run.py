@@ -83,7 +83,9 @@ def run(
         "cost": cost or scenario.planner.cost,
         "gap": scenario.planner.gap if gap is None else gap,
     }
-    with RunLogWriter.create(log, scenario, settings) as writer:
+    with watch("logging"):
+        writer = RunLogWriter.create(log, scenario, settings)
+    with writer:
         try:
             result = planned()
         except PushplanError as error:
