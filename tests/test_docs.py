@@ -73,6 +73,13 @@ def test_every_command_and_all_code_run_in_the_order_of_the_page(
         exec(compile(block, page.name, "exec"), space)
 
 
+def test_the_code_that_needs_a_physics_engine_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)
+    (block,) = _blocks(ROOT / "docs" / "physics.md", "py")
+    exec(compile(block, "physics.md", "exec"), {})
+
+
 @pytest.mark.parametrize("page", PAGES, ids=_id)
 def test_every_command_that_is_named_exists_with_its_options(page: Path) -> None:
     for words in re.findall(r"`pushplan ([^`]+)`", page.read_text("utf-8")):
