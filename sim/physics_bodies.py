@@ -112,7 +112,11 @@ def _add_foot(body: Any, name: str, offset: FloatArray, mass: float, armature: f
     mujoco = engine()
     foot = body.add_body(name=name, pos=[*offset, 0.0])
     foot.explicitinertial = True
-    foot.mass, foot.inertia, foot.ipos = _FOOT_MASS * mass, [_FOOT_MASS * mass * _FOOT_RADIUS**2] * 3, [0.0] * 3
+    foot.mass, foot.inertia, foot.ipos = (
+        _FOOT_MASS * mass,
+        [_FOOT_MASS * mass * _FOOT_RADIUS**2] * 3,
+        [0.0] * 3,
+    )
     foot.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0.0, 0.0, 1.0], armature=armature)
     foot.add_geom(
         name=name,

@@ -51,10 +51,17 @@ def test_a_suite_is_run_reported_and_resumed(suite: str, tmp_path: Path, capsys:
     assert "no run fits seed=9" in capsys.readouterr().err
 
 
+def _heed_interrupts() -> None:
+    """A test run that a shell started in the background ignores Ctrl-C, and so would its children."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
     (tmp_path / "long.yaml").write_text(SUITE.replace("first: true", "time: 60 s, iterations: 1000000000"))
     command = [sys.executable, "-m", "pushplan", "bench", "long.yaml", "-o", "results"]
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as program:
+    with subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=_heed_interrupts
+    ) as program:
         assert program.stderr is not None
         while "small ..." not in program.stderr.readline():
             pass

@@ -46,7 +46,13 @@ def test_every_key_is_described_with_its_default(section: str) -> None:
 
 
 def test_the_words_are_all_named() -> None:
-    for word in (*names.PLANNERS, *names.STABLE_SETS, *names.TRAJECTORIES, *names.COSTS, *names.RESERVED_NAMES):
+    for word in (
+        *names.PLANNERS,
+        *names.STABLE_SETS,
+        *names.TRAJECTORIES,
+        *names.COSTS,
+        *names.RESERVED_NAMES,
+    ):
         assert f"`{word}`" in PAGE.read_text(encoding="utf-8")
 
 
