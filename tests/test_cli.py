@@ -121,7 +121,7 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "the following arguments are required: COMMAND"),
+        ([], "usage: pushplan [-h] [--version] COMMAND"),
         (["pul"], "invalid choice: 'pul'"),
         (["plan"], "the following arguments are required: SCENARIO"),
         (["plan", "two-crates", "--planner", "rtr"], "invalid choice: 'rtr'"),
