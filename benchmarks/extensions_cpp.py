@@ -1,0 +1,151 @@
+"""Time per extension of the project's RRT against C++ OMPL with the same work, in one run.
+
+Run `python benchmarks/extensions_cpp.py [--extensions 20000] [--scenario three-boxes-clutter]`. Needs a C++ compiler
+and OMPL's headers (Debian: `apt-get install g++ libompl-dev`); says so and does nothing where they are missing. Both
+sides grow one tree of the same number of extensions, never restarted nor pruned, and try the exact connection from
+each node. Times are CPU times, taken in turn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import platform
+import shutil
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from ompl import base as ob
+from ompl import control as oc
+from ompl import util as ou
+
+from pushplan.kernels import warm_up
+from pushplan.planners import control_planners
+from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.search import Problem
+from pushplan.planners.session import Budget, Session
+from pushplan.scenario import Scenario
+from pushplan.scenario_file import load_scenario
+from pushplan.stable_set import stable_set
+
+SOURCE = Path(__file__).with_name("extensions.cpp")
+INCLUDES = [Path(f"/usr/include/{name}") for name in ("ompl-1.5", "ompl-1.6", "ompl-1.7", "eigen3")]
+
+
+class Unpruned(Session):
+    """A session that keeps no path: the tree grows on as if there were none."""
+
+    def _consider(self, node: int, cost: float) -> None:
+        pass
+
+
+def why_not() -> str | None:
+    """Why there is nothing to compare with, None if there is."""
+    if shutil.which("g++") is None:
+        return "no C++ compiler (g++)"
+    if not any((folder / "ompl").is_dir() for folder in INCLUDES):
+        return "OMPL's headers are not installed (Debian: libompl-dev)"
+    return None
+
+
+def build(folder: Path) -> Path:
+    program = folder / "extensions"
+    includes = [f"-I{path}" for path in INCLUDES if path.is_dir()]
+    command = [
+        "g++",
+        "-std=c++17",
+        "-O3",
+        "-march=native",
+        *includes,
+        str(SOURCE),
+        "-o",
+        str(program),
+        "-lompl",
+    ]
+    subprocess.run(command, check=True)
+    return program
+
+
+def write(problem: Problem, scenario: Scenario, path: Path) -> None:
+    scene = problem.scene
+    numbers = [scene.clearance, scene.kept, problem.longest, body_reach(scenario)]
+    arrays = {
+        "body_corners": scene.body.corners,
+        "body_starts": scene.body.starts[:, None],
+        "body_bounds": scene.body.bounds,
+        "body_bound": scene.body_bound[None],
+        "obstacles_corners": scene.obstacles.corners,
+        "obstacles_starts": scene.obstacles.starts[:, None],
+        "obstacles_bounds": scene.obstacles.bounds,
+        "circles": scene.circles,
+        "walls": scene.walls[None],
+        "segments": problem.segments,
+        "families": problem.families.reshape(-1, 3),
+        "goal": problem.goal[None],
+        "start": np.asarray(scenario.start)[None],
+        "box": np.array([sampling_box(scenario)]),
+        "numbers": np.array([numbers]),
+    }
+    with path.open("w") as file:
+        for name, array in arrays.items():
+            file.write(f"{name} {array.shape[0]} {array.shape[1]}\n")
+            file.write(" ".join(repr(float(value)) for value in array.ravel()) + "\n")
+
+
+def ours(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
+    """CPU seconds per extension of OMPL's RRT with the compiled propagator, and the share of arcs kept."""
+    ou.setLogLevel(ou.LOG_NONE)
+    ou.RNG.setSeed(seed)
+    session = Unpruned(problem, scenario.start, Budget(math.inf, stall=10**12), seed)
+    information, definition = control_planners._pose(session, sampling_box(scenario), body_reach(scenario))
+    planner = oc.RRT(information)
+    planner.setProblemDefinition(definition)
+    planner.setup()
+    began = time.process_time()
+    planner.solve(ob.PlannerTerminationCondition(lambda: session.extensions >= extensions))
+    return (time.process_time() - began) / session.extensions, (session.count - 1) / session.extensions
+
+
+def compare(name: str, extensions: int, repeats: int) -> str:
+    """One line for a scenario, or why there is none."""
+    missing = why_not()
+    if missing is not None:
+        return f"C++ comparison skipped: {missing}"
+    scenario = load_scenario(name)
+    warm_up("rrt")
+    problem = build_problem(scenario, stable_set(scenario.chain))
+    mine, theirs = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        program = build(Path(folder))
+        data = Path(folder) / "problem.txt"
+        write(problem, scenario, data)
+        for seed in range(1, repeats + 1):
+            mine.append(ours(problem, scenario, extensions, seed))
+            command = [program, data, str(extensions), str(seed)]
+            told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+            theirs.append([float(word) for word in told.split()[:2]])
+    (a, kept_a), (b, kept_b) = np.median(mine, axis=0), np.median(theirs, axis=0)
+    return (
+        f"{name}: {1e6 * a:.2f} us per extension ({kept_a:.0%} of arcs kept), "
+        f"C++ {1e6 * b:.2f} us ({kept_b:.0%}), ratio {a / b:.2f}"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--extensions", type=int, default=20_000)
+    parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--scenario", nargs="*", default=["three-boxes-clutter", "narrow-gap", "free-space"])
+    arguments = parser.parse_args()
+    print(
+        f"{platform.machine()}, Python {platform.python_version()}, {arguments.extensions} extensions, CPU time"
+    )
+    for name in arguments.scenario:
+        print(compare(name, arguments.extensions, arguments.repeats), flush=True)
+
+
+if __name__ == "__main__":
+    main()
