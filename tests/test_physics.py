@@ -14,9 +14,12 @@ import pytest
 
 from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.chain import GRAVITY, Chain
+from pushplan.chain import GRAVITY, Chain, Limits
+from pushplan.dynamics import ContactDynamics
 from pushplan.errors import PushplanError, SupportError
 from pushplan.friction import friction_wrench
+from pushplan.path import PushPath, cost_rate
+from pushplan.planners.timing import time_path
 from pushplan.sim.agreement import Agreement, compare, under_objects
 from pushplan.sim.load_transfer import LoadTransfer
 from pushplan.sim.physics import simulate_trajectory, simulate_twist
@@ -97,6 +100,20 @@ def test_a_box_leaves_a_plate_that_brakes_harder_than_friction(
     assert report.opening[-1, 0] == pytest.approx(gap, rel=0.02, abs=1e-6)
     assert (report.moved_at[0] > 0.3) == True  # noqa: E712
     assert simulate_trajectory(chain, trajectory, quasi_static=True).kept
+
+
+@needs_engine
+@pytest.mark.parametrize("twist", [[1.0, 0.1, 1.0], [1.0, -0.1, 1.2], [1.0, -0.05, 1.8]])
+def test_limits_from_the_contacts_keep_inertia_from_moving_them(
+    make_chain: ChainMaker, twist: list[float]
+) -> None:
+    """A stable turn, as fast as a strong pusher can and as fast as the contacts can bear."""
+    chain = make_chain.boxes(2)
+    limits = Limits(0.5, 4.0, 100.0, 3.0, 20.0, 500.0)
+    direction = np.array([twist]) / cost_rate([twist])[:, None]
+    path = PushPath(np.zeros(3), direction, np.array([0.4]))
+    assert not simulate_trajectory(chain, time_path(path, limits)).kept
+    assert simulate_trajectory(chain, time_path(path, limits, contacts=ContactDynamics(chain))).kept
 
 
 @needs_engine
