@@ -18,15 +18,15 @@ from ompl import base as ob
 from ompl import control as oc
 from ompl import util as ou
 
-from pushplan import se2
+from pushplan.geometry import se2
 from pushplan.kernels import warm_up
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.registry import MODULES, planner_named
 from pushplan.planners.scene import chain_outlines
 from pushplan.planners.session import Budget, Session
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import PolygonObstacle, Scenario
-from pushplan.scenario_file import load_scenario
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 STEP = 0.05
 """Step of the plain Python propagator, m of cost."""

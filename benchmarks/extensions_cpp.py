@@ -27,9 +27,9 @@ from pushplan.planners import control_planners
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Budget, Session
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
-from pushplan.scenario_file import load_scenario
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 SOURCE = Path(__file__).with_name("extensions.cpp")
 INCLUDES = [Path(f"/usr/include/{name}") for name in ("ompl-1.5", "ompl-1.6", "ompl-1.7", "eigen3")]

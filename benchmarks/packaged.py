@@ -17,10 +17,10 @@ from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
 from pushplan.planners.checker import find_collision
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.result import PlanResult
 from pushplan.run import execute
 from pushplan.scenario import Scenario
-from pushplan.scenario_file import load_scenario
 
 EXACT = 1e-6
 

@@ -16,13 +16,13 @@ from functools import reduce
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray
-from pushplan.chain import Chain, Contact, PushedObject, Pusher
-from pushplan.se2 import compose, transform_points
+from pushplan.geometry.se2 import compose, transform_points
+from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
+from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.sim.agreement import Agreement, compare
 from pushplan.sim.physics_engine import engine
 from pushplan.sim.pushes import sample_pushes
-from pushplan.stable_set import stable_set
-from pushplan.support import FeetSupport, Support, UniformSupport
+from pushplan.stable_sets.named import stable_set
 
 BAND = np.radians(0.5), 0.02
 """Predictions at least so far from the boundary (angle, share of a segment) have to be right in 99 % of cases."""

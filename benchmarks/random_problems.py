@@ -26,7 +26,7 @@ from pushplan.planners.registry import MODULES
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario, scenario_from_text
 from pushplan.sim.kinematic import pose_error
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 PARAMETERS = ProblemParameters(objects=(1, 5), obstacles=(0, 30), drives=DRIVES)
 

@@ -12,12 +12,13 @@ from functools import partial
 
 import numpy as np
 
-from pushplan.chain import Chain, Contact, PushedObject, Pusher
-from pushplan.grid_cor_set import grid_cor_set
-from pushplan.interval_chain import IntervalChain
-from pushplan.interval_set import stable_set_over
-from pushplan.stable_set import StableSet, stable_set
-from pushplan.support import FeetSupport, Support, UniformSupport
+from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
+from pushplan.mechanics.interval_chain import IntervalChain
+from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
+from pushplan.stable_sets.grid_cor_set import grid_cor_set
+from pushplan.stable_sets.interval_set import stable_set_over
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
 
 SIDE = 0.1
 TWISTS = 2000

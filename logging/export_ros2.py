@@ -21,7 +21,6 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from mcap.writer import CompressionType, Writer
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
 from pushplan.logging import ros2_messages as ros2
 from pushplan.logging.cdr import encode
 from pushplan.logging.partial_file import write_whole
@@ -30,6 +29,7 @@ from pushplan.logging.scene import CHAIN, PUSHER, WORLD, scene
 from pushplan.logging.schemas import LEVELS
 from pushplan.logging.views import viewed
 from pushplan.logging.window import PATH_SPACING, smoothed_times
+from pushplan.mechanics.chain import Chain
 
 Message = dict[str, Any]
 

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
 from pushplan.logging.extras import optional
 from pushplan.logging.partial_file import write_whole
 from pushplan.logging.recorded import RecordedRun
@@ -21,6 +20,7 @@ from pushplan.logging.scene import CHAIN, PUSHER, WORLD, scene, tree
 from pushplan.logging.shapes import corners
 from pushplan.logging.views import contact_name
 from pushplan.logging.window import path_points, window
+from pushplan.mechanics.chain import Chain
 from pushplan.sim.execution import Execution
 
 TIMELINE = "time"

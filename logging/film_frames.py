@@ -8,8 +8,8 @@ from itertools import cycle
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import obstacle_outline
 from pushplan.logging.views import contact_name

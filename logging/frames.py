@@ -15,8 +15,8 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
 from pushplan.logging.scene import CHAIN, PUSHER, WORLD
+from pushplan.mechanics.chain import Chain
 
 
 class ChainFrames:

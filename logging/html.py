@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.chain import Chain
 from pushplan.logging.partial_file import write_whole
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import PUSHER, obstacle_outline
 from pushplan.logging.views import contact_name, viewed
 from pushplan.logging.window import path_points, window
+from pushplan.mechanics.chain import Chain
 from pushplan.result import PlanResult, Run
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution

@@ -14,10 +14,10 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
+from pushplan.geometry import se2
 from pushplan.logging.shapes import Paint, circle, filled, line, loop
+from pushplan.mechanics.chain import Chain
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
 
 WORLD, CHAIN, PUSHER = "world", "chain", "pusher"

@@ -8,9 +8,9 @@ from typing import TextIO
 
 import numpy as np
 
-from pushplan import se2
 from pushplan.arrays import BoolArray, FloatArray
 from pushplan.errors import PushplanError
+from pushplan.geometry import se2
 from pushplan.logging.playback import Playback, ticks
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import obstacle_outline

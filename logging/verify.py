@@ -17,7 +17,7 @@ from pushplan.result import PlanResult
 from pushplan.run import execute
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution
-from pushplan.stable_set import stable_set as make_stable_set
+from pushplan.stable_sets.named import stable_set as make_stable_set
 from pushplan.trajectory import Trajectory
 
 TOLERANCE = 1e-9

@@ -10,9 +10,9 @@ import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import PLATE, Chain
 from pushplan.logging.scene import CHAIN, PUSHER
 from pushplan.logging.schemas import Margins, MessageClass, Twist
+from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.sim.execution import Execution
 
 VIEW_RATE = 20.0

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.logging.scene import obstacle_outline
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Limits
-from pushplan.dynamics import ContactDynamics, DynamicRows
 from pushplan.errors import TimingError
+from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.dynamics import ContactDynamics, DynamicRows
 from pushplan.planners.profile import ArcLimits, rest_to_rest
 
 ROOM = 0.9

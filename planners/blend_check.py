@@ -7,7 +7,7 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.planners.checker import find_collision
 from pushplan.scenario import Scenario
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
 
 RESTING = 1e-9

@@ -28,7 +28,7 @@ from pushplan.planners.problem import body_reach, scenario_scene
 from pushplan.planners.section import make_driven
 from pushplan.planners.sweep import find_touches
 from pushplan.scenario import Scenario
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
 
 NUDGES = 6

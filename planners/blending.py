@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushplan.dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath
 from pushplan.planners.arc_limits import Bounds
 from pushplan.planners.blend_search import Blend, BlendSearch
@@ -21,7 +21,7 @@ from pushplan.planners.inset import inset_path
 from pushplan.planners.joining import corners_of
 from pushplan.planners.timing import time_path
 from pushplan.scenario import Scenario
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import SAMPLE_RATE
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pushplan import se2
 from pushplan.arrays import FloatArray, IntArray
+from pushplan.geometry import se2
 from pushplan.names import CLEARANCE_ROOM
 from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.arc_limits import ROOM, Bounds
 from pushplan.planners.motion_bounds import limit_use
 from pushplan.planners.step_sum import Pieces

@@ -12,13 +12,13 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Drive
 from pushplan.errors import EmptyStableSetError
+from pushplan.mechanics.chain import Drive
+from pushplan.mechanics.sphere import twists_at
 from pushplan.path import cost_rate
 from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT
-from pushplan.sphere import twists_at
-from pushplan.stable_set import StableSet
-from pushplan.weakest import HELP, contact_words, emptiness, weakest_contact
+from pushplan.stable_sets.stable_set import StableSet
+from pushplan.stable_sets.weakest import HELP, contact_words, emptiness, weakest_contact
 
 MARGIN_FLOOR = 1e-6
 """Planned twists keep this much more than the margin asked for, so that rounding cannot put them outside."""

@@ -17,7 +17,7 @@ from pushplan.planners.passage import passage_faults
 from pushplan.planners.search import Problem
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 
 PUSHES_TRIED = 300
 """Pushes tried from the start and into the goal."""

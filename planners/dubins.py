@@ -17,9 +17,9 @@ import numpy as np
 from ompl import base as ob
 from ompl import util as ou
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
+from pushplan.geometry import se2
 from pushplan.planners.collision import separation
 from pushplan.planners.search import TRIES
 from pushplan.planners.session import Session

@@ -11,7 +11,7 @@ from pushplan.planners.verdict import flaw
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 
 SPACING = 0.01
 """Spacing (m of cost) of the poses handed to the checker, which refines them itself."""

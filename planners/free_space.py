@@ -14,9 +14,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Chain
 from pushplan.planners.scene import chain_outlines
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
 

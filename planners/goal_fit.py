@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
 from pushplan.errors import TimingError
+from pushplan.geometry import se2
 from pushplan.path import PushPath
 from pushplan.planners.least_change import least_change
 from pushplan.planners.nudge import LengthRows, effects_on

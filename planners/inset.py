@@ -16,7 +16,7 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.arc_limits import Bounds, contact_limits
 from pushplan.planners.section import step_windows
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 
 SHARES = 2.0 ** np.arange(-12.0, -1.0)
 """How far twists are moved inward: shares of the way to the path's most stable twist."""

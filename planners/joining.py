@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from pushplan import se2
 from pushplan.arrays import FloatArray, IntArray
+from pushplan.geometry import se2
 from pushplan.path import PushPath
 from pushplan.planners.arc_limits import Bounds
 from pushplan.planners.driven import Driven

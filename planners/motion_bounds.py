@@ -17,7 +17,7 @@ from math import comb
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Limits
+from pushplan.mechanics.chain import Limits
 
 
 def limit_use(durations: FloatArray, coefficients: FloatArray, limits: Limits) -> FloatArray:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.path import PushPath
 from pushplan.planners.collision import Scene
 from pushplan.planners.sweep import Touches, separations

@@ -15,13 +15,13 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.compiled import compiled
-from pushplan.dynamics import ContactDynamics
 from pushplan.errors import TimingError
+from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.sphere import angles_of, twists_at
 from pushplan.path import cost_rate
 from pushplan.planners.arc_limits import Bounds, arc_limits, contact_limits
 from pushplan.scenario import Scenario
-from pushplan.sphere import angles_of, twists_at
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 
 TRAVEL, MARGIN, REST_TO_REST, PASSING = 0, 1, 2, 3
 """Kinds of prices."""

@@ -14,7 +14,7 @@ from pushplan.planners.prices import make_prices
 from pushplan.planners.scene import build_scene, chain_outlines
 from pushplan.planners.search import Problem
 from pushplan.scenario import CircleObstacle, Scenario
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 
 SLACK = 2e-4
 """Distance beyond the clearance, m, that the poses looked at have, so that those between can be proven to keep it."""

@@ -9,7 +9,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
+from pushplan.mechanics.chain import Chain
 from pushplan.planners.collision import Scene, Shapes
 from pushplan.planners.obstacle_tree import obstacle_tree
 

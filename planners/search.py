@@ -116,7 +116,7 @@ def extend(
     return True
 
 
-@compiled
+@woven
 def grow(
     problem: Problem,
     nodes: FloatArray,

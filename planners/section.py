@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.chain import Limits
+from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
 from pushplan.planners.arc_limits import Bounds, contact_limits
 from pushplan.planners.contact_use import ORDERS, bounds_use

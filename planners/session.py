@@ -11,9 +11,10 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.path import TURN_WEIGHT, PushPath
+from pushplan.planners.held import grow_held, hold
 from pushplan.planners.polish import merged, price, shorten
 from pushplan.planners.prices import TRAVEL
-from pushplan.planners.search import NODE, Problem, grow, remaining, trace
+from pushplan.planners.search import NODE, Problem, remaining, trace
 from pushplan.result import ProgressPoint
 
 FIRST_CAPACITY = 4096
@@ -91,11 +92,12 @@ class Session:
         self.progress: list[ProgressPoint] = []
         self.extensions = 0
         self.iterations = 0
-        self._best_price = math.inf
+        self._best_price, self._bound = math.inf, math.inf
         self._reference, self._improved_at = math.inf, 0
         self._lower_bound = 0.0
         self._on_progress = on_progress
         self._word = np.zeros((3, 4))
+        self._held = hold(problem)
         self.nodes, self.count = np.zeros((FIRST_CAPACITY, NODE)), 0
         self.began = time.perf_counter()
         self.restart()
@@ -140,7 +142,7 @@ class Session:
     @property
     def bound(self) -> float:
         """Cost that a path has to stay below to be better, m."""
-        return self.horizon - GAIN
+        return self._bound
 
     @property
     def elapsed(self) -> float:
@@ -167,7 +169,7 @@ class Session:
         self.nodes[0, :3] = self.start
         self.nodes[0, 4] = -1.0
         self.count = 1
-        _, cost = grow(self.problem, self.nodes, 0, -1, 0.0, 0.0, 0.0, self.bound, self._word)
+        _, cost = grow_held(self._held, self.nodes, 0, -1, 0.0, 0.0, 0.0, self.bound, self._word)
         self._consider(0, cost)
 
     def grow(self, parent: int, u0: float, u1: float, u2: float) -> int:
@@ -178,13 +180,15 @@ class Session:
         """
         if self.count == len(self.nodes):
             self.nodes = np.concatenate([self.nodes, np.zeros_like(self.nodes)])
-        self.spent(1)
+        self.extensions += 1
+        self.iterations += 1
         node = self.count
-        kept, cost = grow(self.problem, self.nodes, node, parent, u0, u1, u2, self.bound, self._word)
+        kept, cost = grow_held(self._held, self.nodes, node, parent, u0, u1, u2, self._bound, self._word)
         if not kept:
             return -1
         self.count = node + 1
-        self._consider(node, cost)
+        if cost < self._bound:
+            self._consider(node, cost)
         return node
 
     def note_approach(self) -> None:
@@ -241,6 +245,7 @@ class Session:
             return
         self.best_arcs, self._best_price = arcs.copy(), arcs_price
         self.best_cost = float(arcs[:, 3].sum())
+        self._bound = self.horizon - GAIN
         if self.horizon < self._reference * (1.0 - WORTHWHILE):
             self._reference, self._improved_at = self.horizon, self.iterations
         self.progress.append(ProgressPoint(self.elapsed, self.best_cost, self.iterations))

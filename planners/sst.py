@@ -14,8 +14,8 @@ from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.planners.search import NODE, remaining
 from pushplan.planners.session import Session
 from pushplan.planners.sst_kernel import ACTIVE, TO_GO, SparseTree, grow_sparse

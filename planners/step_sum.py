@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan import se2
 from pushplan.arrays import FloatArray, IntArray
+from pushplan.geometry import se2
 from pushplan.trajectory import advance
 
 FINEST = 0.02

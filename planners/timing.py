@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.chain import Limits
-from pushplan.dynamics import ContactDynamics
+from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath
 from pushplan.planners.arc_limits import Bounds, contact_limits
 from pushplan.planners.profile import rest_to_rest, split

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pushplan.dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.names import KNOWN_LOAD_SETS
 from pushplan.path import PushPath
 from pushplan.planners.blending import blend_path
 from pushplan.planners.timing import time_path
 from pushplan.scenario import Scenario
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import SAMPLE_RATE, Trajectory
 
 

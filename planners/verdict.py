@@ -8,7 +8,7 @@ from pushplan.planners.checker import find_collision
 from pushplan.planners.session import Budget
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
 
 EXACT = 1e-7

@@ -12,7 +12,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pushplan.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
+    from pushplan.drawing.run import plot_plan
+    from pushplan.drawing.scenario import plot_scenario
+    from pushplan.drawing.sets import plot_stable_sets
     from pushplan.errors import (
         ChainError,
         EmptyStableSetError,
@@ -27,14 +29,20 @@ if TYPE_CHECKING:
         UndefinedEcofError,
     )
     from pushplan.examples import example_names, example_text
-    from pushplan.friction import cof, ecof, friction_wrench
     from pushplan.logging.reader import read_run
     from pushplan.logging.recorded import RecordedRun
+    from pushplan.mechanics.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
+    from pushplan.mechanics.friction import cof, ecof, friction_wrench
+    from pushplan.mechanics.sphere import TurningRadii
+    from pushplan.mechanics.support import (
+        FeetSupport,
+        PressureMapSupport,
+        Support,
+        UniformSupport,
+        UnknownSupport,
+    )
     from pushplan.path import PushPath
     from pushplan.plan import plan
-    from pushplan.plot_run import plot_plan
-    from pushplan.plot_scenario import plot_scenario
-    from pushplan.plot_sets import plot_stable_sets
     from pushplan.result import Diagnosis, PlanResult, ProgressPoint, Run
     from pushplan.run import run
     from pushplan.scenario import (
@@ -53,34 +61,34 @@ if TYPE_CHECKING:
         Workspace,
     )
     from pushplan.sim.kinematic import Execution, StabilityLoss, simulate
-    from pushplan.sphere import TurningRadii
-    from pushplan.stable_set import StableSet, stable_set
-    from pushplan.support import FeetSupport, PressureMapSupport, Support, UniformSupport, UnknownSupport
+    from pushplan.stable_sets.named import stable_set
+    from pushplan.stable_sets.stable_set import StableSet
     from pushplan.trajectory import Trajectory
 
     __version__: str
 
 _HOMES = {
-    "chain": "Chain Contact Drive Limits PushedObject Pusher",
+    "mechanics.chain": "Chain Contact Drive Limits PushedObject Pusher",
     "errors": "ChainError EmptyStableSetError Finding ImportedFileError PlanningError PushplanError RunLogError "
     "ScenarioError SupportError TimingError UndefinedEcofError",
     "examples": "example_names example_text",
-    "friction": "cof ecof friction_wrench",
+    "mechanics.friction": "cof ecof friction_wrench",
     "logging.reader": "read_run",
     "logging.recorded": "RecordedRun",
     "path": "PushPath",
     "plan": "plan",
-    "plot_run": "plot_plan",
-    "plot_scenario": "plot_scenario",
-    "plot_sets": "plot_stable_sets",
+    "drawing.run": "plot_plan",
+    "drawing.scenario": "plot_scenario",
+    "drawing.sets": "plot_stable_sets",
     "result": "Diagnosis PlanResult ProgressPoint Run",
     "run": "run",
     "scenario": "Scenario check_scenario load_scenario scenario_from_document scenario_from_text",
     "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle StabilitySettings Workspace",
     "sim.kinematic": "Execution StabilityLoss simulate",
-    "sphere": "TurningRadii",
-    "stable_set": "StableSet stable_set",
-    "support": "FeetSupport PressureMapSupport Support UniformSupport UnknownSupport",
+    "mechanics.sphere": "TurningRadii",
+    "stable_sets.named": "stable_set",
+    "stable_sets.stable_set": "StableSet",
+    "mechanics.support": "FeetSupport PressureMapSupport Support UniformSupport UnknownSupport",
     "trajectory": "Trajectory",
 }
 _HOME_OF = {name: f"pushplan.{home}" for home, names in _HOMES.items() for name in names.split()}

@@ -18,7 +18,7 @@ def scenario_schema() -> dict[str, Any]:
     It accepts every file that the loader accepts. The loader also checks what no schema can say: the range of numbers
     with a unit, polygons that cross themselves, contacts, collisions.
     """
-    from pushplan.scenario_schema import ScenarioFile
+    from pushplan.reading.scenario_schema import ScenarioFile
 
     return _schema_of(ScenarioFile, "pushplan scenario")
 

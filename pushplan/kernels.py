@@ -9,16 +9,16 @@ from functools import cache
 
 import numpy as np
 
-from pushplan.chain import Chain, Contact, PushedObject, Pusher
-from pushplan.contact_state import contact_state
+from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
+from pushplan.mechanics.contact_state import contact_state
+from pushplan.mechanics.support import UniformSupport
 from pushplan.planners.polish import shorten
 from pushplan.planners.prices import travel_prices
 from pushplan.planners.registry import planner_named
 from pushplan.planners.scene import build_scene
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Budget, Session
-from pushplan.stable_set import stable_set
-from pushplan.support import UniformSupport
+from pushplan.stable_sets.named import stable_set
 
 PATIENCE = 1.5
 """Seconds after which the user is told what takes so long; loading the cache takes less."""

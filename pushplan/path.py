@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan import se2
 from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
+from pushplan.geometry import se2
 
 TURN_WEIGHT = 0.1
 """Metres of travel that one radian of turning counts as in the path cost."""

@@ -11,7 +11,6 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.names import COSTS
-from pushplan.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.planners.failure import explain_failure
 from pushplan.planners.lower_bound import lower_bound
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
@@ -19,10 +18,11 @@ from pushplan.planners.registry import planner_named
 from pushplan.planners.session import Budget, Session
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.verdict import EXACT, verdict
+from pushplan.reading.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
-from pushplan.stable_set import stable_set as make_stable_set
+from pushplan.stable_sets.named import stable_set as make_stable_set
 from pushplan.stopwatch import Stopwatch
 
 ROUNDING = 1e-9

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from pushplan.chain import Chain
 from pushplan.errors import PushplanError
 from pushplan.logging.writer import RunLogWriter
+from pushplan.mechanics.chain import Chain
 from pushplan.plan import plan
 from pushplan.result import PlanResult, ProgressPoint, Run
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import Execution, simulate
-from pushplan.stable_set import StableSet
-from pushplan.stable_set import stable_set as make_stable_set
+from pushplan.stable_sets.named import stable_set as make_stable_set
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
 
 

@@ -12,8 +12,8 @@ from typing import Any
 
 from pushplan import names
 from pushplan.arrays import FloatArray, frozen
-from pushplan.chain import Chain
 from pushplan.errors import Finding
+from pushplan.mechanics.chain import Chain
 from pushplan.scenario_parts import (
     CircleObstacle,
     Goal,
@@ -140,7 +140,7 @@ def load_scenario(source: str | Path) -> Scenario:
     Raises:
         ScenarioError: With everything found wrong: syntax, values, geometry, start and goal.
     """
-    from pushplan.scenario_file import load_scenario as load
+    from pushplan.reading.scenario_file import load_scenario as load
 
     return load(source)
 
@@ -158,7 +158,7 @@ def scenario_from_text(
     Raises:
         ScenarioError: As for `load_scenario`.
     """
-    from pushplan.scenario_file import scenario_from_text as read
+    from pushplan.reading.scenario_file import scenario_from_text as read
 
     return read(text, path, attachments)
 
@@ -178,7 +178,7 @@ def scenario_from_document(
     Raises:
         ScenarioError: As for `load_scenario`; the findings have no lines.
     """
-    from pushplan.scenario_file import scenario_from_document as read
+    from pushplan.reading.scenario_file import scenario_from_document as read
 
     return read(document, path, attachments)
 
@@ -188,6 +188,6 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
 
     The set is that of `scenario.stability`; one that needs loads which the scenario does not state is a finding too.
     """
-    from pushplan.scenario_check import check_scenario as check
+    from pushplan.reading.scenario_check import check_scenario as check
 
     return check(scenario)

@@ -8,8 +8,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from pushplan.errors import PushplanError
-from pushplan.schema_objects import NAME
-from pushplan.schema_types import NAME_PATTERN
+from pushplan.reading.schema_objects import NAME
+from pushplan.reading.schema_types import NAME_PATTERN
 
 _SUFFIX = ".yaml"
 

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan import se2
 from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
+from pushplan.geometry import se2
 
 SAMPLE_RATE = 100.0
 """Default rate at which trajectories are sampled and executed, Hz."""

@@ -10,11 +10,11 @@ import shapely
 from numpy.typing import ArrayLike
 
 from pushplan.arrays import BoolArray, FloatArray, frozen
-from pushplan.chain import Chain
-from pushplan.contact_state import contact_state
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.contact_state import contact_state
+from pushplan.mechanics.sphere import checked_twists
 from pushplan.sim.physics import simulate_twist
 from pushplan.sim.physics_settings import PhysicsSettings
-from pushplan.sphere import checked_twists
 
 FINE = PhysicsSettings(tolerance=1e-4, indentation=5e-6)
 """Hard contacts that count as moved from a ten-thousandth of the segment on: slips soon get there, holds never."""

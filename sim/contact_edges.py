@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Contact
+from pushplan.mechanics.chain import Contact
 
 _ON_LINE = 1e-6
 """Distance from the contact's line within which a corner belongs to it, m."""

@@ -14,8 +14,8 @@ from scipy.optimize import nnls
 
 from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import SupportError
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
 from pushplan.sim.polygon_rule import Rule, polygon_rule
-from pushplan.support import FeetSupport, PressureMapSupport, Support, UniformSupport
 
 DEGREE = 9
 """Degree up to which the feet have the moments of the pressure that they stand for."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.contact_state import contact_state
+from pushplan.geometry import se2
+from pushplan.mechanics.contact_state import contact_state
 from pushplan.sim.execution import Execution as Execution
 from pushplan.sim.execution import StabilityLoss as StabilityLoss
-from pushplan.stable_set import StableSet
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory, advance
 
 RESTING = 1e-6

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
-from pushplan.packed import pack_chain
-from pushplan.se2 import rotate
+from pushplan.geometry.se2 import rotate
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.packed import pack_chain
 from pushplan.sim.physics_bodies import Standing
 from pushplan.sim.physics_model import PhysicsModel
 

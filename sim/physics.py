@@ -12,15 +12,15 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.chain import GRAVITY, Chain
 from pushplan.errors import PushplanError
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import GRAVITY, Chain
+from pushplan.mechanics.sphere import checked_twists
 from pushplan.sim.physics_drive import Motion, drive
 from pushplan.sim.physics_engine import PhysicsError
 from pushplan.sim.physics_report import PhysicsReport, contact_motion
 from pushplan.sim.physics_settings import PhysicsSettings
-from pushplan.sphere import checked_twists
 from pushplan.trajectory import Trajectory
 
 DEFAULTS = PhysicsSettings()

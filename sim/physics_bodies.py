@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import GRAVITY, PushedObject
-from pushplan.inertia import inertia_of
-from pushplan.se2 import rotate
+from pushplan.geometry.se2 import rotate
+from pushplan.mechanics.chain import GRAVITY, PushedObject
+from pushplan.mechanics.inertia import inertia_of
 from pushplan.sim.feet import Feet
 from pushplan.sim.physics_engine import engine
 

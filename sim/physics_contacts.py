@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import GRAVITY, PLATE, Chain, Contact
+from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Contact
 from pushplan.sim.contact_edges import edge_extent
 from pushplan.sim.physics_engine import engine
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan import se2
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.chain import Chain
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Chain
 from pushplan.sim.load_transfer import LoadTransfer
 from pushplan.sim.physics_model import PhysicsModel, build_model
 from pushplan.sim.physics_settings import PhysicsSettings

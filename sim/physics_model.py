@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.chain import Chain
-from pushplan.se2 import rotate
+from pushplan.geometry.se2 import rotate
+from pushplan.mechanics.chain import Chain
 from pushplan.sim.feet import feet_of
 from pushplan.sim.physics_bodies import FLOOR, Standing, add_floor, add_object, add_planar, stand
 from pushplan.sim.physics_contacts import add_contacts

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray, frozen
-from pushplan.chain import PLATE, Chain
-from pushplan.se2 import relative, transform_points
+from pushplan.geometry.se2 import relative, transform_points
+from pushplan.mechanics.chain import PLATE, Chain
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.sphere import angles_of, twists_at
-from pushplan.stable_set import StableSet
+from pushplan.mechanics.sphere import angles_of, twists_at
+from pushplan.stable_sets.stable_set import StableSet
 
 _CANDIDATES = 20_000
 _BISECTIONS = 50

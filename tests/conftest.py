@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import PLATE, Chain, Contact, PushedObject, Pusher
-from pushplan.se2 import rotate, transform_points
-from pushplan.support import FeetSupport, Support, UniformSupport
+from pushplan.geometry.se2 import rotate, transform_points
+from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
+from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 
 PLATE_OUTLINE = np.array([[-0.03, -0.1], [0.0, -0.1], [0.0, 0.1], [-0.03, 0.1]])
 

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pushplan import se2
+from pushplan.geometry import se2
 from pushplan.planners.checker import SPACING, densify, find_collision
+from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import CircleObstacle, Scenario
-from pushplan.scenario_file import scenario_from_text
 
 TEXT = """
 format: pushplan/1

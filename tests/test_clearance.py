@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan import se2
 from pushplan.errors import PlanningError
+from pushplan.geometry import se2
 from pushplan.names import CLEARANCE_ROOM
 from pushplan.plan import plan
 from pushplan.planners.problem import SLACK, scenario_scene

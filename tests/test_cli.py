@@ -17,7 +17,7 @@ from pushplan.cli import COMMANDS, main
 from pushplan.commands import plan as plan_command
 from pushplan.examples import example_names, example_text
 from pushplan.scenario import load_scenario
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]
 

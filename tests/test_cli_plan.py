@@ -19,7 +19,7 @@ from pushplan.path import cost_rate
 from pushplan.run import execute
 from pushplan.scenario import load_scenario
 from pushplan.sim.kinematic import Execution
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]
 

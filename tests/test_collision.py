@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.planners.collision import Scene, separation, step, sweep_is_free
 from pushplan.planners.scene import convex_pieces, scene_of
 

@@ -17,8 +17,8 @@ from pushplan.commands.failure import report_failure
 from pushplan.commands.numbers import counted, time_text
 from pushplan.commands.options import OutputError, check_outputs
 from pushplan.commands.progress import Progress
+from pushplan.drawing.format import PlotError
 from pushplan.errors import Finding, PlanningError, ScenarioError
-from pushplan.plot_format import PlotError
 
 Captured = pytest.CaptureFixture[str]
 

@@ -11,14 +11,14 @@ import pytest
 from scipy.optimize import linprog
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain, Contact
-from pushplan.contact_kernel import contact_margins, margin
-from pushplan.contact_state import contact_state
 from pushplan.errors import PushplanError, SupportError
-from pushplan.friction import friction_wrench
-from pushplan.packed import pack_chain
-from pushplan.stable_set import stable_set
-from pushplan.support import UnknownSupport
+from pushplan.mechanics.chain import Chain, Contact
+from pushplan.mechanics.contact_kernel import contact_margins, margin
+from pushplan.mechanics.contact_state import contact_state
+from pushplan.mechanics.friction import friction_wrench
+from pushplan.mechanics.packed import pack_chain
+from pushplan.mechanics.support import UnknownSupport
+from pushplan.stable_sets.named import stable_set
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Drive
 from pushplan.errors import EmptyStableSetError
+from pushplan.mechanics.chain import Drive
 from pushplan.path import cost_rate
 from pushplan.planners.controls import control_segments, steering_families
 from pushplan.planners.polish import random_family
-from pushplan.stable_set import StableSet, stable_set
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
 
 AXLE = np.array([-0.25, 0.02, 0.0])
 DRIVES = [

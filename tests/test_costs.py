@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Limits
 from pushplan.errors import PlanningError
+from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
 from pushplan.plan import plan
 from pushplan.planners.arc_limits import arc_limits
@@ -20,7 +20,7 @@ from pushplan.planners.problem import build_problem
 from pushplan.planners.profile import ArcLimits, rest_to_rest
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario, load_scenario
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 
 def ranked(cost: str, weight: float = 1.0, trajectory: str = "exact") -> Scenario:

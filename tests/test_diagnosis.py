@@ -24,7 +24,7 @@ from pushplan.result import CAUSES, Diagnosis, PlanResult
 from pushplan.run import run
 from pushplan.scenario import PolygonObstacle, Scenario, load_scenario, scenario_from_text
 from pushplan.sim.kinematic import pose_error
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 ROOM = """
 obstacles:

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from ompl import base as ob
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.chain import Drive
 from pushplan.errors import PlanningError
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Drive
 from pushplan.plan import plan
 from pushplan.planners.controls import control_segments, steering_families
 from pushplan.planners.dubins import Car
 from pushplan.planners.steering import MAX_WORDS, find_words
-from pushplan.scenario_file import load_scenario
-from pushplan.stable_set import StableSet, stable_set
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
 
 AXLE = np.array([-0.25, 0.02, 0.0])
 DRIVES = [Drive(), Drive("differential", AXLE), Drive("car", AXLE, 0.8)]

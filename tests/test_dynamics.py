@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from pushplan import se2
-from pushplan.admissible_speeds import SpeedWindow, admissible_speeds
 from pushplan.arrays import FloatArray
-from pushplan.chain import GRAVITY, Chain, PushedObject
-from pushplan.contact_state import contact_state
-from pushplan.dynamics import ContactDynamics, dynamic_margins, dynamic_rows
 from pushplan.errors import PushplanError, SupportError
-from pushplan.inertia import inertia_of
-from pushplan.support import FeetSupport, UniformSupport, UnknownSupport
+from pushplan.geometry import se2
+from pushplan.mechanics.admissible_speeds import SpeedWindow, admissible_speeds
+from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
+from pushplan.mechanics.contact_state import contact_state
+from pushplan.mechanics.dynamics import ContactDynamics, dynamic_margins, dynamic_rows
+from pushplan.mechanics.inertia import inertia_of
+from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

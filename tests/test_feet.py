@@ -9,14 +9,20 @@ import pytest
 import shapely
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Contact, PushedObject
 from pushplan.errors import SupportError
-from pushplan.friction import friction_wrench
+from pushplan.mechanics.chain import Contact, PushedObject
+from pushplan.mechanics.friction import friction_wrench
+from pushplan.mechanics.sphere import twists_about
+from pushplan.mechanics.support import (
+    FeetSupport,
+    PressureMapSupport,
+    Support,
+    UniformSupport,
+    UnknownSupport,
+)
 from pushplan.sim.contact_edges import edge_extent
 from pushplan.sim.feet import DEGREE, compressed, feet_of
 from pushplan.sim.polygon_rule import Rule, polygon_rule
-from pushplan.sphere import twists_about
-from pushplan.support import FeetSupport, PressureMapSupport, Support, UniformSupport, UnknownSupport
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -13,15 +13,15 @@ from scipy.integrate import quad_vec
 
 import pushplan
 from pushplan.arrays import FloatArray
-from pushplan.chain import GRAVITY, PushedObject
 from pushplan.errors import PushplanError, SupportError, UndefinedEcofError
-from pushplan.friction import cof, ecof, friction_wrench
-from pushplan.friction_kernel import carried_wrench
-from pushplan.friction_series import REACH
-from pushplan.packed import pack_object
-from pushplan.se2 import inverse, transform_points
-from pushplan.sphere import twists_about
-from pushplan.support import FeetSupport, PressureMapSupport, UniformSupport
+from pushplan.geometry.se2 import inverse, transform_points
+from pushplan.mechanics.chain import GRAVITY, PushedObject
+from pushplan.mechanics.friction import cof, ecof, friction_wrench
+from pushplan.mechanics.friction_kernel import carried_wrench
+from pushplan.mechanics.friction_series import REACH
+from pushplan.mechanics.packed import pack_object
+from pushplan.mechanics.sphere import twists_about
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -14,7 +14,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pushplan.scenario import load_scenario
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "harada2006"

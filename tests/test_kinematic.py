@@ -9,12 +9,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Limits
-from pushplan.contact_state import contact_state
+from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.contact_state import contact_state
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing import time_path
 from pushplan.sim.kinematic import pose_error, simulate
-from pushplan.stable_set import StableSet, stable_set
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
 
 

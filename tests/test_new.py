@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pushplan.cli import main
-from pushplan.plot_format import PICTURE_SUFFIXES
+from pushplan.drawing.format import PICTURE_SUFFIXES
 from pushplan.scenario import load_scenario
 
 Captured = pytest.CaptureFixture[str]

@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.chain import GRAVITY, Chain, Limits
-from pushplan.dynamics import ContactDynamics
 from pushplan.errors import PushplanError, SupportError
-from pushplan.friction import friction_wrench
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import GRAVITY, Chain, Limits
+from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.friction import friction_wrench
+from pushplan.mechanics.sphere import twists_about
+from pushplan.mechanics.support import UniformSupport, UnknownSupport
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing import time_path
 from pushplan.sim.agreement import Agreement, compare, under_objects
@@ -28,9 +30,7 @@ from pushplan.sim.physics_model import build_model
 from pushplan.sim.physics_report import PhysicsReport
 from pushplan.sim.physics_settings import PhysicsSettings
 from pushplan.sim.pushes import sample_pushes
-from pushplan.sphere import twists_about
-from pushplan.stable_set import stable_set
-from pushplan.support import UniformSupport, UnknownSupport
+from pushplan.stable_sets.named import stable_set
 from pushplan.trajectory import Trajectory
 
 if TYPE_CHECKING:

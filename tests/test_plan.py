@@ -12,10 +12,10 @@ from pushplan.examples import example_names, example_text
 from pushplan.plan import plan
 from pushplan.planners.checker import find_collision
 from pushplan.planners.registry import MODULES
+from pushplan.reading.scenario_file import load_scenario, scenario_from_text
 from pushplan.result import PlanResult
 from pushplan.run import execute
 from pushplan.scenario import Scenario
-from pushplan.scenario_file import load_scenario, scenario_from_text
 
 PATIENT = 60.0
 """A time limit that no test reaches, so that results do not depend on the machine."""

@@ -14,22 +14,22 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 import pushplan
-from pushplan import plot_figure
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
-from pushplan.cor_window import default_window
+from pushplan.drawing import figure as plot_figure
+from pushplan.drawing.chain import friction_cone
+from pushplan.drawing.format import PICTURE_SUFFIXES, PlotError, check_picture_path
+from pushplan.drawing.run import plot_plan
+from pushplan.drawing.sets import plot_stable_sets
+from pushplan.drawing.world import draw_by_margin, draw_surroundings, draw_sweep, view_box
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import Chain
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing import time_path
-from pushplan.plot_chain import friction_cone
-from pushplan.plot_format import PICTURE_SUFFIXES, PlotError, check_picture_path
-from pushplan.plot_run import plot_plan
-from pushplan.plot_sets import plot_stable_sets
-from pushplan.plot_world import draw_by_margin, draw_surroundings, draw_sweep, view_box
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
-from pushplan.se2 import transform_points
 from pushplan.sim.kinematic import Execution, simulate
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.cor_window import default_window
+from pushplan.stable_sets.named import stable_set
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
@@ -197,7 +197,7 @@ def test_upper_case_suffixes_are_fine(chain: Chain, tmp_path: Path) -> None:
 
 
 def test_the_global_drawing_state_is_not_used() -> None:
-    for source in Path(str(pushplan.__file__)).parent.glob("plot*.py"):
+    for source in (Path(str(pushplan.__file__)).parent / "drawing").glob("*.py"):
         names = {node.name for node in ast.walk(ast.parse(source.read_text())) if isinstance(node, ast.alias)}
         assert not any("pyplot" in name for name in names), source
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.admissible_speeds import SpeedWindow, admissible_speeds
-from pushplan.chain import GRAVITY
-from pushplan.plot_format import PlotError
-from pushplan.plot_speeds import limiting_rows, plot_admissible_speeds
+from pushplan.drawing.format import PlotError
+from pushplan.drawing.speeds import limiting_rows, plot_admissible_speeds
+from pushplan.mechanics.admissible_speeds import SpeedWindow, admissible_speeds
+from pushplan.mechanics.chain import GRAVITY
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

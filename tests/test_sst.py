@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from ompl import base as ob
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.planners import sst
 from pushplan.planners.collision import sweep_is_free
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
@@ -23,8 +23,8 @@ from pushplan.planners.sst_kernel import (
     SparseTree,
     grow_sparse,
 )
-from pushplan.scenario_file import load_scenario
-from pushplan.stable_set import stable_set
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.stable_sets.named import stable_set
 
 HEADING_LENGTH = 0.4
 RADII = np.array([HEADING_LENGTH, 0.5, 0.25])

@@ -11,11 +11,12 @@ import pytest
 import shapely
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain, Contact
 from pushplan.errors import PushplanError
-from pushplan.friction import cof
-from pushplan.sphere import angles_of, twists_about, twists_at
-from pushplan.stable_set import StableSet, stable_set
+from pushplan.mechanics.chain import Chain, Contact
+from pushplan.mechanics.friction import cof
+from pushplan.mechanics.sphere import angles_of, twists_about, twists_at
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

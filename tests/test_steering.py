@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from ompl import base as ob
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.path import cost_rate
 from pushplan.planners.steering import LEFT, MAX_WORDS, RIGHT, STRAIGHT, find_words
 

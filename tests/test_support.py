@@ -9,7 +9,7 @@ import pytest
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import SupportError
-from pushplan.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
 L_SHAPE = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.1, 0.1], [0.1, 0.2], [0.0, 0.2]])

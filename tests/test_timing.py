@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pushplan.chain import Limits
+from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.arc_limits import arc_limits
 from pushplan.planners.profile import rest_to_rest

@@ -13,14 +13,14 @@ from panels import chain_named, draw_roles, row_of_panels
 from scipy.stats import qmc
 
 from pushplan.arrays import BoolArray, FloatArray
-from pushplan.chain import Chain
-from pushplan.plot_chain import draw_contacts
-from pushplan.plot_cor import LINE_STYLES
-from pushplan.plot_figure import INK
-from pushplan.plot_sets import draw_sets
+from pushplan.drawing.chain import draw_contacts
+from pushplan.drawing.cor import LINE_STYLES
+from pushplan.drawing.figure import INK
+from pushplan.drawing.sets import draw_sets
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.sphere import twists_about
 from pushplan.sim.agreement import Agreement, compare
-from pushplan.sphere import twists_about
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 WINDOW = (-0.1, -0.2, 0.16, 0.2)
 PANELS = {"(a) bare plate, 14 deg": "one-block-14deg", "(b) rubber-covered plate, 29 deg": "one-block-29deg"}

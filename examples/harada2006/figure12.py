@@ -9,20 +9,20 @@ import numpy as np
 from matplotlib.axes import Axes
 from panels import HERE, draw_roles
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
+from pushplan.drawing.chain import OBJECT_COLOUR, PLATE_COLOUR, draw_contacts
+from pushplan.drawing.cor import style_cor_axes
+from pushplan.drawing.figure import FAINT, INK, axes_at, figure_for
+from pushplan.drawing.sets import draw_sets
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.sphere import twists_about
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing import time_path
-from pushplan.plot_chain import OBJECT_COLOUR, PLATE_COLOUR, draw_contacts
-from pushplan.plot_cor import style_cor_axes
-from pushplan.plot_figure import FAINT, INK, axes_at, figure_for
-from pushplan.plot_sets import draw_sets
 from pushplan.scenario import load_scenario
 from pushplan.sim.physics import simulate_trajectory
 from pushplan.sim.physics_report import PhysicsReport
-from pushplan.sphere import twists_about
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 STRAIGHT = 0.2
 """Length of the translation at the end, m."""

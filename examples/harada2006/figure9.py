@@ -9,11 +9,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from panels import chain_named, draw_roles, legend_below, row_of_panels, sense_entries
 
-from pushplan.plot_chain import CONE_COLOUR, draw_contacts
-from pushplan.plot_cor import LINE_STYLES
-from pushplan.plot_figure import INK
-from pushplan.plot_sets import draw_sets
-from pushplan.stable_set import stable_set
+from pushplan.drawing.chain import CONE_COLOUR, draw_contacts
+from pushplan.drawing.cor import LINE_STYLES
+from pushplan.drawing.figure import INK
+from pushplan.drawing.sets import draw_sets
+from pushplan.stable_sets.named import stable_set
 
 WINDOW = (-0.06, -0.27, 0.22, 0.27)
 PANELS = {"(a) in a row": "two-blocks", "(b) the far one 2 cm to the left": "two-blocks-offset"}

@@ -13,14 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
 from pushplan.arrays import FloatArray
-from pushplan.carried import carried_objects, common_centers
-from pushplan.chain import Chain
-from pushplan.cor_region import Window
-from pushplan.friction import cof
-from pushplan.plot_chain import CONE_COLOUR, OBJECT_COLOUR, PLATE_COLOUR
-from pushplan.plot_cor import SENSE_NAMES, SENSES, style_cor_axes
-from pushplan.plot_figure import INK, axes_at, figure_for
+from pushplan.drawing.chain import CONE_COLOUR, OBJECT_COLOUR, PLATE_COLOUR
+from pushplan.drawing.cor import SENSE_NAMES, SENSES, style_cor_axes
+from pushplan.drawing.figure import INK, axes_at, figure_for
+from pushplan.mechanics.carried import carried_objects, common_centers
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.friction import cof
 from pushplan.scenario import load_scenario
+from pushplan.stable_sets.cor_region import Window
 
 HERE = Path(__file__).parent
 FAR = 10.0

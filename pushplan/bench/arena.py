@@ -55,6 +55,7 @@ ATTRIBUTES = (
     ("seed", "INTEGER"),
     ("first_solution_time", "REAL"),
     ("solution_length", "REAL"),
+    ("lower_bound", "REAL"),
     ("solution_segments", "INTEGER"),
     ("solution_clearance", "REAL"),
     ("solution_difference", "REAL"),

@@ -112,6 +112,8 @@ def task_of(run: RunSpec) -> Task:
         first=planner.first,
         time_limit=planner.time,
         iterations=planner.iterations,
+        cost=planner.cost,
+        gap=planner.gap,
         stable_set=run.stable_set,
         seed=run.seed,
         seconds=run.limits.seconds,

@@ -30,6 +30,8 @@ class Task:
         first: It stops at the first path.
         time_limit: Planning time, s, at most.
         iterations: Extensions and shortcuts, at most, or None.
+        cost: What paths are ranked by, or None for the scenario's own.
+        gap: Share above the lower bound that is good enough, or None likewise.
         stable_set: Name of the stable set.
         seed: Of the random numbers.
         seconds: Wall-clock time of the run, s, after which it is killed.
@@ -45,6 +47,8 @@ class Task:
     first: bool
     time_limit: float
     iterations: int | None
+    cost: str | None
+    gap: float | None
     stable_set: str
     seed: int
     seconds: float
@@ -64,6 +68,7 @@ class Figures:
         seconds: Wall-clock time by phase: `loading` of the scenario, those of `pushplan.result.Run`, and
             `validation` of the execution.
         path_cost: m.
+        lower_bound: Cost that no path beats, m.
         arcs: Twist (vx, vy, omega) and length of each.
         clearance: Smallest distance of the moving bodies from anything, m.
         goal_position_error: After execution, m.
@@ -81,6 +86,7 @@ class Figures:
     first_solution_s: float | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     path_cost: float | None = None
+    lower_bound: float | None = None
     arcs: tuple[tuple[float, float, float, float], ...] = ()
     clearance: float | None = None
     goal_position_error: float | None = None

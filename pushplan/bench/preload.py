@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import gc
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a run has one processor; and forks want no other threads
@@ -23,7 +24,7 @@ def load() -> None:
     from pushplan.kernels import warm_up
     from pushplan.names import PLANNERS, STABLE_SETS
     from pushplan.scenario import load_scenario
-    from pushplan.stable_set import stable_set
+    from pushplan.stable_sets.named import stable_set
 
     scenario = load_scenario("two-crates")
     for name in PLANNERS:
@@ -33,19 +34,21 @@ def load() -> None:
         with contextlib.suppress(Exception):
             stable_set(scenario.chain, name).margin([[1.0, 0.0, 0.0]])
     task = Task(
-        "",
-        "two-crates",
-        scenario.source,
-        {},
-        "auto",
-        True,
-        1.0,
-        None,
-        scenario.stability.set,
-        1,
-        1.0,
-        1.0,
-        "",
+        key="",
+        name=scenario.name,
+        source=scenario.source,
+        attachments={},
+        planner="auto",
+        first=True,
+        time_limit=1.0,
+        iterations=None,
+        cost=None,
+        gap=None,
+        stable_set=scenario.stability.set,
+        seed=1,
+        seconds=1.0,
+        megabytes=1.0,
+        version="",
     )
     with tempfile.TemporaryDirectory() as folder:
         perform(task, Path(folder))
@@ -53,5 +56,7 @@ def load() -> None:
 
 with contextlib.suppress(Exception):
     load()
+gc.collect()
+gc.freeze()  # or each process would copy all that is loaded as soon as it collects garbage
 # Without the interpreter's clean-up, in which the bindings of OMPL list what they call leaks on the user's screen.
 atexit.register(os._exit, 0)

@@ -11,9 +11,9 @@ from pushplan.arrays import FloatArray
 from pushplan.bench.parameters import GeneratorError, ProblemParameters, Range
 from pushplan.bench.random_shapes import FlushShape, random_box, random_flush_polygon, rounded
 from pushplan.bench.scenario_yaml import scenario_yaml
-from pushplan.chain import Chain
+from pushplan.mechanics.chain import Chain
 from pushplan.scenario import scenario_from_text
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 DRAWS = 10
 """Chains that are drawn for one with the turns that are asked for."""

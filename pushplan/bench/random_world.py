@@ -11,8 +11,8 @@ from shapely.geometry.base import BaseGeometry
 from pushplan.arrays import FloatArray
 from pushplan.bench.parameters import GeneratorError, ProblemParameters
 from pushplan.bench.random_shapes import random_polygon, rounded
-from pushplan.chain import Chain
-from pushplan.se2 import compose, rotate, transform_points
+from pushplan.geometry.se2 import compose, rotate, transform_points
+from pushplan.mechanics.chain import Chain
 
 CLEARANCE = 0.02
 """Distance of obstacles and walls from start and goal, m."""

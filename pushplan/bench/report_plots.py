@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from pushplan.arrays import FloatArray
 from pushplan.bench.results import Results, RunRow
 from pushplan.bench.statistics import percentiles
-from pushplan.plot_figure import FAINT, axes_at, figure_for
+from pushplan.drawing.figure import FAINT, axes_at, figure_for
 
 COLOURS = ("#3b6ea8", "#d1762c", "#4d8f4a", "#a64d79", "#7a6a4f", "#4aa3a3", "#8a63b0", "#b03a48")
 

@@ -130,6 +130,7 @@ QUANTITIES: tuple[tuple[str, str, Show], ...] = (
     ("logging", "logging_time", seconds),
     ("validating", "validation_time", seconds),
     ("cost [m]", "solution_length", number),
+    ("lower bound [m]", "lower_bound", number),
     ("arcs", "solution_segments", number),
     ("clearance [m]", "solution_clearance", number),
     ("smallest margin", "min_margin", number),

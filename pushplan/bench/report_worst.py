@@ -54,8 +54,8 @@ def pictures(results: Results, runs: Sequence[RunRow]) -> dict[str, str]:
 
 def _picture(log: Path) -> str | None:
     """Return the picture of a logged run, None when its log does not hold a plan (any more)."""
+    from pushplan.drawing.run import plot_plan
     from pushplan.logging.reader import read_run
-    from pushplan.plot_run import plot_plan
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.png"

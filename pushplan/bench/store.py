@@ -188,6 +188,7 @@ def _attributes(run: RunSpec, result: Outcome) -> tuple[object, ...]:
         "seed": run.seed,
         "first_solution_time": figures.first_solution_s,
         "solution_length": figures.path_cost,
+        "lower_bound": figures.lower_bound,
         "solution_segments": len(figures.arcs) if figures.path_cost is not None else None,
         "solution_clearance": figures.clearance,
         "solution_difference": figures.goal_position_error,

@@ -52,6 +52,8 @@ class PlannerSetup:
         first: It stops at the first path.
         time: Planning time, s, at most.
         iterations: Extensions and shortcuts, at most, or None.
+        cost: What paths are ranked by; None stands for the scenario's own.
+        gap: Share above the lower bound at which a path is good enough; None likewise.
     """
 
     label: str
@@ -59,6 +61,8 @@ class PlannerSetup:
     first: bool
     time: float
     iterations: int | None
+    cost: str | None = None
+    gap: float | None = None
 
     @property
     def settings(self) -> dict[str, object]:

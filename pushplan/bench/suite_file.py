@@ -10,10 +10,10 @@ from pushplan.bench.suite import PlannerSetup, Suite
 from pushplan.bench.suite_problems import make_problems
 from pushplan.bench.suite_schema import LimitSection, Planner, SuiteFile
 from pushplan.errors import Finding, ScenarioError
-from pushplan.report import Report
-from pushplan.schema_findings import nearest, validate
-from pushplan.yaml_text import MOST_BYTES, DocumentError
-from pushplan.yaml_tree import read_document
+from pushplan.reading.report import Report
+from pushplan.reading.schema_findings import nearest, validate
+from pushplan.reading.yaml_text import MOST_BYTES, DocumentError
+from pushplan.reading.yaml_tree import read_document
 
 _SUFFIX = ".yaml"
 
@@ -117,6 +117,8 @@ def _planner(stated: str | Planner, limits: LimitSection) -> PlannerSetup:
         first=stated.first,
         time=stated.time or limits.time,
         iterations=stated.iterations or limits.iterations,
+        cost=stated.cost,
+        gap=stated.gap,
     )
 
 

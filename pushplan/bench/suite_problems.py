@@ -12,9 +12,9 @@ from pushplan.bench.suite import Problem
 from pushplan.bench.suite_schema import Generator, SuiteFile
 from pushplan.bench.suite_schema import Problem as StatedProblem
 from pushplan.errors import ScenarioError
-from pushplan.report import Report
+from pushplan.reading.report import Report
+from pushplan.reading.yaml_node import Place
 from pushplan.scenario import load_scenario, scenario_from_text
-from pushplan.yaml_node import Place
 
 
 def make_problems(file: SuiteFile, folder: Path, report: Report) -> tuple[Problem, ...]:

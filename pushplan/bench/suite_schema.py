@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from pushplan import names
-from pushplan import schema_types as t
 from pushplan.bench import parameters as p
-from pushplan.quantity import Quantity, fault
+from pushplan.reading import schema_types as t
+from pushplan.reading.quantity import Quantity, fault
 
 SUITE_FORMAT = "pushplan-suite/1"
 """What `format` says in a suite file."""
@@ -119,6 +119,12 @@ class Planner(t.Strict):
     first: bool = Field(default=False, strict=True, description="true to stop at the first path, or false")
     time: t.Duration | None = Field(default=None, description="a time in s")
     iterations: Iterations | None = Field(default=None, description="a whole number")
+    cost: Literal[names.COSTS] | None = Field(  # type: ignore[valid-type]
+        default=None, description=f"one of {', '.join(names.COSTS)}; without it the scenario's own"
+    )
+    gap: t.Gap | None = Field(
+        default=None, description="a share from 0 to 100; without it the scenario's own"
+    )
 
 
 class LimitSection(t.Strict):

@@ -6,9 +6,9 @@ import numpy as np
 import shapely
 
 from pushplan.arrays import FloatArray
+from pushplan.geometry.se2 import rotate
 from pushplan.planners.checker import densify, find_collision
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
-from pushplan.se2 import rotate
 from pushplan.sim.execution import Execution
 
 CLEARANCE_SPACING = 0.01

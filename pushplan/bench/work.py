@@ -40,6 +40,8 @@ def perform(task: Task, folder: Path) -> Figures:
             time_limit=task.time_limit,
             first=task.first,
             iterations=task.iterations,
+            cost=task.cost,
+            gap=task.gap,
         )
     except (PlanningError, EmptyStableSetError) as error:
         return Figures(reason=str(error), seconds=watch.seconds, memory=peak_memory())
@@ -66,6 +68,7 @@ def figures(scenario: Scenario, done: Run, watch: Stopwatch) -> Figures:
         first_solution_s=plan.first_solution_s,
         seconds={**watch.seconds, **done.seconds},
         path_cost=None if path is None else path.cost,
+        lower_bound=plan.lower_bound,
         arcs=tuple(arcs),
         clearance=free,
         goal_position_error=error[0],

@@ -37,7 +37,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     console.table(rows(described))
     if args.plot is not None:
         with console.working(f"drawing {args.plot}"):
-            from pushplan.plot_scenario import plot_scenario
+            from pushplan.drawing.scenario import plot_scenario
 
             plot_scenario(scenario, described.stable, args.plot)
     console.say(console.paint("no findings", "green"))

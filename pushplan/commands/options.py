@@ -7,8 +7,8 @@ import os
 from math import isfinite
 from pathlib import Path
 
+from pushplan.drawing.format import check_picture_path
 from pushplan.errors import PushplanError
-from pushplan.plot_format import check_picture_path
 
 
 class OutputError(PushplanError, ValueError):

@@ -104,6 +104,6 @@ def draw(
 ) -> None:
     """Draw a plan into a file."""
     with console.working(f"drawing {path}"):
-        from pushplan.plot_run import plot_plan
+        from pushplan.drawing.run import plot_plan
 
         plot_plan(scenario, plan, execution, path)

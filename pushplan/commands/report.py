@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pushplan.chain import PLATE, Chain
 from pushplan.commands.console import Console
 from pushplan.commands.failure import DONE, MISMATCH, NO_PLAN
 from pushplan.commands.numbers import counted, time_text
+from pushplan.mechanics.chain import PLATE, Chain
 
 if TYPE_CHECKING:
     from pushplan.path import PushPath

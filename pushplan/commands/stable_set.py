@@ -16,9 +16,9 @@ from pushplan.commands.options import add_plot, add_scenario, check_outputs
 from pushplan.names import STABLE_SETS
 
 if TYPE_CHECKING:
-    from pushplan.cor_region import Window
     from pushplan.scenario import Scenario
-    from pushplan.stable_set import StableSet
+    from pushplan.stable_sets.cor_region import Window
+    from pushplan.stable_sets.stable_set import StableSet
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     check_outputs(args.scenario, args.plot)
     scenario = load_scenario(args.scenario)
     with console.working("computing stable sets"):
-        from pushplan.cor_window import default_window
+        from pushplan.stable_sets.cor_window import default_window
 
         names = dict.fromkeys(args.set or [scenario.stability.set])
         found = {name: describe(scenario, name) for name in names}
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
 def describe(scenario: Scenario, name: str) -> Described:
     """Compute a stable set and what is said about it."""
-    from pushplan.stable_set import stable_set
+    from pushplan.stable_sets.named import stable_set
 
     begin = perf_counter()
     stable = stable_set(scenario.chain, name)
@@ -143,7 +143,7 @@ def _draw(
     console: Console,
 ) -> None:
     with console.working(f"drawing {args.plot}"):
-        from pushplan.plot_sets import plot_stable_sets
+        from pushplan.drawing.sets import plot_stable_sets
 
         sets = [each.stable for each in found.values()]
         plot_stable_sets(scenario.chain, sets, args.plot, window)

@@ -8,12 +8,12 @@ import numpy as np
 import shapely
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import GRAVITY, PLATE, PushedObject, Pusher
 from pushplan.commands.numbers import counted
 from pushplan.commands.report import contact_text
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
-from pushplan.se2 import transform_points
-from pushplan.support import FeetSupport, PressureMapSupport, UniformSupport
 
 
 def rows(scenario: Scenario) -> list[tuple[str, str]]:

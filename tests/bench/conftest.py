@@ -36,6 +36,8 @@ def make_task() -> Callable[..., Task]:
             "first": True,
             "time_limit": 5.0,
             "iterations": None,
+            "cost": None,
+            "gap": None,
             "stable_set": "ecof",
             "version": "test",
         }

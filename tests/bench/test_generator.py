@@ -11,10 +11,10 @@ import shapely
 from pushplan.bench.generator import enlarged, generate
 from pushplan.bench.parameters import GeneratorError, ProblemParameters
 from pushplan.bench.random_chain import LEAST_MARGIN, tightest_turn
+from pushplan.geometry.se2 import compose
 from pushplan.planners.checker import find_collision
 from pushplan.scenario import CircleObstacle, Scenario, scenario_from_text
-from pushplan.se2 import compose
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 DRIVES = ("omnidirectional", "differential", "car")
 VARIED = ProblemParameters(drives=DRIVES, supports=("uniform", "feet"))

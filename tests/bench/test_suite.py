@@ -20,7 +20,7 @@ problems:
     generate: {objects: 2, gap: [1.5, 2.0], obstacles: [0, 3], size: ["10 cm", 0.15]}
     count: 2
     seed: 5
-planners: [auto, {name: rrt, label: rrt-first, first: true, time: 500 ms}]
+planners: [auto, {name: rrt, label: rrt-first, first: true, time: 500 ms, cost: time, gap: 1 %}]
 sets: [ecof, translation]
 seeds: [3, 7]
 limits: {time: 1.5 s, iterations: 1000, memory: 1 GB}
@@ -39,6 +39,7 @@ def test_a_suite_is_problems_times_planners_times_sets_times_seeds() -> None:
     assert [planner.label for planner in suite.planners] == ["auto", "rrt-first"]
     assert [planner.time for planner in suite.planners] == [1.5, 0.5]
     assert [planner.iterations for planner in suite.planners] == [1000, 1000]
+    assert [(planner.cost, planner.gap) for planner in suite.planners] == [(None, None), ("time", 0.01)]
     runs = _runs(suite)
     assert len(runs) == 3 * 2 * 2 * 2 == len({run.key for run in runs})
     assert {run.seed for run in runs[:12]} == {3}

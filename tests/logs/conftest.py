@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pushplan.chain import Limits
 from pushplan.logging.writer import RunLogWriter
+from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing import time_path
 from pushplan.result import Diagnosis, PlanResult, ProgressPoint

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from pushplan.errors import PushplanError
+from pushplan.geometry.se2 import transform_points
 from pushplan.logging.cdr import encode
 from pushplan.logging.export_csv import table, write_csv
 from pushplan.logging.export_mp4 import write_mp4
@@ -24,7 +25,6 @@ from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.ros2_messages import TYPES, definition
 from pushplan.logging.window import window
 from pushplan.logging.writer import RunLogWriter
-from pushplan.se2 import transform_points
 
 
 @pytest.fixture(scope="module")

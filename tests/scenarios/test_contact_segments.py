@@ -10,13 +10,13 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.contact_segments import TOUCH, find_touch
-from pushplan.penetration import exit_distance, overlap_depth
-from pushplan.polygon import simple_polygon
-from pushplan.simple import find_flaw
-from pushplan.stacking import box_outline
+from pushplan.geometry import se2
+from pushplan.geometry.contact_segments import TOUCH, find_touch
+from pushplan.geometry.penetration import exit_distance, overlap_depth
+from pushplan.geometry.polygon import simple_polygon
+from pushplan.geometry.simple import find_flaw
+from pushplan.reading.stacking import box_outline
 
 ANGLES = st.floats(-math.pi, math.pi)
 COORDINATES = st.floats(-2.0, 2.0)

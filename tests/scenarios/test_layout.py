@@ -12,9 +12,9 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pushplan import se2
-from pushplan.chain import PLATE
 from pushplan.errors import ScenarioError
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import PLATE
 from pushplan.scenario import Scenario, scenario_from_text
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from pushplan import names, scenario_schema, schema_objects
+from pushplan import names
 from pushplan.names import CLEARANCE_ROOM
-from pushplan.scenario_schema import ScenarioFile
+from pushplan.reading import scenario_schema, schema_objects
+from pushplan.reading.scenario_schema import ScenarioFile
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
 SECTIONS: dict[str, type[BaseModel]] = {

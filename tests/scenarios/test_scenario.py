@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.examples import example_names, example_text
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 from pushplan.scenario import (
     CircleObstacle,
     PlannerSettings,
@@ -26,7 +27,6 @@ from pushplan.scenario import (
     load_scenario,
     scenario_from_text,
 )
-from pushplan.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 
 SMALLEST = """\
 format: pushplan/1

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pushplan.errors import Finding
-from pushplan.yaml_scalars import resolve
-from pushplan.yaml_text import MOST_BYTES, DocumentError, Position, end_of
-from pushplan.yaml_tree import MOST_DEPTH, MOST_NODES, read_document
+from pushplan.reading.yaml_scalars import resolve
+from pushplan.reading.yaml_text import MOST_BYTES, DocumentError, Position, end_of
+from pushplan.reading.yaml_tree import MOST_DEPTH, MOST_NODES, read_document
 
 
 def findings_of(data: bytes) -> tuple[Finding, ...]:

@@ -11,8 +11,8 @@ import shapely
 from scipy.optimize import linprog
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain, PushedObject
-from pushplan.support import FeetSupport, PressureMapSupport, Support
+from pushplan.mechanics.chain import Chain, PushedObject
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from pushplan.errors import PushplanError, SupportError
-from pushplan.grid_cor_set import grid_cor_set
-from pushplan.quadrature import load_elements
-from pushplan.sphere import twists_about
-from pushplan.stable_set import stable_set
-from pushplan.support import UniformSupport, UnknownSupport
+from pushplan.mechanics.quadrature import load_elements
+from pushplan.mechanics.sphere import twists_about
+from pushplan.mechanics.support import UniformSupport, UnknownSupport
+from pushplan.stable_sets.grid_cor_set import grid_cor_set
+from pushplan.stable_sets.named import stable_set
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

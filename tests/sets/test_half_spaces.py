@@ -11,14 +11,15 @@ import shapely
 import shapely.affinity
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain, Contact
 from pushplan.errors import PushplanError, SupportError
-from pushplan.friction import cof
-from pushplan.load_area import load_areas
-from pushplan.polygon import convex_hull
-from pushplan.sphere import twists_about
-from pushplan.stable_set import StableSet, stable_set
-from pushplan.support import UnknownSupport
+from pushplan.geometry.polygon import convex_hull
+from pushplan.mechanics.chain import Chain, Contact
+from pushplan.mechanics.friction import cof
+from pushplan.mechanics.load_area import load_areas
+from pushplan.mechanics.sphere import twists_about
+from pushplan.mechanics.support import UnknownSupport
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

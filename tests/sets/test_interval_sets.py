@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.carried import center_range
-from pushplan.chain import GRAVITY, Chain
 from pushplan.errors import ChainError, PushplanError, SupportError
-from pushplan.interval_chain import IntervalChain
-from pushplan.interval_set import stable_set_over
-from pushplan.stable_set import stable_set
-from pushplan.support import FeetSupport, UnknownSupport
+from pushplan.mechanics.carried import center_range
+from pushplan.mechanics.chain import GRAVITY, Chain
+from pushplan.mechanics.interval_chain import IntervalChain
+from pushplan.mechanics.support import FeetSupport, UnknownSupport
+from pushplan.stable_sets.interval_set import stable_set_over
+from pushplan.stable_sets.named import stable_set
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.area_table import pack_area, table_rows
 from pushplan.arrays import FloatArray
-from pushplan.load_area import LoadArea
-from pushplan.robust_kernel import PackedAreas, central_loads
+from pushplan.mechanics.area_table import pack_area, table_rows
+from pushplan.mechanics.load_area import LoadArea
+from pushplan.mechanics.robust_kernel import PackedAreas, central_loads
 
 
 def packed(area: LoadArea) -> PackedAreas:

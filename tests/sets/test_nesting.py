@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
 from pushplan.errors import SupportError
-from pushplan.load_area import load_areas
-from pushplan.stable_set import StableSet, stable_set
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.load_area import load_areas
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

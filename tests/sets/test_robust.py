@@ -12,17 +12,17 @@ import shapely
 import shapely.affinity
 from scipy.optimize import linprog
 
-from pushplan.area_table import pack_area, table_rows
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain
-from pushplan.envelope_kernel import least_load, start_twist
 from pushplan.errors import PushplanError
-from pushplan.load_area import LoadArea
-from pushplan.polygon import convex_hull
-from pushplan.robust_set import CONDITIONS, RobustSet
-from pushplan.sphere import twists_about
-from pushplan.stable_set import stable_set
-from pushplan.support import FeetSupport, UniformSupport, UnknownSupport
+from pushplan.geometry.polygon import convex_hull
+from pushplan.mechanics.area_table import pack_area, table_rows
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.envelope_kernel import least_load, start_twist
+from pushplan.mechanics.load_area import LoadArea
+from pushplan.mechanics.sphere import twists_about
+from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.robust_set import CONDITIONS, RobustSet
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -9,8 +9,8 @@ import pytest
 
 from pushplan.path import PushPath
 from pushplan.plan import plan
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
-from pushplan.scenario_file import load_scenario
 
 Planned = Callable[[str], tuple[Scenario, PushPath]]
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.admissible_speeds import SpeedWindow, admissible_speeds
 from pushplan.arrays import FloatArray
-from pushplan.chain import Limits
-from pushplan.dynamics import ContactDynamics
 from pushplan.errors import TimingError
+from pushplan.mechanics.admissible_speeds import SpeedWindow, admissible_speeds
+from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.arc_limits import ROOM, Bounds, arc_limits, contact_limits
 from pushplan.planners.profile import ArcLimits, rest_to_rest

@@ -12,9 +12,10 @@ import pytest
 import shapely
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Limits
-from pushplan.dynamics import ContactDynamics
 from pushplan.examples import example_names
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath, cost_rate
 from pushplan.plan import plan
 from pushplan.planners.arc_limits import arc_limits
@@ -24,9 +25,9 @@ from pushplan.planners.checker import find_collision
 from pushplan.planners.joining import corners_of
 from pushplan.planners.timing import time_path
 from pushplan.scenario import CircleObstacle, Scenario
-from pushplan.se2 import transform_points
 from pushplan.sim.kinematic import simulate
-from pushplan.stable_set import StableSet, stable_set
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.goal_fit import NoFitError, fit_lengths
 from pushplan.planners.nudge import LengthRows, effects_on, no_rows

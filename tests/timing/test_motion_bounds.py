@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Limits
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import Limits
 from pushplan.planners.motion_bounds import limit_use, top_rates
-from pushplan.se2 import transform_points
 from pushplan.trajectory import Trajectory
 
 LIMITS = Limits(0.3, 0.7, 3.0, 1.5, 2.5, 30.0)

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain, Limits
-from pushplan.dynamics import ContactDynamics
+from pushplan.mechanics.chain import Chain, Limits
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.blending import blend_path
 from pushplan.planners.timing import time_path
 from pushplan.scenario import Scenario
 from pushplan.sim.physics import simulate_trajectory
-from pushplan.stable_set import StableSet, stable_set
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

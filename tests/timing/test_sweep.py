@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan import se2
 from pushplan.arrays import FloatArray
-from pushplan.chain import Chain, Limits
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Chain, Limits
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.nudge import nudges
 from pushplan.planners.scene import build_scene, chain_outlines

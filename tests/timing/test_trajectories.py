@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pushplan.dynamics import ContactDynamics
 from pushplan.errors import TimingError
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath
 from pushplan.plan import plan
 from pushplan.planners.blending import blend_path
 from pushplan.planners.timing import time_path
 from pushplan.planners.trajectories import contact_dynamics, make_trajectory
 from pushplan.scenario import Scenario
-from pushplan.stable_set import stable_set
+from pushplan.stable_sets.named import stable_set
 
 Planned = Callable[[str], tuple[Scenario, PushPath]]
 

@@ -1,0 +1,197 @@
+"""What the benchmark runner promises, at full size: nothing lost, nothing doubled, little overhead.
+
+Run `python benchmarks/bench.py [faults] [kills] [overhead] [throughput] [same]`; without words, all of it, in about
+ten minutes on two processors. `faults`: 1,000 runs with planted segfaults, hangs, memory hogs and errors. `kills`:
+the same kind of batch killed at 20 random moments and resumed. `overhead`: time per run beyond its phases. `throughput`:
+two jobs against one. `same`: the same costs and arcs on one job, two jobs and a Dask cluster.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+PLANTED = HERE.parent / "tests" / "bench"
+sys.path.insert(0, str(PLANTED))
+os.environ["PYTHONPATH"] = os.pathsep.join([str(PLANTED), os.environ.get("PYTHONPATH", "")])
+
+import planted_runs  # noqa: E402
+
+from pushplan.bench.batch import Engine, run_suite  # noqa: E402
+from pushplan.bench.cluster import cluster_outcomes  # noqa: E402
+from pushplan.bench.folder import ResultsFolder  # noqa: E402
+from pushplan.bench.isolation import prepare  # noqa: E402
+from pushplan.bench.local import local_outcomes  # noqa: E402
+from pushplan.bench.machine import Machine  # noqa: E402
+from pushplan.bench.suite_file import suite_from_text  # noqa: E402
+
+REAL = """\
+format: pushplan-suite/1
+problems: [one-box, two-crates, narrow-gap, {name: random, generate: {objects: [1, 3], obstacles: [0, 10]}, count: 5}]
+planners: [{name: auto, first: true}, {name: auto, label: auto-polished}]
+seeds: 5
+limits: {time: 60 s, iterations: 20000}
+"""
+
+
+def rows(folder: Path) -> list[tuple[Any, ...]]:
+    with sqlite3.connect(folder / "results.db") as database:
+        query = (
+            "SELECT p.seed, o.outcome, r.solution_length, o.arcs, p.key, r.total_time, r.overhead_time FROM "
+            "pushplan_plan p JOIN pushplan_runs o ON o.key = p.key JOIN runs r ON r.id = o.runid ORDER BY p.number"
+        )
+        return database.execute(query).fetchall()
+
+
+def run(text: str, folder: Path, engine: Engine, version: str | None = None) -> float:
+    results = ResultsFolder(folder)
+    began = time.perf_counter()
+    with results.locked():
+        run_suite(suite_from_text(text), results, engine, version=version)
+    return time.perf_counter() - began
+
+
+def check_planted(found: list[tuple[Any, ...]], count: int) -> Counter[tuple[str, str]]:
+    assert [row[0] for row in found] == list(range(count)), "runs are lost or doubled"
+    ends = Counter((planted_runs.fate_of(seed), outcome) for seed, outcome, *_ in found)
+    wrong = {pair: n for pair, n in ends.items() if planted_runs.STATUS[pair[0]] != pair[1]}
+    assert not wrong, f"wrong outcomes: {wrong}"
+    return ends
+
+
+def faults(folder: Path, count: int = 1000) -> None:
+    spent = run(
+        planted_runs.suite_text(count),
+        folder,
+        lambda t: local_outcomes(t, 2, None, planted_runs.work),
+        "test",
+    )
+    ends = check_planted(rows(folder), count)
+    counts = Counter()
+    for (_, outcome), n in ends.items():
+        counts[outcome] += n
+    print(f"faults: {count} runs, {count} rows in {spent:.0f} s, each with the right outcome: {dict(counts)}")
+
+
+def kills(folder: Path, count: int = 300, times: int = 20) -> None:
+    command = [sys.executable, str(PLANTED / "planted_runs.py"), str(folder), str(count)]
+    rng, at = random.Random(1), []
+    for _ in range(times):
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+            assert program.stdout is not None
+            program.stdout.readline()
+            time.sleep(rng.uniform(0.0, 3.0))
+            program.send_signal(signal.SIGKILL)
+        at.append(len(rows(folder)))
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    check_planted(rows(folder), count)
+    print(
+        f"kills: killed with {at} of {count} rows; after that {count} rows, each with the right outcome and figures"
+    )
+
+
+def overhead(folder: Path, count: int = 100) -> None:
+    text = f"format: pushplan-suite/1\nproblems: [one-box]\nplanners: [{{name: auto, first: true}}]\nseeds: {count}\n"
+    prepare()
+    spent = run(text, folder, lambda tasks: local_outcomes(tasks, 1))
+    found = rows(folder)
+    phases = sum(row[5] - row[6] for row in found)
+    worst = max(row[6] for row in found)
+    print(
+        f"overhead: {1e3 * (spent - phases) / count:.1f} ms a run beyond its phases (batch {spent:.2f} s, phases "
+        f"{phases:.2f} s, {count} runs); process alone {1e3 * sum(row[6] for row in found) / count:.1f} ms, at most "
+        f"{1e3 * worst:.1f} ms"
+    )
+
+
+def throughput(folder: Path, count: int = 60) -> None:
+    text = (
+        "format: pushplan-suite/1\nproblems: [three-boxes-clutter]\nplanners: [auto]\n"
+        f"seeds: {count}\nlimits: {{time: 60 s, iterations: 40000}}\n"
+    )
+    prepare()
+    spent = [
+        run(text, folder / str(jobs), lambda tasks, jobs=jobs: local_outcomes(tasks, jobs)) for jobs in (1, 2)
+    ]
+    print(
+        f"throughput: {count} runs in {spent[0]:.1f} s on one job, "
+        f"{spent[1]:.1f} s on two: x {spent[0] / spent[1]:.2f}"
+    )
+
+
+def same(folder: Path) -> None:
+    for jobs in (1, 2):
+        run(REAL, folder / str(jobs), lambda tasks, jobs=jobs: local_outcomes(tasks, jobs))
+    with dask(folder) as address:
+        run(REAL, folder / "dask", lambda tasks: cluster_outcomes(tasks, address))
+    found = [[row[1:5] for row in rows(folder / name)] for name in ("1", "2", "dask")]
+    assert found[0] == found[1] == found[2], "costs or arcs differ"
+    counts = Counter(row[0] for row in found[0])
+    print(
+        f"same: {len(found[0])} runs have the same costs and arcs on one job, two jobs and Dask: {dict(counts)}"
+    )
+
+
+class dask:  # noqa: N801
+    """A scheduler and two workers for the time of a block."""
+
+    def __init__(self, folder: Path) -> None:
+        file, environment = (
+            folder / "scheduler.json",
+            {**os.environ, "DASK_DISTRIBUTED__WORKER__DAEMON": "False"},
+        )
+        workers = [f"--scheduler-file={file}", f"--local-directory={folder}", "--nthreads=1", "--no-nanny"]
+        words = [["scheduler", "--port=0", f"--scheduler-file={file}"], *[["worker", *workers]] * 2]
+        self._file = file
+        self._programs = [
+            subprocess.Popen(
+                [sys.executable, "-m", f"distributed.cli.dask_{word}", "--no-dashboard", *more],
+                env=environment,
+                stderr=subprocess.DEVNULL,
+            )
+            for word, *more in words
+        ]
+
+    def __enter__(self) -> str:
+        while not self._file.exists():
+            time.sleep(0.1)
+        return str(json.loads(self._file.read_text())["address"])
+
+    def __exit__(self, *error: object) -> None:
+        for program in self._programs:
+            program.kill()
+            program.wait()
+
+
+MEASUREMENTS = {
+    "faults": faults,
+    "kills": kills,
+    "overhead": overhead,
+    "throughput": throughput,
+    "same": same,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("what", nargs="*", choices=[*MEASUREMENTS, []], help="measurements; all by default")
+    print(Machine.this().text)
+    for name in parser.parse_args().what or MEASUREMENTS:
+        with tempfile.TemporaryDirectory() as folder:
+            MEASUREMENTS[name](Path(folder))
+
+
+if __name__ == "__main__":
+    main()

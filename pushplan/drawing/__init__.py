@@ -1,0 +1,1 @@
+"""Pictures: chains, stable sets, runs."""

@@ -1,0 +1,62 @@
+"""The chain as people draw it: plate, objects, contact segments and their friction cones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
+
+from pushplan.arrays import FloatArray
+from pushplan.drawing.figure import INK
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import Chain, Contact
+
+PLATE_COLOUR = "#59616b"
+OBJECT_COLOUR = "#efe6d2"
+GOAL_COLOUR = "#e3b04b"
+CONE_COLOUR = "#4f8a5b"
+ORIGIN = np.zeros(3)
+
+
+def outlines(chain: Chain, pose: FloatArray = ORIGIN) -> Iterator[tuple[FloatArray, bool]]:
+    """Yield the outlines (v, 2) with the chain frame at `pose`, and whether each is the plate's."""
+    yield transform_points(pose, chain.pusher.outline), True
+    for obj in chain.objects:
+        yield transform_points(pose, obj.outline_chain), False
+
+
+def draw_chain(axes: Axes, chain: Chain, pose: FloatArray = ORIGIN, *, fill: str = OBJECT_COLOUR) -> None:
+    """Draw plate and objects, filled and outlined."""
+    for outline, is_plate in outlines(chain, pose):
+        colour = PLATE_COLOUR if is_plate else fill
+        axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=INK, linewidth=0.9, zorder=3.0))
+
+
+def draw_contacts(axes: Axes, chain: Chain) -> None:
+    """Draw each contact segment, and the friction cone of the pushing force at both its ends, in the chain frame."""
+    for contact in chain.contacts:
+        ends = np.stack([contact.right, contact.left])
+        axes.plot(*ends.T, color=INK, linewidth=2.0, solid_capstyle="butt", zorder=5.0)
+        for end in ends:
+            axes.add_patch(
+                Polygon(
+                    friction_cone(contact, end), facecolor=CONE_COLOUR, alpha=0.35, linewidth=0.0, zorder=4.0
+                )
+            )
+            edges = friction_cone(contact, end)[[1, 0, 2]]
+            axes.plot(*edges.T, color=CONE_COLOUR, linewidth=0.8, zorder=4.1)
+
+
+def friction_cone(contact: Contact, apex: FloatArray) -> FloatArray:
+    """Return a triangle (3, 2): the directions of force that friction allows at `apex`, half the segment tall."""
+    tall = 0.5 * contact.length
+    wide = contact.friction * tall
+    return np.stack(
+        [
+            apex,
+            apex + tall * contact.normal - wide * contact.tangent,
+            apex + tall * contact.normal + wide * contact.tangent,
+        ]
+    )

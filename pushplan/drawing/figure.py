@@ -1,0 +1,79 @@
+"""Figures in one quiet style, written without time stamps: the same data give the same bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+from pushplan.drawing.format import check_picture_path
+
+INK = "#2f3338"
+"""Text and the outlines that matter."""
+FAINT = "#9aa1a9"
+"""Axes and what stays in the background."""
+
+_STYLE: Any = {  # Any, because the type of the keys differs between versions of Matplotlib
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "mathtext.fontset": "dejavusans",
+    "text.color": INK,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.titlesize": 10.0,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "hatch.linewidth": 0.5,
+    "svg.hashsalt": "pushplan",
+    "figure.dpi": 100.0,
+}
+_DPI = 200
+_METADATA: Mapping[str, Mapping[str, None]] = {  # nothing that differs from run to run
+    ".png": {"Software": None},
+    ".svg": {"Date": None, "Creator": None},
+    ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+
+_TICKS = 9
+
+
+@contextmanager
+def figure_for(path: str | Path, width: float, height: float) -> Iterator[Figure]:
+    """Yield a figure of `width` x `height` inches and write it to `path` (PNG, SVG or PDF) afterwards.
+
+    Raises:
+        PlotError: On a suffix that is none of these.
+    """
+    path = check_picture_path(path)
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(width, height))
+        yield figure
+        figure.savefig(path, dpi=_DPI, metadata=dict(_METADATA[path.suffix.lower()]))
+
+
+def axes_at(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Return new axes at a place given in inches."""
+    total_width, total_height = figure.get_size_inches()
+    place = (left / total_width, bottom / total_height, width / total_width, height / total_height)
+    return figure.add_axes(place)
+
+
+def equal_ticks(axes: Axes, extent: float) -> None:
+    """Give both axes ticks at the same spacing, about nine of them over `extent`."""
+    ticks = MaxNLocator(_TICKS, steps=[1, 2, 5, 10]).tick_values(0.0, extent)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MultipleLocator(float(ticks[1] - ticks[0])))

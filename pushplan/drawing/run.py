@@ -1,0 +1,133 @@
+"""The picture of a planned push: the floor with the swept chain, the stable set, the margin over time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, draw_chain, draw_contacts
+from pushplan.drawing.cor import SENSE_NAMES, SENSES, style_cor_axes
+from pushplan.drawing.figure import FAINT, INK, axes_at, equal_ticks, figure_for
+from pushplan.drawing.sets import draw_sets
+from pushplan.drawing.world import (
+    OBSTACLE_COLOUR,
+    OBSTACLE_EDGE,
+    SWEPT_COLOUR,
+    Box,
+    draw_by_margin,
+    draw_surroundings,
+    draw_sweep,
+    draw_tree,
+    view_box,
+)
+from pushplan.mechanics.chain import Chain
+from pushplan.stable_sets.cor_window import default_window
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
+
+if TYPE_CHECKING:
+    from pushplan.result import PlanResult
+    from pushplan.scenario import Scenario
+    from pushplan.sim.kinematic import Execution
+
+# The layout, in inches.
+_LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 0.62, 0.86, 0.34, 0.2, 0.72
+_FLOOR_HEIGHT, _SIDE_WIDTH, _MARGIN_HEIGHT = 4.0, 1.75, 0.95
+_LEGEND = {"ncols": 6, "handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
+
+
+def plot_plan(scenario: Scenario, plan: PlanResult, execution: Execution | None, path: str | Path) -> None:
+    """Draw a plan: what is swept from start to goal, the margin on the way, and the stable set used.
+
+    Args:
+        scenario: The problem.
+        plan: Its result; without a path, the search tree is drawn instead.
+        execution: What the simulator made of it, or None; the margins are taken from it.
+        path: File to write; its suffix says whether PNG, SVG or PDF.
+
+    Raises:
+        PlotError: On a suffix that is none of these.
+    """
+    view = view_box(scenario, plan.path)
+    width = _FLOOR_HEIGHT * (view[2] - view[0]) / (view[3] - view[1])
+    side = _LEFT + width + _GAP
+    with figure_for(path, side + _SIDE_WIDTH + _RIGHT, _BOTTOM + _FLOOR_HEIGHT + _TOP) as figure:
+        floor = axes_at(figure, _LEFT, _BOTTOM, width, _FLOOR_HEIGHT)
+        _draw_floor(floor, scenario, plan, view)
+        above = _BOTTOM + _MARGIN_HEIGHT + _GAP
+        beside = axes_at(figure, side, above, _SIDE_WIDTH, _BOTTOM + _FLOOR_HEIGHT - above)
+        draw_set(beside, scenario.chain, stable_set(scenario.chain, plan.stable_set))
+        if execution is not None:
+            curve = axes_at(figure, side, _BOTTOM, _SIDE_WIDTH, _MARGIN_HEIGHT)
+            bar = axes_at(figure, side + _SIDE_WIDTH + 0.05, _BOTTOM, 0.07, _MARGIN_HEIGHT)
+            _draw_margins(floor, curve, bar, execution)
+        corner = (_LEFT / figure.get_figwidth(), 0.04 / figure.get_figheight())
+        figure.legend(handles=_legend(plan), loc="lower left", bbox_to_anchor=corner, **_LEGEND)
+
+
+def _draw_floor(axes: Axes, scenario: Scenario, plan: PlanResult, view: Box) -> None:
+    axes.set_xlim(view[0], view[2])
+    axes.set_ylim(view[1], view[3])
+    equal_ticks(axes, max(view[2] - view[0], view[3] - view[1]))
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_title(_title(scenario, plan), loc="left")
+    draw_surroundings(axes, scenario)
+    if plan.path is not None:
+        draw_sweep(axes, scenario.chain, plan.path)
+    else:
+        draw_tree(axes, plan.tree)
+    draw_chain(axes, scenario.chain, scenario.start)
+    draw_chain(axes, scenario.chain, scenario.goal.pose_chain, fill=GOAL_COLOUR)
+
+
+def _title(scenario: Scenario, plan: PlanResult) -> str:
+    if plan.path is None or plan.trajectory is None:
+        return f"{scenario.name}: no plan"
+    return f"{scenario.name}: {plan.path.cost:.2f} m in {plan.trajectory.duration:.1f} s"
+
+
+def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
+    """Draw a stable set with the chain and its friction cones, in the chain frame."""
+    window = default_window(chain, [stable])
+    draw_sets(axes, [stable], window)
+    draw_chain(axes, chain)
+    draw_contacts(axes, chain)
+    style_cor_axes(axes, window)
+    axes.set_xlabel("")
+    axes.set_ylabel("")
+    axes.set_title(f"stable CORs [m], {stable.name}", loc="left")
+
+
+def _draw_margins(floor: Axes, curve: Axes, bar: Axes, execution: Execution) -> None:
+    margins = execution.margins.min(axis=1)
+    line = draw_by_margin(floor, execution.poses[:, :2], margins, {"color": "white", "linewidth": 3.6})
+    draw_by_margin(
+        curve, np.stack([execution.t, margins], axis=1), margins, {"color": FAINT, "linewidth": 0.6}
+    )
+    curve.set_xlim(0.0, max(float(execution.t[-1]), 1e-3))
+    curve.set_ylim(min(0.0, float(margins.min())), max(1.05 * float(margins.max()), 1e-3))
+    curve.set_xlabel("time [s]")
+    curve.set_title("stability margin", loc="left")
+    curve.spines[["top", "right"]].set_visible(False)
+    colours = bar.figure.colorbar(line, cax=bar)
+    colours.outline.set_visible(False)
+    colours.set_ticks([])
+
+
+def _legend(plan: PlanResult) -> list[Artist]:
+    return [
+        Patch(facecolor=OBJECT_COLOUR, edgecolor=INK, label="start"),
+        Patch(facecolor=GOAL_COLOUR, edgecolor=INK, label="goal"),
+        Patch(facecolor=SWEPT_COLOUR, edgecolor=FAINT, label="swept")
+        if plan.path is not None
+        else Line2D([], [], color=FAINT, linewidth=0.8, label="search tree"),
+        Patch(facecolor=OBSTACLE_COLOUR, edgecolor=OBSTACLE_EDGE, label="obstacle"),
+        *(Patch(facecolor=SENSES[s], alpha=0.35, label=SENSE_NAMES[s]) for s in SENSES),
+    ]

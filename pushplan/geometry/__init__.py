@@ -1,0 +1,1 @@
+"""Plane geometry: poses, polygons, and how two of them touch or overlap."""

@@ -1,0 +1,1 @@
+"""Mechanics: chains, supports, floor friction, and what every contact has to carry."""

@@ -1,0 +1,212 @@
+"""A chain (or tree) of objects in contact, carried by one pusher: sections 3 and 4.1 of Harada et al. 2006.
+
+Frames: the *chain frame* has its origin at the midpoint of the pusher's contact with the first object, +x
+along the push normal, +y to the left. Objects are listed from the pusher outward; `objects[i]` is pushed
+through `contacts[i]`. The paper counts the other way round (its object 1 is the farthest one).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from pushplan.arrays import FloatArray, frozen
+from pushplan.errors import ChainError
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.support import Support
+from pushplan.names import DEFAULT_CONTACT_LIMITS
+
+GRAVITY = 9.80665
+"""Standard gravity, m/s^2."""
+
+PLATE = -1
+"""Index that stands for the pusher's plate where an object's index is expected."""
+
+
+@dataclass(frozen=True, eq=False)
+class PushedObject:
+    """One rigid object on the floor.
+
+    Attributes:
+        name: Unique name.
+        outline: (v, 2) simple polygon in the object's own frame, m, counter-clockwise.
+        mass: kg, > 0.
+        floor_friction: Coefficient between the object and the floor, >= 0.
+        support: How the load rests on the floor, in the object's own frame.
+        pose_chain: (3,) pose (x, y, theta) of the object's frame in the chain frame.
+    """
+
+    name: str
+    outline: FloatArray
+    mass: float
+    floor_friction: float
+    support: Support
+    pose_chain: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outline", frozen(self.outline, (None, 2), f"outline of {self.name!r}"))
+        object.__setattr__(self, "pose_chain", frozen(self.pose_chain, (3,), f"pose of {self.name!r}"))
+
+    @cached_property
+    def outline_chain(self) -> FloatArray:
+        """(v, 2) outline in the chain frame, m."""
+        return transform_points(self.pose_chain, self.outline)
+
+    @property
+    def friction_load(self) -> float:
+        """Floor friction coefficient times weight, N: the force that a pure translation has to overcome."""
+        return self.floor_friction * self.mass * GRAVITY
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A line contact through which `pushed` is moved.
+
+    Attributes:
+        right: (2,) end point of the segment to the right of the normal, chain frame, m.
+        left: (2,) end point to the left of the normal, chain frame, m.
+        friction: Coefficient of friction, >= 0.
+        pushed: Index of the object that the contact moves.
+        pusher: Index of the object that pushes, or `PLATE`.
+    """
+
+    right: FloatArray
+    left: FloatArray
+    friction: float
+    pushed: int
+    pusher: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "right", frozen(self.right, (2,), "contact end"))
+        object.__setattr__(self, "left", frozen(self.left, (2,), "contact end"))
+        if not self.length > 0.0:
+            raise ChainError(f"contact of object {self.pushed} has length {self.length} m; it must be > 0")
+
+    @property
+    def length(self) -> float:
+        """Length of the segment, m."""
+        return float(np.linalg.norm(self.left - self.right))
+
+    @property
+    def tangent(self) -> FloatArray:
+        """(2,) unit vector from the right end to the left end."""
+        return (self.left - self.right) / self.length
+
+    @property
+    def normal(self) -> FloatArray:
+        """(2,) unit vector from the pushing into the pushed body."""
+        tangent = self.tangent
+        return np.array([tangent[1], -tangent[0]])
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the pusher's motion may not exceed; lengths refer to the origin of the chain frame. SI units.
+
+    Attributes:
+        speed: Like the next two, of the chain frame's origin.
+        acceleration: See `speed`.
+        jerk: See `speed`.
+        angular_speed: Like the next two, of the turning.
+        angular_acceleration: See `angular_speed`.
+        angular_jerk: See `angular_speed`.
+        contact: Whether no contact may slip through inertia either, one of `names.CONTACT_LIMITS`.
+    """
+
+    speed: float = 0.2
+    acceleration: float = 0.5
+    jerk: float = 5.0
+    angular_speed: float = 1.0
+    angular_acceleration: float = 2.0
+    angular_jerk: float = 20.0
+    contact: str = DEFAULT_CONTACT_LIMITS
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """What twists the robot behind the plate can make.
+
+    Attributes:
+        kind: `omnidirectional`, `differential` or `car`.
+        axle: (3,) pose in the chain frame of the (rear) axle's middle, +x forward; None if omnidirectional.
+        min_radius: Smallest turning radius of the axle's middle, m (`car` only).
+    """
+
+    kind: str = "omnidirectional"
+    axle: FloatArray | None = None
+    min_radius: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Pusher:
+    """The plate and the robot that carries it.
+
+    Attributes:
+        outline: (v, 2) plate in the chain frame, m, counter-clockwise.
+        friction: Coefficient between the plate and the objects it touches.
+        contact_height: Height of the contact forces above the floor, m.
+        drive: What twists the robot can make.
+        limits: What its motion may not exceed.
+    """
+
+    outline: FloatArray
+    friction: float
+    contact_height: float = 0.0
+    drive: Drive = field(default_factory=Drive)
+    limits: Limits = field(default_factory=Limits)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outline", frozen(self.outline, (None, 2), "outline of the pusher"))
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Objects and the contacts that carry them; a tree is allowed, a loop is not.
+
+    Attributes:
+        objects: From the pusher outward.
+        contacts: `contacts[i]` pushes `objects[i]`; its `pusher` is an earlier object or `PLATE`.
+        pusher: The plate.
+
+    Raises:
+        ChainError: When the contacts do not form a tree in this order.
+    """
+
+    objects: tuple[PushedObject, ...]
+    contacts: tuple[Contact, ...]
+    pusher: Pusher
+
+    def __post_init__(self) -> None:
+        if not self.objects:
+            raise ChainError("a chain needs at least one object")
+        if len(self.contacts) != len(self.objects):
+            raise ChainError(f"{len(self.objects)} objects need as many contacts, not {len(self.contacts)}")
+        for i, contact in enumerate(self.contacts):
+            if contact.pushed != i or not PLATE <= contact.pusher < i:
+                raise ChainError(
+                    f"contact {i} pushes object {contact.pushed} from {contact.pusher}; "
+                    f"it must push object {i} from the plate ({PLATE}) or an earlier object"
+                )
+
+    @cached_property
+    def characteristic_length(self) -> float:
+        """Distance from the chain frame's origin to the farthest point of any object, m.
+
+        Moments are divided by it and angular velocities multiplied, so that margins and the twist sphere
+        are dimensionless.
+        """
+        points = np.concatenate([obj.outline_chain for obj in self.objects])
+        return float(np.max(np.linalg.norm(points, axis=1)))
+
+    def index_of(self, name: str) -> int:
+        """Return the index of the object called `name`.
+
+        Raises:
+            ChainError: When no object has that name.
+        """
+        names = [obj.name for obj in self.objects]
+        if name not in names:
+            raise ChainError(f"no object is called {name!r}; there are {', '.join(names)}")
+        return names.index(name)

@@ -1,0 +1,269 @@
+"""How an object's load rests on the floor: the pressure under it, as far as it is known.
+
+All lengths are metres in the object's own frame; pressures and loads are fractions of the object's weight.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from pushplan.arrays import FloatArray, frozen
+from pushplan.errors import SupportError
+from pushplan.geometry.polygon import AreaMoments, area_moments, convex_hull, simple_polygon
+from pushplan.mechanics.support_csv import parse_pressure_map
+
+FRACTION_TOLERANCE = 1e-6
+"""By how much the load fractions of the feet may miss 1 in sum."""
+
+_ROUNDING = 1e-12
+
+
+class Support(ABC):
+    """What the stable sets need to know about a load on the floor."""
+
+    @property
+    @abstractmethod
+    def center(self) -> FloatArray:
+        """(2,) centre of pressure of the object at rest, m."""
+
+    @property
+    @abstractmethod
+    def known(self) -> bool:
+        """Whether the distribution of the load is known, not only its centre."""
+
+    @property
+    @abstractmethod
+    def hull(self) -> FloatArray:
+        """(h, 2) corners of the convex hull of all points that may carry load, counter-clockwise, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class UniformSupport(Support):
+    """Even pressure on a polygon, or the affine pressure whose centre is the given centre of mass.
+
+    p(x) = a + b . (x - centroid) with a = 1 / area and b = (second moments)^-1 (center_of_mass - centroid).
+
+    Attributes:
+        outline: (v, 2) simple polygon, convex or not, m; stored counter-clockwise.
+        center_of_mass: (2,) m; None stands for the centroid.
+
+    Raises:
+        SupportError: When the polygon is not simple or the pressure would be negative somewhere on it.
+    """
+
+    outline: FloatArray
+    center_of_mass: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outline", simple_polygon(self.outline, "outline of the support"))
+        if self.center_of_mass is not None:
+            object.__setattr__(self, "center_of_mass", frozen(self.center_of_mass, (2,), "center of mass"))
+        corners = 1.0 / self.moments.area + (self.outline - self.moments.centroid) @ self.gradient
+        worst = int(np.argmin(corners))
+        if corners[worst] * self.moments.area < -_ROUNDING:
+            raise SupportError(
+                f"an affine pressure with its centre at {_point(self.center)} would be negative at "
+                f"{_point(self.outline[worst])} ({corners[worst] * self.moments.area:.3g} of the mean); "
+                f"bring center_of_mass closer to the centroid {_point(self.moments.centroid)}"
+            )
+
+    @cached_property
+    def moments(self) -> AreaMoments:
+        """Area, centroid and second moments of the outline."""
+        return area_moments(self.outline)
+
+    @cached_property
+    def gradient(self) -> FloatArray:
+        """(2,) gradient b of the pressure of a unit load, 1/m^3."""
+        if self.center_of_mass is None:
+            return np.zeros(2)
+        offset = self.center_of_mass - self.moments.centroid
+        return np.asarray(np.linalg.solve(self.moments.second, offset), dtype=np.float64)
+
+    @property
+    def center(self) -> FloatArray:
+        """(2,) centre of pressure, m."""
+        return self.moments.centroid if self.center_of_mass is None else self.center_of_mass
+
+    @property
+    def known(self) -> bool:
+        """True."""
+        return True
+
+    @cached_property
+    def hull(self) -> FloatArray:
+        """(h, 2) convex hull of the outline, m."""
+        return convex_hull(self.outline)
+
+
+@dataclass(frozen=True, eq=False)
+class FeetSupport(Support):
+    """A load on points.
+
+    Attributes:
+        positions: (k, 2) feet, m.
+        fractions: (k,) part of the weight on each foot, > 0, summing to 1; None when unknown.
+        center_of_mass: (2,) m; needed when the fractions are unknown, and only then.
+
+    Raises:
+        SupportError: On loads that are not positive or do not sum to 1, on a centre outside the feet, or when
+            both or neither of `fractions` and `center_of_mass` are given.
+    """
+
+    positions: FloatArray
+    fractions: FloatArray | None = None
+    center_of_mass: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "positions", frozen(self.positions, (None, 2), "positions of the feet"))
+        if len(self.positions) == 0:
+            raise SupportError("a support on feet needs at least one foot")
+        if (self.fractions is None) == (self.center_of_mass is None):
+            raise SupportError("feet need either the load fraction of each foot or center_of_mass, not both")
+        if self.fractions is not None:
+            object.__setattr__(self, "fractions", _fractions(self.fractions, len(self.positions)))
+        if self.center_of_mass is not None:
+            object.__setattr__(self, "center_of_mass", frozen(self.center_of_mass, (2,), "center of mass"))
+            _require_inside(self.center_of_mass, self.hull, "the convex hull of the feet")
+
+    @property
+    def center(self) -> FloatArray:
+        """(2,) centre of the load, m."""
+        if self.fractions is not None:
+            return self.fractions @ self.positions
+        assert self.center_of_mass is not None  # __post_init__ saw to it
+        return self.center_of_mass
+
+    @property
+    def known(self) -> bool:
+        """Whether the load fractions are given."""
+        return self.fractions is not None
+
+    @cached_property
+    def hull(self) -> FloatArray:
+        """(h, 2) convex hull of the feet, m."""
+        return convex_hull(self.positions)
+
+
+@dataclass(frozen=True, eq=False)
+class PressureMapSupport(Support):
+    """A measured pressure distribution as many points with loads.
+
+    Attributes:
+        points: (k, 2) m.
+        fractions: (k,) part of the weight on each point, > 0, summing to 1.
+    """
+
+    points: FloatArray
+    fractions: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen(self.points, (None, 2), "points of the pressure map"))
+        if len(self.points) == 0:
+            raise SupportError("a pressure map needs at least one point")
+        object.__setattr__(self, "fractions", _fractions(self.fractions, len(self.points)))
+
+    @classmethod
+    def from_csv(cls, path: str | Path) -> PressureMapSupport:
+        """Read a CSV file with the columns x, y (m) and pressure (any unit, >= 0).
+
+        Every row stands for an equal area: the pressures are scaled to sum to 1. Rows with pressure 0 are
+        left out.
+
+        Raises:
+            SupportError: With file and line, when the file cannot be read or a value is not allowed.
+        """
+        try:
+            data = Path(path).read_bytes()
+        except OSError as error:
+            raise SupportError(f"{path}: cannot read the pressure map: {error}") from error
+        return cls.from_bytes(data, str(path))
+
+    @classmethod
+    def from_bytes(cls, data: bytes, path: str) -> PressureMapSupport:
+        """Read what a file for `from_csv` holds; messages call it `path`."""
+        rows = parse_pressure_map(data, path)
+        loaded = rows[rows[:, 2] > 0.0]
+        if len(loaded) == 0:
+            raise SupportError(f"{path}: no row has a pressure > 0")
+        return cls(loaded[:, :2], loaded[:, 2] / loaded[:, 2].sum())
+
+    @property
+    def center(self) -> FloatArray:
+        """(2,) centre of pressure, m."""
+        return self.fractions @ self.points
+
+    @property
+    def known(self) -> bool:
+        """True."""
+        return True
+
+    @cached_property
+    def hull(self) -> FloatArray:
+        """(h, 2) convex hull of the loaded points, m."""
+        return convex_hull(self.points)
+
+
+@dataclass(frozen=True, eq=False)
+class UnknownSupport(Support):
+    """Any pressure on a polygon that has the given centre.
+
+    Attributes:
+        outline: (v, 2) simple polygon, m; stored counter-clockwise.
+        center_of_mass: (2,) m; None stands for the centroid of the outline.
+
+    Raises:
+        SupportError: When the polygon is not simple or the centre lies outside its convex hull.
+    """
+
+    outline: FloatArray
+    center_of_mass: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outline", simple_polygon(self.outline, "outline of the support"))
+        if self.center_of_mass is not None:
+            object.__setattr__(self, "center_of_mass", frozen(self.center_of_mass, (2,), "center of mass"))
+            _require_inside(self.center_of_mass, self.hull, "the convex hull of the support")
+
+    @cached_property
+    def center(self) -> FloatArray:
+        """(2,) centre of pressure, m."""
+        return area_moments(self.outline).centroid if self.center_of_mass is None else self.center_of_mass
+
+    @property
+    def known(self) -> bool:
+        """False."""
+        return False
+
+    @cached_property
+    def hull(self) -> FloatArray:
+        """(h, 2) convex hull of the outline, m."""
+        return convex_hull(self.outline)
+
+
+def _point(point: FloatArray) -> str:
+    return f"({point[0]:.6g}, {point[1]:.6g})"
+
+
+def _fractions(fractions: FloatArray, count: int) -> FloatArray:
+    """Return `fractions` checked and scaled to a sum of exactly 1."""
+    values = frozen(fractions, (count,), "load fractions")
+    if (values <= 0.0).any():
+        raise SupportError(f"load fraction {values.min():.6g} of point {values.argmin()} must be > 0")
+    total = float(values.sum())
+    if abs(total - 1.0) > FRACTION_TOLERANCE:
+        raise SupportError(f"load fractions sum to {total:.9g}; they must sum to 1")
+    return frozen(values / total, (count,), "load fractions")
+
+
+def _require_inside(point: FloatArray, hull: FloatArray, name: str) -> None:
+    """Raise SupportError unless `point` lies in the convex `hull`, to rounding."""
+    distance = shapely.MultiPoint(hull).convex_hull.distance(shapely.Point(point))
+    if distance > 1e-12 * float(np.abs(hull).max()):
+        raise SupportError(f"center_of_mass {_point(point)} lies outside {name}")

@@ -1,0 +1,1 @@
+"""From files to scenarios: syntax, values, geometry, and everything wrong told at once."""

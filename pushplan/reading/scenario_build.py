@@ -1,0 +1,134 @@
+"""From a scenario's document to the scenario, or to findings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
+from pushplan.reading.placement import Surroundings, bodies_at, placement_troubles
+from pushplan.reading.report import Report
+from pushplan.reading.scenario_chain import Bodies, build_bodies, outline_of
+from pushplan.reading.scenario_files import Attachments
+from pushplan.reading.scenario_salvage import salvage
+from pushplan.reading.scenario_schema import ScenarioFile
+from pushplan.reading.schema_findings import nearest, validate
+from pushplan.reading.yaml_node import Document, shorten
+from pushplan.scenario import Scenario
+from pushplan.scenario_parts import (
+    CircleObstacle,
+    Goal,
+    Obstacle,
+    PlannerSettings,
+    PolygonObstacle,
+    StabilitySettings,
+    Workspace,
+)
+
+
+def build_scenario(
+    document: Document, path: Path, source: bytes, attachments: Attachments, report: Report
+) -> Scenario | None:
+    """Return the scenario that a document states, or report all that is wrong with it and return None."""
+    file, faults = validate(ScenarioFile, document)
+    report.extend(tuple(faults.values()))
+    doubtful: set[str] = set()
+    if file is None:
+        mended = salvage(document.root.plain(), faults)
+        if mended is None:
+            return None
+        file, doubtful = mended
+    bodies = _bodies(file, attachments, doubtful, report)
+    if not _goal_exists(file, report):
+        doubtful.add("goal")
+    if bodies is None:
+        return None
+    scenario = _scenario(file, path, source, bodies, attachments)
+    _check_ends(scenario, doubtful, report)
+    return None if report.findings else scenario
+
+
+def _bodies(
+    file: ScenarioFile, attachments: Attachments, doubtful: set[str], report: Report
+) -> Bodies | None:
+    """Return the chain; what follows from stand-ins alone is not reported."""
+    own = Report(report.document)
+    bodies = build_bodies(file, attachments.read, own)
+    report.extend(tuple(f for f in own.findings if f.where.split(".")[0] not in doubtful))
+    return bodies
+
+
+def _goal_exists(file: ScenarioFile, report: Report) -> bool:
+    """Tell whether the object that the goal names exists, and report it if not."""
+    known = [obj.name for obj in file.objects]
+    if file.goal.of is None or file.goal.of in known:
+        return True
+    near = nearest(file.goal.of, known)
+    report.add(
+        ("goal", "of"), f"no object is called '{shorten(file.goal.of)}'{near} allowed: {', '.join(known)}"
+    )
+    return False
+
+
+def _goal(file: ScenarioFile, bodies: Bodies) -> Goal:
+    stated, tolerance = file.goal, file.goal.tolerance
+    pose = np.array(stated.pose)
+    return Goal(pose, stated.of, _chain_pose(pose, stated.of, bodies), tolerance.position, tolerance.angle)
+
+
+def _chain_pose(pose: FloatArray, of: str | None, bodies: Bodies) -> FloatArray:
+    """Return the chain frame's pose (3,) in the world that brings the object `of` to `pose`."""
+    chain = bodies.chain
+    if of not in [obj.name for obj in chain.objects]:
+        return pose
+    return se2.compose(pose, se2.inverse(chain.objects[chain.index_of(of)].pose_chain))
+
+
+def _scenario(
+    file: ScenarioFile, path: Path, source: bytes, bodies: Bodies, attachments: Attachments
+) -> Scenario:
+    area = file.workspace
+    return Scenario(
+        name=file.name or path.stem,
+        path=path,
+        source=source,
+        chain=bodies.chain,
+        floor_friction=file.floor.friction,
+        start=np.array(file.start),
+        goal=_goal(file, bodies),
+        workspace=None if area is None else Workspace(*area.x, *area.y),
+        obstacles=_obstacles(file),
+        clearance=file.clearance,
+        stability=StabilitySettings(file.stability.set, file.stability.margin),
+        planner=PlannerSettings(**file.planner.model_dump()),
+        trajectory=file.trajectory,
+        attachments=attachments.contents,
+        bodies=bodies.stated,
+    )
+
+
+def _obstacles(file: ScenarioFile) -> tuple[Obstacle, ...]:
+    obstacles: list[Obstacle] = []
+    for stated in file.obstacles:
+        if stated.circle is not None and stated.center is not None:
+            obstacles.append(CircleObstacle(np.array(stated.center), stated.circle))
+        else:
+            pose = stated.pose or (0.0, 0.0, 0.0)
+            obstacles.append(PolygonObstacle(se2.transform_points(pose, outline_of(stated))))
+    return tuple(obstacles)
+
+
+def _check_ends(scenario: Scenario, doubtful: set[str], report: Report) -> None:
+    """Report collisions at start and goal, as far as all that matters for them is known."""
+    if doubtful & {"workspace", "obstacles", "clearance"}:
+        return
+    surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
+    for what, place, pose in (
+        ("start", ("start",), scenario.start),
+        ("goal", ("goal", "pose"), scenario.goal.pose_chain),
+    ):
+        if what not in doubtful:
+            for trouble in placement_troubles(what, bodies_at(scenario.chain, pose), surroundings):
+                report.add(place, trouble)

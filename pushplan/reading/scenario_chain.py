@@ -1,0 +1,116 @@
+"""From the objects, contacts and pusher of a scenario file to the chain, checked for geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.geometry.polygon import simple_polygon
+from pushplan.mechanics.chain import Chain, Drive, Limits, PushedObject, Pusher
+from pushplan.names import RESERVED_NAMES
+from pushplan.reading.chain_contacts import find_segments, make_contacts
+from pushplan.reading.contact_friction import contact_frictions
+from pushplan.reading.layout import Layout, Part, lay_out
+from pushplan.reading.report import Report
+from pushplan.reading.scenario_schema import Obstacle, ScenarioFile
+from pushplan.reading.scenario_supports import ReadFile, make_support
+from pushplan.reading.schema_objects import Plate, Shape, WheeledDrive
+from pushplan.reading.stacking import box_outline
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """What moves.
+
+    Attributes:
+        chain: Objects, contacts and pusher.
+        stated: The same as plain data in the form of the file, with every pose and default filled in.
+    """
+
+    chain: Chain
+    stated: dict[str, Any]
+
+
+def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies | None:
+    """Return the chain of a scenario file, or report what is wrong with it and return None."""
+    _check_names(file, report)
+    parts = [_part(i, file) for i in range(len(file.objects))]
+    supports = [
+        make_support(obj, part.outline, i, read, report)
+        for i, (obj, part) in enumerate(zip(file.objects, parts, strict=True))
+    ]
+    layout = lay_out(parts, file.pusher.width, file.pusher.thickness, report)
+    if layout is None:
+        return None
+    segments = find_segments(parts, layout, report)
+    frictions = contact_frictions(file, segments, report)
+    if report.findings:
+        return None
+    objects = tuple(
+        PushedObject(obj.name, part.outline, obj.mass, _floor_friction(i, file), support, layout.poses[i])
+        for i, (obj, part, support) in enumerate(zip(file.objects, parts, supports, strict=True))
+        if support is not None
+    )
+    chain = Chain(objects, make_contacts(segments, frictions), _pusher(file.pusher, layout.plate))
+    return Bodies(chain, _stated(file, layout))
+
+
+def outline_of(stated: Shape | Obstacle) -> FloatArray:
+    """Return the counter-clockwise outline (v, 2) of a box or polygon in its own frame, m."""
+    return box_outline(*stated.box) if stated.box else simple_polygon(stated.polygon or (), "outline")
+
+
+def _check_names(file: ScenarioFile, report: Report) -> None:
+    names = [obj.name for obj in file.objects]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            report.add(
+                ("objects", i, "name"), f"objects[{names.index(name)}] is called '{name}' too; names differ"
+            )
+        if name.lower() in RESERVED_NAMES:
+            what = f"'{name}' is reserved; allowed: any name but {', '.join(RESERVED_NAMES)}"
+            report.add(("objects", i, "name"), what)
+
+
+def _part(i: int, file: ScenarioFile) -> Part:
+    obj = file.objects[i]
+    pose = None if obj.pose is None else np.array(obj.pose)
+    return Part(obj.name, outline_of(obj.shape), obj.offset, pose)
+
+
+def _floor_friction(i: int, file: ScenarioFile) -> float:
+    own = file.objects[i].floor_friction
+    return file.floor.friction if own is None else own
+
+
+def _pusher(plate: Plate, outline: FloatArray) -> Pusher:
+    limits = Limits(**plate.limits.model_dump())
+    return Pusher(outline, plate.friction, plate.contact_height, _drive(plate), limits)
+
+
+def _drive(plate: Plate) -> Drive:
+    drive = plate.drive
+    if not isinstance(drive, WheeledDrive):
+        return Drive()
+    if drive.car is not None:
+        return Drive("car", np.array(drive.car.axle), drive.car.min_radius)
+    assert drive.differential is not None
+    return Drive("differential", np.array(drive.differential.axle))
+
+
+def _stated(file: ScenarioFile, layout: Layout) -> dict[str, Any]:
+    objects = []
+    for i, obj in enumerate(file.objects):
+        stated = obj.model_dump(mode="json", exclude_none=True)
+        stated |= {"floor_friction": _floor_friction(i, file), "pose": layout.poses[i].tolist()}
+        if i > 0:
+            stated.pop("offset", None)
+        elif obj.pose is None or obj.offset is None:
+            stated["offset"] = float(layout.poses[0, 1] - layout.plate[:, 1].mean())
+        objects.append(stated)
+    sections = {"contacts": file.contacts, "pusher": file.pusher}
+    rest = {name: part.model_dump(mode="json", exclude_none=True) for name, part in sections.items()}
+    return {"objects": objects, **rest}

@@ -1,0 +1,46 @@
+"""Whether a scenario's chain can be pushed at all: the check of the stable set, which takes longer than reading."""
+
+from __future__ import annotations
+
+from pushplan.errors import Finding, PushplanError
+from pushplan.mechanics.chain import PLATE
+from pushplan.names import KNOWN_LOAD_SETS, STABLE_SETS
+from pushplan.reading.report import Report
+from pushplan.reading.yaml_tree import read_document
+from pushplan.scenario import Scenario
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
+from pushplan.stable_sets.weakest import emptiness
+
+
+def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
+    """Return what is wrong with the stable set of a scenario; see `pushplan.scenario.check_scenario`."""
+    report = Report(read_document(scenario.source))
+    unknown = [obj.name for obj in scenario.chain.objects if not obj.support.known]
+    if unknown and scenario.stability.set in KNOWN_LOAD_SETS:
+        report.add(("stability", "set"), _needs_loads(scenario.stability.set, unknown))
+        return report.findings
+    try:
+        stable = stable_set(scenario.chain, scenario.stability.set)
+        _check_not_empty(stable, scenario.stability.margin, report)
+    except PushplanError as error:
+        report.add(("stability", "set"), str(error))
+    return report.findings
+
+
+def _needs_loads(name: str, unknown: list[str]) -> str:
+    others = ", ".join(other for other in STABLE_SETS if other not in KNOWN_LOAD_SETS)
+    objects = ", ".join(f"'{other}'" for other in unknown)
+    return (
+        f"'{name}' needs to know how loads rest on the floor, which is not stated for {objects}; "
+        f"allowed: {others}, or a support with known loads"
+    )
+
+
+def _check_not_empty(stable: StableSet, minimum: float, report: Report) -> None:
+    what, contact = emptiness(stable, minimum)
+    if contact is not None:
+        on_plate = stable.chain.contacts[contact].pusher == PLATE
+        report.add(("pusher", "friction") if on_plate else ("contacts",), what)
+    elif what:
+        report.add(("stability", "margin"), what)

@@ -1,0 +1,93 @@
+"""Read scenario files: syntax, values, geometry, start and goal, with everything wrong told at once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pushplan.errors import Finding, ScenarioError
+from pushplan.examples import example_file, example_names
+from pushplan.reading.report import Report
+from pushplan.reading.scenario_build import build_scenario
+from pushplan.reading.scenario_files import Attachments
+from pushplan.reading.schema_findings import nearest
+from pushplan.reading.yaml_text import MOST_BYTES, DocumentError
+from pushplan.reading.yaml_tree import read_document
+from pushplan.scenario import Scenario
+
+
+def load_scenario(source: str | Path) -> Scenario:
+    """Read a file, or a packaged example by its name; see `pushplan.scenario.load_scenario`."""
+    path = Path(source)
+    if isinstance(source, str) and source in example_names() and not path.is_file():
+        path = Path(str(example_file(source)))
+    try:
+        with path.open("rb") as file:
+            data = file.read(MOST_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise ScenarioError(str(source), [Finding("", _unreadable(source, error))]) from error
+    return _read(data, path, Attachments({}, path.parent))
+
+
+def scenario_from_text(
+    text: str | bytes, path: str | Path = "scenario.yaml", attachments: Mapping[str, bytes] | None = None
+) -> Scenario:
+    """Read a text; see `pushplan.scenario.scenario_from_text`."""
+    data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+    return _read(data, Path(path), Attachments(dict(attachments or {})))
+
+
+def scenario_from_document(
+    document: Mapping[str, Any],
+    path: str | Path = "scenario.json",
+    attachments: Mapping[str, bytes] | None = None,
+) -> Scenario:
+    """Read plain data; see `pushplan.scenario.scenario_from_document`."""
+    try:
+        text = json.dumps(document, default=_plain, indent=1)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ScenarioError(str(path), [Finding("", f"is no plain data: {error}")]) from error
+    try:
+        return scenario_from_text(text, path, attachments)
+    except ScenarioError as error:
+        placeless = [Finding(finding.where, finding.what) for finding in error.findings]
+        raise ScenarioError(str(path), placeless) from error
+
+
+def _plain(value: object) -> object:
+    """Turn NumPy's numbers and arrays, and mappings of other kinds, into what JSON knows."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(
+        f"it holds a {type(value).__name__}; allowed: mappings, sequences, texts, numbers and arrays"
+    )
+
+
+def _read(data: bytes, path: Path, attachments: Attachments) -> Scenario:
+    try:
+        document = read_document(data)
+    except DocumentError as error:
+        raise ScenarioError(str(path), error.findings) from error
+    report = Report(document)
+    scenario = build_scenario(document, path, data, attachments, report)
+    if scenario is None:
+        raise ScenarioError(str(path), report.findings)
+    return scenario
+
+
+def _unreadable(source: str | Path, error: Exception) -> str:
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    text = f"cannot read the file: {reason}"
+    beside = Path(f"{source}.yaml")
+    if isinstance(error, FileNotFoundError) and beside.is_file():
+        return f"{text}; did you mean '{beside}'?"
+    if isinstance(error, FileNotFoundError) and isinstance(source, str) and Path(source).name == source:
+        names = list(example_names())
+        text += (
+            f"; no packaged scenario is called so either{nearest(source, names)} there are {', '.join(names)}"
+        )
+    return text

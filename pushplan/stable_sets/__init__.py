@@ -1,0 +1,1 @@
+"""Stable sets of body twists and their exact boundaries."""
