@@ -2,8 +2,8 @@
 
 Run `python benchmarks/bench.py [faults] [kills] [overhead] [throughput] [same]`; without words, all of it, in about
 ten minutes on two processors. `faults`: 1,000 runs with planted segfaults, hangs, memory hogs and errors. `kills`:
-the same kind of batch killed at 20 random moments and resumed. `overhead`: time per run beyond its phases. `throughput`:
-two jobs against one. `same`: the same costs and arcs on one job, two jobs and a Dask cluster.
+the same kind of batch killed at 20 random moments and resumed. `overhead`: time per run beyond its phases.
+`throughput`: two jobs against one. `same`: the same costs and arcs on one job, two jobs and a Dask cluster.
 """
 
 from __future__ import annotations
