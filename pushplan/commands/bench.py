@@ -73,7 +73,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     if args.suite is None:
         return _list(console)
     if args.output is None:
-        raise BenchUsageError("name a folder for the results: -o DIR")
+        raise BenchUsageError(f"name a folder for the results: pushplan bench {args.suite} -o DIR")
     return _bench(args, console)
 
 
@@ -83,6 +83,7 @@ def _list(console: Console) -> int:
 
     about = {name: first_comment(suite_text(name)) for name in suite_names()}
     console.table(about.items())
+    console.say("run one with: pushplan bench SUITE -o DIR")
     console.emit({"suites": about})
     return DONE
 
@@ -110,7 +111,7 @@ def _run(args: argparse.Namespace, suite: Suite, folder: ResultsFolder, console:
     from pushplan.bench.batch import Choice, run_suite
 
     choice = Choice(args.resume, tuple(args.filter), args.rerun)
-    with console.working("preparing"):
+    with console.working("preparing, which compiles the first time"):
         engine = _engine(args, folder)
     with console.working(suite.name) as progress:
         return run_suite(

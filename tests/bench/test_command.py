@@ -84,7 +84,7 @@ def test_packaged_suites_are_listed(capsys: Captured) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["smoke"], "name a folder for the results: -o DIR"),
+        (["smoke"], "name a folder for the results: pushplan bench smoke -o DIR"),
         (["nosuite", "-o", "x"], "no packaged suite is called so either"),
         (["smoke", "-o", "x", "--jobs", "0"], "0 is no number of jobs"),
         (["smoke", "-o", "x", "--jobs", "many"], "invalid"),

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import pytest
+import shapely
 
+from pushplan.bench.batch import Choice, run_suite
+from pushplan.bench.folder import ResultsFolder
+from pushplan.bench.local import local_outcomes
 from pushplan.bench.selection import SelectionError, chosen, with_key
 from pushplan.bench.suite import RunLimits, RunSpec, Suite
 from pushplan.bench.suite_file import SuiteError, load_suite, suite_from_text, suite_names
+from pushplan.commands.bench import time_left
 from pushplan.examples import example_text
+from pushplan.scenario import CircleObstacle, Scenario
+
+ROOT = Path(__file__).parents[2]
 
 SMALL = """\
 format: pushplan-suite/1
@@ -188,8 +199,70 @@ def test_a_run_is_found_by_the_beginning_of_its_key() -> None:
             with_key(runs, key)
 
 
+@cache
+def _packaged(name: str) -> Suite:
+    return load_suite(name)
+
+
+def test_the_packaged_suites_are_those_that_the_docs_list() -> None:
+    """With as many problems and runs, and at most so much planning."""
+    page = (ROOT / "docs" / "benchmarks.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \|.*\| (\d+) \| (\d+) \| (.*) \|$", page, re.MULTILINE)
+    assert sorted(row[0] for row in rows) == list(suite_names())
+    for name, problems, count, most in rows:
+        suite = _packaged(name)
+        runs = _runs(suite)
+        planning = sum(run.planner.time for run in runs)
+        assert (name, len(suite.problems), len(runs)) == (name, int(problems), int(count))
+        assert (name, time_left(planning)) == (name, most)
+
+
 @pytest.mark.parametrize("name", suite_names())
-def test_packaged_suites_can_be_read(name: str) -> None:
-    suite = load_suite(name)
+def test_a_part_of_every_packaged_suite_can_be_run(name: str, tmp_path: Path) -> None:
+    suite = _packaged(name)
     assert suite.name == name
-    assert len(_runs(suite)) > 0
+    last = f"problem={suite.problems[-1].name}"
+    folder = ResultsFolder(tmp_path)
+    with folder.locked():
+        tally = run_suite(
+            suite,
+            folder,
+            lambda tasks: local_outcomes(tasks, 1),
+            Choice(filters=(last, "planner=auto", "set=ecof", "seed=1")),
+        )
+    assert tally.counts == {"ok": 1}
+
+
+def test_the_generated_problems_are_what_the_suites_promise() -> None:
+    for problem in _packaged("chains").problems:
+        assert problem.family == f"chain-{len(problem.scenario.chain.objects)}"
+    assert {problem.family for problem in _packaged("chains").problems} == {f"chain-{n}" for n in range(1, 9)}
+    for problem in _packaged("drives").problems:
+        assert problem.family == problem.scenario.chain.pusher.drive.kind
+    for problem in _packaged("clutter").problems:
+        kind, _, number = problem.family.partition("-")
+        if kind == "density":
+            assert _covered(problem.scenario) >= float(number) / 100.0
+        else:
+            assert len(problem.scenario.obstacles) == 2
+
+
+def _covered(scenario: Scenario) -> float:
+    """Share of the workspace that obstacles cover."""
+    area = scenario.workspace
+    assert area is not None
+    outlines = [
+        shapely.Point(one.center).buffer(one.radius)
+        if isinstance(one, CircleObstacle)
+        else shapely.Polygon(one.outline)
+        for one in scenario.obstacles
+    ]
+    return float(shapely.union_all(outlines).area / ((area.xmax - area.xmin) * (area.ymax - area.ymin)))
+
+
+def test_every_file_of_the_packaged_suites_is_in_the_wheel() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    globs = settings["tool"]["setuptools"]["package-data"]["pushplan"]
+    package = ROOT / "pushplan"
+    packed = {path for glob in globs for path in package.glob(glob)}
+    assert {path for path in (package / "suites").rglob("*") if path.is_file()} <= packed
