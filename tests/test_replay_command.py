@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -60,3 +61,22 @@ def test_impossible_playing_is_refused(
 ) -> None:
     assert main(["replay", str(log), *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_run_is_played_on_a_terminal(
+    log: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    assert main(["replay", str(log), "--play", "--rate", "100"]) == 0
+    out = capsys.readouterr().out
+    assert out.count("\x1b[H") > 2
+    assert out.endswith("\x1b[?25h\n")
+
+
+def test_a_run_is_served_until_it_ends(
+    log: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("foxglove")
+    monkeypatch.setattr("pushplan.commands.playing.LINGER", 0.05)
+    assert main(["replay", str(log), "--serve", "0", "--rate", "100"]) == 0
+    assert re.search(r"playing to ws://localhost:[1-9]\d*; Ctrl-C ends it", capsys.readouterr().err)

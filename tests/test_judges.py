@@ -1,0 +1,107 @@
+"""Judges of results can say no: good plans and executions spoilt in one way are refused, with the reason."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import pushplan
+from pushplan.bench.validation import flaw
+from pushplan.path import PushPath
+from pushplan.planners.session import Budget
+from pushplan.planners.verdict import flaw as path_flaw
+from pushplan.planners.verdict import verdict
+from pushplan.result import PlanResult
+from pushplan.scenario import PolygonObstacle, Scenario, Workspace
+from pushplan.sim.execution import Execution, StabilityLoss
+from pushplan.stable_sets.named import stable_set
+
+BUDGET = Budget(time_limit=2.0, iterations=50)
+
+
+@cache
+def good() -> tuple[Scenario, PlanResult, Execution]:
+    run = pushplan.run(pushplan.load_scenario("free-space"), time_limit=5.0, first=True)
+    assert run.plan.solved
+    assert run.execution is not None
+    return run.scenario, run.plan, run.execution
+
+
+def obstacle_on_the_way() -> PolygonObstacle:
+    """A small square where the first object is half-way."""
+    scenario, _, execution = good()
+    x, y, _ = execution.poses[len(execution.poses) // 2]
+    away = scenario.chain.objects[0].pose_chain[0]
+    corners = [[-0.01, -0.01], [0.01, -0.01], [0.01, 0.01], [-0.01, 0.01]]
+    return PolygonObstacle(np.array([x, y]) + away * np.array([1.0, 0.0]) + np.array(corners))
+
+
+def test_a_good_run_has_no_flaw() -> None:
+    scenario, result, execution = good()
+    assert flaw(scenario, execution) == ""
+    stable = stable_set(scenario.chain)
+    assert verdict(scenario, stable, result.path, result.trajectory, BUDGET) == ""
+
+
+def test_an_execution_that_lost_a_contact_solves_nothing() -> None:
+    scenario, _, execution = good()
+    lost = replace(execution, loss=StabilityLoss(1.5, 0, -0.25, (0.0, 0.0, 0.0)))
+    assert flaw(scenario, lost) == "contact 0 is lost after 1.500 s with a margin of -0.25"
+
+
+def test_a_margin_at_what_the_scenario_asks_for_is_too_small() -> None:
+    scenario, result, execution = good()
+    smallest = float(execution.margins.min())
+    strict = replace(scenario, stability=replace(scenario.stability, margin=smallest))
+    assert flaw(strict, execution) == f"the smallest margin is {smallest:.3g}; it must be above {smallest:g}"
+    assert result.path is not None
+    stable = stable_set(scenario.chain)
+    smallest = float(stable.margin(result.path.twists).min())
+    strict = replace(scenario, stability=replace(scenario.stability, margin=smallest))
+    said = path_flaw(strict, stable, result.path, execution.poses)
+    assert said == f"the path's smallest margin is {smallest:.3g}; it must be above {smallest:g}"
+
+
+@pytest.mark.parametrize("error", [(0.5, 0.0), (0.0, 0.5)])
+def test_a_goal_missed_in_place_or_in_angle_is_missed(error: tuple[float, float]) -> None:
+    scenario, _, execution = good()
+    said = flaw(scenario, replace(execution, goal_error=error))
+    assert said == f"the goal is missed by {error[0]:.2g} m and {error[1]:.2g} rad"
+
+
+def test_a_body_that_meets_an_obstacle_on_the_way_is_named() -> None:
+    scenario, result, execution = good()
+    blocked = replace(scenario, obstacles=(obstacle_on_the_way(),))
+    assert " meets obstacle 0 with the chain frame at " in flaw(blocked, execution)
+    assert result.path is not None
+    assert "the path is not free: " in path_flaw(
+        blocked, stable_set(scenario.chain), result.path, execution.poses
+    )
+
+
+def test_a_body_that_leaves_the_workspace_is_named() -> None:
+    scenario, _, execution = good()
+    x = float(execution.poses[:, 0].max()) - 0.05
+    walled = replace(scenario, obstacles=(), workspace=Workspace(-9.0, x, -9.0, 9.0))
+    assert " meets a wall of the workspace with the chain frame at " in flaw(walled, execution)
+
+
+def test_a_path_that_ends_elsewhere_is_refused() -> None:
+    scenario, result, _ = good()
+    path = result.path
+    assert path is not None
+    short = PushPath(path.start, path.twists, path.lengths * [*[1.0] * (len(path.lengths) - 1), 0.5])
+    said = verdict(scenario, stable_set(scenario.chain), short, result.trajectory, BUDGET)
+    assert said.startswith("the path misses the goal by ")
+
+
+def test_no_path_is_said_with_what_was_allowed() -> None:
+    scenario, _, _ = good()
+    stable = stable_set(scenario.chain)
+    said = verdict(scenario, stable, None, None, BUDGET)
+    assert said == "no path found within the time limit of 2 s or 50 iterations"
+    said = verdict(scenario, stable, None, None, Budget(time_limit=2.0))
+    assert said == "no path found within the time limit of 2 s"
