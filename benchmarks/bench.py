@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,7 @@ limits: {time: 60 s, iterations: 20000}
 
 
 def rows(folder: Path) -> list[tuple[Any, ...]]:
-    with sqlite3.connect(folder / "results.db") as database:
+    with closing(sqlite3.connect(folder / "results.db")) as database:
         query = (
             "SELECT p.seed, o.outcome, r.solution_length, o.arcs, p.key, r.total_time, r.overhead_time FROM "
             "pushplan_plan p JOIN pushplan_runs o ON o.key = p.key JOIN runs r ON r.id = o.runid ORDER BY p.number"

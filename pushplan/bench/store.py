@@ -42,6 +42,8 @@ class Store:
             self._prepare()
         except sqlite3.DatabaseError as error:
             self._database.close()
+            if _is_busy(error):
+                raise StoreError(f"another program has {path} locked; close it there") from error
             raise StoreError(f"{path} is no file of results: {error}") from error
 
     def _prepare(self) -> None:
@@ -55,9 +57,17 @@ class Store:
             self._database.executemany("INSERT OR IGNORE INTO enums VALUES (?, ?, ?)", arena.STATUS_ROWS)
 
     def close(self) -> None:
-        """Close the file, whole in itself again (without a write-ahead log beside it)."""
-        self._database.execute("PRAGMA journal_mode = DELETE")
-        self._database.close()
+        """Close the file, whole in itself again: without a write-ahead log beside it.
+
+        The log stays while another program has the file open, say to look at results; SQLite reads both as one.
+        """
+        try:
+            self._database.execute("PRAGMA journal_mode = DELETE")
+        except sqlite3.OperationalError as error:
+            if not _is_busy(error):
+                raise
+        finally:
+            self._database.close()
 
     def __enter__(self) -> Self:
         return self
@@ -169,6 +179,11 @@ class Store:
     def spent(self, seconds: float) -> None:
         """Add to the wall-clock time that the benchmark has taken."""
         self._database.execute("UPDATE pushplan_suite SET seconds = seconds + ?", (seconds,))
+
+
+def _is_busy(error: sqlite3.Error) -> bool:
+    """Tell whether something failed because of another program that has the file open."""
+    return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY
 
 
 def planner_name(run: RunSpec) -> str:

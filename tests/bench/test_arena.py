@@ -184,6 +184,34 @@ def test_planner_arena_opens_and_draws_the_database(database: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_a_program_that_looks_at_the_results_meanwhile_does_not_disturb(tmp_path: Path) -> None:
+    """It keeps the write-ahead log from being folded into the file, which then reads the same."""
+    path = tmp_path / "results.db"
+    store = Store(path)
+    onlooker = sqlite3.connect(path)
+    onlooker.execute("SELECT * FROM enums").fetchall()
+    store.spent(1.0)
+    store.close()
+    assert path.with_name("results.db-wal").exists()
+    onlooker.close()
+    with Store(path):
+        pass
+    assert not path.with_name("results.db-wal").exists()
+
+
+def test_a_database_that_another_program_has_locked_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pushplan.bench.store.BUSY", 0.1)
+    path = tmp_path / "results.db"
+    Store(path).close()
+    other = sqlite3.connect(path, isolation_level=None)
+    other.execute("BEGIN EXCLUSIVE")
+    with pytest.raises(StoreError, match=r"^another program has .*results\.db locked; close it there$"):
+        Store(path)
+    other.close()
+
+
 def test_what_is_no_database_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "results.db"
     path.write_text("this is no database, and long enough to be taken for one by its size " * 20)
