@@ -1,9 +1,10 @@
-"""Thousands of scenario files gone wrong: each must be a scenario or a located message, soon and with little memory.
+"""Thousands of files gone wrong: each must be a scenario, a suite or a located message, soon and with little memory.
 
-Run `python benchmarks/mutated_files.py [--files 10000] [--plans 200] [--seed 1]`. The packaged scenarios are mutated
-as text and as documents. Every file is read and checked as `pushplan check` does it; of those that are valid, the
-first `--plans` are planned too. Prints counts, the slowest file and the memory at its peak; exits 1 on anything but a
-scenario or a message with its place, on a file that takes longer than 5 s, or when memory exceeds 500 MB.
+Run `python benchmarks/mutated_files.py [--files 10000] [--plans 200] [--seed 1]`. The packaged scenarios, and for
+every fifth file small suites, are mutated as text and as documents. Every file is read and checked as by
+`pushplan check` and `pushplan bench`; of the valid scenarios the first `--plans` are planned too. Prints
+counts, the slowest file and the memory at its peak; exits 1 on anything but a valid file or a message with its place,
+on a file that takes longer than 5 s, or when memory exceeds 500 MB.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from random import Random
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from pushplan.bench.suite_file import suite_from_text, suite_text
 from pushplan.cli import main as pushplan
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.examples import example_names, example_text
@@ -39,6 +41,35 @@ PLANNING = 0.2
 
 THROUGH_CLI = 200
 """Files that go through the command line as well, for exit code and streams."""
+
+
+SUITE = """\
+format: pushplan-suite/1
+name: small
+problems:
+  - one-box
+  - {scenario: two-crates, name: crates}
+  - name: random
+    generate: {objects: [1, 2], obstacles: [0, 5], density: 5 %, gap: 2.0, drives: [car], turning_radius: 0.5}
+    count: 2
+    seed: 3
+planners:
+  - auto
+  - {name: rrt, label: quick, time: 500 ms, iterations: 1000, first: true}
+sets: [ecof, cof]
+seeds: [3, 7]
+limits: {time: 1.5 s, run: 10 s, memory: 500 MB}
+"""
+
+NOTHING = ("--filter", "seed=99999")
+"""No run of a batch, so that a valid suite is read and nothing is planned."""
+
+
+class File(NamedTuple):
+    """A mutated file."""
+
+    is_suite: bool
+    text: str
 
 
 class Verdict(NamedTuple):
@@ -56,8 +87,8 @@ def main() -> int:
     _warm_up()
     verdicts: list[Verdict] = []
     plans = 0
-    for text in _files(random, options.files):
-        verdict = _judge(text, plans < options.plans)
+    for file in _files(random, options.files):
+        verdict = _judge(file, plans < options.plans)
         plans += verdict.word in ("planned", "no plan")
         verdicts.append(verdict)
     wrong = [v for v in verdicts if v.word == "WRONG"] + _through_the_command_line(random)
@@ -72,33 +103,40 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _files(random: Random, count: int) -> Iterator[str]:
-    """Yield mutated texts and documents in turn."""
+def _files(random: Random, count: int) -> Iterator[File]:
+    """Yield mutated texts and documents in turn, every fifth a suite."""
     mutators = _mutators()
-    texts = [*map(example_text, example_names()), new_scenario_text("new")]
-    documents = [read_document(text.encode()).root.plain() for text in texts]
-    documents += [load_scenario(name).resolved() for name in example_names()]
+    scenarios = [*map(example_text, example_names()), new_scenario_text("new")]
+    suites = [suite_text("smoke"), suite_text("paper"), SUITE]
+    documents = {
+        False: [_document(text) for text in scenarios]
+        + [load_scenario(name).resolved() for name in example_names()],
+        True: [_document(text) for text in suites],
+    }
     for i in range(count):
+        is_suite = i % 5 == 0
         if i % 2:
-            yield mutators.mutated_text(random.choice(texts), random)
+            text = mutators.mutated_text(random.choice(suites if is_suite else scenarios), random)
         else:
-            yield json.dumps(mutators.mutated_document(random.choice(documents), random))
+            text = json.dumps(mutators.mutated_document(random.choice(documents[is_suite]), random))
+        yield File(is_suite, text)
 
 
-def _judge(text: str, may_plan: bool) -> Verdict:
+def _document(text: str) -> Any:
+    return read_document(text.encode()).root.plain()
+
+
+def _judge(file: File, may_plan: bool) -> Verdict:
     begin = time.perf_counter()
-    word, what, planning = "valid", "", 0.0
+    planning = 0.0
     try:
-        scenario = scenario_from_text(text, "f.yaml")
-        findings = check_scenario(scenario)
-        word = "not pushable" if findings else "valid"
-        if findings and not all(finding.line and finding.what for finding in findings):
-            word, what = "WRONG", f"a finding without a place: {findings}"
-        if word == "valid" and may_plan:
+        word, scenario = _read(file)
+        if scenario is not None and may_plan:
             planning = PLANNING
             word = _planned(scenario)
+        what = ""
     except ScenarioError as error:
-        word = "refused"
+        word, what = "refused", ""
         if not all(finding.line and finding.what for finding in error.findings):
             word, what = "WRONG", f"a message without a place: {error}"
     except Exception as error:
@@ -106,7 +144,21 @@ def _judge(text: str, may_plan: bool) -> Verdict:
     seconds = time.perf_counter() - begin
     if seconds - planning > MOST_SECONDS:
         word, what = "WRONG", f"takes {seconds:.1f} s"
-    return Verdict(word, f"{what}\n{text[:3000]}" if what else "", seconds)
+    return Verdict(word, f"{what}\n{file.text[:3000]}" if what else "", seconds)
+
+
+def _read(file: File) -> tuple[str, Scenario | None]:
+    """Return what the file is, and the scenario if it can be planned."""
+    if file.is_suite:
+        suite_from_text(file.text, "f.yaml")
+        return "valid suite", None
+    scenario = scenario_from_text(file.text, "f.yaml")
+    findings = check_scenario(scenario)
+    if not findings:
+        return "valid", scenario
+    if not all(finding.line and finding.what for finding in findings):
+        raise AssertionError(f"a finding without a place: {findings}")
+    return "not pushable", None
 
 
 def _planned(scenario: Scenario) -> str:
@@ -117,14 +169,17 @@ def _planned(scenario: Scenario) -> str:
 
 
 def _through_the_command_line(random: Random) -> list[Verdict]:
-    """Return what goes wrong when files are given to `pushplan check`."""
+    """Return what goes wrong when files are given to `pushplan check` or `pushplan bench`."""
     wrong = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "f.yaml"
-        for text in _files(random, THROUGH_CLI):
+        for is_suite, text in _files(random, THROUGH_CLI):
             file.write_text(text, encoding="utf-8", errors="surrogatepass")
+            words = (
+                ["bench", str(file), "-o", f"{folder}/out", *NOTHING] if is_suite else ["check", str(file)]
+            )
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-                code = pushplan(["check", str(file), "--json"])
+                code = pushplan([*words, "--json"])
             if code not in (0, 2):
                 wrong.append(Verdict("WRONG", f"exit code {code}\n{text[:3000]}", 0.0))
     return wrong
