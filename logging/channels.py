@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from importlib.metadata import version
 
+import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
-from mcap.writer import CompressionType, Writer
-from mcap_protobuf.schema import build_file_descriptor_set
 
+from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import RunLogError
-from pushplan.logging.metadata import sealed
+from pushplan.logging.metadata import sealed, version_of
 from pushplan.logging.partial_file import PartialFile
+from pushplan.logging.record_writer import Batch, RecordWriter
 from pushplan.logging.schemas import TOPICS, MessageClass, Topic
-
-CHUNK_SIZE = 256 << 10
-"""A chunk is written when it has grown so large, bytes; until then its messages exist in memory only."""
+from pushplan.logging.stencil import ByteRows
 
 _NANO = 1_000_000_000
+_LATEST = 1 << 34
+"""Simulated time has to be before this, s."""
 
 
 class Channels:
@@ -26,9 +25,7 @@ class Channels:
 
     def __init__(self, file: PartialFile) -> None:
         self._file = file
-        self._writer = Writer(file, chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD)  # type: ignore[arg-type]
-        self._writer.start(profile="", library=f"pushplan {version('pushplan')}; mcap {version('mcap')}")
-        self._sequence = dict.fromkeys(TOPICS, 0)
+        self._writer = RecordWriter(file, f"pushplan {version_of('pushplan')}")
         self._now = 0
         self._channels: dict[Topic, int] = {}
 
@@ -36,43 +33,54 @@ class Channels:
         """Write the schemas and channels."""
         schemas: dict[str, int] = {}
         for topic in TOPICS:
-            name = topic.message.DESCRIPTOR.full_name
-            if name not in schemas:
-                data = build_file_descriptor_set(topic.message).SerializeToString()
-                schemas[name] = self._writer.register_schema(name, "protobuf", data)
-            self._channels[topic] = self._writer.register_channel(topic.name, "protobuf", schemas[name])
+            if topic.kind not in schemas:
+                schemas[topic.kind] = self._writer.add_schema(topic.kind, topic.schema)
+            self._channels[topic] = self._writer.add_channel(topic.name, schemas[topic.kind])
 
-    def advance(self, time: float) -> Timestamp:
-        """Set the simulated time, s, for the messages to come and return it as a time stamp.
+    def instants(self, times: FloatArray) -> IntArray:
+        """Return simulated times (n,), s, of messages to come in ns.
 
         Raises:
-            RunLogError: When it is before the last one, or not a number: such a time would spoil the file.
+            RunLogError: When one is before the last, or not a number: such a time would spoil the file.
         """
-        nanoseconds = round(time * _NANO) if math.isfinite(time) else -1
-        if not self._now <= nanoseconds < 1 << 63:
-            raise RunLogError(str(self._file.final), f"time {time} s cannot follow {self._now / _NANO} s")
-        self._now = nanoseconds
-        return self.stamp
+        before = np.append(self._now / _NANO, times[:-1])
+        wrong = np.flatnonzero(~((times >= before) & (times < _LATEST)))
+        if len(wrong):
+            time, last = times[wrong[0]], before[wrong[0]]
+            raise RunLogError(str(self._file.final), f"time {time} s cannot follow {last} s")
+        return np.rint(times * _NANO).astype(np.int64)
 
     @property
     def stamp(self) -> Timestamp:
         """The simulated time of the messages to come."""
         return Timestamp(seconds=self._now // _NANO, nanos=self._now % _NANO)
 
-    def send(self, topic: Topic, message: MessageClass) -> None:
+    def send(self, topic: Topic, message: MessageClass | bytes) -> None:
         """Write `message` at the current simulated time."""
-        self._writer.add_message(
-            channel_id=self._channels[topic],
-            log_time=self._now,
-            publish_time=self._now,
-            sequence=self._sequence[topic],
-            data=message.SerializeToString(deterministic=True),
-        )
-        self._sequence[topic] += 1
+        data = message if isinstance(message, bytes) else message.SerializeToString(deterministic=True)
+        self._writer.add_message(self._channels[topic], self._now, data)
+
+    def prepare(self, rows: Mapping[Topic, ByteRows], instants: IntArray) -> Batch:
+        """Return messages of several topics at each of the `instants` (n,), ns, for `send_batch`.
+
+        Args:
+            rows: (n, bytes) for each topic; nothing else may be sent on them before all of these are.
+            instants: As `instants` returned them.
+        """
+        return self._writer.prepare({self._channels[topic]: data for topic, data in rows.items()}, instants)
+
+    def send_batch(self, batch: Batch, begin: int = 0, end: int | None = None) -> None:
+        """Write the messages at the instants from `begin` to `end`, excluded."""
+        self._writer.add_batch(batch, begin, len(batch.times) if end is None else end)
+
+    def advance(self, instant: int) -> Timestamp:
+        """Set the simulated time, ns, for the messages to come, and return it as a time stamp."""
+        self._now = instant
+        return self.stamp
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Write an attachment."""
-        self._writer.add_attachment(self._now, self._now, name, media_type, data)
+        self._writer.add_attachment(self._now, name, media_type, data)
 
     def note(self, name: str, words: Mapping[str, str]) -> None:
         """Write metadata."""
@@ -80,8 +88,8 @@ class Channels:
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system, where a killed process cannot lose it."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()
 
     def finish(self) -> None:
         """Write the end of the file."""
-        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._writer.finish()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from pushplan.logging import records
+from pushplan.logging import opcodes
 from pushplan.logging.cursor import DamageError
 from pushplan.logging.items import Message
 from pushplan.logging.records import Frame
@@ -26,7 +26,7 @@ class Declarations:
         Raises:
             DamageError: When its number stands for another one already, or a channel's schema is missing.
         """
-        if frame.opcode == records.SCHEMA:
+        if frame.opcode == opcodes.SCHEMA:
             self._add_schema(frame)
         else:
             self._add_channel(frame)

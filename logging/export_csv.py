@@ -12,7 +12,6 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.logging.partial_file import write_whole
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.views import contact_name
 
 
 def write_csv(run: RecordedRun, path: Path | str) -> None:
@@ -49,7 +48,7 @@ def table(run: RecordedRun) -> dict[str, FloatArray]:
         **dict(zip(("vx", "vy", "omega"), execution.twists.T, strict=True)),
     }
     for k in range(execution.margins.shape[1]):
-        name = contact_name(run.scenario.chain, k)
+        name = run.scenario.chain.contact_name(k)
         columns[f"{name}.margin"] = execution.margins[:, k]
         if execution.friction_margins is not None:
             columns[f"{name}.friction_margin"] = execution.friction_margins[:, k]

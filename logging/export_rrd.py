@@ -18,7 +18,6 @@ from pushplan.logging.partial_file import write_whole
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import CHAIN, PUSHER, WORLD, scene, tree
 from pushplan.logging.shapes import corners
-from pushplan.logging.views import contact_name
 from pushplan.logging.window import path_points, window
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.execution import Execution
@@ -143,7 +142,7 @@ def _columns(rerun: Any, chain: Chain, execution: Execution) -> Iterator[tuple[s
             [contact.right + share * (contact.left - contact.right), still + _FORCE_HEIGHT]
         )
         vectors = np.column_stack([LONGEST_ARROW / largest * execution.forces[:, k], still])
-        part = rerun.escape_entity_path_part(contact_name(chain, k))
+        part = rerun.escape_entity_path_part(chain.contact_name(k))
         yield f"{_MOVING}/forces/{part}", rerun.Arrows3D.columns(vectors=vectors, origins=origins)
 
 
@@ -158,7 +157,7 @@ def _numbers(chain: Chain, execution: Execution) -> Mapping[str, FloatArray]:
         for name, values in zip(("vx", "vy", "omega"), execution.twists.T, strict=True)
     }
     for k in range(len(chain.contacts)):
-        name = contact_name(chain, k)
+        name = chain.contact_name(k)
         found[f"margins/{name}"] = execution.margins[:, k]
         if execution.friction_margins is not None:
             found[f"friction_margins/{name}"] = execution.friction_margins[:, k]

@@ -12,7 +12,6 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import obstacle_outline
-from pushplan.logging.views import contact_name
 from pushplan.logging.window import path_points, window
 from pushplan.result import Run
 from pushplan.sim.execution import Execution
@@ -113,7 +112,7 @@ class Film:
         place = _FINE * 60
         for k, paint in zip(range(len(chain.contacts)), cycle(_OBJECTS), strict=False):
             pen.line(self._plot(t, self._execution.margins[:, k]), paint, 2 * _FINE)
-            name = contact_name(chain, k)
+            name = chain.contact_name(k)
             pen.text((place, _FINE * (HEIGHT - _PLOT + 8)), name, paint, self._font)
             place += int(pen.textlength(name, self._font)) + 24 * _FINE
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -16,59 +14,61 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.arrays import FloatArray
 from pushplan.logging.scene import CHAIN, PUSHER, WORLD
+from pushplan.logging.stencil import Stencil
 from pushplan.mechanics.chain import Chain
 
 
-class ChainFrames:
-    """Makes the transforms of all frames of a chain.
+def placed(poses: FloatArray) -> FloatArray:
+    """Return what messages say of poses (k, 3) in the plane: x, y, and a quaternion's z and w, (k, 4)."""
+    half = 0.5 * poses[:, 2]
+    return np.stack([poses[:, 0], poses[:, 1], np.sin(half), np.cos(half)], axis=1)
+
+
+def chain_frames(chain: Chain) -> Stencil:
+    """Return the transforms of all frames of a chain, to be filled with its place in the world.
 
     Every message carries all of them, so that any one suffices to place everything; those that never change
     keep the time stamp 0 and cost next to nothing once compressed.
     """
+    bodies = {PUSHER: np.zeros(3), **{obj.name: obj.pose_chain for obj in chain.objects}}
+    fixed = [_transform(CHAIN, name, *placed(pose[None])[0].tolist()) for name, pose in bodies.items()]
 
-    def __init__(self, chain: Chain) -> None:
-        origin = np.zeros(3)
-        fixed = {PUSHER: origin, **{obj.name: obj.pose_chain for obj in chain.objects}}
-        self._message = FrameTransforms(transforms=[_transform(WORLD, CHAIN, origin)])
-        self._message.transforms.extend(_transform(CHAIN, name, pose) for name, pose in fixed.items())
-
-    def at(self, pose: FloatArray, stamp: Timestamp) -> FrameTransforms:
-        """Return the transforms while the chain frame is at `pose` (3,) in the world.
-
-        The same message is changed and returned each time.
-        """
-        moving = _transform(WORLD, CHAIN, pose)
+    def message(stamp: Timestamp, numbers: list[float]) -> FrameTransforms:
+        moving = _transform(WORLD, CHAIN, *numbers)
         moving.timestamp.CopyFrom(stamp)
-        self._message.transforms[0].CopyFrom(moving)
-        return self._message
+        return FrameTransforms(transforms=[moving, *fixed])
+
+    return Stencil(message, 4)
 
 
-def pose_message(pose: FloatArray) -> Pose:
-    """Return a pose (3,) in the plane as one in space."""
-    x, y, theta = pose.tolist()
-    return Pose(position=Vector3(x=x, y=y), orientation=_rotation(theta))
+def pose_in_world() -> Stencil:
+    """Return a pose in the world, to be filled with its place."""
+
+    def message(stamp: Timestamp, numbers: list[float]) -> PoseInFrame:
+        return PoseInFrame(timestamp=stamp, frame_id=WORLD, pose=_pose(*numbers))
+
+    return Stencil(message, 4)
 
 
-def pose_in_world(pose: FloatArray, stamp: Timestamp) -> PoseInFrame:
-    """Return a pose (3,) in the world at a time."""
-    return PoseInFrame(timestamp=stamp, frame_id=WORLD, pose=pose_message(pose))
+def poses_in_world(poses: FloatArray) -> bytes:
+    """Return poses (k, 3) in the world, at time 0, as a serialised `PosesInFrame`.
+
+    Serialised messages joined to one another are the serialised message of all their entries.
+    """
+    head = PosesInFrame(timestamp=Timestamp(), frame_id=WORLD).SerializeToString(deterministic=True)
+    one = Stencil(lambda _, numbers: PosesInFrame(poses=[_pose(*numbers)]), 4)
+    return head + one.fill(np.zeros(len(poses), dtype=np.int64), placed(poses)).tobytes()
 
 
-def poses_in_world(poses: FloatArray) -> PosesInFrame:
-    """Return poses (k, 3) in the world, at time 0."""
-    return PosesInFrame(timestamp=Timestamp(), frame_id=WORLD, poses=[pose_message(pose) for pose in poses])
+def _pose(x: float, y: float, z: float, w: float) -> Pose:
+    return Pose(position=Vector3(x=x, y=y), orientation=Quaternion(z=z, w=w))
 
 
-def _transform(parent: str, child: str, pose: FloatArray) -> FrameTransform:
-    x, y, theta = pose.tolist()
+def _transform(parent: str, child: str, x: float, y: float, z: float, w: float) -> FrameTransform:
     return FrameTransform(
         timestamp=Timestamp(),
         parent_frame_id=parent,
         child_frame_id=child,
         translation=Vector3(x=x, y=y),
-        rotation=_rotation(theta),
+        rotation=Quaternion(z=z, w=w),
     )
-
-
-def _rotation(theta: float) -> Quaternion:
-    return Quaternion(z=math.sin(0.5 * theta), w=math.cos(0.5 * theta))

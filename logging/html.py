@@ -18,7 +18,7 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.logging.partial_file import write_whole
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import PUSHER, obstacle_outline
-from pushplan.logging.views import contact_name, viewed
+from pushplan.logging.views import viewed
 from pushplan.logging.window import path_points, window
 from pushplan.mechanics.chain import Chain
 from pushplan.result import PlanResult, Run
@@ -62,7 +62,7 @@ def _world(scenario: Scenario) -> dict[str, Any]:
         "goal": scenario.goal.pose_chain.tolist(),
         "bodies": [{"name": name, "outline": _plain(outline)} for name, outline in bodies],
         "contacts": [
-            {"name": contact_name(chain, k), "segment": _plain(np.stack([contact.right, contact.left]))}
+            {"name": chain.contact_name(k), "segment": _plain(np.stack([contact.right, contact.left]))}
             for k, contact in enumerate(chain.contacts)
         ],
     }

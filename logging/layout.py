@@ -14,7 +14,6 @@ from pushplan.logging import schemas
 from pushplan.logging.partial_file import write_whole
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import WORLD
-from pushplan.logging.views import contact_name
 from pushplan.logging.window import window
 from pushplan.result import Run
 
@@ -99,7 +98,7 @@ def _contacts(run: Run | RecordedRun, title: str, field: str, bounds: dict[str, 
     """A plot of one number of every contact over time, and of its bounds."""
     chain = run.scenario.chain
     lines = [
-        _line(f"{schemas.MARGINS.name}.contacts[{k}].{field}", contact_name(chain, k))
+        _line(f"{schemas.MARGINS.name}.contacts[{k}].{field}", chain.contact_name(k))
         for k in range(len(chain.contacts))
     ]
     lines += [_line(value, label) for value, label in bounds.items()]

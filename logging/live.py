@@ -7,8 +7,6 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from mcap_protobuf.schema import build_file_descriptor_set
-
 from pushplan.errors import PushplanError
 from pushplan.logging import schemas
 from pushplan.logging.extras import optional
@@ -136,15 +134,13 @@ def _listener(websocket: Any, arrived: Event) -> Any:
 
 
 def _channel(foxglove: Any, context: Any, topic: Topic) -> Any:
-    descriptor = topic.message.DESCRIPTOR.full_name
-    data = build_file_descriptor_set(topic.message).SerializeToString()
-    schema = foxglove.Schema(name=descriptor, encoding="protobuf", data=data)
+    schema = foxglove.Schema(name=topic.kind, encoding="protobuf", data=topic.schema)
     return foxglove.Channel(topic.name, schema=schema, message_encoding="protobuf", context=context)
 
 
 def _messages(path: Path) -> Iterator[Message]:
     """Yield the messages of the topics of a run log, as they are."""
-    kinds = {topic.name: topic.message.DESCRIPTOR.full_name for topic in schemas.TOPICS}
+    kinds = {topic.name: topic.kind for topic in schemas.TOPICS}
     for item in McapFile(path, recover=path.name.endswith(SUFFIX)).items():
         if isinstance(item, Message) and kinds.get(item.topic) == item.kind:
             yield item

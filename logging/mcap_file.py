@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from pushplan.errors import RunLogError
-from pushplan.logging import records
+from pushplan.logging import opcodes, records
 from pushplan.logging.cursor import DamageError
 from pushplan.logging.declarations import Declarations
 from pushplan.logging.items import Attachment, Item, Metadata
@@ -62,14 +62,14 @@ class McapFile:
             for frame in records.frames(stream, self.size):
                 budget.spend(1, 0, frame.offset)
                 try:
-                    if frame.opcode == records.CHUNK:
+                    if frame.opcode == opcodes.CHUNK:
                         yield from self._unpack(frame, budget)
                     self._check.note(frame)
                     item = self._item(frame)
                     if item is not None:
                         yield item
                 except DamageError as damage:
-                    self.lose(damage, f"{records.PREFIX + len(frame.body)} bytes")
+                    self.lose(damage, f"{opcodes.PREFIX + len(frame.body)} bytes")
         except DamageError as damage:
             self.lose(damage, "everything from there on")
 
@@ -106,14 +106,14 @@ class McapFile:
     def _item(self, frame: Frame) -> Item | None:
         """Return what a record says to others; declarations are kept here, the rest is skipped."""
         match frame.opcode:
-            case records.MESSAGE:
+            case opcodes.MESSAGE:
                 return self._declared.message(frame)
-            case records.ATTACHMENT:
+            case opcodes.ATTACHMENT:
                 return Attachment(*records.attachment(frame), frame.offset)
-            case records.METADATA:
+            case opcodes.METADATA:
                 cursor = frame.cursor
                 return Metadata(cursor.text(), cursor.texts(), frame.offset)
-            case records.SCHEMA | records.CHANNEL:
+            case opcodes.SCHEMA | opcodes.CHANNEL:
                 self._declared.add(frame)
         return None
 

@@ -11,7 +11,8 @@ import platform
 import zlib
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from importlib.metadata import version
+from functools import cache
+from importlib.metadata import distribution
 from pathlib import Path
 
 from pushplan.result import PlanResult
@@ -58,12 +59,19 @@ def run_words(scenario: Scenario, settings: Mapping[str, object]) -> dict[str, s
         "format": str(FORMAT),
         "scenario": scenario.name,
         "scenario_sha256": hashlib.sha256(scenario.source).hexdigest(),
-        **{f"version.{name}": version(name) for name in ("pushplan", *_DEPENDENCIES)},
+        **{f"version.{name}": version_of(name) for name in ("pushplan", *_DEPENDENCIES)},
         "version.python": platform.python_version(),
         "git": git_commit(),
         "machine": f"{platform.system()} {platform.release()} {platform.machine()}, {os.cpu_count()} CPUs",
         "started_at": now(),
     }
+
+
+@cache
+def version_of(package: str) -> str:
+    """Return the version of an installed package, from the head of its metadata: parsing all of it takes long."""
+    text = distribution(package).read_text("METADATA") or distribution(package).read_text("PKG-INFO") or ""
+    return next((line[9:].strip() for line in text.splitlines() if line.startswith("Version: ")), "")
 
 
 def now() -> str:

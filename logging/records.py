@@ -13,14 +13,7 @@ from typing import BinaryIO, NamedTuple
 
 from pushplan.logging.cursor import Cursor, DamageError
 from pushplan.logging.inflate import inflate
-
-MAGIC = b"\x89MCAP0\r\n"
-
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x01, 0x02, 0x03, 0x04, 0x05, 0x06
-ATTACHMENT, STATISTICS, METADATA, DATA_END = 0x09, 0x0B, 0x0C, 0x0F
-
-PREFIX = 9
-"""Bytes before the content of a record: its kind and its length."""
+from pushplan.logging.opcodes import FOOTER, MAGIC, PREFIX
 
 _PREFIX = struct.Struct("<BQ")
 

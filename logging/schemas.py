@@ -12,6 +12,7 @@ code has to be kept. Field numbers never change their meaning; new fields take n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from foxglove_schemas_protobuf import Point2_pb2, Vector2_pb2
@@ -142,6 +143,31 @@ class Topic:
 
     name: str
     message: MessageClass
+
+    @property
+    def kind(self) -> str:
+        """Full name of the messages' type."""
+        name: str = self.message.DESCRIPTOR.full_name
+        return name
+
+    @property
+    def schema(self) -> bytes:
+        """The declarations of the messages' type and of all that it uses, as a serialised FileDescriptorSet."""
+        return _declarations(self.kind)
+
+
+@cache
+def _declarations(kind: str) -> bytes:
+    files: dict[str, descriptor_pb2.FileDescriptorProto] = {}
+
+    def add(file: Any) -> None:
+        for used in file.dependencies:
+            if used.name not in files:
+                add(used)
+        files[file.name] = descriptor_pb2.FileDescriptorProto.FromString(file.serialized_pb)
+
+    add(_POOL.FindMessageTypeByName(kind).file)
+    return descriptor_pb2.FileDescriptorSet(file=files.values()).SerializeToString()
 
 
 SCENE = Topic("/scene", SceneUpdate)

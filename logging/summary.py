@@ -7,11 +7,11 @@ import zlib
 from collections import Counter
 from typing import BinaryIO
 
-from pushplan.logging import records
+from pushplan.logging import opcodes, records
 from pushplan.logging.cursor import DamageError
 from pushplan.logging.records import Frame
 
-_FOOTER_SIZE = records.PREFIX + 20
+_FOOTER_SIZE = opcodes.PREFIX + 20
 
 _MOST_RECORDS = 50_000
 """Records of a summary, at most: an index of as many chunks, a second of simulated time each."""
@@ -41,20 +41,20 @@ class SummaryCheck:
         """
         if self._checksum is None:
             self.count(frame)
-            if frame.opcode == records.DATA_END:
+            if frame.opcode == opcodes.DATA_END:
                 self._checksum = 0
-        elif frame.opcode == records.FOOTER:
+        elif frame.opcode == opcodes.FOOTER:
             _check_footer(frame, self._checksum)
         else:
             self._checksum = zlib.crc32(frame.body, zlib.crc32(_prefix(frame), self._checksum))
-            if frame.opcode == records.STATISTICS:
+            if frame.opcode == opcodes.STATISTICS:
                 self._check_counts(frame)
 
     def _check_counts(self, frame: Frame) -> None:
         cursor = frame.cursor
-        counts = {records.MESSAGE: cursor.number("Q")}
+        counts = {opcodes.MESSAGE: cursor.number("Q")}
         cursor.take(6)  # schemas and channels
-        for opcode in (records.ATTACHMENT, records.METADATA, records.CHUNK):
+        for opcode in (opcodes.ATTACHMENT, opcodes.METADATA, opcodes.CHUNK):
             counts[opcode] = cursor.number("I")
         if self.counting and any(self._seen[opcode] != count for opcode, count in counts.items()):
             raise DamageError("the file holds other records than its summary counts", frame.offset)
@@ -74,10 +74,10 @@ def repeated_declarations(stream: BinaryIO, size: int) -> list[Frame]:
 
 
 def _declarations(stream: BinaryIO, size: int) -> list[Frame]:
-    stream.seek(max(0, size - len(records.MAGIC) - _FOOTER_SIZE))
+    stream.seek(max(0, size - len(opcodes.MAGIC) - _FOOTER_SIZE))
     footer = records.next_frame(stream, size)
     begin = footer.cursor.number("Q")
-    if footer.opcode != records.FOOTER or not 0 < begin < footer.offset:
+    if footer.opcode != opcodes.FOOTER or not 0 < begin < footer.offset:
         return []
     stream.seek(begin)
     checksum, found, left = 0, [], _MOST_RECORDS
@@ -85,7 +85,7 @@ def _declarations(stream: BinaryIO, size: int) -> list[Frame]:
         frame = records.next_frame(stream, size)
         checksum = zlib.crc32(frame.body, zlib.crc32(_prefix(frame), checksum))
         left -= 1
-        if frame.opcode in (records.SCHEMA, records.CHANNEL):
+        if frame.opcode in (opcodes.SCHEMA, opcodes.CHANNEL):
             found.append(frame)
     _check_footer(footer, checksum)
     return found

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from pushplan.errors import RunLogError
@@ -22,7 +23,7 @@ from pushplan.logging import execution_message, metadata, plan_message, schemas,
 from pushplan.logging.attached import MEDIA_TYPES, attachments_of
 from pushplan.logging.channels import Channels
 from pushplan.logging.effort import Effort, exact
-from pushplan.logging.frames import ChainFrames, pose_in_world, poses_in_world
+from pushplan.logging.frames import chain_frames, placed, poses_in_world
 from pushplan.logging.partial_file import PartialFile
 from pushplan.logging.scene import scene, tree
 from pushplan.logging.sentences import execution_sentence, plan_sentence
@@ -47,7 +48,6 @@ class RunLogWriter:
         self._file = file
         self._scenario = scenario
         self._channels = Channels(file)
-        self._frames = ChainFrames(scenario.chain)
         self._words: dict[str, str] = {}
         self._finished = False
 
@@ -84,7 +84,9 @@ class RunLogWriter:
             channels.attach(name, MEDIA_TYPES.get(name, "application/octet-stream"), data)
         channels.declare()
         channels.send(schemas.SCENE, scene(scenario))
-        channels.send(schemas.TF, self._frames.at(scenario.start, channels.stamp))
+        now = np.zeros(1, dtype=np.int64)
+        start = chain_frames(scenario.chain).fill(now, placed(scenario.start[None]))
+        channels.send_batch(channels.prepare({schemas.TF: start}, now))
         channels.flush()
 
     def log(self, level: str, text: str) -> None:
@@ -142,14 +144,14 @@ class RunLogWriter:
         Raises:
             RunLogError: When the file cannot be written.
         """
-        channels = self._channels
-        shown, margins = views.viewed(execution), views.MarginView(self._scenario.chain, execution)
+        channels, samples = self._channels, views.viewed(execution)
+        instants = channels.instants(execution.t)
+        messages = views.messages(self._scenario.chain, execution, samples, instants[samples])
+        shown = channels.prepare(messages, instants[samples])
         for second in execution_message.seconds(execution.t):
-            for i in range(second.start, second.stop):
-                if i in shown:
-                    self._show_sample(execution, margins, i)
+            channels.send_batch(shown, *np.searchsorted(samples, [second.start, second.stop]))
             block = execution_message.encode_block(execution, second)
-            block.timestamp.CopyFrom(channels.advance(execution.t[second.stop - 1]))
+            block.timestamp.CopyFrom(channels.advance(int(instants[second.stop - 1])))
             channels.send(schemas.EXECUTION, block)
             channels.flush()
         end = execution_message.encode_end(execution)
@@ -158,14 +160,6 @@ class RunLogWriter:
         self.log("info" if execution.loss is None else "warning", execution_sentence(execution))
         self._words |= metadata.execution_words(execution)
         channels.flush()
-
-    def _show_sample(self, execution: Execution, margins: views.MarginView, i: int) -> None:
-        channels, pose = self._channels, execution.poses[i]
-        stamp = channels.advance(execution.t[i])
-        channels.send(schemas.TF, self._frames.at(pose, stamp))
-        channels.send(schemas.PUSHER_POSE, pose_in_world(pose, stamp))
-        channels.send(schemas.PUSHER_TWIST, views.twist_message(execution.twists[i], stamp))
-        channels.send(schemas.MARGINS, margins.at(i, stamp))
 
     def finish(self, outcome: str, seconds: Mapping[str, float] | None = None) -> None:
         """End the log and give it its final name.

@@ -11,7 +11,7 @@ import numpy as np
 from pushplan.commands.console import Console
 from pushplan.commands.failure import DONE, MISMATCH, NO_PLAN
 from pushplan.commands.numbers import counted, time_text
-from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.mechanics.chain import Chain
 
 if TYPE_CHECKING:
     from pushplan.path import PushPath
@@ -87,23 +87,16 @@ def headline(scenario: Scenario, plan: PlanResult, console: Console) -> str:
     return f"{console.paint(scenario.name, 'bold')}: {state}  {how}"
 
 
-def contact_text(chain: Chain, index: int) -> str:
-    """Return which bodies a contact joins."""
-    contact = chain.contacts[index]
-    behind = "pusher" if contact.pusher == PLATE else chain.objects[contact.pusher].name
-    return f"contact {behind}-{chain.objects[contact.pushed].name}"
-
-
 def _execution_rows(chain: Chain, execution: Execution) -> list[tuple[str, str]]:
     position, angle = execution.goal_error
     sample, contact = np.unravel_index(int(np.argmin(execution.margins)), execution.margins.shape)
     margin, time = execution.margins[sample, contact], execution.t[sample]
     found = [
         ("goal error", f"{position:.1e} m, {degrees(angle):.1e} deg after execution"),
-        ("smallest margin", f"{margin:.2g} at {time:.2f} s, {contact_text(chain, int(contact))}"),
+        ("smallest margin", f"{margin:.2g} at {time:.2f} s, contact {chain.contact_name(int(contact))}"),
     ]
     if execution.loss:
-        place = contact_text(chain, execution.loss.contact)
+        place = f"contact {chain.contact_name(execution.loss.contact)}"
         found.append(("stopped", f"at {execution.loss.time:.2f} s: {place} does not hold"))
     return found
 

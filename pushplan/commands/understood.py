@@ -9,7 +9,6 @@ import shapely
 
 from pushplan.arrays import FloatArray
 from pushplan.commands.numbers import counted
-from pushplan.commands.report import contact_text
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
@@ -29,7 +28,10 @@ def rows(scenario: Scenario) -> list[tuple[str, str]]:
         ("pusher", pusher_text(chain.pusher)),
         *(row for obj in chain.objects for row in _object_rows(obj)),
         *(
-            (contact_text(chain, k), f"{contact.length:.3f} m long, {friction_text(contact.friction)}")
+            (
+                f"contact {chain.contact_name(k)}",
+                f"{contact.length:.3f} m long, {friction_text(contact.friction)}",
+            )
             for k, contact in enumerate(chain.contacts)
         ),
         ("workspace", f"{space}, {counted(len(scenario.obstacles), 'obstacle')}"),

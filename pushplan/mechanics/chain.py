@@ -200,6 +200,12 @@ class Chain:
         points = np.concatenate([obj.outline_chain for obj in self.objects])
         return float(np.max(np.linalg.norm(points, axis=1)))
 
+    def contact_name(self, k: int) -> str:
+        """Return a name for contact `k`: who pushes, and whom."""
+        contact = self.contacts[k]
+        pushing = "pusher" if contact.pusher == PLATE else self.objects[contact.pusher].name
+        return f"{pushing}-{self.objects[contact.pushed].name}"
+
     def index_of(self, name: str) -> int:
         """Return the index of the object called `name`.
 
