@@ -36,7 +36,9 @@ Coordinate = Annotated[float, Quantity("a coordinate", units.LENGTH, -1e4, 1e4, 
 Size = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 1e3, "5 mm")]
 Clearance = Annotated[float, Quantity("a length", units.LENGTH, 1e-4, 10.0, "5 mm")]
 Height = Annotated[float, Quantity("a height", units.LENGTH, 0.0, 100.0, "5 mm")]
-Angle = Annotated[float, Quantity("an angle", units.ANGLE, -1e3, 1e3, "90 deg")]
+Angle = Annotated[float, Quantity("an angle", units.ANGLE, -10.0, 10.0, "90 deg")]
+"""Degrees without their unit are mostly out of this range, and so are not taken for radians."""
+
 Mass = Annotated[float, Quantity("a mass", units.MASS, 1e-6, 1e6, "800 g")]
 Duration = Annotated[float, Quantity("a time", units.TIME, 1e-3, 86400.0, "500 ms")]
 Friction = Annotated[float, friction(0.0)]

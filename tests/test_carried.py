@@ -1,0 +1,90 @@
+"""What contacts carry: which objects, their common centre of friction, and every centre that loads may have."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+
+from pushplan.mechanics.carried import carried_objects, center_range, common_centers
+from pushplan.mechanics.chain import PLATE
+from pushplan.mechanics.quadrature import load_elements
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_contact_carries_what_is_reached_through_it(make_chain: ChainMaker, seed: int) -> None:
+    chain = make_chain.random(seed, 6, tree=True)
+    carried = carried_objects(chain)
+    for i in range(6):
+        through, k = set(), i
+        while k != PLATE:
+            through.add(k)
+            k = chain.contacts[k].pusher
+        assert set(np.flatnonzero(carried[:, i])) == through
+
+
+def test_common_centres_are_means_weighted_by_friction() -> None:
+    carried = np.array([[True, True, True], [False, True, True], [False, False, True]])
+    centers = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 4.0]])
+    found = common_centers(carried, np.array([2.0, 1.0, 1.0]), centers)
+    np.testing.assert_allclose(found, [[0.25, 1.0], [0.5, 2.0], [0.0, 4.0]], atol=1e-15)
+
+
+def test_where_there_is_no_friction_the_plain_mean_stands_in() -> None:
+    carried = np.array([[True, True], [False, True]])
+    found = common_centers(carried, np.array([3.0, 0.0]), np.array([[0.0, 0.0], [1.0, 2.0]]))
+    np.testing.assert_allclose(found, [[0.0, 0.0], [1.0, 2.0]])
+    found = common_centers(carried, np.zeros(2), np.array([[0.0, 0.0], [1.0, 2.0]]))
+    np.testing.assert_allclose(found, [[0.5, 1.0], [1.0, 2.0]])
+    found = center_range(np.zeros((2, 2)), np.array([[0.0, 0.0], [1.0, 2.0]]))
+    np.testing.assert_allclose(found, [[0.5, 1.0]])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_range_of_centres_is_the_hull_of_all_extreme_loads(seed: int) -> None:
+    """A centre is a ratio of linear functions of the loads, so the extremes are among their corners."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 7))
+    centers = rng.normal(size=(n, 2))
+    loads = np.sort(rng.uniform(0.0, 2.0, (n, 2)) * (rng.random((n, 2)) < 0.8), axis=1)
+    loads[0] = [0.5, 1.5]
+    extreme = [np.array(some) for some in product(*loads) if sum(some) > 0.0]
+    everything = shapely.MultiPoint([some @ centers / some.sum() for some in extreme]).convex_hull
+    corners = center_range(loads, centers)
+    assert shapely.MultiPoint(corners).convex_hull.hausdorff_distance(everything) < 1e-9
+    again = shapely.get_coordinates(everything)
+    assert all(np.abs(again - corner).max(axis=1).min() < 1e-9 for corner in corners)
+
+
+def test_centres_in_a_row_have_a_segment_as_their_range() -> None:
+    corners = center_range(np.array([[1.0, 3.0], [1.0, 1.0]]), np.array([[0.0, 1.0], [4.0, 1.0]]))
+    np.testing.assert_allclose(sorted(map(tuple, corners)), [(1.0, 1.0), (2.0, 1.0)], atol=1e-12)
+    fixed = center_range(np.array([[1.0, 1.0], [1.0, 1.0]]), np.array([[0.0, 1.0], [4.0, 1.0]]))
+    np.testing.assert_allclose(fixed, [[2.0, 1.0]] * len(fixed))
+
+
+@pytest.mark.parametrize("feet", [False, True])
+def test_elements_of_a_load_have_its_weight_and_centre(make_chain: ChainMaker, feet: bool) -> None:
+    for obj in make_chain.random(3, 4, feet=feet).objects:
+        places, parts = load_elements(obj, 4000)
+        assert parts.sum() == pytest.approx(1.0, abs=1e-12)
+        c, s = np.cos(obj.pose_chain[2]), np.sin(obj.pose_chain[2])
+        center = obj.pose_chain[:2] + np.array([[c, -s], [s, c]]) @ obj.support.center
+        np.testing.assert_allclose(parts @ places, center, atol=1e-12 if feet else 1e-3)
+        if not feet:
+            assert 3000 < len(places) < 5000
+            inside = shapely.contains_xy(shapely.Polygon(obj.outline_chain), places)
+            assert inside.all()
+
+
+def test_a_load_cut_into_one_element_rests_at_its_centroid(make_chain: ChainMaker) -> None:
+    (obj,) = make_chain.boxes(1).objects
+    places, parts = load_elements(obj, 1)
+    np.testing.assert_allclose(places, [[0.05, 0.0]], atol=1e-15)
+    np.testing.assert_array_equal(parts, [1.0])
