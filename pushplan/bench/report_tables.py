@@ -37,7 +37,9 @@ class Table:
 
 def number(value: float, digits: int = 3) -> str:
     """Return a number for people; a dash for none."""
-    return f"{value:.{digits}g}" if math.isfinite(value) else NOTHING
+    if not math.isfinite(value):
+        return NOTHING
+    return f"{value:.0f}" if abs(value) >= 10.0**digits - 0.5 else f"{value:.{digits}g}"
 
 
 def seconds(value: float) -> str:

@@ -16,7 +16,8 @@ from pushplan.bench.batch import Choice, run_suite
 from pushplan.bench.folder import ResultsFolder
 from pushplan.bench.local import local_outcomes
 from pushplan.bench.outcome import Figures, Task
-from pushplan.bench.suite_file import suite_from_text
+from pushplan.bench.suite_file import load_suite
+from pushplan.bench.work import perform
 
 FATES = (
     "fine",
@@ -136,16 +137,17 @@ def suite_text(seeds: int, first: int = 0) -> str:
     )
 
 
-def main(folder: str, seeds: str) -> None:
-    """Do planted runs, or go on with them, and say so run by run."""
-    isolation._context().set_forkserver_preload(["planted_runs"])  # no planner is needed here
+def main(folder: str, suite: str, kind: str) -> None:
+    """Do the runs of a suite file, planted or real, or go on with them, and say so run by run."""
+    if kind == "planted":
+        isolation._context().set_forkserver_preload(["planted_runs"])  # no planner is needed here
     results = ResultsFolder(Path(folder))
-    suite = suite_from_text(suite_text(int(seeds)))
+    does = work if kind == "planted" else perform
     with results.locked():
         run_suite(
-            suite,
+            load_suite(Path(suite)),
             results,
-            lambda tasks: local_outcomes(tasks, 2, results.scratch, work),
+            lambda tasks: local_outcomes(tasks, 2, results.scratch, does),
             Choice(resume=True),
             tell=lambda tally: print(tally.done, flush=True),
             version="test",

@@ -77,26 +77,39 @@ def test_planted_faults_end_as_rows_with_the_right_status(
     assert not (tmp_path / "scratch").exists()
 
 
+@pytest.mark.parametrize("kind", ["planted", "real"])
 def test_a_batch_killed_at_random_and_resumed_has_the_same_rows(
-    planted: Any, tmp_path: Path, rows: ReadRows
+    kind: str, planted: Any, tmp_path: Path, rows: ReadRows
 ) -> None:
     """The same with 20 kills is in benchmarks/bench.py."""
-    count, rng = len(planted.FATES), random.Random(1)
-    command = [sys.executable, str(HERE / "planted_runs.py"), str(tmp_path), str(count)]
+    count = len(planted.FATES)
+    text = planted.suite_text(count) if kind == "planted" else REAL
+    (tmp_path / "suite.yaml").write_text(text)
+    folder, rng = tmp_path / "results", random.Random(1)
+    command = [sys.executable, str(HERE / "planted_runs.py"), str(folder), str(tmp_path / "suite.yaml"), kind]
     environment = {**os.environ, "PYTHONPATH": str(HERE)}
-    for sign in (signal.SIGKILL, signal.SIGTERM):
+    for sign in (signal.SIGKILL, signal.SIGTERM) if kind == "planted" else (signal.SIGKILL,):
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as program:
             assert program.stdout is not None
             program.stdout.readline()  # the first run is done
-            time.sleep(rng.uniform(0.0, 1.0))
+            time.sleep(rng.uniform(0.0, 0.7))
             program.send_signal(sign)
-    before = rows(tmp_path)
-    assert 2 <= len(before) < count
+    before = rows(folder)
+    assert len(before) < len(list(suite_from_text(text).runs("test")))
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
-    after = rows(tmp_path)
-    _check_planted(after, planted, count)
+    after = rows(folder)
     kept = {row["key"]: row["ended"] for row in before}
     assert kept.items() <= {row["key"]: row["ended"] for row in after}.items()
+    if kind == "planted":
+        _check_planted(after, planted, count)
+    else:
+        _run(suite_from_text(text), tmp_path / "whole")
+        assert _results(after) == _results(rows(tmp_path / "whole"))
+
+
+def _results(found: Rows) -> list[tuple[object, ...]]:
+    """What a run's seed decides; when it was done and how long it took are chance."""
+    return [(row["key"], row["outcome"], row["solution_length"], row["arcs"]) for row in found]
 
 
 def test_one_job_and_two_jobs_give_the_same_costs_and_arcs(tmp_path: Path, rows: ReadRows) -> None:
@@ -104,9 +117,7 @@ def test_one_job_and_two_jobs_give_the_same_costs_and_arcs(tmp_path: Path, rows:
     for jobs in (1, 2):
         _run(suite_from_text(REAL), tmp_path / str(jobs), jobs)
         found.append(rows(tmp_path / str(jobs)))
-    one, two = (
-        [(row["key"], row["outcome"], row["solution_length"], row["arcs"]) for row in f] for f in found
-    )
+    one, two = (_results(f) for f in found)
     assert one == two
     assert len(one) == 12
     assert sum(row[1] == "ok" for row in one) >= 8

@@ -19,7 +19,7 @@ from pushplan.bench.isolation import isolated
 from pushplan.bench.outcome import Figures, Outcome, Task
 from pushplan.bench.report import render, write_report
 from pushplan.bench.report_plots import cost_quartiles
-from pushplan.bench.report_tables import by_planner, comparisons, outcomes, seconds
+from pushplan.bench.report_tables import by_planner, comparisons, number, outcomes, seconds
 from pushplan.bench.report_worst import worst_runs
 from pushplan.bench.results import Results, read_results
 from pushplan.bench.store import StoreError
@@ -288,5 +288,12 @@ def test_the_command_tells_regressions_with_exit_code_4(tmp_path: Path, capsys: 
     assert [one["effect"] for one in comparisons if one["respect"] == "cost"] == [None, None]
 
 
-def test_times_read_well() -> None:
+def test_times_and_numbers_read_well() -> None:
+    assert [number(n) for n in (28512.0, 999.6, 3.04333, 1e-6, np.inf)] == [
+        "28512",
+        "1000",
+        "3.04",
+        "1e-06",
+        "–",
+    ]
     assert [seconds(t) for t in (0.00123, 0.5, 2.0, np.inf, np.nan)] == ["1.23 ms", "500 ms", "2 s", "–", "–"]
