@@ -1,0 +1,64 @@
+"""Take the screenshots of the page on viewers anew: `python docs/screens.py`, with Chromium installed."""
+
+from __future__ import annotations
+
+import base64
+import html
+import importlib.util
+import shutil
+import tempfile
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pushplan
+from pushplan.logging.html import write_html
+from pushplan.logging.terminal import TerminalView
+
+ROOT = Path(__file__).parents[1]
+TIME = 6.0
+"""Of the run, that is shown, s."""
+TERMINAL = '<body style="margin:0;overflow:hidden;background:#1e1e1e"><pre style="margin:12px;color:#ddd;font:14px/1.15 monospace">'
+
+
+def main() -> None:
+    """Plan, and photograph the page that plays the run and the picture that a terminal shows."""
+    program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if program is None:
+        raise SystemExit("there is no Chromium to take screenshots with")
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        pushplan.run(pushplan.load_scenario("two-crates"), log=folder / "run.mcap")
+        recorded = pushplan.read_run(folder / "run.mcap")
+        write_html(recorded, folder / "run.html")
+        assert recorded.execution is not None
+        picture = TerminalView(recorded, recorded.execution, 74, 34).picture(TIME)
+        (folder / "terminal.html").write_text(f'<meta charset="utf-8">{TERMINAL}{html.escape(picture)}')
+        with _browser().chromium(program, folder / "profile") as browser:
+            browser.open(folder / "run.html")
+            browser.evaluate(f"pushplan.seek({TIME})")
+            _photograph(browser, ROOT / "docs" / "player.png", 1100, 700)
+        with _browser().chromium(program, folder / "profile") as browser:
+            browser.open(folder / "terminal.html")
+            _photograph(browser, ROOT / "docs" / "terminal.png", 660, 600)
+
+
+def _photograph(browser: Any, path: Path, width: int, height: int) -> None:
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    browser.call("Emulation.setDeviceMetricsOverride", **size)
+    browser.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    path.write_bytes(base64.b64decode(browser.call("Page.captureScreenshot", format="png")["data"]))
+
+
+def _browser() -> ModuleType:
+    """Return the tests' driver of Chromium."""
+    spec = importlib.util.spec_from_file_location("browser", ROOT / "tests" / "logs" / "browser.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+if __name__ == "__main__":
+    main()
