@@ -14,14 +14,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from pushplan.arrays import FloatArray
+from pushplan.compiled import compiled, woven
 from pushplan.mechanics.friction_kernel import carried_wrench
 from pushplan.mechanics.packed import PackedChain
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def contact_wrenches(packed: PackedChain, vx: float, vy: float, omega: float, out: FloatArray) -> None:
     """Fill `out` (n, 3) with the wrench that each contact transmits: f_x, f_y (N), moment (N m) about 0.
 
@@ -38,7 +38,7 @@ def contact_wrenches(packed: PackedChain, vx: float, vy: float, omega: float, ou
         _load(out, k, links[k, 3], wrench)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@woven
 def _load(carried: FloatArray, k: int, pusher: int, wrench: tuple[float, float, float]) -> None:
     """Add object k's wrench to `carried[k]` (n, 3), which then is whole, and that to its pusher's."""
     for j in range(3):
@@ -47,7 +47,7 @@ def _load(carried: FloatArray, k: int, pusher: int, wrench: tuple[float, float, 
             carried[pusher, j] += carried[k, j]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def wrench_margin(rows: FloatArray, k: int, fx: float, fy: float, m: float) -> float:
     """Return the margin of contact k for a transmitted wrench, m divided by the length; 0 for no wrench."""
     size = math.sqrt(fx * fx + fy * fy + m * m)
@@ -59,7 +59,7 @@ def wrench_margin(rows: FloatArray, k: int, fx: float, fy: float, m: float) -> f
     return lowest / size
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def contact_margins(packed: PackedChain, vx: float, vy: float, omega: float, out: FloatArray) -> None:
     """Fill `out` (n,) with the margin of each contact at a body twist in the chain frame, in [-1, 1]."""
     wrenches = np.empty((len(packed.links), 3))
@@ -69,7 +69,7 @@ def contact_margins(packed: PackedChain, vx: float, vy: float, omega: float, out
         out[k] = wrench_margin(packed.rows, k, w[0], w[1], w[2] / packed.length)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def margin_down_to(packed: PackedChain, vx: float, vy: float, omega: float, floor: float) -> float:
     """Return `margin`, or, as soon as a contact's margin is at most `floor`, that one."""
     objects, parts, series, links, rows, length = packed
@@ -88,13 +88,13 @@ def margin_down_to(packed: PackedChain, vx: float, vy: float, omega: float, floo
     return lowest
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def margin(packed: PackedChain, vx: float, vy: float, omega: float) -> float:
     """Return the smallest margin over the contacts: > 0 exactly when the body twist keeps all of them."""
     return margin_down_to(packed, vx, vy, omega, -2.0)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def margins_of(packed: PackedChain, twists: FloatArray, floor: float) -> FloatArray:
     """Return `margin_down_to` (k,) of many twists (k, 3)."""
     out = np.empty(len(twists))
@@ -103,7 +103,7 @@ def margins_of(packed: PackedChain, twists: FloatArray, floor: float) -> FloatAr
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def wrenches_of(packed: PackedChain, twists: FloatArray) -> FloatArray:
     """Return `contact_wrenches` (k, n, 3) of many twists (k, 3)."""
     out = np.empty((len(twists), len(packed.links), 3))
@@ -112,7 +112,7 @@ def wrenches_of(packed: PackedChain, twists: FloatArray) -> FloatArray:
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def contact_margins_of(packed: PackedChain, wrenches: FloatArray) -> FloatArray:
     """Return the margins (k, n) of transmitted wrenches (k, n, 3)."""
     out = np.empty((len(wrenches), len(packed.links)))
@@ -123,7 +123,7 @@ def contact_margins_of(packed: PackedChain, wrenches: FloatArray) -> FloatArray:
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def object_wrenches_of(packed: PackedChain, twists: FloatArray) -> FloatArray:
     """Return the wrenches (k, 3) that move the first object at many twists (k, 3), none of them zero."""
     objects, parts, series, links, _, length = packed

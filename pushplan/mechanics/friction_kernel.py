@@ -14,15 +14,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from pushplan.arrays import FloatArray, IntArray
+from pushplan.compiled import compiled
 from pushplan.mechanics.friction_closed_form import affine_integrals, uniform_integrals
 from pushplan.mechanics.friction_series import ComplexArray, in_reach, series_pair
 from pushplan.mechanics.packed import POINTS, UNIFORM
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _uniform_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -46,7 +46,7 @@ def _uniform_sums(
     return fx, fy, sign * q + cx * fy - cy * fx
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _polygon_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -92,7 +92,7 @@ def _polygon_sums(
     matrix[2, 1] = sign * (qy + q * cy) + cx * matrix[1, 1] - cy * matrix[0, 1]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _point_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -129,7 +129,7 @@ def _point_sums(
         matrix[2, 1] += stiffness * moment * y
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _shifted(row: FloatArray, force: FloatArray, matrix: FloatArray) -> None:
     """Add to `force` what the load's shift by the push height changes (see the module's formula)."""
     h = row[7]
@@ -142,7 +142,7 @@ def _shifted(row: FloatArray, force: FloatArray, matrix: FloatArray) -> None:
         force[j] += matrix[j, 0] * bx + matrix[j, 1] * by
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _general_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -167,7 +167,7 @@ def _general_sums(
     return force[0], force[1], force[2]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def carried_wrench(
     objects: FloatArray,
     parts: FloatArray,

@@ -10,13 +10,14 @@ a double power series whose integrals over the polygon are its moments M_pq, the
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import binom
 
 from pushplan.arrays import FloatArray
+from pushplan.compiled import compiled
 
 ComplexArray = NDArray[np.complex128]
 
@@ -29,6 +30,13 @@ NEGLIGIBLE = 1e-17
 TERMS = (ORDER + 1) * (ORDER + 2) // 2
 WEIGHTS = ((0, 0), (0, 1), (1, 0), (0, 2), (1, 1))
 """Powers (of z, of conj z) of the factors that the integrals of v / |v| are taken with."""
+_POWERS = np.array([(p, k - p) for k in range(ORDER + 1) for p in range(k + 1)]).T
+
+
+@cache
+def _gauss_rule(count: int) -> tuple[FloatArray, FloatArray]:
+    """Return the Gauss-Legendre nodes and weights (count,) on [-1, 1]."""
+    return np.polynomial.legendre.leggauss(count)
 
 
 def complex_moments(outline: FloatArray, order: int) -> ComplexArray:
@@ -39,14 +47,13 @@ def complex_moments(outline: FloatArray, order: int) -> ComplexArray:
     """
     z = outline[:, 0] + 1j * outline[:, 1]
     step = np.roll(z, -1) - z
-    nodes, weights = np.polynomial.legendre.leggauss(order // 2 + 1)
-    points = z[:, None] + step[:, None] * (nodes + 1.0) / 2.0
-    d_ds = np.imag(np.conj(z) * step)[:, None] * weights / 2.0
-    moments = np.zeros((order + 1, order + 1), dtype=np.complex128)
-    for p in range(order + 1):
-        for q in range(order + 1 - p):
-            moments[p, q] = (d_ds * points**p * np.conj(points) ** q).sum() / (p + q + 2)
-    return moments
+    nodes, weights = _gauss_rule(order // 2 + 1)
+    points = (z[:, None] + step[:, None] * (nodes + 1.0) / 2.0).ravel()
+    d_ds = (np.imag(np.conj(z) * step)[:, None] * weights / 2.0).ravel()
+    powers = np.vander(points, order + 1, increasing=True)
+    degree = np.add.outer(np.arange(order + 1), np.arange(order + 1))
+    moments = (powers * d_ds[:, None]).T @ powers.conj() / (degree + 2)
+    return np.asarray(np.where(degree <= order, moments, 0.0), dtype=np.complex128)
 
 
 def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
@@ -56,16 +63,12 @@ def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
     0; columns run over the total degree p + q, then over p. `outline` is about the anchor point.
     """
     moments = complex_moments(outline / radius, ORDER + 2) * radius**2
-    pairs = [(p, k - p) for k in range(ORDER + 1) for p in range(k + 1)]
-    return np.array(
-        [
-            [binom(0.5, p) * binom(-0.5, q) * moments[p + a, q + b] * radius ** (a + b) for p, q in pairs]
-            for a, b in WEIGHTS
-        ]
-    )
+    p, q = _POWERS
+    factors = binom(0.5, p) * binom(-0.5, q)
+    return np.array([factors * moments[p + a, q + b] * radius ** (a + b) for a, b in WEIGHTS])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def series_pair(series: ComplexArray, row: int, vx: float, vy: float, spin: float) -> tuple[complex, complex]:
     """Return the integrals of rows `row` and `row` + 1 of `series`.
 
@@ -96,7 +99,7 @@ def series_pair(series: ComplexArray, row: int, vx: float, vy: float, spin: floa
     return first * direction, second * direction
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def in_reach(speed: float, omega: float, radius: float) -> bool:
     """Return whether the COR is so far away that the series applies."""
     return math.fabs(omega) * radius < REACH * speed

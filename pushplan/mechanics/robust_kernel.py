@@ -237,6 +237,14 @@ def robust_margins_of(areas: PackedAreas, twists: FloatArray, floor: float) -> F
 
 
 @compiled
+def robust_margin_down_to(areas: PackedAreas, vx: float, vy: float, omega: float, floor: float) -> float:
+    """Return `robust_margins_of` at one twist, in the form of `contact_kernel.margin_down_to`."""
+    twists = np.empty((1, 3))
+    twists[0, 0], twists[0, 1], twists[0, 2] = vx, vy, omega
+    return float(robust_margins_of(areas, twists, floor)[0])
+
+
+@compiled
 def robust_contact_margins_of(areas: PackedAreas, twists: FloatArray) -> FloatArray:
     """Return the margin (m, n) of each contact at twists (m, 3), none of them 0."""
     n = len(areas.tables)

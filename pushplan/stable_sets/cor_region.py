@@ -7,6 +7,7 @@ reaches to infinity.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,19 +64,27 @@ def _strips(refined: RefinedMeridians, length: float, sense: int, reach: float) 
 
 def _runs(refined: RefinedMeridians) -> list[FloatArray]:
     """Return sequences (r, 3) of longitude, lower, upper that continue each other between meridians."""
-    rows = refined.meridians
-    table = np.column_stack([rows.longitude, rows.lower, rows.upper])
     done: list[list[FloatArray]] = []
     live: list[list[FloatArray]] = []
-    for meridian in np.split(table, np.searchsorted(rows.longitude, refined.longitude[1:])):
-        pairs = _pairs([run[-1] for run in live], meridian)
-        heirs = {i: meridian[j] for i, j in pairs}
+    for block in _blocks(refined):
+        pairs = _pairs([run[-1][-1] for run in live], block[0])
+        heirs = {i: block[:, j] for i, j in pairs}
         done += [run for i, run in enumerate(live) if i not in heirs]
         grown = [[*run, heirs[i]] for i, run in enumerate(live) if i in heirs]
         taken = {j for _, j in pairs}
-        live = grown + [[row] for j, row in enumerate(meridian) if j not in taken]
-        live.sort(key=lambda run: float(run[-1][1]))
-    return [np.array(run) for run in done + live]
+        live = grown + [[block[:, j]] for j in range(block.shape[1]) if j not in taken]
+        live.sort(key=lambda run: float(run[-1][-1, 1]))
+    return [np.concatenate(run) for run in done + live]
+
+
+def _blocks(refined: RefinedMeridians) -> list[FloatArray]:
+    """Return blocks (m, c, 3) of neighbouring meridians with the same number c of intervals."""
+    rows = refined.meridians
+    table = np.column_stack([rows.longitude, rows.lower, rows.upper])
+    first = np.append(np.searchsorted(rows.longitude, refined.longitude), len(table))
+    count = np.diff(first)
+    edges = [0, *(np.flatnonzero(np.diff(count)) + 1), len(count)]
+    return [table[first[a] : first[b]].reshape(b - a, count[a], 3) for a, b in pairwise(edges)]
 
 
 def _pairs(old: list[FloatArray], new: FloatArray) -> list[tuple[int, int]]:

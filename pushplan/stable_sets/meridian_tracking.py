@@ -13,7 +13,7 @@ from pushplan.stable_sets.intervals import Samples
 Find = Callable[[FloatArray, Samples | None], Meridians]
 """find(longitude (m,), hints): the intervals at increasing longitudes, sampling the hinted latitudes too."""
 
-_FAN = np.linspace(-1.5, 1.5, 13)
+FAN = np.linspace(-1.5, 1.5, 13)
 
 
 def rows_at(meridians: Meridians, longitude: FloatArray) -> tuple[IntArray, IntArray]:
@@ -36,9 +36,9 @@ def fan(meridians: Meridians, source: FloatArray, index: IntArray, gap: FloatArr
     row = np.arange(len(member)) - np.repeat(np.cumsum(count) - count, count) + first[member]
     low, high = meridians.lower[row], meridians.upper[row]
     reach = np.maximum(high - low, 1.5 * gap[member])
-    latitude = 0.5 * (low + high)[:, None] + reach[:, None] * _FAN
+    latitude = 0.5 * (low + high)[:, None] + reach[:, None] * FAN
     inside = np.abs(latitude) < 0.5 * np.pi
-    return Samples(np.repeat(index[member], len(_FAN))[inside.ravel()], latitude[inside])
+    return Samples(np.repeat(index[member], len(FAN))[inside.ravel()], latitude[inside])
 
 
 def joined(meridians: Meridians, other: Meridians) -> Meridians:

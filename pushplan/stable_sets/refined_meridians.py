@@ -21,9 +21,9 @@ from pushplan.stable_sets.meridian_tracking import (
 
 FLATNESS = 1e-6
 """Largest angle by which the boundary may leave the great circle between neighbouring meridians, rad."""
-SMALLEST_GAP = 1e-8
+SMALLEST_GAP = 1e-6
 """Longitudes between which intervals begin, end or merge are found to this angle, rad."""
-_START = 256
+START = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def refine_meridians(find: Find, start: FloatArray) -> RefinedMeridians:
         find: Returns the intervals at given longitudes.
         start: (s,) further longitudes to look at, one in every component that may be narrow, rad.
     """
-    longitude = np.unique(np.concatenate([np.linspace(-np.pi, np.pi, _START + 1), start]))
+    longitude = np.unique(np.concatenate([np.linspace(-np.pi, np.pi, START + 1), start]))
     found = track_meridians(find, longitude)
     doubtful = np.ones(len(longitude) - 1, dtype=np.bool_)
     while True:
