@@ -1,23 +1,30 @@
 """The project's own anytime planner: compiled bidirectional searches, restarted, each path polished.
 
 A restart after every path drives the search apart: what one pair of trees misses (the right passage), the next
-may find. The trees are pruned by the best path's cost, with more or less room for what polishing will save; they
-may grow larger each time they find nothing.
+may find. After the first rounds most searches are guided by a way for the chain's middle, another one each time,
+so that every passage has its turn. The trees are pruned by the best path's cost, with room for what polishing will
+save; they may grow larger each time they find nothing.
 """
 
 from __future__ import annotations
 
 import math
-from itertools import cycle
+from itertools import count
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.arrays import FloatArray, RandomState
 from pushplan.planners.bidirectional import NODE, Forest, grow_both, plant
+from pushplan.planners.guide import Guide, find_way, make_guide
+from pushplan.planners.search import random
 from pushplan.planners.session import Session
+from pushplan.planners.steering import STRAIGHT
 
 FIRST_ROUND = 256
 """Extensions of the first round; half as many more each time that one finds nothing."""
+
+LATER_ROUND = 512
+"""Extensions, at most, of the round after the first path; a few more each time that one finds nothing."""
 
 CHUNK = 128
 """Extensions between two looks at the clock."""
@@ -25,8 +32,19 @@ CHUNK = 128
 REACH_SHARE = 0.15
 """Longest piece of a word added at a time, as a share of the sampling box's diagonal."""
 
-ROOM = (0.05, 0.3, 1.0)
+ROOM = (0.3, 1.0)
 """Shares of the best cost by which a new path may exceed it before polishing, in turn from round to round."""
+
+UNGUIDED = 2
+"""Rounds before the first that is guided by a way: most problems need none."""
+
+FREELY = 4
+"""One of so many later rounds goes without a way too."""
+
+ROUGHNESS = 1.5
+"""Largest logarithm of the ratio between prices of the floor under which ways are sought."""
+
+NO_WAY = np.zeros((0, 2))
 
 Box = tuple[float, float, float, float]
 
@@ -36,21 +54,43 @@ def search(session: Session, box: Box, heading_length: float) -> None:
     reach = REACH_SHARE * math.hypot(box[2] - box[0], box[3] - box[1])
     allowance = FIRST_ROUND
     forest = _forest(2 * allowance, session, box, heading_length, reach)
-    for room in cycle(ROOM):
+    guide: Guide | None = None
+    for number in count():
         if session.finished:
             return
         session.refine()
         if len(forest.ahead) < allowance + CHUNK:
             forest = _forest(2 * allowance, session, box, heading_length, reach)
-        if not _round(session, forest, allowance, 1.0 + room):
-            allowance += allowance // 2
+        way = NO_WAY
+        if number >= UNGUIDED:
+            if guide is None:
+                guide = make_guide(session.problem, session.start, box)
+            way = _draw_way(guide, session.random, number)
+        searching = session.best_arcs is None
+        joined = _round(session, forest._replace(way=way), allowance, 1.0 + ROOM[number % len(ROOM)])
+        if searching and joined:
+            allowance = min(allowance, LATER_ROUND)
+        elif not joined:
+            allowance += allowance // (2 if searching else 16)
+
+
+def _draw_way(guide: Guide, state: RandomState, number: int) -> FloatArray:
+    """Return a way (k, 2) to try, empty when there is none, and in one round of `FREELY`."""
+    if number % FREELY == 0:
+        return NO_WAY
+    way = np.empty((guide.space.size, 2))
+    rough, tight = ROUGHNESS * random(state), 2.0 * guide.half_width * random(state)
+    return way[: find_way(guide, rough, tight, state, way)]
 
 
 def _forest(size: int, session: Session, box: Box, heading_length: float, reach: float) -> Forest:
     ahead, behind = np.zeros((2, size + CHUNK, NODE))
     counts = np.ones(2, dtype=np.int64)
+    push = session.problem.families[0, STRAIGHT]
+    middle = np.append(session.problem.scene.body_bound[:2], math.atan2(push[1], push[0]))
+    bounds = np.array(box, dtype=np.float64)
     return Forest(
-        ahead, behind, counts, np.array(box, dtype=np.float64), heading_length, reach, session.random
+        ahead, behind, counts, bounds, heading_length, reach, session.random, NO_WAY, middle, heading_length
     )
 
 

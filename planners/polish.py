@@ -17,12 +17,16 @@ from pushplan.planners.prices import TRAVEL, Prices, arc_price
 from pushplan.planners.rows import put, put_rows
 from pushplan.planners.search import TRIES, Problem, random
 from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
+from pushplan.planners.varying import normals_of, vary
 
 GAIN = 1e-9
 """Smallest saving, in the unit of the price, for which a piece of path is exchanged."""
 
 DRAWN_SHARE = 0.8
 """Share of the attempts that join by turns and pushes drawn from the whole stable set."""
+
+VARIED_SHARE = 0.5
+"""Share of the attempts that change the path's twists and lengths a little instead."""
 
 SHORTEST_WINDOW = 0.07
 """Shortest piece of path that is exchanged, as a share of the path."""
@@ -186,8 +190,12 @@ def shorten(
         attempts: Pairs of poses to try.
     """
     path = merged(arcs)
+    normals = normals_of(problem.segments)
     word = np.empty((3, 4))
     for _ in range(attempts):
+        if random(state) < VARIED_SHARE and path.shape[0] > 0:
+            path = vary(problem, normals, start, path, state)
+            continue
         low, high = _window(state, path[:, 3].sum())
         i, into_i, begin = _locate(start, path, low)
         j, into_j, end = _locate(start, path, high)

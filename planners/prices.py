@@ -86,7 +86,8 @@ def make_prices(scenario: Scenario, stable: StableSet, segments: FloatArray) -> 
     if cost == "margin":
         margins = stable.margin(twists.reshape(-1, 3)).reshape(twists.shape[:2])
         table[..., 0] = 1.0 + scenario.planner.weight * (1.0 - margins / margins.max())
-        return Prices(MARGIN, ARC_PRICE, float(table[..., 0].min()), length, box, table)
+        per_arc = ARC_PRICE * (1.0 + scenario.planner.weight)
+        return Prices(MARGIN, per_arc, float(table[..., 0].min()), length, box, table)
     bounds = Bounds(limits, ContactDynamics(scenario.chain) if slow else None)
     table[:] = [[_speeds(twist, bounds) for twist in row] for row in twists]
     blended = scenario.trajectory == "blended"

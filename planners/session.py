@@ -21,10 +21,16 @@ FIRST_CAPACITY = 4096
 """Nodes that a fresh tree has room for; doubled when full."""
 
 POLISH_ATTEMPTS = 1_000
-"""Shortcuts tried on every path found."""
+"""Changes tried on every path found."""
+
+POLISH_ROUNDS = 8
+"""So many times, at most, as long as it promises to become the best one."""
+
+PROMISE = 3.0
+"""It does if its price may fall by so many times what the last round saved."""
 
 REFINE_CHUNK = 2_000
-"""Shortcuts tried on the best path between two looks at the clock."""
+"""Changes tried on the best path between two looks at the clock."""
 
 GAIN = 1e-9
 """A path counts as better when it is cheaper by this much, m."""
@@ -94,7 +100,7 @@ class Session:
         self.iterations = 0
         self._best_price, self._bound = math.inf, math.inf
         self._reference, self._improved_at = math.inf, 0
-        self._lower_bound = 0.0
+        self._lower_bound, self._refining = 0.0, REFINE_CHUNK
         self._on_progress = on_progress
         self._word = np.zeros((3, 4))
         self._held = hold(problem)
@@ -226,13 +232,26 @@ class Session:
     def offer(self, arcs: FloatArray) -> None:
         """Take a path (k, 4) to the goal into account, as it is and polished."""
         self._record(merged(arcs))
-        if not self.budget.first:
-            self._record(self._polished(arcs, POLISH_ATTEMPTS))
+        if self.budget.first:
+            return
+        prices = self.problem.prices
+        before = price(prices, arcs)
+        for _ in range(POLISH_ROUNDS):
+            arcs = self._polished(arcs, POLISH_ATTEMPTS)
+            now = price(prices, arcs)
+            self._record(arcs)
+            if self.finished or now - PROMISE * (before - now) > self._best_price:
+                return
+            before = now
 
     def refine(self) -> None:
         """Go on polishing the best path, if there is one."""
-        if self.best_arcs is not None and not self.budget.first:
-            self._record(self._polished(self.best_arcs, REFINE_CHUNK))
+        if self.best_arcs is None or self.budget.first:
+            return
+        before = self._best_price
+        self._record(self._polished(self.best_arcs, self._refining))
+        gained = before - self._best_price > WORTHWHILE * before
+        self._refining = REFINE_CHUNK if gained else max(REFINE_CHUNK // 8, self._refining // 2)
 
     def _polished(self, arcs: FloatArray, attempts: int) -> FloatArray:
         self.iterations += attempts

@@ -12,6 +12,7 @@ import numpy as np
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contact_state import contact_state
 from pushplan.mechanics.support import UniformSupport
+from pushplan.planners.guide import find_way, make_guide
 from pushplan.planners.polish import shorten
 from pushplan.planners.prices import travel_prices
 from pushplan.planners.registry import planner_named
@@ -61,6 +62,9 @@ def _compile(planner: str) -> None:
     contact_state(chain, np.array([[1.0, 0.0, 0.0]]))
     session = Session(_problem(chain), np.zeros(3), Budget(time_limit=60.0, first=True), seed=0)
     planner_named(planner)(session, (-2.0, -2.0, 3.0, 4.0), 0.1)
+    if planner == "auto":  # it takes the ways only after some rounds
+        guide = make_guide(session.problem, session.start, (-2.0, -2.0, 3.0, 4.0))
+        find_way(guide, 1.0, 0.1, session.random, np.empty((guide.space.size, 2)))
     shorten(session.problem, session.start, np.asarray(session.best_arcs), session.random, 1)
 
 
