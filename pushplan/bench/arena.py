@@ -30,8 +30,8 @@ PARAMETERS = (
     ("objects", "INTEGER"),
     ("obstacles", "INTEGER"),
 )
-"""Of a problem: the pusher's drive, seed of its generator, numbers of objects and obstacles. The order is that in
-which OMPL's reader adds them."""
+"""Of a problem: the pusher's drive, seed of its generator, numbers of objects and obstacles, as far as they differ
+between the problems of a generator. The order is that in which OMPL's reader adds them."""
 
 PLANNER_CONFIGS = (
     ("id", "INTEGER PRIMARY KEY AUTOINCREMENT"),

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Self
 
 from pushplan.bench import arena
+from pushplan.bench.arena_parameters import parameter_values
 from pushplan.bench.machine import Machine
 from pushplan.bench.outcome import OK, STATUSES, Outcome
 from pushplan.bench.suite import Problem, RunSpec, Suite
@@ -102,11 +103,18 @@ class Store:
             self._database.executemany("INSERT INTO pushplan_plan VALUES (?, ?, ?, ?, ?, ?)", rows)
             for problem in suite.problems:
                 self._experiment(problem, suite, machine, version)
+            assignments = ", ".join(f"{name} = ?" for name, _ in arena.PARAMETERS)
+            self._database.executemany(
+                f"UPDATE experiments SET {assignments} WHERE id = ?",
+                [
+                    (*values, self._experiment_id(digest, version))
+                    for digest, values in parameter_values(suite.problems).items()
+                ],
+            )
 
     def _experiment(self, problem: Problem, suite: Suite, machine: Machine, version: str) -> None:
         if self._experiment_id(problem.hash, version) is not None:
             return
-        scenario = problem.scenario
         seeds = ",".join(str(seed) for seed in suite.seeds)
         row = (
             problem.family,
@@ -119,13 +127,9 @@ class Store:
             machine.text,
             now(),
             seeds if len(seeds) <= 24 else f"{seeds[:21]}...",
-            scenario.source.decode("utf-8"),
-            scenario.chain.pusher.drive.kind,
-            problem.instance,
-            len(scenario.chain.objects),
-            len(scenario.obstacles),
+            problem.scenario.source.decode("utf-8"),
         )
-        added = self._insert("experiments", (None, *row))
+        added = self._insert("experiments", (None, *row, *[None] * len(arena.PARAMETERS)))
         self._insert("pushplan_problems", (added, problem.name, problem.hash, version))
 
     def _experiment_id(self, digest: str, version: str) -> int | None:

@@ -24,7 +24,7 @@ from pushplan.bench.suite_file import suite_from_text
 
 SUITE = """\
 format: pushplan-suite/1
-problems: [one-box, {name: random, generate: {objects: 2, obstacles: 5}, count: 2}]
+problems: [one-box, {name: random, generate: {objects: 2, obstacles: [5, 9]}, count: 2, seed: 2}]
 planners: [auto, {name: rrt, first: true}]
 seeds: 4
 """
@@ -33,10 +33,11 @@ TABLES = ("experiments", "plannerConfigs", "enums", "runs", "progress")
 VIEWS = ("bestPlannerConfigsPerExperiment", "bestPlannerConfigs")
 
 ARENA = """\
-import io, sys
+import io, re, sys
 import polars as pl
 from plannerarena.database import load_database
 from plannerarena.performance import boxplot, ecdf_plot, enums_plot
+from plannerarena.widgets import problem_parameter_filter, problem_parameter_widget
 data = load_database(sys.argv[1])
 assert data["problem_names"] == ["one-box", "random"], data["problem_names"]
 assert data["parameters"] == sys.argv[2].split(","), data["parameters"]
@@ -47,6 +48,14 @@ enums_plot(data["runs"], data["enums"].filter(pl.col("name") == "status"), []).s
 for attribute in ("time", "solution length", "min margin"):
     boxplot(data["runs"], attribute, [], "o", False).save(io.BytesIO(), format="png")
     ecdf_plot(data["runs"], attribute, []).save(io.BytesIO(), format="png")
+for problem in data["problem_names"]:  # as the page of progress does, with what is chosen at first
+    experiments = data["experiments"].filter(pl.col("experiment") == problem)
+    choices = {p: problem_parameter_widget(experiments, "id", p) for p in data["parameters"]}
+    first = {p: re.search(r"<option value=.(.*?). *selected", str(w))[1] for p, w in choices.items() if w}
+    assert (problem, list(first)) == (problem, ["instance", "obstacles"] if problem == "random" else [])
+    runs = data["runs"].filter(pl.col("experiment") == problem).select("id", "planner")
+    points = data["progress"].join(runs, left_on="runid", right_on="id")
+    assert len(problem_parameter_filter(points, first)) == len(points) > 0
 """
 
 
@@ -160,6 +169,15 @@ def test_tables_columns_and_views_are_those_that_ompls_reader_makes(database: Pa
         assert len(first) == len(second) > 0
     for db in (ours, theirs):
         db.close()
+
+
+def test_only_what_differs_within_a_family_is_a_parameter(database: Path) -> None:
+    ours = sqlite3.connect(database)
+    for name, _ in arena.PARAMETERS:
+        counts = dict(ours.execute(f"SELECT name, COUNT(DISTINCT {name}) FROM experiments GROUP BY name"))
+        assert (name, counts["one-box"]) == (name, 0)
+        assert (name, counts["random"]) == (name, 2 if name in ("instance", "obstacles") else 0)
+    ours.close()
 
 
 def _arena_python() -> str:
