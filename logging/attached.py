@@ -5,12 +5,15 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from pushplan.errors import RunLogError, ScenarioError
 from pushplan.logging.cursor import DamageError
 from pushplan.logging.items import Attachment
-from pushplan.logging.mcap_file import McapFile
 from pushplan.scenario import Scenario, scenario_from_text
+
+if TYPE_CHECKING:
+    from pushplan.logging.mcap_file import McapFile
 
 SCENARIO_FILE, SCENARIO_JSON = "scenario.yaml", "scenario.json"
 """The scenario byte for byte, and with everything resolved that it leaves open."""

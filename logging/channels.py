@@ -9,14 +9,15 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import RunLogError
+from pushplan.logging.batch import Batch
 from pushplan.logging.metadata import sealed, version_of
 from pushplan.logging.partial_file import PartialFile
-from pushplan.logging.record_writer import Batch, RecordWriter
+from pushplan.logging.record_writer import RecordWriter
 from pushplan.logging.schemas import TOPICS, MessageClass, Topic
 from pushplan.logging.stencil import ByteRows
 
 _NANO = 1_000_000_000
-_LATEST = 1 << 34
+_LATEST = 1 << 33
 """Simulated time has to be before this, s."""
 
 

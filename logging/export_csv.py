@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError
-from pushplan.logging.partial_file import write_whole
+from pushplan.logging.partial_file import write_pieces
 from pushplan.logging.recorded import RecordedRun
+
+_AT_ONCE = 10_000
+"""Rows that exist as text in memory."""
 
 
 def write_csv(run: RecordedRun, path: Path | str) -> None:
@@ -22,11 +27,15 @@ def write_csv(run: RecordedRun, path: Path | str) -> None:
         RunLogError: When the file cannot be written.
     """
     columns = table(run)
+    rows = np.column_stack(list(columns.values()))
+    parts = (rows[begin : begin + _AT_ONCE].tolist() for begin in range(0, len(rows), _AT_ONCE))
+    write_pieces(Path(path), map(_lines, chain([[list(columns)]], parts)))
+
+
+def _lines(rows: Iterable[Iterable[object]]) -> bytes:
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(np.column_stack(list(columns.values())).tolist())
-    write_whole(Path(path), text.getvalue().encode())
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()
 
 
 def table(run: RecordedRun) -> dict[str, FloatArray]:

@@ -9,7 +9,7 @@ import contextlib
 import errno
 import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pushplan.errors import RunLogError
@@ -118,9 +118,19 @@ def write_whole(path: Path, data: bytes) -> None:
     Raises:
         RunLogError: When it cannot be written; nothing is left behind.
     """
+    write_pieces(path, [data])
+
+
+def write_pieces(path: Path, pieces: Iterable[bytes]) -> None:
+    """Write a file of `pieces` that appears under its name when it is whole.
+
+    Raises:
+        RunLogError: When it cannot be written; nothing is left behind.
+    """
     file = PartialFile(path)
     try:
-        file.write(data)
+        for piece in pieces:
+            file.write(piece)
         file.publish()
     except BaseException:
         file.discard()

@@ -9,14 +9,13 @@ from __future__ import annotations
 import struct
 from collections import Counter, defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import zstandard
-from numpy.typing import NDArray
 
 from pushplan.arrays import IntArray
 from pushplan.logging import opcodes, record_bytes
+from pushplan.logging.batch import Batch
 from pushplan.logging.partial_file import PartialFile
 from pushplan.logging.stencil import ByteRows
 
@@ -24,32 +23,6 @@ CHUNK_SIZE = 256 << 10
 """A chunk is written when it has grown so large, bytes; until then its messages exist in memory only."""
 
 _ENTRY = struct.Struct("<QQ")
-_HEAD = np.dtype(
-    [
-        ("opcode", "u1"),
-        ("length", "<u8"),
-        ("channel", "<u2"),
-        ("sequence", "<u4"),
-        ("log", "<u8"),
-        ("publish", "<u8"),
-    ]
-)
-"""What a message begins with."""
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Messages of several channels at the same times.
-
-    Attributes:
-        records: (n, bytes) what is to be written for each time.
-        entries: (n, 2) by channel: time, and place of its message in `records`, for the index.
-        times: (n,) ns.
-    """
-
-    records: ByteRows
-    entries: Mapping[int, NDArray[np.uint64]]
-    times: IntArray
 
 
 class RecordWriter:
@@ -98,11 +71,9 @@ class RecordWriter:
             rows: (n, bytes) messages by channel; these channels get no others before all of them are written.
             times: Nanoseconds, in order.
         """
-        records = [_records(channel, self._messages[channel], data, times) for channel, data in rows.items()]
-        begins = np.cumsum([0, *(part.shape[1] for part in records)])
-        first = begins[-1] * np.arange(len(times))
-        entries = [np.stack([times, first + begin], axis=1).astype("<u8") for begin in begins[:-1]]
-        return Batch(np.concatenate(records, axis=1), dict(zip(rows, entries, strict=True)), times)
+        return Batch.from_messages(
+            {(channel, self._messages[channel]): rows[channel] for channel in rows}, times
+        )
 
     def add_batch(self, batch: Batch, begin: int, end: int) -> None:
         """Write the messages of a batch at its times from `begin` to `end`, excluded."""
@@ -180,13 +151,3 @@ class RecordWriter:
         return record_bytes.statistics(
             self._messages, (schemas, channels, attachments, metadata, chunks), span
         )
-
-
-def _records(channel: int, sequence: int, data: ByteRows, times: IntArray) -> ByteRows:
-    """Return the records (n, bytes) of messages (n, size), numbered from `sequence` on."""
-    heads = np.zeros(len(times), dtype=_HEAD)
-    heads["opcode"], heads["channel"] = opcodes.MESSAGE, channel
-    heads["length"] = _HEAD.itemsize - opcodes.PREFIX + data.shape[1]
-    heads["sequence"] = sequence + np.arange(len(times))
-    heads["log"] = heads["publish"] = times
-    return np.concatenate([heads.view(np.uint8).reshape(len(times), -1), data], axis=1)

@@ -17,7 +17,6 @@ from pushplan.result import PlanResult
 from pushplan.run import execute
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution
-from pushplan.stable_sets.named import stable_set as make_stable_set
 from pushplan.trajectory import Trajectory
 
 TOLERANCE = 1e-9
@@ -106,7 +105,7 @@ def verify(run: RecordedRun) -> VerifyReport:
 
 def _timing(scenario: Scenario, plan: PlanResult, trajectory: Trajectory, path: PushPath) -> Iterator[Check]:
     """Compare the trajectory with the path timed again, as the scenario asks for."""
-    stable = make_stable_set(scenario.chain, plan.stable_set)
+    stable = scenario.stable_set(plan.stable_set)
     again = make_trajectory(scenario, path, stable, trajectory.rate)
     yield Check("duration", abs(again.duration - trajectory.duration))
     yield _series("commanded twist", trajectory.t, trajectory.twists, again.twists_at(trajectory.t))

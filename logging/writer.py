@@ -18,6 +18,7 @@ from typing import Self
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
+from pushplan.arrays import IntArray
 from pushplan.errors import RunLogError
 from pushplan.logging import execution_message, metadata, plan_message, schemas, views
 from pushplan.logging.attached import MEDIA_TYPES, attachments_of
@@ -31,6 +32,9 @@ from pushplan.logging.window import PATH_SPACING, smoothed_times
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution
+
+_STRETCH = 60
+"""Simulated seconds whose messages are made at once: few calls for a short run, little memory for a long one."""
 
 
 class RunLogWriter:
@@ -144,22 +148,30 @@ class RunLogWriter:
         Raises:
             RunLogError: When the file cannot be written.
         """
-        channels, samples = self._channels, views.viewed(execution)
-        instants = channels.instants(execution.t)
-        messages = views.messages(self._scenario.chain, execution, samples, instants[samples])
-        shown = channels.prepare(messages, instants[samples])
-        for second in execution_message.seconds(execution.t):
-            channels.send_batch(shown, *np.searchsorted(samples, [second.start, second.stop]))
-            block = execution_message.encode_block(execution, second)
-            block.timestamp.CopyFrom(channels.advance(int(instants[second.stop - 1])))
-            channels.send(schemas.EXECUTION, block)
-            channels.flush()
+        channels, instants = self._channels, self._channels.instants(execution.t)
+        seconds = list(execution_message.seconds(execution.t))
+        for k in range(0, len(seconds), _STRETCH):
+            self._samples(execution, instants, seconds[k : k + _STRETCH])
         end = execution_message.encode_end(execution)
         end.timestamp.CopyFrom(channels.stamp)
         channels.send(schemas.EXECUTION_END, end)
         self.log("info" if execution.loss is None else "warning", execution_sentence(execution))
         self._words |= metadata.execution_words(execution)
         channels.flush()
+
+    def _samples(self, execution: Execution, instants: IntArray, seconds: list[slice]) -> None:
+        """Write the samples of some `seconds` and flush after each; `instants` (m,), ns, are those of all samples."""
+        channels, begin, end = self._channels, seconds[0].start, seconds[-1].stop
+        shown = views.viewed(execution)
+        shown = shown[(shown >= begin) & (shown < end)]
+        messages = views.messages(self._scenario.chain, execution, shown, instants[shown])
+        batch = channels.prepare(messages, instants[shown])
+        for second in seconds:
+            channels.send_batch(batch, *np.searchsorted(shown, [second.start, second.stop]))
+            block = execution_message.encode_block(execution, second)
+            block.timestamp.CopyFrom(channels.advance(int(instants[second.stop - 1])))
+            channels.send(schemas.EXECUTION, block)
+            channels.flush()
 
     def finish(self, outcome: str, seconds: Mapping[str, float] | None = None) -> None:
         """End the log and give it its final name.

@@ -6,13 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pushplan.errors import PushplanError
-from pushplan.logging.writer import RunLogWriter
-from pushplan.mechanics.chain import Chain
 from pushplan.plan import plan
 from pushplan.result import PlanResult, ProgressPoint, Run
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import Execution, simulate
-from pushplan.stable_sets.named import stable_set as make_stable_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
 
@@ -84,6 +81,8 @@ def run(
         "gap": scenario.planner.gap if gap is None else gap,
     }
     with watch("logging"):
+        from pushplan.logging.writer import RunLogWriter  # nobody waits for it who logs nothing
+
         writer = RunLogWriter.create(log, scenario, settings)
     with writer:
         try:
@@ -99,7 +98,7 @@ def run(
         with watch("logging"):
             if execution is not None:
                 writer.execution(execution)
-            writer.finish("solved" if result.solved else "unsolved")
+            writer.finish("solved" if result.solved else "unsolved", watch.seconds)
     return Run(scenario, result, execution, Path(log), watch.seconds)
 
 
@@ -107,11 +106,11 @@ def execute(scenario: Scenario, result: PlanResult) -> Execution | None:
     """Return what the kinematic simulator makes of a plan, None where there is no trajectory."""
     if result.trajectory is None:
         return None
-    judge = judging_set(scenario.chain, result.stable_set)
+    judge = judging_set(scenario, result.stable_set)
     return simulate(result.trajectory, judge, scenario.goal.pose_chain)
 
 
-def judging_set(chain: Chain, planned: str) -> StableSet:
-    """Return the set that judges an execution: the exact one where all loads are known, else the planned one."""
-    known = all(obj.support.known for obj in chain.objects)
-    return make_stable_set(chain, "ecof" if known else planned)
+def judging_set(scenario: Scenario, planned: str) -> StableSet:
+    """Return the set that judges an execution: the exact one where loads are known numbers, else the planned one."""
+    known = scenario.interval is None and all(obj.support.known for obj in scenario.chain.objects)
+    return scenario.stable_set("ecof" if known else planned)
