@@ -1,6 +1,6 @@
 """Readers that this project did not write accept the log and understand every message.
 
-The one of JavaScript runs where its packages are: `npm install --prefix DIR @mcap/core @mcap/support protobufjs`, and
+The one of JavaScript runs where its packages are: `npm install` in a copy DIR of the folder with `package.json`, and
 PUSHPLAN_NODE_MODULES=DIR/node_modules.
 """
 
