@@ -18,7 +18,9 @@ from pushplan.logging.terminal import TerminalView
 ROOT = Path(__file__).parents[1]
 TIME = 6.0
 """Of the run, that is shown, s."""
-TERMINAL = '<body style="margin:0;overflow:hidden;background:#1e1e1e"><pre style="margin:12px;color:#ddd;font:14px/1.15 monospace">'
+TERMINAL = """<meta charset="utf-8">
+<body style="margin:0;overflow:hidden;background:#1e1e1e">
+<pre style="margin:12px;color:#ddd;font:14px/1.15 monospace">"""
 
 
 def main() -> None:
@@ -33,7 +35,7 @@ def main() -> None:
         write_html(recorded, folder / "run.html")
         assert recorded.execution is not None
         picture = TerminalView(recorded, recorded.execution, 74, 34).picture(TIME)
-        (folder / "terminal.html").write_text(f'<meta charset="utf-8">{TERMINAL}{html.escape(picture)}')
+        (folder / "terminal.html").write_text(TERMINAL + html.escape(picture))
         with _browser().chromium(program, folder / "profile") as browser:
             browser.open(folder / "run.html")
             browser.evaluate(f"pushplan.seek({TIME})")
