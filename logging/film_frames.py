@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import cycle
+from itertools import chain, cycle
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -30,7 +30,12 @@ _GROUND, _INK, _FAINT, _RULE, _BAD, _WAY, _GOAL = (
 )  # fmt: skip
 _OBJECTS = ("#e8912d", "#3a8ec9", "#57a64a", "#b5659f", "#8a7b52", "#4aa6a0", "#d0604d", "#7573c2")
 
+_LINE = 4
+"""Half of the widest line, and of the sharpest corner that two lines make, pixels at most."""
+
 Points = list[tuple[float, float]]
+Box = tuple[int, int, int, int]
+"""Left, top, right and bottom in a picture before it is reduced."""
 
 
 class Film:
@@ -46,6 +51,8 @@ class Film:
         self._margins = low - 0.05 * (high - low), high + 0.05 * (high - low)
         self._font = ImageFont.load_default(15 * _FINE)
         self._background = self._draw_background()
+        self._still = self._background.reduce(_FINE)
+        self._canvas = self._background.copy()
 
     def pictures(self, rate: float, begin: float, end: float) -> Iterator[Image.Image]:
         """Yield `rate` pictures for each simulated second from `begin` to `end`, s."""
@@ -53,24 +60,31 @@ class Film:
             yield self.picture(float(time))
 
     def picture(self, time: float) -> Image.Image:
-        """Return the picture at a simulated time, s."""
-        image = self._background.copy()
-        pen = ImageDraw.Draw(image)
+        """Return the picture at a simulated time, s: the still one, with what moves drawn anew."""
+        pen = ImageDraw.Draw(self._canvas)
+        boxes = [self._draw_chain(pen, time), *self._draw_now(pen, time)]
+        picture = self._still.copy()
+        for x, y, right, bottom in boxes:
+            drawn = self._canvas.crop((x, y, right, bottom)).reduce(_FINE)
+            picture.paste(drawn, (x // _FINE, y // _FINE))
+        for box in boxes:
+            self._canvas.paste(self._background.crop(box), box)
+        return picture
+
+    def _draw_chain(self, pen: ImageDraw.ImageDraw, time: float) -> Box:
         poses, t = self._execution.poses, self._execution.t
         pose = np.array([np.interp(time, t, column) for column in poses.T])
-        paints = cycle(_OBJECTS)
-        for k, outline in enumerate(self._outlines()):
-            fill = next(paints) if k else "#3c4048"
-            pen.polygon(self._world(se2.transform_points(pose, outline)), fill, _INK, _FINE)
+        bodies = [self._world(se2.transform_points(pose, outline)) for outline in self._outlines()]
+        for body, fill in zip(bodies, chain(["#3c4048"], cycle(_OBJECTS)), strict=False):
+            pen.polygon(body, fill, _INK, _FINE)
         for contact in self._run.scenario.chain.contacts:
             ends = se2.transform_points(pose, np.stack([contact.right, contact.left]))
             pen.line(self._world(ends), _BAD, 2 * _FINE)
-        self._draw_now(pen, time)
-        return image.resize((WIDTH, HEIGHT), Image.Resampling.BOX)
+        return _box([point for body in bodies for point in body])
 
     def _outlines(self) -> list[FloatArray]:
-        chain = self._run.scenario.chain
-        return [chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)]
+        bodies = self._run.scenario.chain
+        return [bodies.pusher.outline, *(obj.outline_chain for obj in bodies.objects)]
 
     def _world(self, points: FloatArray) -> Points:
         """Return the place in the picture of points (k, 2) in the world."""
@@ -106,20 +120,32 @@ class Film:
         return image
 
     def _draw_plot(self, pen: ImageDraw.ImageDraw) -> None:
-        t, chain = self._execution.t, self._run.scenario.chain
+        t, scenario = self._execution.t, self._run.scenario
         pen.line([(0, _FINE * (HEIGHT - _PLOT)), (_FINE * WIDTH, _FINE * (HEIGHT - _PLOT))], _RULE, _FINE)
         pen.line(self._plot(t[[0, -1]], np.zeros(2)), _BAD, _FINE)
         place = _FINE * 60
-        for k, paint in zip(range(len(chain.contacts)), cycle(_OBJECTS), strict=False):
+        for k, paint in zip(range(len(scenario.chain.contacts)), cycle(_OBJECTS), strict=False):
             pen.line(self._plot(t, self._execution.margins[:, k]), paint, 2 * _FINE)
-            name = chain.contact_name(k)
+            name = scenario.chain.contact_name(k)
             pen.text((place, _FINE * (HEIGHT - _PLOT + 8)), name, paint, self._font)
             place += int(pen.textlength(name, self._font)) + 24 * _FINE
 
-    def _draw_now(self, pen: ImageDraw.ImageDraw, time: float) -> None:
+    def _draw_now(self, pen: ImageDraw.ImageDraw, time: float) -> tuple[Box, Box]:
         now = self._plot(np.array([time, time]), np.array(self._margins))
         pen.line(now, _INK, _FINE)
         i = int(np.searchsorted(self._execution.t, time, side="right")) - 1
         smallest = float(self._execution.margins[max(i, 0)].min())
         text = f"{time:6.2f} s    smallest margin {smallest:.3f}"
-        pen.text((_FINE * (WIDTH - 20), _FINE * (HEIGHT - _PLOT + 8)), text, _INK, self._font, anchor="ra")
+        place = (_FINE * (WIDTH - 20), _FINE * (HEIGHT - _PLOT + 8))
+        pen.text(place, text, _INK, self._font, anchor="ra")
+        left, top, right, bottom = pen.textbbox(place, text, self._font, anchor="ra")
+        return _box(now), _box([(left, top), (right, bottom)])
+
+
+def _box(points: Points) -> Box:
+    """Return the box around points and the lines through them; it falls on whole pixels of the picture."""
+    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    most = np.array([WIDTH, HEIGHT])
+    x, y = np.clip(np.floor(low / _FINE) - _LINE, 0, most - 1).astype(int) * _FINE
+    right, bottom = np.clip(np.ceil(high / _FINE) + _LINE, 1, most).astype(int) * _FINE
+    return int(x), int(y), int(right), int(bottom)

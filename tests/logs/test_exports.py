@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import ImageDraw
 
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import transform_points
@@ -237,7 +238,7 @@ def test_a_film_lasts_as_long_as_the_run_and_moves(recorded: RecordedRun, tmp_pa
     write_mp4(recorded, tmp_path / "run.mp4", rate=2.0)
     assert recorded.execution is not None
     with av.open(str(tmp_path / "run.mp4")) as film:
-        pictures = [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
+        pictures = [frame.to_ndarray(format="rgb24").astype(np.int16) for frame in film.decode(video=0)]
         length = float(film.duration) * 1e-6
     assert length == pytest.approx(recorded.execution.t[-1] / 2.0, abs=0.1)
     assert all(picture.shape == (960, 1280, 3) for picture in pictures)
@@ -261,6 +262,24 @@ def test_a_picture_shows_the_chain_where_it_is(recorded: RecordedRun) -> None:
             370 - scale * (y - (view.ymin + view.ymax) / 2),
         )
         np.testing.assert_allclose((columns.mean(), rows.mean()), expected, atol=3.0)
+
+
+def test_a_picture_holds_nothing_of_the_one_before(recorded: RecordedRun) -> None:
+    assert recorded.execution is not None
+    film, last = Film(recorded, recorded.execution), float(recorded.execution.t[-1])
+    for time in (0.0, 0.4 * last, last, 0.5 * last):
+        fresh = Film(recorded, recorded.execution).picture(time)
+        assert film.picture(time).tobytes() == fresh.tobytes()
+
+
+def test_a_picture_is_the_whole_drawn_anew(recorded: RecordedRun) -> None:
+    assert recorded.execution is not None
+    film, time = Film(recorded, recorded.execution), 0.3 * float(recorded.execution.t[-1])
+    pen = ImageDraw.Draw(film._canvas)
+    film._draw_chain(pen, time)
+    film._draw_now(pen, time)
+    whole = film._canvas.reduce(film._canvas.width // film._still.width)
+    assert Film(recorded, recorded.execution).picture(time).tobytes() == whole.tobytes()
 
 
 def test_there_is_no_film_of_a_run_that_was_not_executed(unsolved: RecordedRun, tmp_path: Path) -> None:
