@@ -131,7 +131,11 @@ CREATE TABLE IF NOT EXISTS pushplan_plan (
 CREATE TABLE IF NOT EXISTS pushplan_runs (
   runid INTEGER PRIMARY KEY REFERENCES runs(id) ON DELETE CASCADE,
   key TEXT UNIQUE NOT NULL, outcome TEXT, message TEXT, arcs TEXT, log TEXT, host TEXT, ended TEXT);
+CREATE TABLE IF NOT EXISTS pushplan_progress (
+  runid INTEGER REFERENCES runs(id) ON DELETE CASCADE, time REAL, best_cost REAL, iterations INTEGER,
+  PRIMARY KEY (runid, time));
 """
-"""The suite that was asked for last, its problems and the runs it consists of, and what else is known of each run."""
+"""The suite that was asked for last, its problems and the runs it consists of, what else is known of each run, and
+its improvements (`progress` has the best costs at regular times)."""
 
 STATUS_ROWS = [("status", value, status) for value, status in enumerate(STATUSES)]

@@ -139,7 +139,7 @@ def _read(path: Path, database: sqlite3.Connection) -> Results:
     ).fetchall()
     progress: dict[int, list[tuple[float, float]]] = {}
     for number, time, cost in database.execute(
-        "SELECT runid, time, best_cost FROM progress ORDER BY runid, time"
+        "SELECT runid, time, best_cost FROM pushplan_progress ORDER BY runid, time"
     ):
         progress.setdefault(number, []).append((time, cost))
     several = len({row["stable_set"] for row in rows}) > 1

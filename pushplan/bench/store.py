@@ -12,8 +12,9 @@ from typing import Self
 
 from pushplan.bench import arena
 from pushplan.bench.arena_parameters import parameter_values
+from pushplan.bench.arena_progress import sampled
 from pushplan.bench.machine import Machine
-from pushplan.bench.outcome import OK, STATUSES, Outcome
+from pushplan.bench.outcome import OK, STATUSES, Figures, Outcome
 from pushplan.bench.suite import Problem, RunSpec, Suite
 from pushplan.errors import PushplanError
 
@@ -165,13 +166,19 @@ class Store:
             arcs = json.dumps(result.figures.arcs)
             own = (number, run.key, result.status, result.message, arcs, log, result.host, now())
             self._insert("pushplan_runs", own)
-            points = {seconds: (number, seconds, cost, n) for seconds, cost, n in result.figures.progress}
-            self._database.executemany("INSERT INTO progress VALUES (?, ?, ?, ?)", points.values())
+            self._insert_progress(number, result.figures)
             self._database.execute(
                 "UPDATE experiments SET runcount = (SELECT COUNT(*) FROM runs WHERE experimentid = ?1), "
                 "totaltime = (SELECT SUM(total_time) FROM runs WHERE experimentid = ?1) WHERE id = ?1",
                 (experiment,),
             )
+
+    def _insert_progress(self, run: int, figures: Figures) -> None:
+        improvements = figures.progress
+        regular = sampled(improvements, figures.seconds.get("search", 0.0))
+        for table, points in (("pushplan_progress", improvements), ("progress", regular)):
+            last = {point[0]: (run, *point) for point in points}
+            self._database.executemany(f"INSERT INTO {table} VALUES (?, ?, ?, ?)", last.values())
 
     def _planner(self, run: RunSpec) -> int:
         """Return the id of a planner with its settings and stable set."""

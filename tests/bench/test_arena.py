@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from pushplan.bench import arena
+from pushplan.bench.arena_progress import SAMPLES, sampled
 from pushplan.bench.batch import run_suite
 from pushplan.bench.folder import ResultsFolder
 from pushplan.bench.outcome import STATUSES, Figures, Outcome, Task
@@ -34,6 +35,7 @@ VIEWS = ("bestPlannerConfigsPerExperiment", "bestPlannerConfigs")
 
 ARENA = """\
 import io, re, sys
+import plotnine as p9
 import polars as pl
 from plannerarena.database import load_database
 from plannerarena.performance import boxplot, ecdf_plot, enums_plot
@@ -56,6 +58,8 @@ for problem in data["problem_names"]:  # as the page of progress does, with what
     runs = data["runs"].filter(pl.col("experiment") == problem).select("id", "planner")
     points = data["progress"].join(runs, left_on="runid", right_on="id")
     assert len(problem_parameter_filter(points, first)) == len(points) > 0
+    smooth = p9.geom_smooth(method="loess", span=0.1, se=False)
+    (p9.ggplot(points, p9.aes(x="time", y="best cost", color="planner")) + smooth).save(io.BytesIO(), format="png")
 """
 
 
@@ -178,6 +182,16 @@ def test_only_what_differs_within_a_family_is_a_parameter(database: Path) -> Non
         assert (name, counts["one-box"]) == (name, 0)
         assert (name, counts["random"]) == (name, 2 if name in ("instance", "obstacles") else 0)
     ours.close()
+
+
+def test_progress_is_what_was_best_at_regular_times() -> None:
+    found = sampled(((0.15, 3.0, 4), (0.152, 2.5, 5), (0.5, 2.0, 9)), 1.0)
+    assert len(found) == SAMPLES - 14  # nothing is known before the first path
+    assert found[0] == (0.15, 3.0, 4)
+    assert found[-1] == (1.0, 2.0, 9)
+    assert [cost for time, cost, _ in found] == [3.0, *(2.5 if time < 0.5 else 2.0 for time, _, _ in found[1:])]
+    assert sampled((), 1.0) == []
+    assert sampled(((0.0, 1.0, 1), (0.0, 0.5, 2)), 0.0) == [(0.0, 0.5, 2)]
 
 
 def _arena_python() -> str:
