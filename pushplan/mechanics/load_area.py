@@ -48,9 +48,8 @@ def load_area(obj: PushedObject, contact_height: float = 0.0) -> LoadArea:
         SupportError: When a push at that height could tip the object.
     """
     support = obj.support
-    solid = not isinstance(support, FeetSupport)
-    points = support.hull if solid or not isinstance(support, FeetSupport) else support.positions
-    solid = solid and len(points) > 2
+    points = support.positions if isinstance(support, FeetSupport) else support.hull
+    solid = not isinstance(support, FeetSupport) and len(points) > 2
     shift = contact_height * obj.floor_friction
     center = transform_points(obj.pose_chain, support.center)
     if shift > 0.0:
@@ -65,9 +64,7 @@ def load_areas(chain: Chain) -> tuple[LoadArea, ...]:
 
 def _require_standing(obj: PushedObject, hull: FloatArray, center: FloatArray, height: float) -> None:
     """Raise SupportError unless the load's centre stays in `hull` (h, 2) wherever friction may move it."""
-    step = np.roll(hull, -1, axis=0) - hull
-    normal = np.stack([step[:, 1], -step[:, 0]], axis=1) / np.linalg.norm(step, axis=1, keepdims=True)
-    room = float(((hull - center) * normal).sum(axis=1).min()) if len(hull) > 2 else 0.0
+    room = _room(hull, center) if len(hull) > 2 else 0.0
     highest = room / obj.floor_friction
     if height > highest * (1.0 + _ROUNDING):
         raise SupportError(
@@ -75,3 +72,10 @@ def _require_standing(obj: PushedObject, hull: FloatArray, center: FloatArray, h
             f"{height * obj.floor_friction:.6g} m and is {max(room, 0.0):.6g} m inside the support; the contact "
             f"height must be at most {max(highest, 0.0):.6g} m"
         )
+
+
+def _room(hull: FloatArray, center: FloatArray) -> float:
+    """Return how far a point (2,) is inside a convex polygon (h, 2), m."""
+    step = np.roll(hull, -1, axis=0) - hull
+    normal = np.stack([step[:, 1], -step[:, 0]], axis=1) / np.linalg.norm(step, axis=1, keepdims=True)
+    return float(((hull - center) * normal).sum(axis=1).min())

@@ -1,0 +1,165 @@
+"""What is known of a load: where it may rest, how far a push above the floor moves it, and what supports hold."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pushplan.arrays import FloatArray
+from pushplan.errors import PushplanError, SupportError
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
+from pushplan.mechanics.load_area import LoadArea, load_area, load_areas
+from pushplan.mechanics.quadrature import load_elements
+from pushplan.mechanics.support import (
+    FeetSupport,
+    PressureMapSupport,
+    Support,
+    UniformSupport,
+    UnknownSupport,
+)
+
+BOX = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
+POSE = np.array([0.5, 0.1, 0.7])
+FEET = [[-0.2, -0.1], [0.2, -0.1], [0.05, 0.02], [0.0, 0.1]]
+
+
+def resting(support: Support, friction: float = 0.5) -> PushedObject:
+    return PushedObject("box", BOX, 2.0, friction, support, POSE)
+
+
+def test_feet_are_where_a_load_on_feet_rests_even_inside_their_hull() -> None:
+    area = load_area(resting(FeetSupport(np.array(FEET), center_of_mass=np.array([0.02, 0.0]))))
+    assert not area.solid
+    assert area.shift == 0.0
+    np.testing.assert_allclose(area.points, transform_points(POSE, np.array(FEET)), atol=1e-15)
+    np.testing.assert_allclose(area.center, transform_points(POSE, np.array([0.02, 0.0])), atol=1e-15)
+
+
+@pytest.mark.parametrize("support", [UniformSupport(BOX), UnknownSupport(BOX)])
+def test_a_flat_load_may_rest_anywhere_on_its_hull(support: Support) -> None:
+    area = load_area(resting(support))
+    assert area.solid
+    np.testing.assert_allclose(area.points, transform_points(POSE, support.hull), atol=1e-15)
+
+
+@pytest.mark.parametrize(("count", "solid"), [(1, False), (2, False), (3, True)])
+def test_a_hull_without_an_inside_is_its_corners(count: int, solid: bool) -> None:
+    points = np.array([[-0.1, 0.0], [0.1, 0.0], [0.0, 0.1]])[:count]
+    area = load_area(resting(PressureMapSupport(points, np.full(count, 1.0 / count))))
+    assert area.solid == solid
+    assert len(area.points) == count
+
+
+def test_a_push_above_the_floor_moves_the_load_until_it_tips() -> None:
+    """The box tips over its short side, 0.1 m off the middle, at height 0.1 / mu = 0.2 m."""
+    obj = resting(UnknownSupport(BOX))
+    assert load_area(obj, 0.06).shift == pytest.approx(0.03)
+    assert load_area(obj, 0.2).shift == pytest.approx(0.1)
+    text = (
+        "a push at height 0.21 m could tip 'box': the load's centre moves by up to 0.105 m and is 0.1 m inside the "
+        "support; the contact height must be at most 0.2 m"
+    )
+    with pytest.raises(SupportError, match=f"^{re.escape(text)}$"):
+        load_area(obj, 0.21)
+
+
+@pytest.mark.parametrize("points", [FEET[:1], FEET[:2]])
+def test_what_stands_on_a_line_or_a_point_may_not_be_pushed_above_the_floor(
+    points: list[list[float]],
+) -> None:
+    obj = resting(FeetSupport(np.array(points), np.full(len(points), 1.0 / len(points))))
+    assert load_area(obj, 0.0).shift == 0.0
+    with pytest.raises(
+        SupportError, match=r"is 0 m inside the support; the contact height must be at most 0 m"
+    ):
+        load_area(obj, 0.01)
+
+
+def test_areas_of_a_chain_have_the_height_of_its_pusher() -> None:
+    contact = Contact(np.array([0.0, -0.1]), np.array([0.0, 0.1]), 0.3, 0, PLATE)
+    chain = Chain((resting(UnknownSupport(BOX)),), (contact,), Pusher(BOX, 0.3, contact_height=0.06))
+    (area,) = load_areas(chain)
+    assert area.shift == pytest.approx(0.03)
+
+
+MAKERS: list[tuple[Callable[[], object], tuple[str, ...]]] = [
+    (lambda: FeetSupport([[0, 0], [1, 0]], fractions=[0.5, 0.5]), ("positions", "fractions", "center")),  # type: ignore[arg-type]
+    (lambda: FeetSupport([[0, 0], [2, 0]], center_of_mass=[1, 0]), ("positions", "center_of_mass")),  # type: ignore[arg-type]
+    (lambda: FeetSupport([[3, 4]], fractions=[1.0]), ("positions", "hull")),  # type: ignore[arg-type]
+    (lambda: PressureMapSupport([[3, 4]], [1.0]), ("points", "fractions", "hull")),  # type: ignore[arg-type]
+    (lambda: UniformSupport(BOX.tolist(), [0.01, 0]), ("outline", "center_of_mass")),  # type: ignore[arg-type]
+    (lambda: UnknownSupport(BOX.tolist(), [0.01, 0]), ("outline", "center_of_mass")),  # type: ignore[arg-type]
+    (lambda: LoadArea([[0, 0], [1, 0]], False, [0.5, 0], 0.0), ("points", "center")),  # type: ignore[arg-type]
+]
+
+
+@pytest.mark.parametrize(("make", "names"), MAKERS)
+def test_what_is_given_is_kept_as_arrays_of_floats(
+    make: Callable[[], object], names: tuple[str, ...]
+) -> None:
+    made = make()
+    for name in names:
+        value = getattr(made, name)
+        assert isinstance(value, np.ndarray)
+        assert value.dtype == np.float64
+        if name not in ("center", "hull") or isinstance(made, LoadArea):
+            assert not value.flags.writeable
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    with pytest.raises(PushplanError, match="points of the pressure map holds a number that is not finite"):
+        PressureMapSupport(np.array([[np.nan, 0.0]]), np.array([1.0]))
+    with pytest.raises(PushplanError, match=r"positions of the feet has shape \(2,\); it must be \(any, 2\)"):
+        FeetSupport(np.array([1.0, 2.0]), np.array([1.0]))
+
+
+def test_small_pressures_count_as_much_as_large_ones() -> None:
+    """Only the proportions matter, and the lines may end as they like."""
+    texts = [f"x,y,pressure\n0,0,{p}\n1,0,{3 * p}\n5,5,0\n" for p in (1e-6, 1.0, 1e6)]
+    for text in (*texts, texts[0].replace("\n", "\r\n")):
+        support = PressureMapSupport.from_bytes(text.encode(), "map.csv")
+        np.testing.assert_allclose(support.fractions, [0.25, 0.75])
+        np.testing.assert_allclose(support.center, [0.75, 0.0])
+
+
+@pytest.mark.parametrize("center", [None, [0.03, -0.01]])
+def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[float] | None) -> None:
+    given: FloatArray | None = None if center is None else np.array(center)
+    away = np.array([0.3, 0.2])
+    moved = BOX + away
+    support = UniformSupport(moved, None if given is None else given + away)
+    places, parts = load_elements(resting(support), 5000)
+    np.testing.assert_allclose(parts @ places, transform_points(POSE, support.center), atol=1e-5)
+    assert len(places) == 5000
+    spread = parts @ ((places - POSE[:2]) ** 2).sum(axis=1)
+    turned = transform_points(-POSE * [0, 0, 1], places - POSE[:2])
+    np.testing.assert_allclose(turned.min(axis=0), moved.min(axis=0) + 0.002, atol=1e-12)  # squares of 4 mm
+    assert spread == pytest.approx(float(parts @ (turned**2).sum(axis=1)))
+
+
+def test_elements_of_a_pressure_map_are_its_points() -> None:
+    support = PressureMapSupport(np.array([[0.1, 0.0], [0.0, 0.1]]), np.array([0.25, 0.75]))
+    places, parts = load_elements(resting(support), 10)
+    np.testing.assert_allclose(places, transform_points(POSE, support.points))
+    np.testing.assert_array_equal(parts, [0.25, 0.75])
+
+
+@pytest.mark.parametrize(
+    "support", [UnknownSupport(BOX), FeetSupport(np.array(FEET), center_of_mass=np.zeros(2))]
+)
+def test_unknown_loads_have_no_elements(support: Support) -> None:
+    with pytest.raises(SupportError, match="the load under 'box' is unknown; integrating its friction"):
+        load_elements(resting(support), 10)
+
+
+def test_a_polygon_that_no_square_fits_has_one_element_at_its_centroid() -> None:
+    thin = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.9, 0.1]])
+    support = UniformSupport(thin)
+    places, parts = load_elements(replace(resting(support), pose_chain=np.zeros(3)), 1)
+    np.testing.assert_allclose(places, [support.center], atol=1e-12)
+    np.testing.assert_array_equal(parts, [1.0])

@@ -1,0 +1,51 @@
+"""The sphere of twist directions: its angles, its centres of rotation, and the rows of stable intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pushplan.errors import PushplanError
+from pushplan.mechanics.sphere import POLE, Meridians, angles_of, twists_about, twists_at
+
+LENGTH = 0.4
+
+
+def test_angles_and_twists_are_inverse() -> None:
+    rng = np.random.default_rng(0)
+    lon, lat = rng.uniform(-np.pi, np.pi, 200), rng.uniform(-POLE, POLE, 200)
+    twists = twists_at(lon, lat, LENGTH)
+    assert twists.shape == (200, 3)
+    np.testing.assert_allclose(np.linalg.norm(twists * [1.0, 1.0, LENGTH], axis=1), 1.0)
+    for factor in (1.0, 3.0):
+        np.testing.assert_allclose(angles_of(factor * twists, LENGTH), (lon, lat), atol=1e-12)
+
+
+def test_known_directions_have_their_places() -> None:
+    twists = twists_at([0.0, np.pi / 2, 0.0, 0.0], [0.0, 0.0, POLE, -POLE], LENGTH)
+    known = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.5], [0.0, 0.0, -2.5]]
+    np.testing.assert_allclose(twists, known, atol=1e-15)
+    assert twists_at([[0.0], [1.0]], [0.0, 0.5, 1.0], LENGTH).shape == (2, 3, 3)
+
+
+def test_centres_of_rotation_lie_on_a_line_through_the_origin() -> None:
+    """c = L cot(lat) (-sin lon, cos lon), and a turn about it has v = -omega J c."""
+    lon, lat = 0.7, np.array([-1.2, -0.3, 0.4, 1.5])
+    cors = LENGTH / np.tan(lat)[:, None] * [-np.sin(lon), np.cos(lon)]
+    twists = twists_at(lon, lat, LENGTH)
+    for sense in (1, -1):
+        some = np.sign(lat) == sense
+        turned = twists_about(cors[some], sense)
+        np.testing.assert_allclose(turned, twists[some] / np.abs(twists[some, 2:]), atol=1e-12)
+    assert twists_about([0, 3], 1).dtype == np.float64
+    with pytest.raises(PushplanError, match=r"sense is 2; it must be \+1 \(counter-clockwise\) or -1"):
+        twists_about([0.0, 1.0], 2)
+
+
+def test_meridians_have_as_many_ends_as_longitudes() -> None:
+    rows = Meridians([0.0, 0.1], [-0.2, -0.3], [0.2, 0.3])  # type: ignore[arg-type]
+    assert len(rows) == 2
+    for array in (rows.longitude, rows.lower, rows.upper):
+        assert not array.flags.writeable
+    with pytest.raises(PushplanError, match=r"upper has shape \(1,\); it must be \(2\)"):
+        Meridians(np.zeros(2), np.zeros(2), np.zeros(1))

@@ -1,0 +1,113 @@
+"""What contacts transmit: the friction of all they carry, about near and far centres, and nothing without it."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from pushplan.mechanics.carried import carried_objects
+from pushplan.mechanics.contact_kernel import margin_down_to, object_wrenches_of
+from pushplan.mechanics.contact_state import contact_state
+from pushplan.mechanics.friction import ecof, friction_wrench
+from pushplan.mechanics.packed import pack_chain, pack_object
+from pushplan.mechanics.support import UniformSupport
+from pushplan.stable_sets.named import stable_set
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+TWISTS = np.array(
+    [
+        *(
+            [np.cos(a), np.sin(a), w]
+            for a in (0.0, 0.4, np.pi / 2, 2.5)
+            for w in (0.0, 1e-9, 1e-3, -0.1, 0.3)
+        ),
+        *([1e-9, -0.3, 2.0], [0.2, 1e-12, -5.0], [0.0, 0.0, 1.0]),
+    ]
+)
+"""Translations, turns about far and about near centres, along the axes and across them."""
+
+
+@pytest.mark.parametrize("feet", [False, True])
+@pytest.mark.parametrize("affine", [False, True])
+def test_every_contact_transmits_the_friction_of_what_it_carries(
+    make_chain: ChainMaker, feet: bool, affine: bool
+) -> None:
+    chain = make_chain.random(7, 4, tree=True, feet=feet)
+    if affine and not feet:
+        loads = [obj.support for obj in make_chain.boxes(4).objects]
+        objects = [
+            replace(obj, outline=load.hull, support=UniformSupport(load.hull, np.array([0.01, -0.005])))
+            for obj, load in zip(chain.objects, loads, strict=True)
+        ]
+        chain = replace(chain, objects=tuple(objects))
+    alone = np.array([-friction_wrench(obj, TWISTS) for obj in chain.objects])
+    for k, carried in enumerate(carried_objects(chain)):
+        together = contact_state(chain, TWISTS).wrenches[:, k]
+        np.testing.assert_allclose(together, alone[carried].sum(axis=0), atol=1e-11)
+
+
+def test_a_far_and_a_near_way_to_integrate_agree_for_every_object_of_a_chain(make_chain: ChainMaker) -> None:
+    """About a far centre the wrench is nearly that of the translation, and its change is linear in omega."""
+    chain = make_chain.random(9, 3)
+    for obj in chain.objects:
+        still, slow, fast = friction_wrench(obj, [[1.0, 0.2, 0.0], [1.0, 0.2, 1e-4], [1.0, 0.2, 2e-4]])
+        np.testing.assert_allclose(fast - still, 2.0 * (slow - still), atol=1e-6 * obj.friction_load)
+        assert np.abs(slow - still).max() < 1e-3 * obj.friction_load
+
+
+def test_speed_does_not_matter_at_any_size(make_chain: ChainMaker) -> None:
+    (obj,) = make_chain.boxes(1).objects
+    packed = pack_object(obj, 0.0)
+    for factor in (1e-6, 1e6):
+        np.testing.assert_allclose(
+            object_wrenches_of(packed, TWISTS * factor), object_wrenches_of(packed, TWISTS), atol=1e-9
+        )
+
+
+def test_the_ecof_of_a_push_above_the_floor_takes_its_height(make_chain: ChainMaker) -> None:
+    (obj,) = make_chain.boxes(1).objects
+    low, high = ecof(obj, (0.05, 0.3)), ecof(obj, (0.05, 0.3), contact_height=0.03)
+    assert np.abs(low - high).max() > 1e-3
+    wrench = friction_wrench(obj, [[0.3, -0.05, 1.0]], contact_height=0.03)[0]
+    assert high[0] * wrench[1] - high[1] * wrench[0] == pytest.approx(wrench[2], abs=1e-12)
+
+
+def test_without_force_a_contact_is_at_its_friction_angle_outside(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2, contact_friction=0.5)
+    chain = replace(chain, objects=(chain.objects[0], replace(chain.objects[1], floor_friction=0.0)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        state = contact_state(chain, TWISTS[:3])
+    np.testing.assert_allclose(state.friction_margins[:, 1], -np.arctan(0.5))
+    assert np.isinf(state.lambdas[:, 1]).all()
+    for array in (state.margins, state.friction_margins, state.lambdas, state.forces, state.wrenches):
+        assert not array.flags.writeable
+
+
+def test_small_forces_have_directions_like_large_ones(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2)
+    light = replace(chain, objects=tuple(replace(obj, mass=1e-6) for obj in chain.objects))
+    heavy, small = contact_state(chain, TWISTS), contact_state(light, TWISTS)
+    np.testing.assert_allclose(small.friction_margins, heavy.friction_margins, atol=1e-9)
+    np.testing.assert_allclose(small.margins, heavy.margins, atol=1e-9)
+
+
+def test_a_chain_that_is_packed_already_is_taken_as_it_is(make_chain: ChainMaker) -> None:
+    chain, other = make_chain.boxes(2), make_chain.boxes(2, floor_friction=0.6)
+    found = contact_state(chain, TWISTS, pack_chain(other)).wrenches
+    np.testing.assert_allclose(found, 2.0 * contact_state(chain, TWISTS).wrenches)
+
+
+def test_a_margin_is_exact_above_the_floor_asked_for(make_chain: ChainMaker) -> None:
+    chain = make_chain.random(3, 4, tree=True)
+    packed, exact = pack_chain(chain), stable_set(chain).margin(TWISTS)
+    for (vx, vy, omega), margin in zip(TWISTS, exact, strict=True):
+        assert margin_down_to(packed, vx, vy, omega, -2.0) == pytest.approx(margin, abs=1e-12)
+        assert margin_down_to(packed, vx, vy, omega, margin - 0.01) == pytest.approx(margin, abs=1e-12)
+        assert margin_down_to(packed, vx, vy, omega, margin + 0.01) <= margin + 0.01
