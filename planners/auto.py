@@ -68,6 +68,7 @@ def search(session: Session, box: Box, heading_length: float) -> None:
             way = _draw_way(guide, session.random, number)
         searching = session.best_arcs is None
         joined = _round(session, forest._replace(way=way), allowance, 1.0 + ROOM[number % len(ROOM)])
+        session.branches.offer_nodes(forest.ahead[: forest.counts[0]], forest.behind[: forest.counts[1]])
         if searching and joined:
             allowance = min(allowance, LATER_ROUND)
         elif not joined:

@@ -17,7 +17,7 @@ import numpy as np
 from ompl import base as ob
 from ompl import util as ou
 
-from pushplan.arrays import FloatArray
+from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.collision import separation
@@ -140,9 +140,41 @@ def search(session: Session, box: Box, make: Callable[[Any], Any], anew: bool) -
         if definition.hasExactSolution():
             session.offer(_arcs(definition.getSolutionPath(), car, words, ends))
         session.refine()
+        if anew or session.finished:
+            _note(session, planner, words, car)
         if anew:
             planner.clear()
             definition.clearSolutionPaths()
+
+
+def _note(session: Session, planner: Any, words: SweptWords, car: Car) -> None:
+    """Hand the branches of OMPL's tree to the session, and the way to its node nearest to the goal."""
+    data = ob.PlannerData(planner.getSpaceInformation())
+    planner.getPlannerData(data)
+    if session.best_arcs is not None and data.numEdges() <= session.branches.size:
+        return
+    vertices = range(data.numVertices())
+    poses = np.array([car.chain_at(data.getVertex(i).getState()) for i in vertices]).reshape(-1, 3)
+    parents = np.full(len(poses), -1)
+    for i in vertices:
+        parents[list(data.getEdges(i))] = i
+    session.branches.offer((poses, parents))
+    reached = np.flatnonzero(parents >= 0)
+    nearest = session.nearer(poses[reached])
+    if nearest >= 0:
+        session.approach(_way_to(int(reached[nearest]), poses, parents, session.start, words))
+
+
+def _way_to(
+    node: int, poses: FloatArray, parents: IntArray, start: FloatArray, words: SweptWords
+) -> FloatArray:
+    """Return the arcs (k, 4) from the start to a node of a tree, up to the first edge that is blocked."""
+    way = [node]
+    while parents[way[-1]] >= 0:
+        way.append(int(parents[way[-1]]))
+    ends = [start, *poses[way[-2::-1]]]
+    found = (words.word(begin, end) for begin, end in itertools.pairwise(ends))
+    return np.concatenate([np.zeros((0, 4)), *itertools.takewhile(lambda word: word is not None, found)])
 
 
 def _space(session: Session, box: Box, car: Car) -> tuple[Any, SweptWords]:

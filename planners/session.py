@@ -11,6 +11,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.path import TURN_WEIGHT, PushPath
+from pushplan.planners.branches import Branches
 from pushplan.planners.held import grow_held, hold
 from pushplan.planners.polish import merged, price, shorten
 from pushplan.planners.prices import TRAVEL
@@ -77,6 +78,7 @@ class Session:
         extensions: Arcs propagated.
         iterations: Arcs propagated and shortcuts tried.
         nodes: (capacity, NODE) the tree; the first `count` rows are in use.
+        branches: What is kept of the trees.
     """
 
     def __init__(
@@ -105,6 +107,7 @@ class Session:
         self._word = np.zeros((3, 4))
         self._held = hold(problem)
         self.nodes, self.count = np.zeros((FIRST_CAPACITY, NODE)), 0
+        self.branches = Branches()
         self.began = time.perf_counter()
         self.restart()
 
@@ -171,6 +174,7 @@ class Session:
     def restart(self) -> None:
         """Drop the tree, keep the best path, and try the exact connection from the start."""
         self.note_approach()
+        self.branches.offer_nodes(self.nodes[: self.count])
         self.nodes[0, :] = 0.0
         self.nodes[0, :3] = self.start
         self.nodes[0, 4] = -1.0

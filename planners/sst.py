@@ -16,9 +16,9 @@ from ompl import util as ou
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.planners.search import NODE, remaining
+from pushplan.planners.search import NODE, remaining, trace
 from pushplan.planners.session import Session
-from pushplan.planners.sst_kernel import ACTIVE, TO_GO, SparseTree, grow_sparse
+from pushplan.planners.sst_kernel import ACTIVE, NODES, TO_GO, UNUSED, SparseTree, grow_sparse
 
 SELECTION_SHARE, PRUNING_SHARE = 0.08, 0.04
 """Radii of the first round, as shares of the sampling box's diagonal: around a random pose, and between witnesses."""
@@ -85,6 +85,7 @@ class StableSparseRRT(ob.Planner):  # type: ignore[misc]
             extensions -= done
             if arcs:
                 session.offer(path[:arcs])
+        _note(session, tree)
 
     def _solution(self, arcs: FloatArray) -> Any:
         pose, path = self._session.start, og.PathGeometric(self._information)
@@ -106,6 +107,19 @@ def _planted(session: Session, box: FloatArray, radii: FloatArray) -> SparseTree
     roles[0, ACTIVE] = 1
     counts = np.array([1, 1, 0])
     return SparseTree(nodes, roles, witnesses, unused, counts, box, radii, session.random)
+
+
+def _note(session: Session, tree: SparseTree) -> None:
+    """Hand the tree's branches to the session, and the way to its node nearest to the goal."""
+    nodes = tree.nodes[: tree.counts[NODES]]
+    parents = nodes[:, 4].astype(np.int64)
+    parents[tree.unused[: tree.counts[UNUSED]]] = -1
+    session.branches.offer((nodes[:, :3], parents))
+    rows = np.append(0, np.flatnonzero(parents >= 0))
+    nearest = session.nearer(nodes[rows, :3])
+    if nearest >= 0:
+        path = np.empty((len(rows), 4))
+        session.approach(path[: trace(tree.nodes, int(rows[nearest]), np.zeros((3, 4)), path)])
 
 
 def _doubled(tree: SparseTree) -> SparseTree:

@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
-from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.names import COSTS
@@ -33,9 +30,6 @@ STALL_PER_SECOND = 7_500
 
 Planning is done in a fraction of the limit as a rule, and then the same seed gives the same plan on any machine.
 """
-
-LOGGED_BRANCHES = 2_000
-"""Branches of the search tree that a result keeps, at most."""
 
 
 def plan(
@@ -120,7 +114,7 @@ def plan(
         progress=tuple(session.progress),
         extensions=session.extensions,
         min_margin=None if path is None or not len(path.twists) else float(stable.margin(path.twists).min()),
-        tree=_branches(session),
+        tree=session.branches.ends,
         lower_bound=least,
         diagnosis=failure.diagnosis if failure else (),
         approximate_path=failure.nearest if failure else None,
@@ -147,12 +141,3 @@ def _check_ends(scenario: Scenario) -> None:
         raise PlanningError("; ".join(troubles))
     if max(pose_error(scenario.start, scenario.goal.pose_chain)) < EXACT:
         raise PlanningError("the chain is at the goal already: there is nothing to push")
-
-
-def _branches(session: Session) -> FloatArray:
-    """Poses (q, 2, 3) at both ends of the last tree's branches, thinned evenly."""
-    rows = np.arange(1, session.count)
-    if len(rows) > LOGGED_BRANCHES:
-        rows = rows[np.linspace(0, len(rows) - 1, LOGGED_BRANCHES).astype(int)]
-    parents = session.nodes[rows, 4].astype(int)
-    return np.stack([session.nodes[parents, :3], session.nodes[rows, :3]], axis=1)
