@@ -76,7 +76,7 @@ class Figures:
         min_margin: Smallest margin during execution.
         duration: Of the trajectory, s.
         extensions: Arcs propagated.
-        memory: Largest resident set of the process, MB.
+        memory: Most that the process has taken on top of the code and kernels that it starts with, MB.
         progress: Seconds, best cost, iterations of each improvement.
     """
 

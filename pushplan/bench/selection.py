@@ -52,5 +52,8 @@ def with_key(runs: Sequence[RunSpec], key: str) -> RunSpec:
     found = [run for run in runs if run.key.startswith(key)]
     if len(found) != 1:
         how = "no run" if not found else f"{len(found)} runs"
-        raise SelectionError(f"{how} of this suite and version has a key that begins with '{key}'")
+        raise SelectionError(
+            f"{how} of this suite and version has a key that begins with '{key}'; report.html and runs.csv list the "
+            "keys, which are others for every version of pushplan"
+        )
     return found[0]

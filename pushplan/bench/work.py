@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import resource
+from dataclasses import replace
 from pathlib import Path
 
+from pushplan.bench.child import resident_megabytes
 from pushplan.bench.outcome import Figures, Task
 from pushplan.bench.validation import clearance, flaw
 from pushplan.errors import EmptyStableSetError, PlanningError
@@ -27,7 +30,7 @@ def perform(task: Task, folder: Path) -> Figures:
     Raises:
         PushplanError: When the problem cannot be read or posed.
     """
-    watch = Stopwatch()
+    watch, base = Stopwatch(), resident_megabytes(os.getpid())
     with watch("loading"):
         scenario = scenario_from_text(task.source, f"{task.name}.yaml", task.attachments)
     try:
@@ -44,12 +47,12 @@ def perform(task: Task, folder: Path) -> Figures:
             gap=task.gap,
         )
     except (PlanningError, EmptyStableSetError) as error:
-        return Figures(reason=str(error), seconds=watch.seconds, memory=peak_memory())
-    return figures(scenario, done, watch)
+        return Figures(reason=str(error), seconds=watch.seconds, memory=peak_memory() - base)
+    return replace(figures(scenario, done, watch), memory=peak_memory() - base)
 
 
 def figures(scenario: Scenario, done: Run, watch: Stopwatch) -> Figures:
-    """Check an execution and return all that was measured."""
+    """Check an execution and return all that was measured but the memory."""
     plan, execution = done.plan, done.execution
     with watch("validation"):
         fault = plan.reason if execution is None else flaw(scenario, execution)
@@ -76,7 +79,6 @@ def figures(scenario: Scenario, done: Run, watch: Stopwatch) -> Figures:
         min_margin=None if execution is None else float(execution.margins.min()),
         duration=None if plan.trajectory is None else plan.trajectory.duration,
         extensions=plan.extensions,
-        memory=peak_memory(),
         progress=tuple((point.seconds, point.cost, point.iterations) for point in plan.progress),
     )
 

@@ -34,7 +34,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--jobs",
         metavar="N",
         type=_count,
-        default=1,
         help="runs at a time (default 1: they disturb one another)",
     )
     add("--scheduler", metavar="ADDRESS", help="do the runs on a Dask cluster, e.g. tcp://HOST:8786")
@@ -68,6 +67,9 @@ def run(args: argparse.Namespace, console: Console) -> int:
     if args.compare is not None:
         from pushplan.commands.bench_compare import compare
 
+        _refuse_together(
+            args, "--compare", ("suite", "output", "jobs", "scheduler", "resume", "filter", "rerun")
+        )
         old, new = args.compare
         return compare(old, new, args.threshold, console)
     if args.suite is None:
@@ -75,6 +77,15 @@ def run(args: argparse.Namespace, console: Console) -> int:
     if args.output is None:
         raise BenchUsageError(f"name a folder for the results: pushplan bench {args.suite} -o DIR")
     return _bench(args, console)
+
+
+def _refuse_together(args: argparse.Namespace, word: str, others: tuple[str, ...]) -> None:
+    """Raise when words were given that `word` would leave without effect."""
+    given = [name if name == "suite" else f"--{name}" for name in others if getattr(args, name)]
+    if given:
+        raise BenchUsageError(
+            f"{word} does not go together with {' and '.join(given)}; leave one of them out"
+        )
 
 
 def _list(console: Console) -> int:
@@ -89,6 +100,12 @@ def _list(console: Console) -> int:
 
 
 def _bench(args: argparse.Namespace, console: Console) -> int:
+    if args.rerun:
+        _refuse_together(args, "--rerun", ("filter", "resume"))
+    if args.scheduler is not None:
+        _refuse_together(
+            args, "--scheduler, which does as many runs at a time as its workers can,", ("jobs",)
+        )
     with console.working(f"reading {args.suite}"):
         from pushplan.bench.folder import ResultsFolder
         from pushplan.bench.suite_file import load_suite
@@ -130,7 +147,7 @@ def _engine(args: argparse.Namespace, folder: ResultsFolder) -> Engine:
     prepare()
 
     def engine(tasks: Iterable[Task]) -> Generator[Outcome]:
-        return local_outcomes(tasks, args.jobs, folder.scratch)
+        return local_outcomes(tasks, args.jobs or 1, folder.scratch)
 
     return engine
 

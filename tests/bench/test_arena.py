@@ -189,7 +189,10 @@ def test_progress_is_what_was_best_at_regular_times() -> None:
     assert len(found) == SAMPLES - 14  # nothing is known before the first path
     assert found[0] == (0.15, 3.0, 4)
     assert found[-1] == (1.0, 2.0, 9)
-    assert [cost for time, cost, _ in found] == [3.0, *(2.5 if time < 0.5 else 2.0 for time, _, _ in found[1:])]
+    assert [cost for time, cost, _ in found] == [
+        3.0,
+        *(2.5 if time < 0.5 else 2.0 for time, _, _ in found[1:]),
+    ]
     assert sampled((), 1.0) == []
     assert sampled(((0.0, 1.0, 1), (0.0, 0.5, 2)), 0.0) == [(0.0, 0.5, 2)]
 

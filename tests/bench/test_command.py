@@ -89,6 +89,19 @@ def test_packaged_suites_are_listed(capsys: Captured) -> None:
         (["smoke", "-o", "x", "--jobs", "0"], "0 is no number of jobs"),
         (["smoke", "-o", "x", "--jobs", "many"], "invalid"),
         (["--compare", "a", "b", "--threshold", "-1"], "-1 is no threshold"),
+        (
+            ["smoke", "--compare", "a", "b", "--resume"],
+            "--compare does not go together with suite and --resume",
+        ),
+        (
+            ["smoke", "-o", "x", "--rerun", "ab", "--filter", "seed=1"],
+            "--rerun does not go together with --filter",
+        ),
+        (["smoke", "-o", "x", "--scheduler", "tcp://h:1", "--jobs", "2"], "does not go together with --jobs"),
+        (
+            ["smoke", "-o", "x", "--rerun", "nokey"],
+            "no run of this suite and version has a key that begins with",
+        ),
     ],
 )
 def test_wrong_words_end_with_exit_code_2(
