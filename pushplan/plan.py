@@ -19,7 +19,6 @@ from pushplan.reading.placement import Surroundings, bodies_at, placement_troubl
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
-from pushplan.stable_sets.named import stable_set as make_stable_set
 from pushplan.stopwatch import Stopwatch
 
 ROUNDING = 1e-9
@@ -77,7 +76,7 @@ def plan(
     watch = watch or Stopwatch()
     with watch("posing"):
         warm_up(name, tell)
-        stable = make_stable_set(scenario.chain, stable_set or scenario.stability.set)
+        stable = scenario.stable_set(stable_set)
         problem = build_problem(scenario, stable)
         _check_ends(scenario)
     used_seed = scenario.planner.seed if seed is None else seed

@@ -8,12 +8,13 @@ from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pushplan import names
 from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import Finding
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.interval_chain import IntervalChain
 from pushplan.scenario_parts import (
     CircleObstacle,
     Goal,
@@ -23,6 +24,9 @@ from pushplan.scenario_parts import (
     StabilitySettings,
     Workspace,
 )
+
+if TYPE_CHECKING:
+    from pushplan.stable_sets.stable_set import StableSet
 
 __all__ = [
     "CircleObstacle",
@@ -48,8 +52,9 @@ class Scenario:
         name: For people.
         path: The file that it was read from.
         source: The bytes of that file.
-        chain: The objects, their contacts and the pusher.
-        floor_friction: Coefficient between the floor and objects that do not state their own.
+        chain: The objects, their contacts and the pusher. Where the file states an interval, the middle stands for a
+            load or floor friction, and the lowest value for a contact friction.
+        floor_friction: Coefficient, or interval, between the floor and objects that do not state their own.
         start: (3,) pose of the chain frame in the world.
         goal: Where to bring the chain.
         workspace: Where the chain may be; None leaves it free to go anywhere.
@@ -60,13 +65,14 @@ class Scenario:
         trajectory: How to time the path, one of `names.TRAJECTORIES`.
         attachments: Bytes of the files that the scenario refers to, by the name that it uses.
         bodies: What the file states of objects, contacts and pusher, with all defaults filled in.
+        interval: The chain with the intervals of masses, loads and floor frictions; None when all are numbers.
     """
 
     name: str
     path: Path
     source: bytes
     chain: Chain
-    floor_friction: float
+    floor_friction: float | tuple[float, float]
     start: FloatArray
     goal: Goal
     workspace: Workspace | None = None
@@ -77,9 +83,29 @@ class Scenario:
     trajectory: str = names.DEFAULT_TRAJECTORY
     attachments: Mapping[str, bytes] = field(default_factory=dict)
     bodies: Mapping[str, Any] = field(default_factory=dict)
+    interval: IntervalChain | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", frozen(self.start, (3,), "start"))
+
+    def stable_set(self, name: str | None = None) -> StableSet:
+        """Return the stable set of the chain; where the file states intervals, the one that holds for all of them.
+
+        Args:
+            name: One of `names.STABLE_SETS`; None stands for that of `stability`.
+
+        Raises:
+            PushplanError: See `stable_sets.named.stable_set` and `stable_sets.interval_set.stable_set_over`.
+        """
+        from pushplan.stable_sets.interval_set import stable_set_over
+        from pushplan.stable_sets.named import stable_set
+
+        wanted = name or self.stability.set
+        return (
+            stable_set(self.chain, wanted)
+            if self.interval is None
+            else stable_set_over(self.interval, wanted)
+        )
 
     def resolved(self) -> dict[str, Any]:
         """Return the scenario as plain data in the form of a scenario file, nothing left open.

@@ -24,7 +24,6 @@ def load() -> None:
     from pushplan.kernels import warm_up
     from pushplan.names import PLANNERS, STABLE_SETS
     from pushplan.scenario import load_scenario
-    from pushplan.stable_sets.named import stable_set
 
     scenario = load_scenario("two-crates")
     for name in PLANNERS:
@@ -32,7 +31,7 @@ def load() -> None:
             warm_up(name)
     for name in STABLE_SETS:
         with contextlib.suppress(Exception):
-            stable_set(scenario.chain, name).margin([[1.0, 0.0, 0.0]])
+            scenario.stable_set(name).margin([[1.0, 0.0, 0.0]])
     task = Task(
         key="",
         name=scenario.name,

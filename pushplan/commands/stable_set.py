@@ -77,10 +77,8 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
 def describe(scenario: Scenario, name: str) -> Described:
     """Compute a stable set and what is said about it."""
-    from pushplan.stable_sets.named import stable_set
-
     begin = perf_counter()
-    stable = stable_set(scenario.chain, name)
+    stable = scenario.stable_set(name)
     cone, radii = stable.translation_cone(), stable.turning_radii()
     return Described(
         stable,

@@ -26,7 +26,7 @@ def rows(scenario: Scenario) -> list[tuple[str, str]]:
     return [
         ("file", str(scenario.path)),
         ("pusher", pusher_text(chain.pusher)),
-        *(row for obj in chain.objects for row in _object_rows(obj)),
+        *(row for i in range(len(chain.objects)) for row in _object_rows(scenario, i)),
         *(
             (
                 f"contact {chain.contact_name(k)}",
@@ -48,13 +48,13 @@ def document(scenario: Scenario) -> dict[str, object]:
         "objects": [
             {
                 "name": obj.name,
-                "mass": obj.mass,
-                "weight": obj.mass * GRAVITY,
-                "floor_friction": obj.floor_friction,
+                "mass": _stated(scenario, i, "mass"),
+                "weight": _stated(scenario, i, "mass", GRAVITY),
+                "floor_friction": _stated(scenario, i, "floor_friction"),
                 "support": support_text(obj),
                 "pose": obj.pose_chain,
             }
-            for obj in chain.objects
+            for i, obj in enumerate(chain.objects)
         ],
         "contacts": [
             {
@@ -77,11 +77,30 @@ def pusher_text(pusher: Pusher) -> str:
     return f"{width:.3f} m wide, {thickness:.3f} m thick, drive {pusher.drive.kind}{height}"
 
 
-def _object_rows(obj: PushedObject) -> list[tuple[str, str]]:
+def _stated(scenario: Scenario, i: int, name: str, factor: float = 1.0) -> float | list[float]:
+    """Return a number of object i times a factor, or its lowest and highest value."""
+    if scenario.interval is not None:
+        low, high = factor * getattr(scenario.interval, name)[i]
+        if low < high:
+            return [float(low), float(high)]
+    return factor * float(getattr(scenario.chain.objects[i], name))
+
+
+def _range_text(value: float | list[float], form: str) -> str:
+    return " to ".join(format(end, form) for end in (value if isinstance(value, list) else [value]))
+
+
+def _object_rows(scenario: Scenario, i: int) -> list[tuple[str, str]]:
+    obj = scenario.chain.objects[i]
     length, width = np.ptp(obj.outline, axis=0)
     shape = f"{length:.3f} x {width:.3f} m, {len(obj.outline)} corners"
-    weight = f"{obj.mass:g} kg ({obj.mass * GRAVITY:.1f} N), floor friction {obj.floor_friction:.3g}"
-    return [(f"object {obj.name}", f"{shape}, {weight}"), ("", support_text(obj))]
+    mass = _range_text(_stated(scenario, i, "mass"), "g")
+    weight = _range_text(_stated(scenario, i, "mass", GRAVITY), ".1f")
+    friction = _range_text(_stated(scenario, i, "floor_friction"), ".3g")
+    load = support_text(obj)
+    if scenario.interval is not None and i in scenario.interval.fractions:
+        load = load.replace("known loads", "loads in intervals")
+    return [(f"object {obj.name}", f"{shape}, {mass} kg ({weight} N), floor friction {friction}"), ("", load)]
 
 
 def support_text(obj: PushedObject) -> str:

@@ -28,7 +28,6 @@ from pushplan.drawing.world import (
 )
 from pushplan.mechanics.chain import Chain
 from pushplan.stable_sets.cor_window import default_window
-from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ def plot_plan(scenario: Scenario, plan: PlanResult, execution: Execution | None,
         _draw_floor(floor, scenario, plan, view)
         above = _BOTTOM + _MARGIN_HEIGHT + _GAP
         beside = axes_at(figure, side, above, _SIDE_WIDTH, _BOTTOM + _FLOOR_HEIGHT - above)
-        draw_set(beside, scenario.chain, stable_set(scenario.chain, plan.stable_set))
+        draw_set(beside, scenario.chain, scenario.stable_set(plan.stable_set))
         if execution is not None:
             curve = axes_at(figure, side, _BOTTOM, _SIDE_WIDTH, _MARGIN_HEIGHT)
             bar = axes_at(figure, side + _SIDE_WIDTH + 0.05, _BOTTOM, 0.07, _MARGIN_HEIGHT)

@@ -10,7 +10,7 @@ import numpy as np
 from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import GRAVITY, Chain
-from pushplan.mechanics.support import FeetSupport
+from pushplan.mechanics.support import FRACTION_TOLERANCE, FeetSupport
 
 Range = tuple[float, float]
 """Least and largest value."""
@@ -116,9 +116,21 @@ def _fractions(chain: Chain, name: str, spans: Sequence[Range]) -> FloatArray:
             f"{name!r} has {len(support.positions)} feet, but {len(spans)} intervals of fractions"
         )
     values = np.array([_span(span, f"load fraction {j} of {name!r}") for j, span in enumerate(spans)])
-    low, high = values.sum(axis=0)
-    if not low <= 1.0 <= high:
-        raise SupportError(
-            f"load fractions of {name!r} sum to between {low:.6g} and {high:.6g}; 1 must be possible"
-        )
+    fractions_within(values, f" of {name!r}")
     return frozen(values, (None, 2), "load fractions")
+
+
+def fractions_within(spans: FloatArray, whose: str = "") -> FloatArray:
+    """Return load fractions (k,) that sum to 1, at the same share of each of the intervals (k, 2).
+
+    Raises:
+        SupportError: When no fractions in the intervals sum to 1.
+    """
+    low, high = spans.sum(axis=0)
+    if not low - FRACTION_TOLERANCE <= 1.0 <= high + FRACTION_TOLERANCE:
+        raise SupportError(
+            f"load fractions{whose} sum to between {low:.6g} and {high:.6g}; 1 must be possible"
+        )
+    share = float(np.clip((1.0 - low) / (high - low), 0.0, 1.0)) if high > low else 0.0
+    fractions = spans[:, 0] + share * (spans[:, 1] - spans[:, 0])
+    return np.asarray(fractions / fractions.sum(), dtype=np.float64)

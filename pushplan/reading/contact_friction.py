@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from pushplan.mechanics.chain import PLATE
+from pushplan.reading.interval import Span, lowest
 from pushplan.reading.report import Report
 from pushplan.reading.scenario_schema import ScenarioFile
 from pushplan.reading.schema_findings import nearest
@@ -17,7 +18,7 @@ Pair = tuple[int, int]
 
 
 def contact_frictions(file: ScenarioFile, pairs: Iterable[Pair], report: Report) -> dict[Pair, float]:
-    """Return the friction of each pair (pushing, pushed) of bodies that touch; what is not stated is reported."""
+    """Return the lowest friction of each pair (pushing, pushed) of bodies that touch; what is missing is reported."""
     names = [obj.name for obj in file.objects]
     stated = _stated(file, names, report)
     frictions: dict[Pair, float] = {}
@@ -31,7 +32,7 @@ def contact_frictions(file: ScenarioFile, pairs: Iterable[Pair], report: Report)
             what = f"is missing, and '{first}' and '{second}' touch; needed: a friction coefficient"
             report.add(("contacts", "friction"), what)
         else:
-            frictions[pair] = value
+            frictions[pair] = lowest(value)
     complete = len(frictions) == len(names)
     for i, entry in enumerate(file.contacts.between):
         if complete and frozenset(entry.objects) in set(stated) - touching:
@@ -42,9 +43,9 @@ def contact_frictions(file: ScenarioFile, pairs: Iterable[Pair], report: Report)
     return frictions
 
 
-def _stated(file: ScenarioFile, names: Sequence[str], report: Report) -> dict[frozenset[str], float]:
+def _stated(file: ScenarioFile, names: Sequence[str], report: Report) -> dict[frozenset[str], float | Span]:
     """Return the frictions that `contacts.between` states, and report entries that name no pair."""
-    stated: dict[frozenset[str], float] = {}
+    stated: dict[frozenset[str], float | Span] = {}
     known = [*names, PUSHER]
     for i, entry in enumerate(file.contacts.between):
         place = ("contacts", "between", i, "objects")

@@ -106,6 +106,7 @@ def _scenario(
         trajectory=file.trajectory,
         attachments=attachments.contents,
         bodies=bodies.stated,
+        interval=bodies.interval,
     )
 
 

@@ -10,11 +10,14 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.geometry.polygon import simple_polygon
 from pushplan.mechanics.chain import Chain, Drive, Limits, PushedObject, Pusher
+from pushplan.mechanics.interval_chain import IntervalChain
 from pushplan.names import RESERVED_NAMES
 from pushplan.reading.chain_contacts import find_segments, make_contacts
 from pushplan.reading.contact_friction import contact_frictions
+from pushplan.reading.interval import lowest, middle
 from pushplan.reading.layout import Layout, Part, lay_out
 from pushplan.reading.report import Report
+from pushplan.reading.scenario_intervals import make_interval_chain, stated_floor_friction
 from pushplan.reading.scenario_schema import Obstacle, ScenarioFile
 from pushplan.reading.scenario_supports import ReadFile, make_support
 from pushplan.reading.schema_objects import Plate, Shape, WheeledDrive
@@ -26,11 +29,13 @@ class Bodies:
     """What moves.
 
     Attributes:
-        chain: Objects, contacts and pusher.
+        chain: Objects, contacts and pusher; of intervals, the middle of loads and the lowest contact friction.
+        interval: The chain with the intervals of its loads and floor frictions, None when these are numbers.
         stated: The same as plain data in the form of the file, with every pose and default filled in.
     """
 
     chain: Chain
+    interval: IntervalChain | None
     stated: dict[str, Any]
 
 
@@ -49,13 +54,17 @@ def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies |
     frictions = contact_frictions(file, segments, report)
     if report.findings:
         return None
+    floors = [stated_floor_friction(obj, file) for obj in file.objects]
     objects = tuple(
-        PushedObject(obj.name, part.outline, obj.mass, _floor_friction(i, file), support, layout.poses[i])
-        for i, (obj, part, support) in enumerate(zip(file.objects, parts, supports, strict=True))
+        PushedObject(obj.name, part.outline, middle(obj.mass), middle(floor), support, layout.poses[i])
+        for i, (obj, part, support, floor) in enumerate(
+            zip(file.objects, parts, supports, floors, strict=True)
+        )
         if support is not None
     )
     chain = Chain(objects, make_contacts(segments, frictions), _pusher(file.pusher, layout.plate))
-    return Bodies(chain, _stated(file, layout))
+    interval = make_interval_chain(file, chain, report)
+    return None if report.findings else Bodies(chain, interval, _stated(file, layout))
 
 
 def outline_of(stated: Shape | Obstacle) -> FloatArray:
@@ -81,14 +90,9 @@ def _part(i: int, file: ScenarioFile) -> Part:
     return Part(obj.name, outline_of(obj.shape), obj.offset, pose)
 
 
-def _floor_friction(i: int, file: ScenarioFile) -> float:
-    own = file.objects[i].floor_friction
-    return file.floor.friction if own is None else own
-
-
 def _pusher(plate: Plate, outline: FloatArray) -> Pusher:
     limits = Limits(**plate.limits.model_dump())
-    return Pusher(outline, plate.friction, plate.contact_height, _drive(plate), limits)
+    return Pusher(outline, lowest(plate.friction), plate.contact_height, _drive(plate), limits)
 
 
 def _drive(plate: Plate) -> Drive:
@@ -105,7 +109,7 @@ def _stated(file: ScenarioFile, layout: Layout) -> dict[str, Any]:
     objects = []
     for i, obj in enumerate(file.objects):
         stated = obj.model_dump(mode="json", exclude_none=True)
-        stated |= {"floor_friction": _floor_friction(i, file), "pose": layout.poses[i].tolist()}
+        stated |= {"floor_friction": stated_floor_friction(obj, file), "pose": layout.poses[i].tolist()}
         if i > 0:
             stated.pop("offset", None)
         elif obj.pose is None or obj.offset is None:

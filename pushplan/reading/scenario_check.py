@@ -8,7 +8,6 @@ from pushplan.names import KNOWN_LOAD_SETS, STABLE_SETS
 from pushplan.reading.report import Report
 from pushplan.reading.yaml_tree import read_document
 from pushplan.scenario import Scenario
-from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stable_sets.weakest import emptiness
 
@@ -21,7 +20,7 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
         report.add(("stability", "set"), _needs_loads(scenario.stability.set, unknown))
         return report.findings
     try:
-        stable = stable_set(scenario.chain, scenario.stability.set)
+        stable = scenario.stable_set()
         _check_not_empty(stable, scenario.stability.margin, report)
     except PushplanError as error:
         report.add(("stability", "set"), str(error))

@@ -9,6 +9,7 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.polygon import area_moments
+from pushplan.mechanics.interval_chain import fractions_within
 from pushplan.mechanics.support import (
     FeetSupport,
     PressureMapSupport,
@@ -17,6 +18,7 @@ from pushplan.mechanics.support import (
     UnknownSupport,
 )
 from pushplan.reading.report import Report
+from pushplan.reading.scenario_intervals import foot_spans
 from pushplan.reading.schema_objects import Object, PlacedSupport
 
 ReadFile = Callable[[str], bytes]
@@ -48,6 +50,10 @@ def _placed(
     if support.feet is None:
         name = support.pressure_map or ""
         return PressureMapSupport.from_bytes(read(name), name)
+    spans = foot_spans(support)
+    if spans is not None:
+        positions = np.array([foot[:2] for foot in support.feet], dtype=np.float64)
+        return FeetSupport(positions, fractions_within(np.array(spans)))
     feet = np.array(support.feet, dtype=np.float64)
     if bare:
         return FeetSupport(feet, None, area_moments(outline).centroid if center is None else center)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from pushplan.geometry.simple import find_flaw
 from pushplan.reading import units
+from pushplan.reading.interval import OrInterval, Span
 from pushplan.reading.quantity import DESCRIBED_FAULT, Quantity, fault, friction, show
 
 MOST_CORNERS = 500
@@ -39,11 +40,12 @@ Height = Annotated[float, Quantity("a height", units.LENGTH, 0.0, 100.0, "5 mm")
 Angle = Annotated[float, Quantity("an angle", units.ANGLE, -10.0, 10.0, "90 deg")]
 """Degrees without their unit are mostly out of this range, and so are not taken for radians."""
 
-Mass = Annotated[float, Quantity("a mass", units.MASS, 1e-6, 1e6, "800 g")]
+Mass = Annotated[float | Span, OrInterval(Quantity("a mass", units.MASS, 1e-6, 1e6, "800 g"))]
 Duration = Annotated[float, Quantity("a time", units.TIME, 1e-3, 86400.0, "500 ms")]
-Friction = Annotated[float, friction(0.0)]
-FloorFriction = Annotated[float, friction(1e-3)]
-LoadFraction = Annotated[float, Quantity("a part of the load", units.FRACTION, 1e-6, 1.0, "25 %")]
+Friction = Annotated[float | Span, OrInterval(friction(0.0))]
+FloorFriction = Annotated[float | Span, OrInterval(friction(1e-3))]
+_LOAD = Quantity("a part of the load", units.FRACTION, 1e-6, 1.0, "25 %")
+LoadFraction = Annotated[float | Span, OrInterval(_LOAD, replace(_LOAD, low=0.0))]
 Margin = Annotated[float, Quantity("a margin", {}, 0.0, 0.99)]
 Weight = Annotated[float, Quantity("a weight", {}, 0.0, 1000.0)]
 Gap = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 100.0, "1 %")]

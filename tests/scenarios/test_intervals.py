@@ -1,0 +1,186 @@
+"""Masses, frictions and loads that a scenario states as intervals: every answer holds for all values in them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pushplan.errors import PushplanError, ScenarioError
+from pushplan.logging.reader import read_run
+from pushplan.logging.verify import verify
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.support import FeetSupport
+from pushplan.plan import plan
+from pushplan.run import run
+from pushplan.scenario import Scenario, check_scenario, scenario_from_document, scenario_from_text
+from pushplan.stable_sets.named import stable_set
+
+TEXT = """\
+format: pushplan/1
+floor: {friction: [0.2, 0.4]}
+objects:
+  - {name: near, shape: {box: [0.1, 0.08]}, mass: ["700 g", 1.9]}
+  - name: far
+    shape: {box: [0.1, 0.08]}
+    mass: 0.8
+    floor_friction: 0.3
+    support: {feet: [[-0.04, -0.03, [0.1, 0.4]], [0.04, -0.03, [0, 40 %]],
+                     [0.04, 0.03, 0.25], [-0.04, 0.03, [10 %, 0.4]]]}
+contacts: {friction: [14 deg, 0.5]}
+pusher: {width: 0.2, friction: [0.5, 0.6]}
+goal: {pose: [0.8, 0.3, 40 deg]}
+"""
+
+
+@cache
+def scenario() -> Scenario:
+    return scenario_from_text(TEXT)
+
+
+def member(chain: Chain, rng: np.random.Generator) -> Chain:
+    """Return a chain with random values in the intervals of TEXT, half of them at the ends."""
+
+    def between(low: float, high: float) -> float:
+        return float(rng.choice([low, high, rng.uniform(low, high), rng.uniform(low, high)]))
+
+    near, far = chain.objects
+    while True:
+        loads = np.array([between(0.1, 0.4), between(1e-6, 0.4), 0.25, 0.0])
+        loads[3] = 1.0 - loads.sum()
+        if 0.1 <= loads[3] <= 0.4:
+            break
+    assert isinstance(far.support, FeetSupport)
+    objects = (
+        replace(near, mass=between(0.7, 1.9), floor_friction=between(0.2, 0.4)),
+        replace(far, support=FeetSupport(far.support.positions, loads)),
+    )
+    frictions = between(0.5, 0.6), between(np.tan(np.radians(14.0)), 0.5)
+    contacts = tuple(replace(c, friction=mu) for c, mu in zip(chain.contacts, frictions, strict=True))
+    return replace(chain, objects=objects, contacts=contacts)
+
+
+def test_intervals_are_read_in_every_place() -> None:
+    """Of loads the middle stands in the chain, of contact frictions the lowest value."""
+    interval, chain = scenario().interval, scenario().chain
+    assert interval is not None
+    np.testing.assert_allclose(interval.mass, [[0.7, 1.9], [0.8, 0.8]])
+    np.testing.assert_allclose(interval.floor_friction, [[0.2, 0.4], [0.3, 0.3]])
+    np.testing.assert_allclose(interval.fractions[1], [[0.1, 0.4], [0.0, 0.4], [0.25, 0.25], [0.1, 0.4]])
+    assert [obj.mass for obj in chain.objects] == pytest.approx([1.3, 0.8])
+    assert chain.objects[0].floor_friction == pytest.approx(0.3)
+    assert [c.friction for c in chain.contacts] == pytest.approx([0.5, np.tan(np.radians(14.0))])
+    assert isinstance(chain.objects[1].support, FeetSupport)
+    assert chain.objects[1].support.fractions == pytest.approx([0.265, 0.22, 0.25, 0.265])
+
+
+def test_friction_of_one_pair_may_be_an_interval() -> None:
+    """Loads are numbers then: the lowest friction decides, and everything else is as usual."""
+    pair = "contacts: {friction: 0.9, between: [{objects: [near, far], friction: [0.2, 0.8]}]}"
+    text = TEXT.replace("contacts: {friction: [14 deg, 0.5]}", pair).replace("[0.2, 0.4]}", "0.3}")
+    text = text.replace('["700 g", 1.9]', "1.0").replace("[0.1, 0.4]", "0.25").replace("[0, 40 %]", "0.25")
+    text = text.replace("[10 %, 0.4]", "0.25")
+    found = scenario_from_text(text)
+    assert found.interval is None
+    assert found.chain.contacts[1].friction == 0.2
+    assert found.stable_set("cof").loads_known
+    assert scenario_from_document(found.resolved()) == found
+
+
+def test_what_is_recorded_states_the_intervals() -> None:
+    again = scenario_from_document(scenario().resolved())
+    assert again == scenario()
+    assert again.interval is not None
+    assert scenario().interval is not None
+    twists = np.random.default_rng(0).normal(size=(100, 3)) * [0.2, 0.2, 1.0] + [1.0, 0.0, 0.0]
+    assert again.stable_set().margin(twists).tolist() == scenario().stable_set().margin(twists).tolist()
+
+
+@pytest.mark.parametrize("name", ["ecof", "translation"])
+def test_the_set_of_a_scenario_holds_for_random_members(name: str) -> None:
+    """It is smaller than that of the middle values, and inside that of every member."""
+    twists = np.random.default_rng(1).normal(size=(400, 3)) * [0.2, 0.2, 2.0] + [1.0, 0.0, 0.0]
+    twists *= [1.0, 1.0, 0.0 if name == "translation" else 1.0]
+    found, rng = scenario().stable_set(name).contains(twists), np.random.default_rng(2)
+    for _ in range(50):
+        assert not (found & ~stable_set(member(scenario().chain, rng), name).contains(twists)).any()
+    assert found.sum() > 50
+    if name == "ecof":
+        assert found.sum() < stable_set(scenario().chain, name).contains(twists).sum()
+
+
+def test_a_plan_holds_for_random_members() -> None:
+    """Every sample of the trajectory is stable whatever the values; a plan for the middle values is not."""
+    careful = plan(scenario(), iterations=200, time_limit=20.0)
+    plain = plan(replace(scenario(), interval=None), iterations=200, time_limit=20.0)
+    assert careful.solved
+    assert plain.solved
+    assert careful.path is not None
+    assert plain.path is not None
+    assert (scenario().stable_set().margin(careful.path.twists) > 0.0).all()
+    rng, lost = np.random.default_rng(3), 0
+    for _ in range(100):
+        one = stable_set(member(scenario().chain, rng))
+        assert (one.margin(careful.path.twists) > 0.0).all()
+        lost += bool((one.margin(plain.path.twists) <= 0.0).any())
+    assert lost > 10
+
+
+def test_runs_are_judged_by_the_set_for_all_values(tmp_path: Path) -> None:
+    """Margins are those of the interval set, contact forces are not known, and the log replays."""
+    found = run(scenario(), log=tmp_path / "run.mcap", iterations=100, time_limit=20.0)
+    assert found.execution is not None
+    assert found.execution.forces is None
+    assert found.plan.path is not None
+    margins = scenario().stable_set().contact_margins(found.plan.path.twists)
+    assert found.execution.margins.min() == pytest.approx(margins.min(), abs=1e-9)
+    log = read_run(tmp_path / "run.mcap")
+    assert log.scenario == scenario()
+    assert verify(log).matches
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where", "what"),
+    [
+        (
+            "mass: 0.8",
+            "mass: [2, 1]",
+            "objects[1].mass",
+            "is the interval [2, 1]; allowed: [lowest, highest]",
+        ),
+        ("mass: 0.8", "mass: [0, 1]", "objects[1].mass", "is 0; allowed: a mass in kg from 1e-06"),
+        ("mass: 0.8", "mass: [1, 2, 3]", "objects[1].mass", "is a list of 3; allowed: a mass in kg"),
+        ("[0, 40 %]", "[0, x]", "objects[1].support.feet[1][2]", "is the text 'x'"),
+        ("[0.5, 0.6]", "[0.5, .inf]", "pusher.friction", "not finite"),
+        ("[0.2, 0.4]", "[0.0, 0.4]", "floor.friction", "is 0; allowed: a friction coefficient from 0.001"),
+        ("[0, 40 %]", "0.9", "objects[1].support", "sum to between 1.35 and 1.95; 1 must be possible"),
+        (
+            "[0.5, 0.6]}",
+            "0.5, limits: {contact: dynamic}}",
+            "pusher.limits.contact",
+            "loads of 'near', 'far' are intervals; allowed: quasi-static, or numbers",
+        ),
+    ],
+)
+def test_wrong_intervals_are_located(old: str, new: str, where: str, what: str) -> None:
+    text = TEXT.replace(old, new)
+    with pytest.raises(ScenarioError) as caught:
+        scenario_from_text(text)
+    (finding,) = caught.value.findings
+    assert finding.where == where
+    assert what in finding.what
+    assert finding.line is not None
+    assert new.split("{")[0].split(":")[0].strip() in text.splitlines()[finding.line - 1]
+
+
+def test_sets_that_cannot_take_intervals_say_so() -> None:
+    for name, what in (("cof", "not linear in the loads"), ("robust", "leave open for 'far'")):
+        (finding,) = check_scenario(scenario_from_text(TEXT + f"stability: {{set: {name}}}\n"))
+        assert finding.where == "stability.set"
+        assert what in finding.what
+        with pytest.raises(PushplanError, match=what):
+            scenario().stable_set(name)
+    assert check_scenario(scenario()) == ()
