@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pushplan.drawing.run import plot_plan
     from pushplan.drawing.scenario import plot_scenario
     from pushplan.drawing.sets import plot_stable_sets
+    from pushplan.drawing.speeds import plot_admissible_speeds
     from pushplan.errors import (
         ChainError,
         EmptyStableSetError,
@@ -31,8 +32,11 @@ if TYPE_CHECKING:
     from pushplan.examples import example_names, example_text
     from pushplan.logging.reader import read_run
     from pushplan.logging.recorded import RecordedRun
+    from pushplan.mechanics.admissible_speeds import AdmissibleSpeeds, SpeedWindow, admissible_speeds
     from pushplan.mechanics.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
+    from pushplan.mechanics.dynamics import DynamicRows, dynamic_margins, dynamic_rows
     from pushplan.mechanics.friction import cof, ecof, friction_wrench
+    from pushplan.mechanics.interval_chain import IntervalChain
     from pushplan.mechanics.sphere import TurningRadii
     from pushplan.mechanics.support import (
         FeetSupport,
@@ -61,7 +65,10 @@ if TYPE_CHECKING:
         Workspace,
     )
     from pushplan.sim.kinematic import Execution, StabilityLoss, simulate
+    from pushplan.stable_sets.grid_cor_set import GridCorSet, grid_cor_set
+    from pushplan.stable_sets.interval_set import stable_set_over
     from pushplan.stable_sets.named import stable_set
+    from pushplan.stable_sets.robust_set import RobustSet, WorstCase
     from pushplan.stable_sets.stable_set import StableSet
     from pushplan.trajectory import Trajectory
 
@@ -90,22 +97,33 @@ _HOMES = {
     "stable_sets.stable_set": "StableSet",
     "mechanics.support": "FeetSupport PressureMapSupport Support UniformSupport UnknownSupport",
     "trajectory": "Trajectory",
+    "drawing.speeds": "plot_admissible_speeds",
+    "mechanics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
+    "mechanics.dynamics": "DynamicRows dynamic_margins dynamic_rows",
+    "mechanics.interval_chain": "IntervalChain",
+    "stable_sets.grid_cor_set": "GridCorSet grid_cor_set",
+    "stable_sets.interval_set": "stable_set_over",
+    "stable_sets.robust_set": "RobustSet WorstCase",
 }
 _HOME_OF = {name: f"pushplan.{home}" for home, names in _HOMES.items() for name in names.split()}
 
 __all__ = [
+    "AdmissibleSpeeds",
     "Chain",
     "ChainError",
     "CircleObstacle",
     "Contact",
     "Diagnosis",
     "Drive",
+    "DynamicRows",
     "EmptyStableSetError",
     "Execution",
     "FeetSupport",
     "Finding",
     "Goal",
+    "GridCorSet",
     "ImportedFileError",
+    "IntervalChain",
     "Limits",
     "PlanResult",
     "PlannerSettings",
@@ -118,10 +136,12 @@ __all__ = [
     "Pusher",
     "PushplanError",
     "RecordedRun",
+    "RobustSet",
     "Run",
     "RunLogError",
     "Scenario",
     "ScenarioError",
+    "SpeedWindow",
     "StabilityLoss",
     "StabilitySettings",
     "StableSet",
@@ -134,15 +154,21 @@ __all__ = [
     "UniformSupport",
     "UnknownSupport",
     "Workspace",
+    "WorstCase",
     "__version__",
+    "admissible_speeds",
     "check_scenario",
     "cof",
+    "dynamic_margins",
+    "dynamic_rows",
     "ecof",
     "example_names",
     "example_text",
     "friction_wrench",
+    "grid_cor_set",
     "load_scenario",
     "plan",
+    "plot_admissible_speeds",
     "plot_plan",
     "plot_scenario",
     "plot_stable_sets",
@@ -152,6 +178,7 @@ __all__ = [
     "scenario_from_text",
     "simulate",
     "stable_set",
+    "stable_set_over",
 ]
 
 

@@ -210,54 +210,6 @@ def test_an_empty_set_has_empty_answers(make_chain: ChainMaker) -> None:
     assert stable.translation_cone() is None
     assert stable.turning_radii() == (np.inf, np.inf)
     assert stable.area() == 0.0
-    assert list(stable.steering_pair()) == [None, None, None]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_steering_pairs_span_stable_twists(make_chain: ChainMaker, seed: int) -> None:
-    """All positive combinations of left and right are stable, the straight one among them, margins kept."""
-    stable = stable_set(make_chain.random(seed, 2))
-    for pair in stable.steering_pairs(0.01, count=4):
-        left, straight, right = pair
-        assert left is not None
-        assert straight is not None
-        assert right is not None
-        assert left[2] > 0.0 == straight[2] > right[2]
-        share = np.linspace(0.0, 1.0, 101)[:, None]
-        between = share * left / left[2] + (1.0 - share) * right / -right[2]
-        assert stable.margin(between).min() > 0.01 - 1e-9
-        apart = np.array([-left[1], left[0]]) / left[2] - np.array([-right[1], right[0]]) / right[2]
-        assert np.hypot(*apart) == pytest.approx(pair.separation, rel=1e-9)
-        np.testing.assert_allclose(
-            np.array([-apart[1], apart[0]]) / -pair.separation, straight[:2], atol=1e-9
-        )
-
-
-@pytest.mark.parametrize("seed", [0, 2])
-def test_best_steering_pair_beats_random_ones(make_chain: ChainMaker, seed: int) -> None:
-    """No two random stable CORs of opposite sense with a stable straight push between them are closer."""
-    stable = stable_set(make_chain.random(seed, 2))
-    best = stable.steering_pair().separation
-    cors = np.random.default_rng(seed).uniform(-5.0 * best, 5.0 * best, size=(300_000, 2))
-    left, right = (cors[stable.contains(twists_about(cors, sense))] for sense in (+1, -1))
-    middle = 0.5 * (left.mean(axis=0) + right.mean(axis=0))
-    left, right = (side[np.argsort(np.hypot(*(side - middle).T))[:1500]] for side in (left, right))
-    gaps = right[:, None] - left[None]
-    near = np.hypot(gaps[..., 0], gaps[..., 1]) < 1.2 * best
-    i, j = np.nonzero(near)
-    share = np.linspace(0.0, 1.0, 21)[:, None, None]
-    between = share * twists_about(left[j], +1) + (1.0 - share) * twists_about(right[i], -1)
-    stands = stable.contains(between.reshape(-1, 3)).reshape(21, -1).all(axis=0)
-    assert stands.sum() > 100
-    assert np.hypot(*gaps[i[stands], j[stands]].T).min() > best * (1.0 - 1e-6)
-
-
-def test_steering_says_what_is_missing(make_chain: ChainMaker) -> None:
-    left, straight, right = stable_set(one_sided(make_chain)).steering_pair()
-    assert left is not None
-    assert left[2] > 0.0
-    assert straight is None
-    assert right is None
 
 
 def test_answers_do_not_depend_on_the_order_of_questions(make_chain: ChainMaker) -> None:

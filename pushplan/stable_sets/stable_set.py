@@ -24,7 +24,6 @@ from pushplan.stable_sets.meridians import find_meridians
 from pushplan.stable_sets.peaks import margin_peaks
 from pushplan.stable_sets.refined_meridians import RefinedMeridians, refine_meridians
 from pushplan.stable_sets.stable_extent import sphere_area, translation_cone, turning_radii
-from pushplan.stable_sets.steering import SteeringPair, steering_pairs
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -44,7 +43,6 @@ class StableSet(ABC):
         self.chain = chain
         self._meridians = lru_cache(maxsize=8)(self._find_meridians)
         self._refined = lru_cache(maxsize=8)(self._refine_meridians)
-        self._steering = lru_cache(maxsize=8)(self._find_steering)
 
     @property
     def loads_known(self) -> bool:
@@ -127,14 +125,6 @@ class StableSet(ABC):
         """Return the size of the set on the twist sphere, sr."""
         return sphere_area(self)
 
-    def steering_pair(self, minimum_margin: float = 0.0) -> SteeringPair:
-        """Return the left and right turn with the closest CORs between which every twist is stable."""
-        return self._steering(float(minimum_margin), 1)[0]
-
-    def steering_pairs(self, minimum_margin: float = 0.0, count: int = 5) -> tuple[SteeringPair, ...]:
-        """Return the best pair, then the best ones of other sectors of headings, at most `count` in all."""
-        return self._steering(float(minimum_margin), max(count - 1, 1))[:count]
-
     def _refine_meridians(self, minimum_margin: float) -> RefinedMeridians:
         twists, margins = self.peaks
         seeds, _ = angles_of(twists[margins > minimum_margin], self.chain.characteristic_length)
@@ -143,9 +133,6 @@ class StableSet(ABC):
     def _find_meridians(self, minimum_margin: float, count: int) -> Meridians:
         longitude = -np.pi + 2.0 * np.pi * np.arange(count) / count
         return track_meridians(lambda lon, hints: self._find(lon, minimum_margin, hints), longitude)
-
-    def _find_steering(self, minimum_margin: float, sectors: int) -> tuple[SteeringPair, ...]:
-        return steering_pairs(self, minimum_margin, sectors)
 
     def _find(self, longitude: FloatArray, minimum: float, hints: Samples | None = None) -> Meridians:
         length = self.chain.characteristic_length

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, frozen
+from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import Meridians, twists_at
 from pushplan.stable_sets.cof_set import CofSet
 from pushplan.stable_sets.intervals import Samples
 from pushplan.stable_sets.stable_set import StableSet
-from pushplan.stable_sets.steering import SteeringPair
 
 
 class TranslationSet(StableSet):
@@ -51,20 +50,6 @@ class TranslationSet(StableSet):
         turn = twists[:, 2] * self.chain.characteristic_length
         sine = np.abs(turn) / np.hypot(np.hypot(twists[:, 0], twists[:, 1]), turn)
         return np.where(turn[:, None] != 0.0, np.minimum(margins, -sine[:, None]), margins)
-
-    def steering_pair(self, minimum_margin: float = 0.0) -> SteeringPair:
-        """Return the translation in the middle of the cone, and no turns."""
-        cone = self.translation_cone(minimum_margin)
-        if cone is None:
-            return SteeringPair(None, None, None, np.inf)
-        middle = cone.sum(axis=0)
-        straight = frozen([*(middle / np.linalg.norm(middle)), 0.0], (3,), "steering twist")
-        return SteeringPair(None, straight, None, np.inf)
-
-    def steering_pairs(self, minimum_margin: float = 0.0, count: int = 5) -> tuple[SteeringPair, ...]:
-        """Return only `steering_pair`."""
-        del count
-        return (self.steering_pair(minimum_margin),)
 
     def _find(self, longitude: FloatArray, minimum: float, hints: Samples | None = None) -> Meridians:
         """Return latitude 0 as the whole interval wherever it is stable; there is nothing to search."""

@@ -163,12 +163,6 @@ def test_translation_has_no_turns(make_chain: ChainMaker) -> None:
     assert stable.cor_region(+1).is_empty
     assert stable.cor_region(-1).is_empty
     assert stable.turning_radii() == (np.inf, np.inf)
-    left, straight, right = stable.steering_pair()
-    assert left is None
-    assert right is None
-    assert straight is not None
-    assert straight == pytest.approx([1.0, 0.0, 0.0])
-    assert len(stable.steering_pairs()) == 1
     meridians = stable.meridians(count=360)
     assert len(meridians) > 0
     assert not meridians.lower.any()
@@ -179,7 +173,6 @@ def test_translation_of_a_chain_that_cannot_be_pushed(make_chain: ChainMaker) ->
     chain = make_chain.boxes(2, contact_friction=0.0)
     stable = stable_set(chain, "translation")
     assert stable.translation_cone() is None
-    assert all(twist is None for twist in stable.steering_pair())
     assert len(stable.meridians()) == 0
 
 
@@ -223,7 +216,6 @@ def test_squares_have_the_stated_smallest_turns(make_chain: ChainMaker) -> None:
             stable.cor_region(-1, (-20.0, -20.0, 20.0, 20.0)), yfact=-1, origin=(0, 0)
         )
         radii.append(region.intersection(mirrored).bounds[1])
-        assert stable.steering_pair().separation / 2.0 == pytest.approx(radii[-1], rel=1e-3)
     assert radii == pytest.approx([1.5, 2.5, 4.1, 6.375])
 
 
