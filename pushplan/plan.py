@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -24,8 +25,8 @@ from pushplan.stopwatch import Stopwatch
 ROUNDING = 1e-9
 """Share of the lower bound by which an optimal path's cost may exceed it."""
 
-STALL_PER_SECOND = 7_500
-"""Iterations without a better path after which planning ends, per second of the time limit.
+STALL = 42_000
+"""Iterations without a better path after which planning ends, for a time limit of 1 s; they grow with its root.
 
 Planning is done in a fraction of the limit as a rule, and then the same seed gives the same plan on any machine.
 """
@@ -82,7 +83,7 @@ def plan(
     used_seed = scenario.planner.seed if seed is None else seed
     limit = scenario.planner.time_limit if time_limit is None else time_limit
     good_enough = scenario.planner.gap if gap is None else gap
-    budget = Budget(limit, int(STALL_PER_SECOND * limit), max(good_enough, ROUNDING), first, iterations)
+    budget = Budget(limit, int(STALL * math.sqrt(limit)), max(good_enough, ROUNDING), first, iterations)
     session = Session(problem, scenario.start, budget, used_seed, progress)
     with watch("search"):
         if good_enough > 0.0:

@@ -1,0 +1,162 @@
+"""Control planning as OMPL's documentation shows it from Python: what `planning.py` compares with.
+
+OMPL's stock planners over SE(2) with a propagator in Python in small steps, collisions by shapely at each step, and a
+goal with a tolerance. The controls are limited to the stable set here too; nothing else is ours. `python
+benchmarks/plain_ompl.py SCENARIO [PLANNER [SECONDS]]` runs one of them alone.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from ompl import base as ob
+from ompl import control as oc
+from ompl import util as ou
+
+from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
+from pushplan.path import cost_rate
+from pushplan.planners.controls import MARGIN_FLOOR, control_segments
+from pushplan.planners.problem import sampling_box
+from pushplan.planners.scene import chain_outlines
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario import CircleObstacle, Scenario
+from pushplan.stable_sets.named import stable_set
+
+STEP = 0.05
+"""Step of the propagator, m of cost."""
+
+LONGEST = 20
+"""Steps with the same control, at most."""
+
+TOLERANCE = 0.02
+"""Distance to the goal, m; SE(2)'s distance counts half a radian as a metre, so this is 2 cm or 2.3 deg."""
+
+PLANNERS = {"plain-rrt": oc.RRT, "plain-est": oc.EST, "plain-kpiece": oc.KPIECE1}
+
+
+@dataclass(frozen=True)
+class PlainResult:
+    """What a plain planner did.
+
+    Attributes:
+        solved: Whether it reached the goal within the tolerance.
+        seconds: Until it stopped.
+        cost: Of the path, m; infinite without one.
+        steps: Of the propagator.
+    """
+
+    solved: bool
+    seconds: float
+    cost: float
+    steps: int
+
+
+def solve(scenario: Scenario, name: str, seconds: float, seed: int) -> PlainResult:
+    """Run a stock planner, which stops at its first path."""
+    ou.setLogLevel(ou.LOG_NONE)
+    ou.RNG.setSeed(seed)
+    stable = stable_set(scenario.chain, scenario.stability.set)
+    segments = control_segments(stable, scenario.chain.pusher.drive, scenario.stability.margin + MARGIN_FLOOR)
+    information, counter = _information(scenario, segments)
+    definition = ob.ProblemDefinition(information)
+    ends = (_state(information, pose) for pose in (scenario.start, scenario.goal.pose_chain))
+    definition.setStartAndGoalStates(*ends, TOLERANCE)
+    planner = PLANNERS[name](information)
+    planner.setProblemDefinition(definition)
+    planner.setup()
+    began = time.perf_counter()
+    planner.solve(ob.timedPlannerTerminationCondition(seconds))
+    spent, solved = time.perf_counter() - began, definition.hasExactSolution()
+    cost = _cost(definition.getSolutionPath()) if solved else math.inf
+    return PlainResult(solved, spent, cost, counter[0])
+
+
+def _information(scenario: Scenario, segments: FloatArray) -> tuple[Any, list[int]]:
+    """OMPL's space information, and a list whose only entry counts the propagator's steps."""
+    box = sampling_box(scenario)
+    space = ob.SE2StateSpace()
+    bounds = ob.RealVectorBounds(2)
+    for i in range(2):
+        bounds.setLow(i, box[i])
+        bounds.setHigh(i, box[i + 2])
+    space.setBounds(bounds)
+    controls = oc.RealVectorControlSpace(space, 2)
+    unit = ob.RealVectorBounds(2)
+    unit.setLow(0.0)
+    unit.setHigh(1.0)
+    controls.setBounds(unit)
+    information, counter = oc.SpaceInformation(space, controls), [0]
+    information.setStatePropagator(_propagator(segments, counter))
+    information.setStateValidityChecker(_validity(scenario, box))
+    information.setPropagationStepSize(STEP)
+    information.setMinMaxControlDuration(1, LONGEST)
+    information.setup()
+    return information, counter
+
+
+def _twist(segments: FloatArray, first: float, second: float) -> FloatArray:
+    segment = segments[min(int(first * len(segments)), len(segments) - 1)]
+    twist = (1.0 - second) * segment[:3] + second * segment[3:]
+    return np.asarray(twist / cost_rate(twist[None])[0])
+
+
+def _propagator(segments: FloatArray, counter: list[int]) -> Any:
+    def propagate(state: Any, control: Any, duration: float, result: Any) -> None:
+        counter[0] += 1
+        pose = np.array([state.getX(), state.getY(), state.getYaw()])
+        x, y, theta = se2.compose(pose, se2.exp(_twist(segments, control[0], control[1]) * duration))
+        result.setX(float(x))
+        result.setY(float(y))
+        result.setYaw(float(se2.wrap_angle(theta)))
+
+    return propagate
+
+
+def _validity(scenario: Scenario, box: tuple[float, float, float, float]) -> Any:
+    body = shapely.union_all([shapely.Polygon(outline) for outline in chain_outlines(scenario.chain)])
+    shapes = [
+        shapely.Point(o.center).buffer(o.radius)
+        if isinstance(o, CircleObstacle)
+        else shapely.Polygon(o.outline)
+        for o in scenario.obstacles
+    ]
+    standing, room = shapely.union_all(shapes), shapely.box(*box)
+    shapely.prepare(standing)
+    shapely.prepare(room)
+
+    def valid(state: Any) -> bool:
+        c, s = math.cos(state.getYaw()), math.sin(state.getYaw())
+        moved = shapely.affinity.affine_transform(body, [c, -s, s, c, state.getX(), state.getY()])
+        return bool(room.contains(moved)) and not standing.intersects(moved)
+
+    return valid
+
+
+def _state(information: Any, pose: FloatArray) -> Any:
+    state = information.allocState()
+    state.setX(float(pose[0]))
+    state.setY(float(pose[1]))
+    state.setYaw(float(se2.wrap_angle(pose[2])))
+    return state
+
+
+def _cost(path: Any) -> float:
+    """Cost of a path, m: the controls are scaled to a cost rate of 1, so it is the sum of their durations."""
+    return float(sum(path.getControlDuration(i) for i in range(path.getControlCount())))
+
+
+def main() -> None:
+    scenario = load_scenario(sys.argv[1])
+    name = sys.argv[2] if len(sys.argv) > 2 else "plain-rrt"
+    print(solve(scenario, name, float(sys.argv[3]) if len(sys.argv) > 3 else 10.0, 1))
+
+
+if __name__ == "__main__":
+    main()
