@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import shapely
@@ -15,11 +15,14 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
 from pushplan.arrays import FloatArray
+from pushplan.logging.stencil import Stencil
 
 CIRCLE_CORNERS = 48
 """Corners of the polygon that is drawn for a circle."""
 
 _LINE_PIXELS = 2.0
+
+Primitive = TypeVar("Primitive", LinePrimitive, TriangleListPrimitive)
 
 
 class Paint(NamedTuple):
@@ -39,23 +42,22 @@ def circle(center: FloatArray, radius: float) -> FloatArray:
 
 def filled(outline: FloatArray, z: float, paint: Paint) -> TriangleListPrimitive:
     """Return the inside of a simple polygon (v, 2) at height `z`, m, as triangles."""
-    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
-    corners = [shapely.get_coordinates(shapely.orient_polygons(part))[:3] for part in parts]
-    return TriangleListPrimitive(
-        pose=_identity(), points=_points(np.concatenate(corners), z), color=Color(**paint._asdict())
-    )
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
+    rings = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)
+    primitive = TriangleListPrimitive(pose=_identity(), color=Color(**paint._asdict()))
+    return _with_points(primitive, rings[:, :3].reshape(-1, 2), z)
 
 
 def line(points: FloatArray, z: float, paint: Paint, kind: int = LinePrimitive.LINE_STRIP) -> LinePrimitive:
     """Return a line through points (k, 2) at height `z`, m, of the same width at every zoom."""
-    return LinePrimitive(
+    primitive = LinePrimitive(
         type=kind,  # type: ignore[arg-type]
         pose=_identity(),
         thickness=_LINE_PIXELS,
         scale_invariant=True,
-        points=_points(points, z),
         color=Color(**paint._asdict()),
     )
+    return _with_points(primitive, points, z)
 
 
 def loop(outline: FloatArray, z: float, paint: Paint) -> LinePrimitive:
@@ -63,8 +65,20 @@ def loop(outline: FloatArray, z: float, paint: Paint) -> LinePrimitive:
     return line(outline, z, paint, LinePrimitive.LINE_LOOP)
 
 
-def _points(points: FloatArray, z: float) -> list[Point3]:
-    return [Point3(x=x, y=y, z=z) for x, y in points]
+def _with_points(primitive: Primitive, points: FloatArray, z: float) -> Primitive:
+    """Return the primitive with points (k, 2) at height `z` added, by joining serialised messages."""
+    places = np.column_stack([points, np.full(len(points), z)])
+    times = np.zeros(len(points), dtype=np.int64)
+    primitive.MergeFromString(_ONE_POINT[type(primitive)].fill(times, places).tobytes())
+    return primitive
+
+
+def _one_point(kind: type[LinePrimitive | TriangleListPrimitive]) -> Stencil:
+    """A primitive of one point."""
+    return Stencil(lambda _, place: kind(points=[Point3(x=place[0], y=place[1], z=place[2])]), 3)
+
+
+_ONE_POINT = {kind: _one_point(kind) for kind in (LinePrimitive, TriangleListPrimitive)}
 
 
 def _identity() -> Pose:
