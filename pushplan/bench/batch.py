@@ -67,7 +67,7 @@ def run_suite(
         done = store.done()
         if done and not (choice.resume or choice.rerun):
             raise FolderError(
-                f"{folder.path} has the results of {len(done)} runs; resume them, or name another folder"
+                f"{folder.path} has the results of {len(done)} runs; go on with --resume, or name another folder"
             )
         folder.keep_suite(suite)
         store.expect(suite, runs, Machine.this(), version)

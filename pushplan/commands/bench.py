@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 from collections.abc import Generator, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -117,11 +118,20 @@ def _bench(args: argparse.Namespace, console: Console) -> int:
             tally = _run(args, suite, folder, console)
         except KeyboardInterrupt:
             if folder.database.exists():
-                console.note(f"stopped; go on with: pushplan bench {args.suite} -o {folder.path} --resume")
+                console.note(f"stopped; go on with: {_resumption(args)}")
             raise
         _report(folder, console)
     _tell(suite, folder, tally, console)
     return MISMATCH if tally.invalid else DONE
+
+
+def _resumption(args: argparse.Namespace) -> str:
+    """Return the command that does what is missing."""
+    words = ["pushplan", "bench", args.suite, "-o", str(args.output), "--resume"]
+    words += ["--jobs", str(args.jobs)] if args.jobs else []
+    words += ["--scheduler", args.scheduler] if args.scheduler else []
+    words += [word for text in args.filter for word in ("--filter", text)]
+    return shlex.join(words)
 
 
 def _run(args: argparse.Namespace, suite: Suite, folder: ResultsFolder, console: Console) -> Tally:

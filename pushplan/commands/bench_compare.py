@@ -33,6 +33,10 @@ def compare(old: Path, new: Path, threshold: float, console: Console) -> int:
         console.say(f"{console.paint('invalid now', 'red')}: {text}")
     if not (found.better or found.worse or found.newly_invalid):
         console.say("nothing has changed beyond chance")
+    elif found.is_regression:
+        console.say(f"a regression: worse by more than {100.0 * threshold:g} %, or invalid now")
+    else:
+        console.say(f"no regression: nothing is worse by more than {100.0 * threshold:g} %")
     console.emit(
         {
             "regression": found.is_regression,

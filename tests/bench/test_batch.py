@@ -167,7 +167,9 @@ def test_an_interrupt_stops_cleanly_and_can_be_resumed(planted: Any, tmp_path: P
 def test_results_are_not_mixed_by_mistake(planted: Any, tmp_path: Path) -> None:
     suite = suite_from_text(planted.suite_text(1))
     _run(suite, tmp_path, work=planted.work)
-    with pytest.raises(FolderError, match="has the results of 1 runs; resume them, or name another folder"):
+    with pytest.raises(
+        FolderError, match="has the results of 1 runs; go on with --resume, or name another folder"
+    ):
         _run(suite, tmp_path, work=planted.work)
     with ResultsFolder(tmp_path).locked(), pytest.raises(FolderError, match="another benchmark writes into"):
         _run(suite, tmp_path)

@@ -43,7 +43,7 @@ def test_a_suite_is_run_reported_and_resumed(suite: str, tmp_path: Path, capsys:
     assert names <= set(os.listdir(folder))
     assert len(os.listdir(folder / "logs")) == 2
     assert main(["bench", suite, "-o", str(folder)]) == 2
-    assert f"{folder} has the results of 2 runs; resume them" in capsys.readouterr().err
+    assert f"{folder} has the results of 2 runs; go on with --resume" in capsys.readouterr().err
     assert main(["bench", suite, "-o", str(folder), "--resume", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert (document["runs"], document["before"], document["done"], document["left"]) == (2, 2, 0, 0)
@@ -58,7 +58,7 @@ def _heed_interrupts() -> None:
 
 def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
     (tmp_path / "long.yaml").write_text(SUITE.replace("first: true", "time: 60 s, iterations: 1000000000"))
-    command = [sys.executable, "-m", "pushplan", "bench", "long.yaml", "-o", "results"]
+    command = [sys.executable, "-m", "pushplan", "bench", "long.yaml", "-o", "results", "--filter", "seed=*"]
     with subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=_heed_interrupts
     ) as program:
@@ -68,7 +68,10 @@ def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
         program.send_signal(signal.SIGINT)
         _, rest = program.communicate(timeout=30.0)
     assert program.returncode == 130
-    assert "stopped; go on with: pushplan bench long.yaml -o results --resume\ninterrupted\n" in rest
+    assert (
+        "stopped; go on with: pushplan bench long.yaml -o results --resume --filter 'seed=*'\ninterrupted\n"
+        in rest
+    )
     assert "Traceback" not in rest
     assert not (tmp_path / "results" / "scratch").exists()
     assert (tmp_path / "results" / "results.db").exists()

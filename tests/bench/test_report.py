@@ -272,8 +272,9 @@ def test_the_command_tells_regressions_with_exit_code_4(tmp_path: Path, capsys: 
     out = capsys.readouterr().out
     assert re.search(r"^better: auto, first path: x 0\.5 in 24 runs \(p = ", out, re.MULTILINE)
     assert re.search(r"^worse: slow, cost: x 1\.2 in 24 runs \(p = ", out, re.MULTILINE)
+    assert out.endswith("a regression: worse by more than 5 %, or invalid now\n")
     assert main([*words, "--threshold", "30"]) == 0
-    capsys.readouterr()
+    assert capsys.readouterr().out.endswith("no regression: nothing is worse by more than 30 %\n")
     assert main([*words, "--json"]) == 4
     document = json.loads(capsys.readouterr().out)
     assert document["regression"] is True
