@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import importlib
 import io
 import json
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
 from pushplan.errors import PushplanError
 from pushplan.logging import schemas
@@ -133,10 +135,18 @@ def test_a_run_plays_on_a_terminal_and_gives_the_cursor_back(recorded: RecordedR
 # --- for viewers -------------------------------------------------------------------------------------------------
 
 
+def advertised(channel: dict[str, Any]) -> Any:
+    """Return the class of a channel's messages, from nothing but the schema that the server sends."""
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(base64.b64decode(channel["schema"])).file:
+        pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(channel["schemaName"]))
+
+
 def listen(port: int, found: dict[str, list[tuple[int, bytes]]], until: float) -> None:
     """Subscribe to every topic, as a viewer does, and collect the messages."""
     client = importlib.import_module("websockets.sync.client")
-    topics: dict[int, str] = {}
+    topics: dict[int, tuple[str, Any]] = {}
     with client.connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"]) as socket:
         while time.monotonic() < until:
             try:
@@ -146,7 +156,7 @@ def listen(port: int, found: dict[str, list[tuple[int, bytes]]], until: float) -
             if isinstance(message, str):
                 told = json.loads(message)
                 for channel in told.get("channels", []) if told["op"] == "advertise" else []:
-                    topics[channel["id"]] = channel["topic"]
+                    topics[channel["id"]] = channel["topic"], advertised(channel)
                     assert channel["encoding"] == "protobuf"
                     ask = {
                         "op": "subscribe",
@@ -155,7 +165,9 @@ def listen(port: int, found: dict[str, list[tuple[int, bytes]]], until: float) -
                     socket.send(json.dumps(ask))
             elif message[0] == 1:
                 number, stamp = struct.unpack_from("<IQ", message, 1)
-                found.setdefault(topics[number], []).append((stamp, message[13:]))
+                topic, kind = topics[number]
+                kind.FromString(message[13:])
+                found.setdefault(topic, []).append((stamp, message[13:]))
 
 
 def test_a_viewer_that_connects_sees_the_run(recorded: RecordedRun) -> None:
@@ -169,7 +181,7 @@ def test_a_viewer_that_connects_sees_the_run(recorded: RecordedRun) -> None:
         server.play(recorded, Playback(rate=3.0, start_offset=0.5))
         server.linger(0.3)
         listener.join()
-    assert {"/scene", "/plan/path", "/tf", "/margins", "/log"} <= set(found)
+    assert set(found) == {topic.name for topic in schemas.TOPICS}
     scene = schemas.SCENE.message.FromString(found["/scene"][-1][1])
     assert any(entity.id == "object/far" for entity in scene.entities)
     times = [stamp for stamp, _ in found["/margins"]]
