@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from pushplan.errors import PlanningError
+from pushplan.errors import PlanningError, TimingError
 from pushplan.kernels import warm_up
 from pushplan.names import COSTS
+from pushplan.path import PushPath
 from pushplan.planners.failure import explain_failure
 from pushplan.planners.lower_bound import lower_bound
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
@@ -20,7 +21,9 @@ from pushplan.reading.placement import Surroundings, bodies_at, placement_troubl
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
+from pushplan.trajectory import Trajectory
 
 ROUNDING = 1e-9
 """Share of the lower bound by which an optimal path's cost may exceed it."""
@@ -93,9 +96,9 @@ def plan(
     seconds = session.elapsed
     path = session.best_path
     with watch("timing"):
-        trajectory = None if path is None else make_trajectory(scenario, path, stable)
+        trajectory, untimed = _timed(scenario, path, stable)
     with watch("checking"):
-        reason = verdict(scenario, stable, path, trajectory, budget)
+        reason = untimed or verdict(scenario, stable, path, trajectory, budget)
         failure = None if path is not None else explain_failure(session, scenario, stable)
         least = session.lower_bound if path is None else lower_bound(scenario, path.cost)
     if failure is not None:
@@ -120,6 +123,16 @@ def plan(
         approximate_path=failure.nearest if failure else None,
         approximate_error=failure.error if failure else None,
     )
+
+
+def _timed(scenario: Scenario, path: PushPath | None, stable: StableSet) -> tuple[Trajectory | None, str]:
+    """Return the trajectory along a path, or why the path cannot be driven."""
+    if path is None:
+        return None, ""
+    try:
+        return make_trajectory(scenario, path, stable), ""
+    except TimingError as error:
+        return None, f"a path was found that cannot be driven: {error}"
 
 
 def _ranked_by(scenario: Scenario, cost: str | None) -> Scenario:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pushplan.errors import PlanningError
+from pushplan.errors import PlanningError, ScenarioError
 from pushplan.examples import example_names, example_text
 from pushplan.plan import plan
 from pushplan.planners.checker import find_collision
@@ -88,6 +88,27 @@ def test_no_plan_in_time_is_a_result_with_a_reason() -> None:
     assert (result.path, result.trajectory, result.first_solution_s) == (None, None, None)
     assert result.extensions > 100
     assert execute(scenario, result) is None
+
+
+TIGHT = "stability: {margin: 1e-6}"
+
+
+def test_a_path_that_leaves_no_room_for_inertia_is_a_result_with_a_reason() -> None:
+    text = example_text("two-crates").replace("limits: {", "limits: {contact: dynamic, ")
+    scenario = scenario_from_text(f"{text}\n{TIGHT}\n", "tight.yaml")
+    result = plan(scenario, time_limit=PATIENT, iterations=20_000)
+    assert not result.solved
+    assert result.reason.startswith("a path was found that cannot be driven: an arc along the twist")
+    assert (result.path, result.trajectory) == (None, None)
+    assert execute(scenario, result) is None
+
+
+def test_dynamic_contact_limits_without_a_margin_are_refused_on_reading() -> None:
+    text = example_text("two-crates").replace("limits: {", "limits: {contact: dynamic, ")
+    with pytest.raises(ScenarioError, match=r"needs a stability\.margin above 0") as caught:
+        scenario_from_text(text, "no-room.yaml")
+    (finding,) = caught.value.findings
+    assert finding.where == "pusher.limits.contact"
 
 
 def test_a_goal_that_is_the_start_is_refused() -> None:

@@ -45,6 +45,7 @@ def build_scenario(
         doubtful.add("goal")
     if bodies is None:
         return None
+    _check_room_for_inertia(file, report)
     scenario = _scenario(file, path, source, bodies, attachments)
     _check_ends(scenario, doubtful, report)
     return None if report.findings else scenario
@@ -70,6 +71,16 @@ def _goal_exists(file: ScenarioFile, report: Report) -> bool:
         ("goal", "of"), f"no object is called '{shorten(file.goal.of)}'{near} allowed: {', '.join(known)}"
     )
     return False
+
+
+def _check_room_for_inertia(file: ScenarioFile, report: Report) -> None:
+    """Report dynamic contact limits where contacts may be pushed at their limit."""
+    if file.pusher.limits.contact == "dynamic" and file.stability.margin == 0.0:
+        report.add(
+            ("pusher", "limits", "contact"),
+            "'dynamic' needs a stability.margin above 0, for a contact at its limit has nothing to spare for "
+            "inertia; allowed: a stability.margin such as 0.05, or quasi-static",
+        )
 
 
 def _goal(file: ScenarioFile, bodies: Bodies) -> Goal:
