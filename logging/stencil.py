@@ -49,7 +49,7 @@ class Stencil:
         for stamp in self._stamps:
             for part, begin in ((times // _NANO, stamp + 1), (times % _NANO, stamp + 2 + _DIGITS)):
                 rows[:, begin : begin + _DIGITS] = _varints(part)
-        octets = np.ascontiguousarray(numbers, dtype="<f8").view(np.uint8).reshape(len(times), -1, 8)
+        octets = np.ascontiguousarray(numbers, dtype="<f8").view(np.uint8).reshape(*numbers.shape, 8)
         for k, begin in enumerate(self._numbers):
             rows[:, begin : begin + 8] = octets[:, k]
         return rows
