@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import shapely
 
+import pushplan
 from pushplan.bench.batch import Choice, run_suite
 from pushplan.bench.folder import ResultsFolder
 from pushplan.bench.local import local_outcomes
@@ -263,6 +264,6 @@ def _covered(scenario: Scenario) -> float:
 def test_every_file_of_the_packaged_suites_is_in_the_wheel() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     globs = settings["tool"]["setuptools"]["package-data"]["pushplan"]
-    package = ROOT / "pushplan"
+    package = Path(pushplan.__file__).parent
     packed = {path for glob in globs for path in package.glob(glob)}
     assert {path for path in (package / "suites").rglob("*") if path.is_file()} <= packed
