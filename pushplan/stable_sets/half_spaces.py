@@ -48,6 +48,7 @@ def smallest_sines(rows: FloatArray, owner: IntArray, twists: FloatArray, length
         length: Characteristic length, m.
     """
     scaled = twists * [1.0, 1.0, length]
+    scaled = scaled / np.abs(scaled).max(axis=1, keepdims=True)  # the square of a slow twist may be 0
     values = (scaled / np.linalg.norm(scaled, axis=1, keepdims=True)) @ rows.T
     return np.asarray(np.minimum.reduceat(values, np.searchsorted(owner, np.unique(owner)), axis=1))
 

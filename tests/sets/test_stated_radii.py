@@ -1,0 +1,82 @@
+"""Smallest turns of squares in a row under any pressure, by linear programs that share no code with the package."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+from scipy.optimize import linprog
+
+from pushplan.arrays import FloatArray
+from pushplan.stable_sets.named import stable_set
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+MU = 0.5
+EXACT = {1: 0.81527, 2: 1.08427, 3: 1.32519, 4: 1.60345}
+SEARCHED = {1: 0.88, 2: 1.18, 3: 1.44, 4: 1.76}
+"""The same radii as once found by a search in steps."""
+
+
+def least_row(n: int, cor: tuple[float, float], cells: int) -> float:
+    """Return the least of all 4 n contact conditions, over all pressures on a grid under every square.
+
+    Square i has its middle at (i + 1/2, 0), contact k is the edge x = k, and all turn counter-clockwise about `cor`.
+    Each square weighs 1 / MU, so that the friction of a loaded point is its share of the load.
+    """
+    along = np.linspace(-0.5, 0.5, cells + 1)
+    grid = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+    equations, right = np.vstack([grid.T, np.ones(len(grid))]), [0.0, 0.0, 1.0]
+    lowest = np.inf
+    for k in range(n):
+        total = np.zeros(4)
+        for i in range(k, n):
+            x, y = grid[:, 0] + i + 0.5, grid[:, 1]
+            speed = np.hypot(x - cor[0], y - cor[1])
+            fx, fy = -(y - cor[1]) / speed, (x - cor[0]) / speed
+            about_right = (x - k) * fy - (y + 0.5) * fx
+            about_left = (x - k) * fy - (y - 0.5) * fx
+            rows = (MU * fx - fy, MU * fx + fy, -about_right, about_left)
+            for j, row in enumerate(rows):
+                solution = linprog(row, A_eq=equations, b_eq=right, method="highs")
+                assert solution.fun is not None, solution.message
+                total[j] += solution.fun
+        lowest = min(lowest, float(total.min()))
+    return lowest
+
+
+def tightest(make_chain: ChainMaker, n: int) -> FloatArray:
+    """Return the stable COR (2,) nearest the line of the squares' middles."""
+    chain = make_chain.boxes(n, (1.0, 1.0), contact_friction=MU, pusher_friction=MU)
+    region = stable_set(chain, "robust").cor_region(+1, (-9.0, -9.0, 9.0, 9.0))
+    corners = shapely.get_coordinates(region)
+    return np.asarray(corners[corners[:, 1].argmin()])
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
+def test_smallest_turns_agree_with_linear_programs(make_chain: ChainMaker, n: int) -> None:
+    """No pressure on a grid breaks a turn 0.1 % wider; 1 % tighter, some pressure on 41 x 41 points does."""
+    x, radius = tightest(make_chain, n)
+    assert radius == pytest.approx(EXACT[n], abs=2e-5)
+    assert least_row(n, (x, 1.001 * radius), 40) > 0.0
+    assert least_row(n, (x, 0.99 * radius), 40) < 0.0
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
+def test_radii_found_in_steps_are_not_the_smallest(make_chain: ChainMaker, n: int) -> None:
+    """Turns tighter than those hold for all pressures; they are what steps of a quarter in x lead to, nearly.
+
+    The smallest radius over x lies in a narrow valley: between places x that are a quarter apart, it is missed. A
+    coarse grid of support points would have made radii smaller, not larger, as it has fewer pressures.
+    """
+    x, _ = tightest(make_chain, n)
+    assert least_row(n, (x, 0.95 * SEARCHED[n]), 40) > 0.0
+    chain = make_chain.boxes(n, (1.0, 1.0), contact_friction=MU, pusher_friction=MU)
+    region = stable_set(chain, "robust").cor_region(+1, (-9.0, -9.0, 9.0, 9.0))
+    lines = shapely.linestrings([[[at, 0.0], [at, 9.0]] for at in np.arange(0.0, n + 0.1, 0.25)])
+    in_steps = min(line.intersection(region).bounds[1] for line in lines if line.intersects(region))
+    assert in_steps == pytest.approx(SEARCHED[n], rel=0.03)
+    assert in_steps > 1.05 * EXACT[n]
