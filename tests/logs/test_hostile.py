@@ -1,4 +1,7 @@
-"""Damaged and hostile files end in one typed error with its place, quickly and in little memory."""
+"""Damaged and hostile files end in one typed error with its place, quickly and in little memory.
+
+With PUSHPLAN_MUTATIONS=20000 the random mutations go on for some ten minutes.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +27,7 @@ from pushplan.logging.recorded import RecordedRun
 
 HERE = Path(__file__).parent
 MOST_SECONDS, MOST_MB = 2.0, 100.0
+MUTATIONS = int(os.environ.get("PUSHPLAN_MUTATIONS", "60"))
 
 
 def _load(name: str) -> ModuleType:
@@ -128,7 +132,7 @@ def test_a_flipped_bit_is_found_or_does_no_harm(
     assert found > 50
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=MUTATIONS, deadline=None)
 @given(data=st.data())
 def test_no_mutation_ends_in_another_error(
     whole_log: bytes, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
