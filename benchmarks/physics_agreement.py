@@ -1,8 +1,8 @@
 """Random pushes of random chains: predicted by the conditions on the exact friction wrench, simulated in MuJoCo.
 
 Run `python benchmarks/physics_agreement.py [--chains 120] [--pushes 12] [--first 1]`; prints counts and exits 1 if
-predictions that are clear of the boundary are wrong more often than promised. Of the pushes of a chain a third each is
-stable, unstable, and within 3 degrees of the boundary on the twist sphere.
+predictions that are clear of the boundary are wrong more often than promised. Of the pushes of a chain a third is
+stable, one unstable, and one within 3 degrees of the boundary on the sphere of twists.
 """
 
 from __future__ import annotations

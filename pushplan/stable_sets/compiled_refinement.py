@@ -8,11 +8,12 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.compiled import compiled
 from pushplan.mechanics.sphere import Meridians
 from pushplan.stable_sets.margin_kernel import Packed
-from pushplan.stable_sets.refined_meridians import START, RefinedMeridians
+from pushplan.stable_sets.refined_meridians import RefinedMeridians
 from pushplan.stable_sets.refinement_kernel import refined
 from pushplan.stable_sets.seed_kernel import seeds
 
-_START = np.linspace(-np.pi, np.pi, START + 1)
+_START = np.linspace(-np.pi, np.pi, 181)
+"""Meridians to begin with, 2 degrees apart."""
 
 Found = tuple[FloatArray, IntArray, FloatArray]
 """Longitudes (m,), the number of intervals (m,) on each, and these (k, 2)."""

@@ -14,7 +14,7 @@ from pushplan.stable_sets.peaks import SPOKES, TURN
 
 LONGITUDES, LATITUDES = 72, 37
 """Samples, 5 degrees apart."""
-HOPE = 0.5
+HOPE = 0.35
 """No component is looked for around samples that fall short of the margin asked for by more than this."""
 _SHRINK = 0.6
 _STEEPEST = 1e3
