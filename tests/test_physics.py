@@ -68,13 +68,16 @@ def test_a_push_straight_ahead_moves_no_contact(make_chain: ChainMaker) -> None:
 
 
 @needs_engine
-@pytest.mark.parametrize(("beyond", "error"), [(0.1, 0.02), (0.5, 0.02), (2.0, 0.02), (10.0, 0.2)])
+@pytest.mark.parametrize(
+    ("beyond", "error", "turn"), [(0.1, 0.02, 1e-8), (0.5, 0.02, 1e-8), (2.0, 0.02, 1e-8), (10.0, 0.2, 1e-3)]
+)
 def test_a_box_slides_along_the_plate_as_worked_out_by_hand(
-    make_chain: ChainMaker, beyond: float, error: float
+    make_chain: ChainMaker, beyond: float, error: float, turn: float
 ) -> None:
     """Pushed at an angle beyond the friction angle, a box moves along the edge of the friction cone.
 
-    Fast slides come out up to a fifth too long: the contact model lifts the corners off again and again.
+    Fast slides come out up to a fifth too long: the contact model lifts the corners off again and again. The two do not
+    come down at once, which turns the box by 0.0004 rad; slow slides do not turn it by more than rounding.
     """
     chain = make_chain.boxes(1, pusher_friction=0.25)
     cone = np.arctan(0.25)
@@ -83,7 +86,7 @@ def test_a_box_slides_along_the_plate_as_worked_out_by_hand(
     way = np.linalg.norm(report.poses[-1, :2] - report.poses[100, :2])
     slide = -way * (np.sin(heading) - np.cos(heading) * np.tan(cone))
     assert report.slide[-1, 0] - report.slide[100, 0] == pytest.approx(slide, rel=error)
-    assert abs(report.rotation[-1, 0]) < 1e-3
+    assert np.abs(report.rotation[:, 0]).max() < turn
 
 
 @needs_engine
