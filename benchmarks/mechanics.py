@@ -211,7 +211,12 @@ def growth() -> list[Promise]:
         print(f"\n{what:<12}" + "".join(f"{n:>9}" for n in numbers))
         print(f"{'margin, us':<12}" + "".join(f"{1e6 * t:>9.3f}" for t in times))
         exponents.append(float(np.polyfit(np.log(numbers), np.log(times), 1)[0]))
-        print(f"grows with the power {exponents[-1]:.2f}")
+        slope, offset = np.polyfit(numbers, times, 1)
+        off = float(np.abs(np.polyval([slope, offset], numbers) - times).max() / max(times))
+        print(
+            f"grows with the power {exponents[-1]:.2f}; {1e6 * offset:.3f} us + {1e9 * slope:.1f} ns for each, "
+            f"to {100.0 * off:.1f} % of the largest"
+        )
     return [
         Promise("growth with the number of objects, exponent", exponents[0], 1.1, ""),
         Promise("growth with the number of edges, exponent", exponents[1], 1.1, ""),

@@ -76,8 +76,8 @@ def test_a_box_slides_along_the_plate_as_worked_out_by_hand(
 ) -> None:
     """Pushed at an angle beyond the friction angle, a box moves along the edge of the friction cone.
 
-    Fast slides come out up to a fifth too long: the contact model lifts the corners off again and again. The two do not
-    come down at once, which turns the box by 0.0004 rad; slow slides do not turn it by more than rounding.
+    Fast slides come out up to a fifth too long: the contact model lifts the corners off again and again. The two
+    do not come down at once, which turns the box by 0.0004 rad; slow slides do not turn it by more than rounding.
     """
     chain = make_chain.boxes(1, pusher_friction=0.25)
     cone = np.arctan(0.25)
