@@ -5,9 +5,10 @@ Numba takes a tuple of arrays apart at every call, which takes 4 us for a proble
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba import types
+from numba.core import config
 from numba.experimental import structref
 
 from pushplan.arrays import FloatArray
@@ -33,10 +34,20 @@ class Held(structref.StructRefProxy):
 structref.define_proxy(Held, _HeldType, ["problem"])  # type: ignore[no-untyped-call]
 
 
+class _HeldInPython(NamedTuple):
+    """Stands in for `Held` where nothing is compiled."""
+
+    problem: Problem
+
+
 @compiled
 def hold(problem: Problem) -> Held:
     """Return a reference to a problem for `grow_held`."""
     return Held(problem)  # type: ignore[no-untyped-call]
+
+
+if config.DISABLE_JIT:  # type: ignore[attr-defined]  # for debuggers and coverage; there numba's reference would call itself for ever
+    hold = _HeldInPython  # type: ignore[assignment]
 
 
 @compiled
