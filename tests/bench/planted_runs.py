@@ -80,6 +80,14 @@ def work(task: Task, folder: Path) -> Figures:
     raise AssertionError("nothing has gone wrong")
 
 
+def meet(task: Task, folder: Path) -> Figures:
+    """End well as soon as another run is there at the same time."""
+    (folder.parent / f"met-{task.seed}").touch()
+    while len(list(folder.parent.glob("met-*"))) < 2:
+        time.sleep(0.01)
+    return _figures(task.seed, "fine")
+
+
 def _figures(seed: int, fate: str) -> Figures:
     if fate == "no plan":
         return Figures(reason="there is none")

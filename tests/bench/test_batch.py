@@ -126,6 +126,15 @@ def test_one_job_and_two_jobs_give_the_same_costs_and_arcs(tmp_path: Path, rows:
     assert all((tmp_path / "1" / log).read_bytes().startswith(b"\x89MCAP0\r\n") for log in logs)
 
 
+def test_two_jobs_are_two_runs_at_the_same_time(planted: Any, tmp_path: Path) -> None:
+    """What that gains is measured by benchmarks/bench.py."""
+    text = planted.suite_text(2)
+    alone = _run(suite_from_text(text), tmp_path / "1", 1, Choice(filters=("seed=0",)), planted.meet)
+    assert alone.counts == {"timeout": 1}
+    patient = suite_from_text(text.replace("run: 3 s", "run: 60 s"))
+    assert _run(patient, tmp_path / "2", 2, work=planted.meet).counts == {"ok": 2}
+
+
 def test_resuming_does_what_is_missing_and_nothing_else(tmp_path: Path, rows: ReadRows) -> None:
     suite = suite_from_text(REAL)
     some = _run(suite, tmp_path, choice=Choice(filters=("problem=one-box", "planner=rrt")))
