@@ -15,7 +15,7 @@ from pushplan.mechanics.dynamics import DynamicRows, dynamic_rows
 
 
 class SpeedWindow(NamedTuple):
-    """Where unbounded directions of the polygon are cut off: 0 <= s'^2 <= speed_squared, s'' either way <= acceleration."""
+    """Where unbounded directions of the polygon are cut off: speed_squared bounds s'^2, acceleration s'' both ways."""
 
     speed_squared: float = 4.0
     acceleration: float = 20.0
