@@ -15,7 +15,7 @@ from pushplan.mechanics.dynamics import DynamicRows, dynamic_rows
 
 
 class SpeedWindow(NamedTuple):
-    """Where unbounded directions of the polygon are cut off: speed_squared bounds s'^2, acceleration s'' both ways."""
+    """Where an unbounded polygon is cut off: speed_squared bounds s'^2, acceleration s'' to both sides."""
 
     speed_squared: float = 4.0
     acceleration: float = 20.0
