@@ -60,7 +60,7 @@ def _compile(planner: str) -> None:
     stable = stable_set(chain, "ecof")
     stable.meridians(count=8)
     contact_state(chain, np.array([[1.0, 0.0, 0.0]]))
-    session = Session(_problem(chain), np.zeros(3), Budget(time_limit=60.0, first=True), seed=0)
+    session = Session(_problem(chain), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
     planner_named(planner)(session, (-2.0, -2.0, 3.0, 4.0), 0.1)
     if planner == "auto":  # it takes the ways only after some rounds
         guide = make_guide(session.problem, session.start, (-2.0, -2.0, 3.0, 4.0))
