@@ -3,7 +3,7 @@
 A restart after every path drives the search apart: what one pair of trees misses (the right passage), the next
 may find. After the first rounds most searches are guided by a way for the chain's middle, another one each time,
 so that every passage has its turn. The trees are pruned by the best path's cost, with room for what polishing will
-save; they may grow larger each time they find nothing.
+save. Where the first rounds find nothing, sparse trees from the start take most of the time until there is a path.
 """
 
 from __future__ import annotations
@@ -18,13 +18,11 @@ from pushplan.planners.bidirectional import NODE, Forest, grow_both, plant
 from pushplan.planners.guide import Guide, find_way, make_guide
 from pushplan.planners.search import random
 from pushplan.planners.session import Session
+from pushplan.planners.sparse_rounds import SparseRounds
 from pushplan.planners.steering import STRAIGHT
 
 FIRST_ROUND = 256
-"""Extensions of the first round; half as many more each time that one finds nothing."""
-
-LATER_ROUND = 512
-"""Extensions, at most, of the round after the first path; a few more each time that one finds nothing."""
+"""Extensions of the first round; later ones have as many, at times twice, four times as many and so on."""
 
 CHUNK = 128
 """Extensions between two looks at the clock."""
@@ -44,35 +42,54 @@ FREELY = 4
 ROUGHNESS = 1.5
 """Largest logarithm of the ratio between prices of the floor under which ways are sought."""
 
+BLIND = (0.0, 0.6, 0.3)
+"""Shares of the extensions that take a random arc, in turn from round to round."""
+
+SPARSE_RATIO = 3.0
+"""As long as there is no path, so many extensions of sparse trees from the start for each of the other ones."""
+
 NO_WAY = np.zeros((0, 2))
 
 Box = tuple[float, float, float, float]
 
 
 def search(session: Session, box: Box, heading_length: float) -> None:
-    """Run rounds of bidirectional search until the session is finished."""
+    """Run rounds of bidirectional search, and at first of sparse trees, until the session is finished."""
     reach = REACH_SHARE * math.hypot(box[2] - box[0], box[3] - box[1])
-    allowance = FIRST_ROUND
-    forest = _forest(2 * allowance, session, box, heading_length, reach)
+    forest = _forest(FIRST_ROUND, session, box, heading_length, reach)
+    sparse = SparseRounds(session, box, heading_length)
     guide: Guide | None = None
     for number in count():
         if session.finished:
             return
         session.refine()
+        if number >= UNGUIDED and _sparse_is_due(session, sparse):
+            sparse.run_next(lambda: session.finished or session.best_arcs is not None)
+            continue
+        if number >= UNGUIDED and guide is None:
+            guide = make_guide(session.problem, session.start, box)
+        allowance = FIRST_ROUND * _luby(number + 1)
         if len(forest.ahead) < allowance + CHUNK:
-            forest = _forest(2 * allowance, session, box, heading_length, reach)
-        way = NO_WAY
-        if number >= UNGUIDED:
-            if guide is None:
-                guide = make_guide(session.problem, session.start, box)
-            way = _draw_way(guide, session.random, number)
-        searching = session.best_arcs is None
-        joined = _round(session, forest._replace(way=way), allowance, 1.0 + ROOM[number % len(ROOM)])
+            forest = _forest(allowance, session, box, heading_length, reach)
+        way = NO_WAY if guide is None else _draw_way(guide, session.random, number)
+        blind = BLIND[number % len(BLIND)]
+        _round(session, forest._replace(way=way, blind=blind), allowance, 1.0 + ROOM[number % len(ROOM)])
         session.branches.offer_nodes(forest.ahead[: forest.counts[0]], forest.behind[: forest.counts[1]])
-        if searching and joined:
-            allowance = min(allowance, LATER_ROUND)
-        elif not joined:
-            allowance += allowance // (2 if searching else 16)
+
+
+def _sparse_is_due(session: Session, sparse: SparseRounds) -> bool:
+    """Whether there is no path yet and sparse trees have had less than their part of the extensions."""
+    others = session.extensions - sparse.extensions
+    return session.best_arcs is None and sparse.extensions < SPARSE_RATIO * others
+
+
+def _luby(i: int) -> int:
+    """Return the i-th term, from 1, of 1, 1, 2, 1, 1, 2, 4, ... (Luby, Sinclair and Zuckerman 1993)."""
+    k = i.bit_length()
+    while i != (1 << k) - 1:
+        i -= (1 << (k - 1)) - 1
+        k = i.bit_length()
+    return 1 << (k - 1)
 
 
 def _draw_way(guide: Guide, state: RandomState, number: int) -> FloatArray:
@@ -91,12 +108,22 @@ def _forest(size: int, session: Session, box: Box, heading_length: float, reach:
     middle = np.append(session.problem.scene.body_bound[:2], math.atan2(push[1], push[0]))
     bounds = np.array(box, dtype=np.float64)
     return Forest(
-        ahead, behind, counts, bounds, heading_length, reach, session.random, NO_WAY, middle, heading_length
+        ahead,
+        behind,
+        counts,
+        bounds,
+        heading_length,
+        reach,
+        session.random,
+        NO_WAY,
+        middle,
+        heading_length,
+        0.0,
     )
 
 
-def _round(session: Session, forest: Forest, allowance: int, excess: float) -> bool:
-    """Grow fresh trees until they join (True) or have used up their extensions (False)."""
+def _round(session: Session, forest: Forest, allowance: int, excess: float) -> None:
+    """Grow fresh trees until they join or have used up their extensions."""
     plant(forest, session.start, session.problem.goal)
     path = np.empty((3 * (len(forest.ahead) + len(forest.behind)) + 3, 4))
     used = 0
@@ -107,11 +134,10 @@ def _round(session: Session, forest: Forest, allowance: int, excess: float) -> b
         session.spent(done)
         if arcs:
             session.offer(path[:arcs])
-            return True
+            return
     node = session.nearer(forest.ahead[: forest.counts[0], :3])
     if node >= 0:
         session.approach(_way_to(forest.ahead, node))
-    return False
 
 
 def _way_to(tree: FloatArray, node: int) -> FloatArray:

@@ -14,7 +14,7 @@ from pushplan.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled, woven
 from pushplan.planners.collision import Scene, separation, step, sweep_is_free
 from pushplan.planners.rows import put, put_rows
-from pushplan.planners.search import TRIES, Problem, random, remaining
+from pushplan.planners.search import TRIES, Problem, choose_twist, random, remaining
 from pushplan.planners.steering import MAX_WORDS, connect, find_words
 
 NODE = 17
@@ -55,6 +55,7 @@ class Forest(NamedTuple):
         way: (k, 2) points near which the body's middle is to pass; none of them, k = 0, to draw from the box alone.
         middle: (3,) the body's middle in the chain frame, and the direction of its straight push there.
         spread: How far from the way positions are drawn, m.
+        blind: Share of the extensions that take a random arc instead of a word towards the sample.
     """
 
     ahead: FloatArray
@@ -67,6 +68,7 @@ class Forest(NamedTuple):
     way: FloatArray
     middle: FloatArray
     spread: float
+    blind: float
 
 
 @woven
@@ -206,6 +208,16 @@ def _add(
 
 
 @woven
+def _random_arc(problem: Problem, state: RandomState, word: FloatArray) -> None:
+    """Fill a word (3, 4) with a single arc drawn from the stable set."""
+    for i in range(3):
+        for j in range(4):
+            word[i, j] = 0.0
+    word[0, 0], word[0, 1], word[0, 2] = choose_twist(problem, random(state), random(state))
+    word[0, 3] = random(state) * problem.longest
+
+
+@woven
 def _extend(
     problem: Problem,
     forest: Forest,
@@ -219,14 +231,17 @@ def _extend(
     tree = forest.ahead if which == 0 else forest.behind
     near = np.empty(NEAREST, dtype=np.int64)
     n = _nearest(tree, forest.counts[which], sample, forest.heading_length, near)
+    blind = random(forest.state) < forest.blind
     for i in range(n):
         parent = near[i]
         node = tree[parent, :3]
-        first, last = (node, sample) if which == 0 else (sample, node)
-        cost = _best_word(problem.families[:1], first, last, words, word)
-        if cost == np.inf:
-            continue
-        _clip(word, forest.reach, which == 1)
+        if blind:
+            _random_arc(problem, forest.state, word)
+        else:
+            first, last = (node, sample) if which == 0 else (sample, node)
+            if _best_word(problem.families[:1], first, last, words, word) == np.inf:
+                continue
+            _clip(word, forest.reach, which == 1)
         free, x, y, theta = _walk(problem.scene, node, word, 1.0 if which == 0 else -1.0)
         if not free:
             continue

@@ -19,12 +19,13 @@ from pushplan.planners.registry import planner_named
 from pushplan.planners.scene import build_scene
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Budget, Session
+from pushplan.planners.sparse_rounds import SparseRounds
 from pushplan.stable_sets.named import stable_set
 
 PATIENCE = 1.5
 """Seconds after which the user is told what takes so long; loading the cache takes less."""
 
-ANNOUNCEMENT = "compiling for this machine (only before the first run, about 20 s) ..."
+ANNOUNCEMENT = "compiling for this machine (only before the first run, about 30 s) ..."
 
 
 def warm_up(planner: str, tell: Callable[[str], None] | None = None) -> None:
@@ -62,7 +63,8 @@ def _compile(planner: str) -> None:
     contact_state(chain, np.array([[1.0, 0.0, 0.0]]))
     session = Session(_problem(chain), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
     planner_named(planner)(session, (-2.0, -2.0, 3.0, 4.0), 0.1)
-    if planner == "auto":  # it takes the ways only after some rounds
+    if planner == "auto":  # it takes ways and sparse trees only after some rounds
+        SparseRounds(session, (-2.0, -2.0, 3.0, 4.0), 0.1).run_next(lambda: False)
         guide = make_guide(session.problem, session.start, (-2.0, -2.0, 3.0, 4.0))
         find_way(guide, 1.0, 0.1, session.random, np.empty((guide.space.size, 2)))
     shorten(session.problem, session.start, np.asarray(session.best_arcs), session.random, 1)

@@ -13,6 +13,7 @@ from pushplan.planners.collision import sweep_is_free
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search import NODE, Problem
 from pushplan.planners.session import Budget, Session
+from pushplan.planners.sparse_rounds import doubled, planted
 from pushplan.planners.sst_kernel import (
     ACTIVE,
     CHILDREN,
@@ -46,9 +47,9 @@ def tree(problem: Problem) -> SparseTree:
     """Return a tree grown with 4,000 extensions, its connections to the goal left unused."""
     session = _session(problem, 1)
     box = sampling_box(load_scenario("three-boxes-clutter"))
-    tree = sst._planted(session, np.array(box), RADII)
+    tree = planted(session, np.array(box), RADII)
     while len(tree.nodes) < 4000:
-        tree = sst._doubled(tree)
+        tree = doubled(tree)
     path = np.empty((len(tree.nodes) + 3, 4))
     done = 0
     while done < 4000:
