@@ -66,7 +66,7 @@ def test_a_known_path_speeds_the_bound_up_and_changes_nothing() -> None:
 def test_no_path_beats_the_bound(name: str) -> None:
     scenario = load_scenario(name)
     for seed in (1, 2):
-        result = plan(scenario, seed=seed, time_limit=60.0, iterations=8_000)
+        result = plan(scenario, seed=seed, time_limit=60.0, iterations=25_000)
         assert result.path is not None
         assert result.lower_bound is not None
         assert result.lower_bound <= result.path.cost
