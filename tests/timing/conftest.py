@@ -18,7 +18,7 @@ Planned = Callable[[str], tuple[Scenario, PushPath]]
 @cache
 def _planned(name: str) -> tuple[Scenario, PushPath]:
     scenario = load_scenario(name)
-    path = plan(scenario, seed=1, time_limit=0.4).path
+    path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
     assert path is not None
     return scenario, path
 

@@ -44,7 +44,7 @@ def test_the_word_chooses(planned: Planned, word: str) -> None:
 def test_dynamic_limits_keep_contacts_that_a_fast_pusher_loses(planned: Planned, word: str) -> None:
     scenario, _ = planned("two-crates")
     scenario = replace(scenario, trajectory=word, stability=replace(scenario.stability, margin=0.05))
-    path = plan(scenario, seed=1, time_limit=0.4).path
+    path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
     assert path is not None
     stable, contacts = stable_set(scenario.chain, "ecof"), ContactDynamics(scenario.chain)
     least = {}
@@ -77,7 +77,7 @@ def test_dynamic_limits_of_unknown_loads_hold_for_known_ones(planned: Planned) -
     scenario, _ = planned("two-crates")
     settings = replace(scenario.stability, set="robust", margin=0.05)
     scenario = _with(replace(scenario, stability=settings), contact="dynamic", acceleration=3.0, jerk=60.0)
-    path = plan(scenario, seed=1, time_limit=0.6).path
+    path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
     assert path is not None
     trajectory = make_trajectory(scenario, path, stable_set(scenario.chain, "robust"))
     times = np.linspace(1e-3, trajectory.duration - 1e-3, 3000)
