@@ -20,12 +20,13 @@ from pushplan.planners.scene import build_scene
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Budget, Session
 from pushplan.planners.sparse_rounds import SparseRounds
+from pushplan.second_compiler import SecondCompiler
 from pushplan.stable_sets.named import stable_set
 
 PATIENCE = 1.5
 """Seconds after which the user is told what takes so long; loading the cache takes less."""
 
-ANNOUNCEMENT = "compiling for this machine (only before the first run, about 30 s) ..."
+ANNOUNCEMENT = "compiling for this machine (only before the first run, about 20 s) ..."
 
 
 def warm_up(planner: str, tell: Callable[[str], None] | None = None) -> None:
@@ -57,17 +58,32 @@ def _announced(tell: Callable[[str], None] | None) -> Iterator[None]:
 @cache
 def _compile(planner: str) -> None:
     """Run every kernel once, on a single box that an obstacle keeps from its goal."""
+    with SecondCompiler(planner, PATIENCE) as second:
+        _compile_mechanics()
+        _compile_polish()
+        second.wait()
+        compile_search(planner)
+
+
+def _compile_mechanics() -> None:
     chain = _one_box()
-    stable = stable_set(chain, "ecof")
-    stable.meridians(count=8)
+    stable_set(chain, "ecof").meridians(count=8)
     contact_state(chain, np.array([[1.0, 0.0, 0.0]]))
-    session = Session(_problem(chain), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
+
+
+def _compile_polish() -> None:
+    arcs, state = np.array([[1.0, 0.0, 0.0, 0.5]]), np.zeros(1, dtype=np.uint64)
+    shorten(_problem(_one_box()), np.zeros(3), arcs, state, 1)
+
+
+def compile_search(planner: str) -> None:
+    """Run every kernel of a planner once."""
+    session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
     planner_named(planner)(session, (-2.0, -2.0, 3.0, 4.0), 0.1)
     if planner == "auto":  # it takes ways and sparse trees only after some rounds
         SparseRounds(session, (-2.0, -2.0, 3.0, 4.0), 0.1).run_next(lambda: False)
         guide = make_guide(session.problem, session.start, (-2.0, -2.0, 3.0, 4.0))
         find_way(guide, 1.0, 0.1, session.random, np.empty((guide.space.size, 2)))
-    shorten(session.problem, session.start, np.asarray(session.best_arcs), session.random, 1)
 
 
 def _one_box() -> Chain:
