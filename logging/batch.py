@@ -9,20 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pushplan.arrays import IntArray
-from pushplan.logging import opcodes
+from pushplan.logging import message_head, opcodes
 from pushplan.logging.stencil import ByteRows
-
-_HEAD = np.dtype(
-    [
-        ("opcode", "u1"),
-        ("length", "<u8"),
-        ("channel", "<u2"),
-        ("sequence", "<u4"),
-        ("log", "<u8"),
-        ("publish", "<u8"),
-    ]
-)
-"""What a message begins with."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +40,9 @@ class Batch:
 
 def _records(channel: int, sequence: int, data: ByteRows, times: IntArray) -> ByteRows:
     """Return the records (n, bytes) of messages (n, size), numbered from `sequence` on."""
-    heads = np.zeros(len(times), dtype=_HEAD)
+    heads = np.zeros(len(times), dtype=message_head.ROW)
     heads["opcode"], heads["channel"] = opcodes.MESSAGE, channel
-    heads["length"] = _HEAD.itemsize - opcodes.PREFIX + data.shape[1]
+    heads["length"] = message_head.FIELDS.size + data.shape[1]
     heads["sequence"] = sequence + np.arange(len(times))
     heads["log"] = heads["publish"] = times
     return np.concatenate([heads.view(np.uint8).reshape(len(times), -1), data], axis=1)

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import struct
-
-from pushplan.logging import opcodes
+from pushplan.logging import message_head, opcodes
 from pushplan.logging.cursor import DamageError
 from pushplan.logging.items import Message
 from pushplan.logging.records import Frame
-
-_HEAD = struct.Struct("<HIQQ")
-"""What a message begins with: channel, number, time of the log, time of publication."""
 
 
 class Declarations:
@@ -53,11 +48,11 @@ class Declarations:
         Raises:
             DamageError: When its channel is not declared.
         """
-        if len(frame.body) < _HEAD.size:
+        if len(frame.body) < message_head.FIELDS.size:
             raise DamageError("a message without its number, channel and times", frame.offset)
-        number, _, time, _ = _HEAD.unpack_from(frame.body)
+        number, _, time, _ = message_head.FIELDS.unpack_from(frame.body)
         if number not in self._channels:
             raise DamageError(f"a message on channel {number}, which is not declared", frame.offset)
         schema, topic, encoding = self._channels[number]
         kind = self._schemas[schema][0] if schema and encoding == "protobuf" else ""
-        return Message(topic, kind, time, frame.body[_HEAD.size :], frame.offset)
+        return Message(topic, kind, time, frame.body[message_head.FIELDS.size :], frame.offset)

@@ -8,9 +8,6 @@ from collections.abc import Mapping
 
 from pushplan.logging import opcodes
 
-MESSAGE_HEAD = struct.Struct("<BQHIQQ")
-"""Prefix and head of a message: kind, length, channel, number, time of the log, time of publication."""
-
 COMPRESSION = "zstd"
 
 
@@ -22,8 +19,7 @@ def record(opcode: int, *parts: bytes) -> bytes:
 
 def text(words: str) -> bytes:
     """Return a string with its length."""
-    data = words.encode()
-    return struct.pack("<I", len(data)) + data
+    return block(words.encode())
 
 
 def block(data: bytes) -> bytes:
@@ -46,12 +42,6 @@ def channel(number: int, schema: int, topic: str) -> bytes:
     return record(
         opcodes.CHANNEL, struct.pack("<HH", number, schema), text(topic), text("protobuf"), block(b"")
     )
-
-
-def message_head(channel: int, sequence: int, time: int, size: int) -> bytes:
-    """Return what comes before the `size` bytes of a message."""
-    length = MESSAGE_HEAD.size - opcodes.PREFIX + size
-    return MESSAGE_HEAD.pack(opcodes.MESSAGE, length, channel, sequence, time, time)
 
 
 def chunk(times: tuple[int, int], data: bytes, compressed: bytes) -> bytes:

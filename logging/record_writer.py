@@ -14,7 +14,7 @@ import numpy as np
 import zstandard
 
 from pushplan.arrays import IntArray
-from pushplan.logging import opcodes, record_bytes
+from pushplan.logging import message_head, opcodes, record_bytes
 from pushplan.logging.batch import Batch
 from pushplan.logging.partial_file import PartialFile
 from pushplan.logging.stencil import ByteRows
@@ -59,7 +59,7 @@ class RecordWriter:
     def add_message(self, channel: int, time: int, data: bytes) -> None:
         """Write a message."""
         self._index[channel].append(_ENTRY.pack(time, len(self._chunk)))
-        self._chunk += record_bytes.message_head(channel, self._messages[channel], time, len(data))
+        self._chunk += message_head.packed(channel, self._messages[channel], time, len(data))
         self._chunk += data
         self._messages[channel] += 1
         self._note(time, time)
