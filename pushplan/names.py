@@ -39,5 +39,8 @@ RESERVED_NAMES = ("world", "chain", "pusher")
 COLLISION_CLEARANCE = 0.0005
 """Distance that pusher and objects keep from obstacles and walls where the scenario asks for no other, m."""
 
+MOST_FRICTION = 10.0
+"""Largest coefficient of friction of a scenario; rubber on rubber has 1 to 2, a larger number is a slip."""
+
 CLEARANCE_ROOM = 1e-5
 """Part of the clearance that a motion may use up whose start or goal is no farther from something, m."""

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from pushplan.errors import PushplanError
+from pushplan.names import MOST_FRICTION
 
 SHAPES = ("box", "polygon")
 SUPPORTS = ("uniform", "feet")
@@ -94,9 +95,9 @@ _BOUNDS: tuple[tuple[str, float, float], ...] = (
     ("objects", 1, MOST_OBJECTS),
     ("size", 0.01, 10.0),
     ("mass", 1e-3, 1e3),
-    ("floor_friction", 1e-3, 10.0),
-    ("contact_friction", 0.0, 10.0),
-    ("pusher_friction", 0.0, 10.0),
+    ("floor_friction", 1e-3, MOST_FRICTION),
+    ("contact_friction", 0.0, MOST_FRICTION),
+    ("pusher_friction", 0.0, MOST_FRICTION),
     ("workspace", 0.1, 1e3),
     ("obstacles", 0, MOST_OBSTACLES),
     ("obstacle_size", 0.005, 100.0),

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from pushplan.names import MOST_FRICTION
 from pushplan.reading.units import ANGLE, NUMBER_PATTERN, dimension_of, split_unit
 from pushplan.reading.yaml_node import shorten
 
@@ -125,4 +126,4 @@ class Quantity:
 
 def friction(low: float) -> Quantity:
     """Return the quantity of a friction coefficient, which may be written as a friction angle."""
-    return Quantity("a friction coefficient", ANGLE, low, 100.0, "14 deg", tangent=True)
+    return Quantity("a friction coefficient", ANGLE, low, MOST_FRICTION, "14 deg", tangent=True)

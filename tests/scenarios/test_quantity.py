@@ -97,7 +97,7 @@ def test_numbers_with_units_become_si(quantity: Quantity, text: object, value: f
         (
             friction(0.0),
             "5 mm",
-            "'5 mm' is a length; allowed: a friction coefficient from 0 to 100, or a friction angle, e.g. \"14 deg\"",
+            "'5 mm' is a length; allowed: a friction coefficient from 0 to 10, or a friction angle, e.g. \"14 deg\"",
         ),
         (
             friction(0.0),
