@@ -28,6 +28,13 @@ PATIENCE = 1.5
 
 ANNOUNCEMENT = "compiling for this machine (only before the first run, about 20 s) ..."
 
+_BOX = (-2.0, -2.0, 3.0, 4.0)
+"""Where the search may look, m: around a start and a goal that a wall keeps apart."""
+_HEADING_LENGTH = 0.1
+"""What a turn by 1 rad counts in that search, m."""
+_ROUGH, _TIGHT = 1.0, 0.1
+"""What the floor of a way costs, see `find_way`."""
+
 
 def warm_up(planner: str, tell: Callable[[str], None] | None = None) -> None:
     """Make all compiled code of a plan ready.
@@ -79,11 +86,11 @@ def _compile_polish() -> None:
 def compile_search(planner: str) -> None:
     """Run every kernel of a planner once."""
     session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
-    planner_named(planner)(session, (-2.0, -2.0, 3.0, 4.0), 0.1)
+    planner_named(planner)(session, _BOX, _HEADING_LENGTH)
     if planner == "auto":  # it takes ways and sparse trees only after some rounds
-        SparseRounds(session, (-2.0, -2.0, 3.0, 4.0), 0.1).run_next(lambda: False)
-        guide = make_guide(session.problem, session.start, (-2.0, -2.0, 3.0, 4.0))
-        find_way(guide, 1.0, 0.1, session.random, np.empty((guide.space.size, 2)))
+        SparseRounds(session, _BOX, _HEADING_LENGTH).run_next(lambda: False)
+        guide = make_guide(session.problem, session.start, _BOX)
+        find_way(guide, _ROUGH, _TIGHT, session.random, np.empty((guide.space.size, 2)))
 
 
 def _one_box() -> Chain:
