@@ -8,7 +8,7 @@ import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray, frozen
 from pushplan.geometry.se2 import relative, transform_points
-from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.mechanics.chain import Chain
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +78,11 @@ class PhysicsReport:
         return tuple(self._sentence(k) for k in range(len(self.chain.contacts)))
 
     def _sentence(self, k: int) -> str:
-        contact = self.chain.contacts[k]
-        pusher = "plate" if contact.pusher == PLATE else self.chain.objects[contact.pusher].name
         slide, opening = np.abs(self.slide[:, k]).max(), self.opening[:, k].max()
         turn = np.degrees(np.abs(self.rotation[:, k]).max())
         verdict = f"moved from {self.moved_at[k]:.3g} s on" if self.moved[k] else "held"
         return (
-            f"{pusher}-{self.chain.objects[contact.pushed].name} {verdict}: "
+            f"{self.chain.contact_name(k)} {verdict}: "
             f"slid {1e3 * slide:.2g} mm, opened {1e3 * opening:.2g} mm, turned {turn:.2g} deg"
         )
 

@@ -128,7 +128,7 @@ def test_a_report_says_where_everything_went_and_what_each_contact_did(make_chai
     np.testing.assert_allclose(report.poses[[0, -1]], trajectory.poses_at(np.array([0.0, 1.5])), atol=1e-12)
     want = se2.compose(report.poses[:, None], np.array([obj.pose_chain for obj in chain.objects]))
     np.testing.assert_allclose(report.object_poses, want, atol=1e-5)
-    assert [text.split(":")[0] for text in report.sentences()] == ["plate-box0 held", "box0-box1 held"]
+    assert [text.split(":")[0] for text in report.sentences()] == ["pusher-box0 held", "box0-box1 held"]
     assert np.isinf(report.moved_at).all()
 
 

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from pushplan.arrays import FloatArray
 from pushplan.drawing.figure import FAINT, INK, axes_at, figure_for
 from pushplan.mechanics.admissible_speeds import AdmissibleSpeeds
-from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.mechanics.chain import Chain
 
 _COLOURS = ("#2a6f97", "#b5533c", "#5b8c5a", "#8c6bb1", "#c08a2d", "#4f9da6", "#a34d7c")
 _FILL = "#dfe7ec"
@@ -92,6 +92,4 @@ def _square(values: Any) -> Any:
 
 
 def _name(chain: Chain, k: int, j: int) -> str:
-    contact = chain.contacts[k]
-    pusher = "the plate" if contact.pusher == PLATE else chain.objects[contact.pusher].name
-    return f"{chain.objects[contact.pushed].name} {_ROWS[j]} on {pusher}"
+    return f"{chain.contact_name(k)}: {chain.objects[chain.contacts[k].pushed].name} {_ROWS[j]}"
