@@ -1,4 +1,4 @@
-"""A problem handed over to compiled code once, for calls from Python that are too short to hand it over each time.
+"""Growing the tree from Python: the problem is handed over to compiled code once, not at each of the short calls.
 
 Numba takes a tuple of arrays apart at every call, which takes 4 us for a problem; a reference to one takes 0.1 us.
 """
@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
 from numba import types
 from numba.core import config
 from numba.experimental import structref
 
 from pushplan.arrays import FloatArray
 from pushplan.compiled import compiled
-from pushplan.planners.search import Problem, grow
+from pushplan.planners.search import TRIES, Problem, extend
+from pushplan.planners.steering import MAX_WORDS, connect
 
 
 @structref.register
@@ -62,5 +64,29 @@ def grow_held(
     bound: float,
     word: FloatArray,
 ) -> tuple[bool, float]:
-    """Grow the tree by one arc; see `search.grow`."""
-    return grow(held.problem, nodes, count, parent, u0, u1, u2, bound, word)
+    """Grow the tree by one arc and try the exact connection from its end to the goal, in one compiled call.
+
+    Args:
+        held: What to plan.
+        nodes: The tree; row `count` is filled, unless `parent` is negative: then it is the root already.
+        count: See `search.extend`.
+        parent: See `search.extend`; negative to connect from the root alone.
+        u0: See `search.extend`.
+        u1: See `search.extend`.
+        u2: See `search.extend`.
+        bound: Cost that a whole path must stay below.
+        word: (3, 4) filled with the connection's twists and lengths.
+
+    Returns:
+        (kept, cost): whether there is a new node; and the cost of the whole path through it, infinite when
+        the connection is blocked.
+    """
+    problem = held.problem
+    if parent >= 0 and not extend(problem, nodes, count, parent, u0, u1, u2, bound):
+        return False, np.inf
+    so_far = nodes[count, 3]
+    tries = MAX_WORDS if parent < 0 else TRIES
+    cost, promise = connect(
+        problem.scene, problem.families, nodes[count, :3], problem.goal, bound - so_far, tries, word
+    )
+    return so_far + promise < bound or promise == np.inf, so_far + cost

@@ -13,7 +13,6 @@ from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import Scene, step, sweep_is_free
 from pushplan.planners.prices import Prices
 from pushplan.planners.rows import put
-from pushplan.planners.steering import MAX_WORDS, connect
 
 NODE = 9
 """Columns of a node: x, y, theta, cost from the start, parent, arc that led here (vx, vy, omega, length)."""
@@ -114,45 +113,6 @@ def extend(
     node[0], node[1], node[2], node[3], node[4] = nx, ny, nt, cost + length, parent
     node[5], node[6], node[7], node[8] = vx, vy, omega, length
     return True
-
-
-@woven
-def grow(
-    problem: Problem,
-    nodes: FloatArray,
-    count: int,
-    parent: int,
-    u0: float,
-    u1: float,
-    u2: float,
-    bound: float,
-    word: FloatArray,
-) -> tuple[bool, float]:
-    """Grow the tree by one arc and try the exact connection from its end to the goal, in one compiled call.
-
-    Args:
-        problem: What to plan.
-        nodes: The tree; row `count` is filled, unless `parent` is negative: then it is the root already.
-        count: See `extend`.
-        parent: See `extend`; negative to connect from the root alone.
-        u0: See `extend`.
-        u1: See `extend`.
-        u2: See `extend`.
-        bound: Cost that a whole path must stay below.
-        word: (3, 4) filled with the connection's twists and lengths.
-
-    Returns:
-        (kept, cost): whether there is a new node; and the cost of the whole path through it, infinite when
-        the connection is blocked.
-    """
-    if parent >= 0 and not extend(problem, nodes, count, parent, u0, u1, u2, bound):
-        return False, np.inf
-    so_far = nodes[count, 3]
-    tries = MAX_WORDS if parent < 0 else TRIES
-    cost, promise = connect(
-        problem.scene, problem.families, nodes[count, :3], problem.goal, bound - so_far, tries, word
-    )
-    return so_far + promise < bound or promise == np.inf, so_far + cost
 
 
 @compiled
