@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 
+from pushplan.compiling import PATIENCE, announced
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contact_state import contact_state
 from pushplan.mechanics.support import UniformSupport
@@ -22,11 +21,6 @@ from pushplan.planners.session import Budget, Session
 from pushplan.planners.sparse_rounds import SparseRounds
 from pushplan.second_compiler import SecondCompiler
 from pushplan.stable_sets.named import stable_set
-
-PATIENCE = 1.5
-"""Seconds after which the user is told what takes so long; loading the cache takes less."""
-
-ANNOUNCEMENT = "compiling for this machine (only before the first run, about 20 s) ..."
 
 _BOX = (-2.0, -2.0, 3.0, 4.0)
 """Where the search may look, m: around a start and a goal that a wall keeps apart."""
@@ -43,23 +37,8 @@ def warm_up(planner: str, tell: Callable[[str], None] | None = None) -> None:
         planner: Name of the planner that will run.
         tell: Called with a sentence for the user if that takes long.
     """
-    with _announced(tell):
+    with announced(tell):
         _compile(planner)
-
-
-@contextmanager
-def _announced(tell: Callable[[str], None] | None) -> Iterator[None]:
-    """Tell the user, after a while, that something is being compiled."""
-    if tell is None:
-        yield
-        return
-    timer = threading.Timer(PATIENCE, tell, [ANNOUNCEMENT])
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
 
 
 @cache

@@ -30,13 +30,13 @@ def run(args: argparse.Namespace, console: Console) -> int:
     scenario = load_scenario(args.scenario)
     console.say(console.paint(scenario.name, "bold"))
     console.table(understood.rows(scenario))
-    with console.working("computing the stable set"):
+    with console.computing("computing the stable set"):
         require_pushable(scenario)
         described = describe(scenario, scenario.stability.set)
     console.say(console.paint(f"stable set {scenario.stability.set}", "bold"))
     console.table(rows(described))
     if args.plot is not None:
-        with console.working(f"drawing {args.plot}"):
+        with console.computing(f"drawing {args.plot}"):
             from pushplan.drawing.scenario import plot_scenario
 
             plot_scenario(scenario, described.stable, args.plot)

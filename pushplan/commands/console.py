@@ -58,6 +58,15 @@ class Console:
         with Progress(what, sys.stderr, live=takes_colour(sys.stderr)) as progress:
             yield progress
 
+    @contextmanager
+    def computing(self, what: str) -> Iterator[Progress]:
+        """Show the same of work with stable sets, and tell when their code is being compiled."""
+        with self.working(what) as progress:
+            from pushplan.compiling import announced
+
+            with announced(progress.announce):
+                yield progress
+
     @property
     def _people(self) -> TextIO:
         return sys.stderr if self.json else sys.stdout

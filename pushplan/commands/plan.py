@@ -71,11 +71,11 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
 
 def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
-    with console.working("loading the planner") as progress:
+    with console.computing("loading the planner"):
         from pushplan.kernels import warm_up
         from pushplan.run import run as run_push
 
-        warm_up(args.planner or scenario.planner.name, progress.announce)
+        warm_up(args.planner or scenario.planner.name)
         chosen = args.set or scenario.stability.set
         require_pushable(replace(scenario, stability=replace(scenario.stability, set=chosen)))
     limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit
@@ -103,7 +103,7 @@ def draw(
     scenario: Scenario, plan: PlanResult, execution: Execution | None, path: Path, console: Console
 ) -> None:
     """Draw a plan into a file."""
-    with console.working(f"drawing {path}"):
+    with console.computing(f"drawing {path}"):
         from pushplan.drawing.run import plot_plan
 
         plot_plan(scenario, plan, execution, path)

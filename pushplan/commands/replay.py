@@ -58,7 +58,7 @@ def _tell(recorded: RecordedRun, console: Console) -> None:
 
 def _verify(recorded: RecordedRun, console: Console) -> VerifyReport:
     """Execute the recorded plan again and tell what differs."""
-    with console.working("executing the recorded plan again"):
+    with console.computing("executing the recorded plan again"):
         from pushplan.logging.verify import verify
 
         report = verify(recorded)

@@ -59,7 +59,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
     check_outputs(args.scenario, args.plot)
     scenario = load_scenario(args.scenario)
-    with console.working("computing stable sets"):
+    with console.computing("computing stable sets"):
         from pushplan.stable_sets.cor_window import default_window
 
         names = dict.fromkeys(args.set or [scenario.stability.set])
@@ -140,7 +140,7 @@ def _draw(
     window: Window,
     console: Console,
 ) -> None:
-    with console.working(f"drawing {args.plot}"):
+    with console.computing(f"drawing {args.plot}"):
         from pushplan.drawing.sets import plot_stable_sets
 
         sets = [each.stable for each in found.values()]
