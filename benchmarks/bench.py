@@ -220,7 +220,7 @@ MEASUREMENTS = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("what", nargs="*", choices=[*MEASUREMENTS, []], help="measurements; all by default")
-    print(Machine.this().text)
+    print(Machine.this().words)
     for name in parser.parse_args().what or MEASUREMENTS:
         with tempfile.TemporaryDirectory() as folder:
             MEASUREMENTS[name](Path(folder))

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import platform
 import statistics
 
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
@@ -80,9 +80,7 @@ def main() -> None:
     arguments = parser.parse_args()
     for planner in {arguments.planner, *(MODULES if arguments.longer > 0.0 else ())}:
         warm_up(planner)
-    print(
-        f"{platform.machine()}, Python {platform.python_version()}, {arguments.planner}, {arguments.seeds} seeds"
-    )
+    print(f"{Machine.this().words}, {arguments.planner}, {arguments.seeds} seeds")
     at = " ".join(f"{f'{mark * arguments.seconds:g} s':>8}" for mark in MARKS)
     print(f"{'scenario':22} {'best m':>8} {'first ms':>8} {'slowest':>8}  {at} {'worst':>8}")
     ratios = np.concatenate([measure(name, arguments) for name in arguments.scenarios])

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import platform
 import shutil
 import subprocess
 import tempfile
@@ -22,6 +21,7 @@ from ompl import base as ob
 from ompl import control as oc
 from ompl import util as ou
 
+from pushplan.bench.machine import Machine
 from pushplan.kernels import warm_up
 from pushplan.planners import control_planners
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
@@ -140,9 +140,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--scenario", nargs="*", default=["three-boxes-clutter", "narrow-gap", "free-space"])
     arguments = parser.parse_args()
-    print(
-        f"{platform.machine()}, Python {platform.python_version()}, {arguments.extensions} extensions, CPU time"
-    )
+    print(f"{Machine.this().words}, {arguments.extensions} extensions, CPU time")
     for name in arguments.scenario:
         print(compare(name, arguments.extensions, arguments.repeats), flush=True)
 

@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -23,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.logging.writer import RunLogWriter
@@ -148,7 +147,7 @@ def main() -> None:
     )
     parser.add_argument("--runs", type=int, default=9)
     arguments = parser.parse_args()
-    print(f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}")
+    print(Machine.this().words)
     with tempfile.TemporaryDirectory() as folder:
         worst = shares(Path(folder), arguments.runs)
         print(f"largest share of a process: {worst:.1%} (limit 5 %)")

@@ -8,7 +8,6 @@ Exits 1 when a promise is not kept.
 from __future__ import annotations
 
 import argparse
-import platform
 import sys
 import time
 from collections.abc import Callable
@@ -227,7 +226,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cells", type=int, default=CELLS, help="of the grid, along either axis")
     arguments = parser.parse_args()
-    print(f"{Machine.this().text}, Python {platform.python_version()}")
+    print(Machine.this().words)
     promises = compare_with_grid(arguments.cells) + single_figures() + growth()
     table_of_sets()
     print()

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import argparse
 import os
-import platform
 import resource
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.planners.auto import search
@@ -58,7 +58,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--scenario", default="three-boxes-clutter")
     arguments = parser.parse_args()
-    print(f"{platform.machine()}, Python {platform.python_version()}")
+    print(Machine.this().words)
     warm_up("auto")
     with tempfile.TemporaryDirectory() as folder:
         for name in example_names():

@@ -13,7 +13,6 @@ import argparse
 import importlib.util
 import io
 import json
-import platform
 import resource
 import sys
 import tempfile
@@ -26,6 +25,7 @@ from random import Random
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from pushplan.bench.machine import Machine
 from pushplan.bench.suite_file import suite_from_text, suite_text
 from pushplan.cli import main as pushplan
 from pushplan.errors import PushplanError, ScenarioError
@@ -194,7 +194,7 @@ def _report(verdicts: list[Verdict], wrong: list[Verdict]) -> int:
     sys.stderr.write(
         f"{len(verdicts)} files: {counts}; {len(wrong)} wrong\n"
         f"slowest {slowest:.2f} s, memory at its peak {peak:.0f} MB\n"
-        f"Python {platform.python_version()} on {platform.machine()}\n"
+        f"{Machine.this().words}\n"
     )
     return int(bool(wrong) or peak > MOST_MB)
 

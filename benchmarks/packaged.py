@@ -6,13 +6,13 @@ Run `python benchmarks/packaged.py [--seeds 20] [--time-limit 2]`: prints a tabl
 from __future__ import annotations
 
 import argparse
-import platform
 import sys
 import time
 from collections.abc import Iterator
 
 import numpy as np
 
+from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
@@ -47,7 +47,7 @@ def main() -> int:
     parser.add_argument("--time-limit", type=float, default=2.0)
     parser.add_argument("--planner")
     arguments = parser.parse_args()
-    print(f"{platform.machine()}, Python {platform.python_version()}, seeds 1-{arguments.seeds}")
+    print(f"{Machine.this().words}, seeds 1-{arguments.seeds}")
     print(
         f"{'scenario':22} {'solved':>7} {'first ms (median, max)':>24} {'plan s (max)':>12} {'cost (median)':>13}"
     )

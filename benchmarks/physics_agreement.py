@@ -8,7 +8,6 @@ stable, one unstable, and one within 3 degrees of the boundary on the sphere of 
 from __future__ import annotations
 
 import argparse
-import platform
 import sys
 import time
 from functools import reduce
@@ -16,6 +15,7 @@ from functools import reduce
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray
+from pushplan.bench.machine import Machine
 from pushplan.geometry.se2 import compose, transform_points
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
@@ -106,7 +106,7 @@ def main() -> int:
     parser.add_argument("--pushes", type=int, default=12)
     parser.add_argument("--first", type=int, default=1, help="seed of the first chain")
     arguments = parser.parse_args()
-    print(f"{platform.machine()}, Python {platform.python_version()}, MuJoCo {engine().__version__}")
+    print(f"{Machine.this().words}, MuJoCo {engine().__version__}")
     began = time.perf_counter()
     seeds = range(arguments.first, arguments.first + arguments.chains)
     results = [experiment(seed, arguments.pushes) for seed in seeds]

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import platform
 import resource
 import statistics
 import subprocess
@@ -22,6 +21,7 @@ from typing import Any
 
 import plain_ompl
 
+from pushplan.bench.machine import Machine
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
 from pushplan.planners.checker import find_collision
@@ -127,7 +127,7 @@ def main() -> None:
     parser.add_argument("--planners", nargs="+", choices=everyone, default=everyone)
     parser.add_argument("--scenarios", nargs="+", default=list(SCENARIOS))
     arguments = parser.parse_args()
-    print(f"{platform.machine()}, Python {platform.python_version()}, seeds 1-{arguments.seeds}")
+    print(f"{Machine.this().words}, seeds 1-{arguments.seeds}")
     for scenario in arguments.scenarios:
         table(scenario, arguments.planners, arguments.seeds, arguments.seconds)
 

@@ -9,7 +9,6 @@ end. Prints a line for each problem that `auto` did not solve, and the shares. E
 from __future__ import annotations
 
 import argparse
-import platform
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pushplan.bench.generator import generate
+from pushplan.bench.machine import Machine
 from pushplan.bench.parameters import DRIVES, GeneratorError, ProblemParameters
 from pushplan.errors import PushplanError
 from pushplan.kernels import warm_up
@@ -105,9 +105,7 @@ def main() -> int:
     )
     arguments = parser.parse_args()
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.count)
-    print(
-        f"{platform.machine()}, Python {platform.python_version()}, seeds {seeds[0]}-{seeds[-1]}, {PARAMETERS}"
-    )
+    print(f"{Machine.this().words}, seeds {seeds[0]}-{seeds[-1]}, {PARAMETERS}")
     for name in MODULES:
         warm_up(name)
     tally = Tally()

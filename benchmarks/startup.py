@@ -7,12 +7,13 @@ more. A later plan is timed whole (`plan free-space --first`), so it bounds the 
 from __future__ import annotations
 
 import os
-import platform
 import resource
 import subprocess
 import sys
 import tempfile
 import time
+
+from pushplan.bench.machine import Machine
 
 RUNS = 5
 
@@ -33,7 +34,7 @@ def show(name: str, runs: list[tuple[float, float]]) -> None:
 
 
 def main() -> None:
-    print(f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}")
+    print(Machine.this().words)
     plan = ["plan", "free-space", "--first"]
     with tempfile.TemporaryDirectory() as cache:
         show("pushplan --help", [timed(["--help"], cache) for _ in range(RUNS)])

@@ -28,6 +28,11 @@ class Machine:
     text: str
     versions: dict[str, str]
 
+    @property
+    def words(self) -> str:
+        """What benchmarks print first: processor, memory, operating system, and Python."""
+        return f"{self.text}, Python {self.versions['python']}"
+
     @classmethod
     def this(cls) -> Machine:
         """Return this machine."""
