@@ -220,8 +220,9 @@ MEASUREMENTS = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("what", nargs="*", choices=[*MEASUREMENTS, []], help="measurements; all by default")
+    chosen = parser.parse_args().what or MEASUREMENTS
     print(Machine.this().words)
-    for name in parser.parse_args().what or MEASUREMENTS:
+    for name in chosen:
         with tempfile.TemporaryDirectory() as folder:
             MEASUREMENTS[name](Path(folder))
 

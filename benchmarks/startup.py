@@ -6,6 +6,7 @@ more. A later plan is timed whole (`plan free-space --first`), so it bounds the 
 
 from __future__ import annotations
 
+import argparse
 import os
 import resource
 import subprocess
@@ -34,6 +35,9 @@ def show(name: str, runs: list[tuple[float, float]]) -> None:
 
 
 def main() -> None:
+    argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ).parse_args()
     print(Machine.this().words)
     plan = ["plan", "free-space", "--first"]
     with tempfile.TemporaryDirectory() as cache:
