@@ -29,7 +29,6 @@ from pushplan.planners.search import Problem
 from pushplan.planners.session import Budget, Session
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
-from pushplan.stable_sets.named import stable_set
 
 SOURCE = Path(__file__).with_name("extensions.cpp")
 INCLUDES = [Path(f"/usr/include/{name}") for name in ("ompl-1.5", "ompl-1.6", "ompl-1.7", "eigen3")]
@@ -116,7 +115,7 @@ def compare(name: str, extensions: int, repeats: int) -> str:
         return f"C++ comparison skipped: {missing}"
     scenario = load_scenario(name)
     warm_up("rrt")
-    problem = build_problem(scenario, stable_set(scenario.chain))
+    problem = build_problem(scenario, scenario.stable_set())
     mine, theirs = [], []
     with tempfile.TemporaryDirectory() as folder:
         program = build(Path(folder))

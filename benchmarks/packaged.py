@@ -8,37 +8,23 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterator
 
 import numpy as np
 
 from pushplan.bench.machine import Machine
+from pushplan.bench.validation import exactly, flaw
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
-from pushplan.planners.checker import find_collision
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.result import PlanResult
 from pushplan.run import execute
 from pushplan.scenario import Scenario
 
-EXACT = 1e-6
 
-
-def failures(scenario: Scenario, result: PlanResult) -> Iterator[str]:
-    if not result.solved:
-        yield result.reason
-        return
+def failure(scenario: Scenario, result: PlanResult) -> str:
     execution = execute(scenario, result)
-    assert execution is not None
-    if execution.loss is not None:
-        yield f"stability lost at {execution.loss.time} s"
-    if not execution.margins.min() > 0.0:
-        yield f"smallest margin {execution.margins.min()}"
-    if max(execution.goal_error) > EXACT:
-        yield f"goal error {execution.goal_error}"
-    if find_collision(scenario, execution.poses) is not None:
-        yield "collision"
+    return result.reason if execution is None else flaw(exactly(scenario), execution)
 
 
 def main() -> int:
@@ -60,10 +46,10 @@ def main() -> int:
             began = time.perf_counter()
             result = plan(scenario, seed=seed, time_limit=arguments.time_limit, planner=arguments.planner)
             seconds.append(time.perf_counter() - began)
-            found = list(failures(scenario, result))
-            for failure in found:
-                print(f"  {name} seed {seed}: {failure}")
-            solved += not found
+            fault = failure(scenario, result)
+            if fault:
+                print(f"  {name} seed {seed}: {fault}")
+            solved += not fault
             if result.path is not None:
                 firsts.append(1e3 * (result.first_solution_s or 0.0))
                 costs.append(result.path.cost)

@@ -7,8 +7,8 @@ benchmarks/plain_ompl.py SCENARIO [PLANNER [SECONDS]]` runs one of them alone.
 
 from __future__ import annotations
 
+import argparse
 import math
-import sys
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -27,7 +27,6 @@ from pushplan.planners.problem import sampling_box
 from pushplan.planners.scene import chain_outlines
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import CircleObstacle, Scenario
-from pushplan.stable_sets.named import stable_set
 
 STEP = 0.05
 """Step of the propagator, m of cost."""
@@ -62,7 +61,7 @@ def solve(scenario: Scenario, name: str, seconds: float, seed: int) -> PlainResu
     """Run a stock planner, which stops at its first path."""
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
-    stable = stable_set(scenario.chain, scenario.stability.set)
+    stable = scenario.stable_set()
     segments = control_segments(stable, scenario.chain.pusher.drive, scenario.stability.margin + MARGIN_FLOOR)
     information, counter = _information(scenario, segments)
     definition = ob.ProblemDefinition(information)
@@ -153,9 +152,14 @@ def _cost(path: Any) -> float:
 
 
 def main() -> None:
-    scenario = load_scenario(sys.argv[1])
-    name = sys.argv[2] if len(sys.argv) > 2 else "plain-rrt"
-    print(solve(scenario, name, float(sys.argv[3]) if len(sys.argv) > 3 else 10.0, 1))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("scenario")
+    parser.add_argument("planner", nargs="?", choices=PLANNERS, default="plain-rrt")
+    parser.add_argument("seconds", nargs="?", type=float, default=10.0)
+    arguments = parser.parse_args()
+    print(solve(load_scenario(arguments.scenario), arguments.planner, arguments.seconds, 1))
 
 
 if __name__ == "__main__":

@@ -22,16 +22,11 @@ from typing import Any
 import plain_ompl
 
 from pushplan.bench.machine import Machine
+from pushplan.bench.validation import exactly, plan_flaw
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
-from pushplan.planners.checker import find_collision
 from pushplan.planners.registry import MODULES
 from pushplan.reading.scenario_file import load_scenario
-from pushplan.sim.kinematic import pose_error
-from pushplan.stable_sets.named import stable_set
-
-EXACT = 1e-6
-"""Goal error (m, rad) of a valid path."""
 
 SCENARIOS = ("free-space", "narrow-gap", "three-boxes-clutter", "two-crates", "five-objects", "carts")
 MARKS = (0.03, 0.1, 0.3, 1.0)
@@ -59,12 +54,7 @@ def ours(scenario_name: str, planner: str, seed: int, seconds: float) -> Outcome
         min((p.cost for p in result.progress if p.seconds <= mark * seconds), default=math.inf)
         for mark in MARKS
     ]
-    valid = False
-    if result.path is not None:
-        margin = stable_set(scenario.chain, result.stable_set).margin(result.path.twists).min()
-        ends = pose_error(result.path.end, scenario.goal.pose_chain)
-        clear = find_collision(scenario, result.path.sampled(0.002)) is None
-        valid = bool(clear and margin > scenario.stability.margin and max(ends) < EXACT)
+    valid = result.solved and not plan_flaw(exactly(scenario), result)
     first = math.inf if result.first_solution_s is None else result.first_solution_s
     return Outcome(result.solved, valid, first, costs, result.extensions / result.planning_s, _megabytes())
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,19 +17,15 @@ import numpy as np
 from pushplan.bench.generator import generate
 from pushplan.bench.machine import Machine
 from pushplan.bench.parameters import DRIVES, GeneratorError, ProblemParameters
+from pushplan.bench.validation import exactly, plan_flaw
 from pushplan.errors import PushplanError
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
-from pushplan.planners.checker import find_collision
 from pushplan.planners.registry import MODULES
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario, scenario_from_text
-from pushplan.sim.kinematic import pose_error
-from pushplan.stable_sets.named import stable_set
 
 PARAMETERS = ProblemParameters(objects=(1, 5), obstacles=(0, 30), drives=DRIVES)
-
-EXACT = 1e-6
 
 
 @dataclass
@@ -42,25 +37,10 @@ class Tally:
     failures: list[str] = field(default_factory=list)
 
 
-def failures(scenario: Scenario, result: PlanResult) -> Iterator[str]:
-    """What is wrong with a path that a planner calls a solution."""
-    assert result.path is not None
-    assert result.trajectory is not None
-    hit = find_collision(scenario, result.trajectory.poses)
-    if hit is not None:
-        yield f"{hit.body} meets obstacle {hit.obstacle} at {hit.pose}"
-    margin = float(stable_set(scenario.chain, result.stable_set).margin(result.path.twists).min())
-    if not margin > scenario.stability.margin:
-        yield f"smallest margin {margin}"
-    for end in (result.path.end, result.trajectory.poses[-1]):
-        if max(pose_error(end, scenario.goal.pose_chain)) > EXACT:
-            yield f"ends at {end}, the goal is {scenario.goal.pose_chain}"
-
-
 def attempt(scenario: Scenario, planner: str, seconds: float, tally: Tally, seed: int) -> PlanResult:
     result = plan(scenario, planner=planner, seed=1, time_limit=seconds)
-    if result.solved:
-        tally.failures += [f"problem {seed}, {planner}: {why}" for why in failures(scenario, result)]
+    if result.solved and (fault := plan_flaw(exactly(scenario), result)):
+        tally.failures.append(f"problem {seed}, {planner}: {fault}")
     return result
 
 

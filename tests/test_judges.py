@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan.bench.validation import flaw
+from pushplan.bench.validation import EXACT, exactly, flaw, plan_flaw
 from pushplan.path import PushPath
 from pushplan.planners.session import Budget
 from pushplan.planners.verdict import flaw as path_flaw
@@ -42,6 +42,7 @@ def obstacle_on_the_way() -> PolygonObstacle:
 def test_a_good_run_has_no_flaw() -> None:
     scenario, result, execution = good()
     assert flaw(scenario, execution) == ""
+    assert plan_flaw(exactly(scenario), result) == ""
     stable = stable_set(scenario.chain)
     assert verdict(scenario, stable, result.path, result.trajectory, BUDGET) == ""
 
@@ -96,6 +97,27 @@ def test_a_path_that_ends_elsewhere_is_refused() -> None:
     short = PushPath(path.start, path.twists, path.lengths * [*[1.0] * (len(path.lengths) - 1), 0.5])
     said = verdict(scenario, stable_set(scenario.chain), short, result.trajectory, BUDGET)
     assert said.startswith("the path misses the goal by ")
+
+
+def test_a_plan_is_judged_by_its_path_and_its_trajectory() -> None:
+    scenario, result, _ = good()
+    path, trajectory = result.path, result.trajectory
+    assert path is not None
+    assert trajectory is not None
+    smallest = float(stable_set(scenario.chain).margin(path.twists).min())
+    strict = replace(scenario, stability=replace(scenario.stability, margin=smallest))
+    assert (
+        plan_flaw(strict, result) == f"the smallest margin is {smallest:.3g}; it must be above {smallest:g}"
+    )
+    blocked = replace(scenario, obstacles=(obstacle_on_the_way(),))
+    assert " meets obstacle 0 with the chain frame at " in plan_flaw(blocked, result)
+    short = replace(path, lengths=path.lengths - [*[0.0] * (len(path.lengths) - 1), 3.0 * EXACT])
+    assert plan_flaw(scenario, replace(result, path=short)) == ""
+    assert plan_flaw(exactly(scenario), replace(result, path=short)).startswith("the goal is missed by ")
+    aside = replace(trajectory, start=np.add(trajectory.start, [0.0, 3.0 * EXACT, 0.0]))
+    assert plan_flaw(exactly(scenario), replace(result, trajectory=aside)).startswith(
+        "the goal is missed by 3e-06 m"
+    )
 
 
 def test_no_path_is_said_with_what_was_allowed() -> None:

@@ -1,6 +1,8 @@
-"""What an execution is judged by: collision, margin and goal, whatever the planner claims."""
+"""What executions and plans are judged by: collision, margin and goal, whatever the planner claims."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -8,8 +10,16 @@ import shapely
 from pushplan.arrays import FloatArray
 from pushplan.geometry.se2 import rotate
 from pushplan.planners.checker import densify, find_collision
+from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
 from pushplan.sim.execution import Execution
+from pushplan.sim.kinematic import pose_error
+
+EXACT = 1e-6
+"""Goal error (m, rad) of a motion that reaches its goal exactly."""
+
+PATH_SPACING = 0.002
+"""Cost between the poses of a path that are checked, m."""
 
 CLEARANCE_SPACING = 0.01
 """No point of a body moves farther than this between two poses at which the clearance is measured, m."""
@@ -24,18 +34,50 @@ def flaw(scenario: Scenario, execution: Execution) -> str:
     if execution.loss is not None:
         loss = execution.loss
         return f"contact {loss.contact} is lost after {loss.time:.3f} s with a margin of {loss.margin:.3g}"
-    margin = float(execution.margins.min())
-    if margin <= scenario.stability.margin:
-        return f"the smallest margin is {margin:.3g}; it must be above {scenario.stability.margin:g}"
-    position, angle = execution.goal_error
-    goal = scenario.goal
-    if position > goal.position_tolerance or angle > goal.angle_tolerance:
-        return f"the goal is missed by {position:.2g} m and {angle:.2g} rad"
-    hit = find_collision(scenario, execution.poses)
-    if hit is not None:
-        other = "a wall of the workspace" if hit.obstacle is None else f"obstacle {hit.obstacle}"
-        return f"{hit.body} meets {other} with the chain frame at {hit.pose}"
-    return ""
+    return (
+        _low_margin(scenario, float(execution.margins.min()))
+        or _missed_goal(scenario, execution.goal_error)
+        or _collision(scenario, execution.poses)
+    )
+
+
+def plan_flaw(scenario: Scenario, result: PlanResult) -> str:
+    """Return why a plan does not solve a scenario, empty if it does: from its path and trajectory as they stand."""
+    path, trajectory = result.path, result.trajectory
+    if path is None or trajectory is None:
+        return result.reason
+    margins = scenario.stable_set(result.stable_set).margin(path.twists)
+    fault = _low_margin(scenario, float(margins.min(initial=1.0)))
+    for poses in (path.sampled(PATH_SPACING), trajectory.poses):
+        fault = fault or _missed_goal(scenario, pose_error(poses[-1], scenario.goal.pose_chain))
+        fault = fault or _collision(scenario, poses)
+    return fault
+
+
+def exactly(scenario: Scenario) -> Scenario:
+    """Return a scenario whose goal counts as reached only within `EXACT`."""
+    return replace(scenario, goal=replace(scenario.goal, position_tolerance=EXACT, angle_tolerance=EXACT))
+
+
+def _low_margin(scenario: Scenario, margin: float) -> str:
+    if margin > scenario.stability.margin:
+        return ""
+    return f"the smallest margin is {margin:.3g}; it must be above {scenario.stability.margin:g}"
+
+
+def _missed_goal(scenario: Scenario, error: tuple[float, float]) -> str:
+    (position, angle), goal = error, scenario.goal
+    if position <= goal.position_tolerance and angle <= goal.angle_tolerance:
+        return ""
+    return f"the goal is missed by {position:.2g} m and {angle:.2g} rad"
+
+
+def _collision(scenario: Scenario, poses: FloatArray) -> str:
+    hit = find_collision(scenario, poses)
+    if hit is None:
+        return ""
+    other = "a wall of the workspace" if hit.obstacle is None else f"obstacle {hit.obstacle}"
+    return f"{hit.body} meets {other} with the chain frame at {hit.pose}"
 
 
 def clearance(scenario: Scenario, poses: FloatArray) -> float | None:
