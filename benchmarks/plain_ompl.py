@@ -23,6 +23,7 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import cost_rate
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments
+from pushplan.planners.ompl_poses import bounds, state_at
 from pushplan.planners.problem import sampling_box
 from pushplan.planners.scene import chain_outlines
 from pushplan.reading.scenario_file import load_scenario
@@ -65,7 +66,7 @@ def solve(scenario: Scenario, name: str, seconds: float, seed: int) -> PlainResu
     segments = control_segments(stable, scenario.chain.pusher.drive, scenario.stability.margin + MARGIN_FLOOR)
     information, counter = _information(scenario, segments)
     definition = ob.ProblemDefinition(information)
-    ends = (_state(information, pose) for pose in (scenario.start, scenario.goal.pose_chain))
+    ends = (state_at(information, pose) for pose in (scenario.start, scenario.goal.pose_chain))
     definition.setStartAndGoalStates(*ends, TOLERANCE)
     planner = PLANNERS[name](information)
     planner.setProblemDefinition(definition)
@@ -81,16 +82,9 @@ def _information(scenario: Scenario, segments: FloatArray) -> tuple[Any, list[in
     """OMPL's space information, and a list whose only entry counts the propagator's steps."""
     box = sampling_box(scenario)
     space = ob.SE2StateSpace()
-    bounds = ob.RealVectorBounds(2)
-    for i in range(2):
-        bounds.setLow(i, box[i])
-        bounds.setHigh(i, box[i + 2])
-    space.setBounds(bounds)
+    space.setBounds(bounds([(box[0], box[2]), (box[1], box[3])]))
     controls = oc.RealVectorControlSpace(space, 2)
-    unit = ob.RealVectorBounds(2)
-    unit.setLow(0.0)
-    unit.setHigh(1.0)
-    controls.setBounds(unit)
+    controls.setBounds(bounds([(0.0, 1.0)] * 2))
     information, counter = oc.SpaceInformation(space, controls), [0]
     information.setStatePropagator(_propagator(segments, counter))
     information.setStateValidityChecker(_validity(scenario, box))
@@ -136,14 +130,6 @@ def _validity(scenario: Scenario, box: tuple[float, float, float, float]) -> Any
         return bool(room.contains(moved)) and not standing.intersects(moved)
 
     return valid
-
-
-def _state(information: Any, pose: FloatArray) -> Any:
-    state = information.allocState()
-    state.setX(float(pose[0]))
-    state.setY(float(pose[1]))
-    state.setYaw(float(se2.wrap_angle(pose[2])))
-    return state
 
 
 def _cost(path: Any) -> float:

@@ -16,6 +16,7 @@ from ompl import base as ob
 from ompl import control as oc
 from ompl import util as ou
 
+from pushplan.planners.ompl_poses import bounds
 from pushplan.planners.session import Session
 
 ROW_SCALE = 1e-12
@@ -61,12 +62,12 @@ def search(session: Session, box: Box, heading_length: float, make: Callable[[An
 def _pose(session: Session, box: Box, r: float) -> tuple[Any, Any]:
     """Return OMPL's space information and problem definition."""
     space = ob.RealVectorStateSpace(5)
-    space.setBounds(_bounds([(box[0], box[2]), (box[1], box[3]), (-r, r), (-r, r), (0.0, ROW_SCALE)]))
+    space.setBounds(bounds([(box[0], box[2]), (box[1], box[3]), (-r, r), (-r, r), (0.0, ROW_SCALE)]))
     diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
     cells = ob.RealVectorOrthogonalProjectionEvaluator(space, [diagonal / 40.0] * 2, [0, 1])
     space.registerDefaultProjection(cells)
     controls = oc.RealVectorControlSpace(space, 3)
-    controls.setBounds(_bounds([(0.0, 1.0)] * 3))
+    controls.setBounds(bounds([(0.0, 1.0)] * 3))
     information = oc.SpaceInformation(space, controls)
     information.setStatePropagator(_propagator(session, r))
     information.setStateValidityChecker(lambda state: state[0] < OUTSIDE)
@@ -79,14 +80,6 @@ def _pose(session: Session, box: Box, r: float) -> tuple[Any, Any]:
     definition = ob.ProblemDefinition(information)
     definition.setStartAndGoalStates(start, goal, ROW_SCALE)
     return information, definition
-
-
-def _bounds(ranges: list[tuple[float, float]]) -> Any:
-    bounds = ob.RealVectorBounds(len(ranges))
-    for i, (low, high) in enumerate(ranges):
-        bounds.setLow(i, low)
-        bounds.setHigh(i, high)
-    return bounds
 
 
 def _propagator(session: Session, r: float) -> Callable[[Any, Any, float, Any], None]:

@@ -21,6 +21,7 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.collision import separation
+from pushplan.planners.ompl_poses import bounds, state_at
 from pushplan.planners.search import TRIES
 from pushplan.planners.session import Session
 from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
@@ -131,7 +132,7 @@ def search(session: Session, box: Box, make: Callable[[Any], Any], anew: bool) -
     information, words = _space(session, box, car)
     definition = ob.ProblemDefinition(information)
     ends = (session.start, session.problem.goal)
-    definition.setStartAndGoalStates(*(_state(information, car.of_chain(pose)) for pose in ends))
+    definition.setStartAndGoalStates(*(state_at(information, car.of_chain(pose)) for pose in ends))
     planner = make(information)
     planner.setProblemDefinition(definition)
     planner.setup()
@@ -180,11 +181,8 @@ def _way_to(
 def _space(session: Session, box: Box, car: Car) -> tuple[Any, SweptWords]:
     """Return OMPL's space information and the motion validator."""
     space = ob.DubinsStateSpace(car.radius)
-    bounds, reach = ob.RealVectorBounds(2), math.hypot(car.middle[0], car.middle[1])
-    for i in range(2):
-        bounds.setLow(i, box[i] - reach)
-        bounds.setHigh(i, box[i + 2] + reach)
-    space.setBounds(bounds)
+    reach = math.hypot(car.middle[0], car.middle[1])
+    space.setBounds(bounds([(box[i] - reach, box[i + 2] + reach) for i in range(2)]))
     information = ob.SpaceInformation(space)
     scene = session.problem.scene
 
@@ -197,14 +195,6 @@ def _space(session: Session, box: Box, car: Car) -> tuple[Any, SweptWords]:
     information.setMotionValidator(words)
     information.setup()
     return information, words
-
-
-def _state(information: Any, pose: FloatArray) -> Any:
-    state = information.allocState()
-    state.setX(float(pose[0]))
-    state.setY(float(pose[1]))
-    state.setYaw(float(se2.wrap_angle(pose[2])))
-    return state
 
 
 def _arcs(path: Any, car: Car, words: SweptWords, ends: tuple[FloatArray, FloatArray]) -> FloatArray:

@@ -14,6 +14,7 @@ from ompl import util as ou
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
+from pushplan.planners.ompl_poses import bounds, state_at
 from pushplan.planners.session import Session
 from pushplan.planners.sparse_rounds import SparseRounds
 
@@ -52,33 +53,21 @@ class StableSparseRRT(ob.Planner):  # type: ignore[misc]
 
     def _solution(self, arcs: FloatArray) -> Any:
         pose, path = self._session.start, og.PathGeometric(self._information)
-        path.append(_state(self._information, pose))
+        path.append(state_at(self._information, pose))
         for arc in arcs:
             pose = se2.compose(pose, se2.exp(arc[:3] * arc[3]))
-            path.append(_state(self._information, pose))
+            path.append(state_at(self._information, pose))
         return path
 
 
 def _pose(session: Session, box: Box) -> tuple[Any, Any]:
     """Return OMPL's space information and problem definition."""
     space = ob.SE2StateSpace()
-    bounds = ob.RealVectorBounds(2)
-    for i in range(2):
-        bounds.setLow(i, box[i])
-        bounds.setHigh(i, box[i + 2])
-    space.setBounds(bounds)
+    space.setBounds(bounds([(box[0], box[2]), (box[1], box[3])]))
     information = ob.SpaceInformation(space)
     information.setStateValidityChecker(lambda state: True)
     information.setup()
     definition = ob.ProblemDefinition(information)
-    ends = (_state(information, pose) for pose in (session.start, session.problem.goal))
+    ends = (state_at(information, pose) for pose in (session.start, session.problem.goal))
     definition.setStartAndGoalStates(*ends)
     return information, definition
-
-
-def _state(information: Any, pose: FloatArray) -> Any:
-    state = information.allocState()
-    state.setX(float(pose[0]))
-    state.setY(float(pose[1]))
-    state.setYaw(float(se2.wrap_angle(pose[2])))
-    return state
