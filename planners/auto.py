@@ -15,11 +15,10 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
 from pushplan.planners.bidirectional import NODE, Forest, grow_both, plant
-from pushplan.planners.guide import Guide, find_way, make_guide
+from pushplan.planners.guide import Guide, find_way, make_guide, middle_of
 from pushplan.planners.search import random
 from pushplan.planners.session import Session
 from pushplan.planners.sparse_rounds import SparseRounds
-from pushplan.planners.steering import STRAIGHT
 
 FIRST_ROUND = 256
 """Extensions of the first round; later ones have as many, at times twice, four times as many and so on."""
@@ -103,22 +102,17 @@ def _draw_way(guide: Guide, state: RandomState, number: int) -> FloatArray:
 
 def _forest(size: int, session: Session, box: Box, heading_length: float, reach: float) -> Forest:
     ahead, behind = np.zeros((2, size + CHUNK, NODE))
-    counts = np.ones(2, dtype=np.int64)
-    push = session.problem.families[0, STRAIGHT]
-    middle = np.append(session.problem.scene.body_bound[:2], math.atan2(push[1], push[0]))
-    bounds = np.array(box, dtype=np.float64)
     return Forest(
-        ahead,
-        behind,
-        counts,
-        bounds,
-        heading_length,
-        reach,
-        session.random,
-        NO_WAY,
-        middle,
-        heading_length,
-        0.0,
+        ahead=ahead,
+        behind=behind,
+        counts=np.ones(2, dtype=np.int64),
+        box=np.array(box, dtype=np.float64),
+        heading_length=heading_length,
+        reach=reach,
+        state=session.random,
+        way=NO_WAY,
+        middle=middle_of(session.problem),
+        blind=0.0,
     )
 
 

@@ -49,12 +49,12 @@ class Forest(NamedTuple):
         behind: (capacity, NODE) tree to the goal.
         counts: (2,) nodes in each.
         box: (4,) xmin, ymin, xmax, ymax that positions are drawn from.
-        heading_length: Metres that a radian counts as in the choice of the nearest nodes.
+        heading_length: Metres that a radian counts as in the choice of the nearest nodes; so far from the way, m,
+            positions are drawn.
         reach: Longest piece of a word that is added at a time, m of cost.
         state: (1,) of the random generator.
         way: (k, 2) points near which the body's middle is to pass; none of them, k = 0, to draw from the box alone.
         middle: (3,) the body's middle in the chain frame, and the direction of its straight push there.
-        spread: How far from the way positions are drawn, m.
         blind: Share of the extensions that take a random arc instead of a word towards the sample.
     """
 
@@ -67,7 +67,6 @@ class Forest(NamedTuple):
     state: RandomState
     way: FloatArray
     middle: FloatArray
-    spread: float
     blind: float
 
 
@@ -102,8 +101,8 @@ def _draw_along(forest: Forest, pose: FloatArray) -> None:
     pose[2] = heading - forest.middle[2] + TURNED * (random(state) + random(state) - 1.0)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x, y = forest.middle[0], forest.middle[1]
-    pose[0] = way[i, 0] - c * x + s * y + forest.spread * (random(state) + random(state) - 1.0)
-    pose[1] = way[i, 1] - s * x - c * y + forest.spread * (random(state) + random(state) - 1.0)
+    pose[0] = way[i, 0] - c * x + s * y + forest.heading_length * (random(state) + random(state) - 1.0)
+    pose[1] = way[i, 1] - s * x - c * y + forest.heading_length * (random(state) + random(state) - 1.0)
 
 
 @woven

@@ -57,7 +57,6 @@ class Guide(NamedTuple):
         half_width: Half of the body's width across its straight push, m.
         start: (2,) the middle at the start, m.
         goal: (2,) the middle at the goal, m.
-        heading: Direction of the chain's straight push in the chain frame, rad.
         worn: (nx, ny) how often ways passed here lately; it makes the floor expensive, and drives ways apart.
     """
 
@@ -68,7 +67,6 @@ class Guide(NamedTuple):
     half_width: float
     start: FloatArray
     goal: FloatArray
-    heading: float
     worn: FloatArray
 
 
@@ -83,17 +81,20 @@ def make_guide(problem: Problem, start: FloatArray, box: Box) -> Guide:
     scene = problem.scene
     cell = max(box[2] - box[0], box[3] - box[1]) / CELLS
     counts = [max(1, round((box[k + 2] - box[k]) / cell)) for k in (0, 1)]
-    center = scene.body_bound[:2]
-    ahead = problem.families[0, STRAIGHT]
-    heading = math.atan2(ahead[1], ahead[0])
+    middle = middle_of(problem)
+    center, heading = middle[:2], middle[2]
     across = scene.body.corners[:, :2] @ np.array([-math.sin(heading), math.cos(heading)])
     corner = np.array(box[:2], dtype=np.float64)
     point = scene._replace(body=flatten([_SPECK]), body_bound=np.array([0.0, 0.0, 2.0 * _SPECK[1, 0]]))
     space = spaces(point, corner, cell, counts[0], counts[1])
     begin, end = (se2.transform_points(pose, center) for pose in (start, problem.goal))
-    return Guide(
-        space, corner, cell, center, 0.5 * float(np.ptp(across)), begin, end, heading, np.zeros_like(space)
-    )
+    return Guide(space, corner, cell, center, 0.5 * float(np.ptp(across)), begin, end, np.zeros_like(space))
+
+
+def middle_of(problem: Problem) -> FloatArray:
+    """Return the body's middle in the chain frame, and the direction of its straight push there (3,)."""
+    push = problem.families[0, STRAIGHT]
+    return np.append(problem.scene.body_bound[:2], math.atan2(push[1], push[0]))
 
 
 @compiled
