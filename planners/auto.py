@@ -17,14 +17,11 @@ from pushplan.arrays import FloatArray, RandomState
 from pushplan.planners.bidirectional import NODE, Forest, grow_both, plant
 from pushplan.planners.guide import Guide, find_way, make_guide, middle_of
 from pushplan.planners.search import random
-from pushplan.planners.session import Session
+from pushplan.planners.session import CHUNK, Session
 from pushplan.planners.sparse_rounds import SparseRounds
 
 FIRST_ROUND = 256
 """Extensions of the first round; later ones have as many, at times twice, four times as many and so on."""
-
-CHUNK = 128
-"""Extensions between two looks at the clock."""
 
 REACH_SHARE = 0.15
 """Longest piece of a word added at a time, as a share of the sampling box's diagonal."""

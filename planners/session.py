@@ -21,6 +21,9 @@ from pushplan.result import ProgressPoint
 FIRST_CAPACITY = 4096
 """Nodes that a fresh tree has room for; doubled when full."""
 
+CHUNK = 128
+"""Extensions between two looks at the clock."""
+
 POLISH_ATTEMPTS = 1_000
 """Changes tried on every path found."""
 

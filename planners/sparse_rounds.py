@@ -13,7 +13,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.planners.search import NODE, remaining, trace
-from pushplan.planners.session import Session
+from pushplan.planners.session import CHUNK, Session
 from pushplan.planners.sst_kernel import ACTIVE, NODES, TO_GO, UNUSED, SparseTree, grow_sparse
 
 SELECTION_SHARE, PRUNING_SHARE = 0.08, 0.04
@@ -27,9 +27,6 @@ FIRST_ROUND = 4_000
 
 GROWTH = 1.4
 """Factor of the extensions from round to round."""
-
-CHUNK = 128
-"""Extensions between two looks at the clock."""
 
 Box = tuple[float, float, float, float]
 
