@@ -75,6 +75,7 @@ class Session:
         start: (3,) pose of the chain frame in the world.
         best_arcs: (k, 4) twists and lengths of the best path, None while there is none.
         best_cost: Its cost, m; infinite while there is none.
+        bound: Cost that a path has to stay below to be better, m.
         closest_arcs: (k, 4) free path that ends nearest to the goal, kept while there is none to it.
         closest_left: Lower bound on the cost that is missing from there, m.
         progress: Every improvement.
@@ -103,7 +104,7 @@ class Session:
         self.progress: list[ProgressPoint] = []
         self.extensions = 0
         self.iterations = 0
-        self._best_price, self._bound = math.inf, math.inf
+        self._best_price, self.bound = math.inf, math.inf
         self._reference, self._improved_at = math.inf, 0
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
         self._on_progress = on_progress
@@ -152,11 +153,6 @@ class Session:
         return self.best_cost if prices.kind == TRAVEL else self._best_price / prices.lowest
 
     @property
-    def bound(self) -> float:
-        """Cost that a path has to stay below to be better, m."""
-        return self._bound
-
-    @property
     def elapsed(self) -> float:
         """Wall-clock seconds since the session began."""
         return time.perf_counter() - self.began
@@ -196,11 +192,11 @@ class Session:
         self.extensions += 1
         self.iterations += 1
         node = self.count
-        kept, cost = grow_held(self._held, self.nodes, node, parent, u0, u1, u2, self._bound, self._word)
+        kept, cost = grow_held(self._held, self.nodes, node, parent, u0, u1, u2, self.bound, self._word)
         if not kept:
             return -1
         self.count = node + 1
-        if cost < self._bound:
+        if cost < self.bound:
             self._consider(node, cost)
         return node
 
@@ -271,7 +267,7 @@ class Session:
             return
         self.best_arcs, self._best_price = arcs.copy(), arcs_price
         self.best_cost = float(arcs[:, 3].sum())
-        self._bound = self.horizon - GAIN
+        self.bound = self.horizon - GAIN
         if self.horizon < self._reference * (1.0 - WORTHWHILE):
             self._reference, self._improved_at = self.horizon, self.iterations
         self.progress.append(ProgressPoint(self.elapsed, self.best_cost, self.iterations))
