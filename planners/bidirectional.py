@@ -14,7 +14,7 @@ from pushplan.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled, woven
 from pushplan.planners.collision import Scene, separation, step, sweep_is_free
 from pushplan.planners.rows import put, put_rows
-from pushplan.planners.search import TRIES, Problem, choose_twist, random, remaining
+from pushplan.planners.search import TRIES, Problem, apart, choose_twist, random, remaining
 from pushplan.planners.steering import MAX_WORDS, connect, find_words
 
 NODE = 17
@@ -128,8 +128,7 @@ def _nearest(tree: FloatArray, count: int, pose: FloatArray, heading_length: flo
     distances = np.full(found.shape[0], np.inf)
     n = 0
     for i in range(count):
-        turn = abs((tree[i, 2] - pose[2] + math.pi) % (2.0 * math.pi) - math.pi)
-        d = math.hypot(tree[i, 0] - pose[0], tree[i, 1] - pose[1]) + heading_length * turn
+        d = apart(tree[i], pose[0], pose[1], pose[2], heading_length)
         if d < distances[-1]:
             k = min(n, found.shape[0] - 1)
             while k > 0 and distances[k - 1] > d:

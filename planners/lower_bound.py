@@ -15,6 +15,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.names import CLEARANCE_ROOM
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.free_space import Disc, blocked, disc_at, largest_disc
@@ -41,7 +42,7 @@ def lower_bound(scenario: Scenario, most: float = math.inf) -> float:
     x, y, theta = scenario.start
     goal = scenario.goal.pose_chain
     straight = float(remaining(x, y, theta, goal))
-    turn = abs((goal[2] - theta + math.pi) % (2.0 * math.pi) - math.pi)
+    turn = abs(float(se2.wrap_angle(goal[2] - theta)))
     bounds = [straight]
     for disc in _discs(scenario):
         rest = (TURN_WEIGHT - float(np.linalg.norm(disc.center))) * turn

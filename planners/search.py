@@ -68,11 +68,17 @@ def choose_twist(problem: Problem, u0: float, u1: float) -> tuple[float, float, 
     return vx / rate, vy / rate, omega / rate
 
 
+@woven
+def apart(row: FloatArray, x: float, y: float, theta: float, heading_length: float) -> float:
+    """Distance of a row's pose from a pose, m: straight travel and the smallest turn at so many metres a radian."""
+    turn = abs((row[2] - theta + math.pi) % (2.0 * math.pi) - math.pi)
+    return float(math.hypot(row[0] - x, row[1] - y) + heading_length * turn)
+
+
 @compiled
 def remaining(x: float, y: float, theta: float, goal: FloatArray) -> float:
     """Lower bound on the cost from a pose to the goal: straight travel plus the smallest turn."""
-    turn = abs((goal[2] - theta + math.pi) % (2.0 * math.pi) - math.pi)
-    return float(math.hypot(goal[0] - x, goal[1] - y) + TURN_WEIGHT * turn)
+    return apart(goal, x, y, theta, TURN_WEIGHT)
 
 
 @woven

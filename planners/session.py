@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.path import TURN_WEIGHT, PushPath
 from pushplan.planners.branches import Branches
 from pushplan.planners.held import grow_held, hold
@@ -211,7 +212,7 @@ class Session:
         """Return which of the poses (n, 3) is nearest to the goal, -1 if another one was nearer or reached it."""
         if self.best_arcs is not None or len(poses) == 0:
             return -1
-        turn = np.abs((self.problem.goal[2] - poses[:, 2] + math.pi) % (2.0 * math.pi) - math.pi)
+        turn = np.abs(se2.wrap_angle(self.problem.goal[2] - poses[:, 2]))
         away = np.hypot(*(self.problem.goal[:2] - poses[:, :2]).T) + TURN_WEIGHT * turn
         node = int(np.argmin(away))
         return node if away[node] < self.closest_left - GAIN else -1

@@ -14,7 +14,7 @@ import numpy as np
 from pushplan.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled, woven
 from pushplan.planners.collision import step, sweep_is_free
-from pushplan.planners.search import NODE, TRIES, Problem, choose_twist, random, remaining, trace
+from pushplan.planners.search import NODE, TRIES, Problem, apart, choose_twist, random, remaining, trace
 from pushplan.planners.steering import connect
 
 TO_GO = NODE
@@ -53,13 +53,6 @@ class SparseTree(NamedTuple):
 
 
 @woven
-def _apart(row: FloatArray, x: float, y: float, theta: float, heading_length: float) -> float:
-    """Distance of a row's pose from a pose, m."""
-    turn = abs((row[2] - theta + math.pi) % (2.0 * math.pi) - math.pi)
-    return float(math.hypot(row[0] - x, row[1] - y) + heading_length * turn)
-
-
-@woven
 def _selected(tree: SparseTree, bound: float) -> int:
     """Row of the cheapest node near a random pose, or of the nearest node; -1 if none can lead below the bound."""
     x = tree.box[0] + (tree.box[2] - tree.box[0]) * random(tree.state)
@@ -69,7 +62,7 @@ def _selected(tree: SparseTree, bound: float) -> int:
     for i in range(tree.counts[NODES]):
         node = tree.nodes[i]
         if tree.roles[i, ACTIVE] == 1 and node[3] + node[TO_GO] < bound:
-            d = _apart(node, x, y, theta, tree.radii[0])
+            d = apart(node, x, y, theta, tree.radii[0])
             if d < distance:
                 nearest, distance = i, d
             if d < tree.radii[1] and node[3] < cost:
@@ -82,7 +75,7 @@ def _witness(tree: SparseTree, x: float, y: float, theta: float) -> int:
     """Index of the nearest witness close to a pose, -1 if there is none."""
     nearest, distance = -1, tree.radii[2]
     for i in range(tree.counts[WITNESSES]):
-        d = _apart(tree.witnesses[i], x, y, theta, tree.radii[0])
+        d = apart(tree.witnesses[i], x, y, theta, tree.radii[0])
         if d < distance:
             nearest, distance = i, d
     return nearest
