@@ -11,11 +11,10 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
 from pushplan.compiled import compiled, woven
-from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import step
 from pushplan.planners.prices import TRAVEL, Prices, arc_price
 from pushplan.planners.rows import put, put_rows
-from pushplan.planners.search import TRIES, Problem, random
+from pushplan.planners.search import TRIES, Problem, between, random
 from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
 from pushplan.planners.varying import normals_of, vary
 
@@ -116,14 +115,6 @@ def _spliced(path: FloatArray, i: int, into_i: float, word: FloatArray, j: int, 
 
 
 @compiled
-def _between(segment: FloatArray, b: float, twist: FloatArray) -> None:
-    """Fill `twist` with the combination (1 - b, b) of a segment's ends, scaled to a cost rate of 1."""
-    for i in range(3):
-        twist[i] = (1.0 - b) * segment[i] + b * segment[3 + i]
-    twist /= math.hypot(twist[0], twist[1]) + TURN_WEIGHT * abs(twist[2])
-
-
-@compiled
 def random_family(segments: FloatArray, state: RandomState, family: FloatArray) -> None:
     """Fill `family` (3, 3) with a left turn, a straight push and a right turn drawn from the stable set.
 
@@ -141,10 +132,9 @@ def random_family(segments: FloatArray, state: RandomState, family: FloatArray) 
             b = b if letter == RIGHT else 1.0 - b
         if letter == STRAIGHT:
             if level > 0.0:
-                _between(segment, level, family[letter])
-                family[letter, 2] = 0.0
+                family[letter, 0], family[letter, 1], _ = between(segment, level)
         elif (low < 0.0) if letter == RIGHT else (high > 0.0):
-            _between(segment, b, family[letter])
+            family[letter, 0], family[letter, 1], family[letter, 2] = between(segment, b)
             if family[letter, 2] * (1.0 if letter == LEFT else -1.0) < 1e-6:
                 family[letter] = 0.0
 

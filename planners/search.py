@@ -49,6 +49,16 @@ class Problem(NamedTuple):
 
 
 @woven
+def between(segment: FloatArray, b: float) -> tuple[float, float, float]:
+    """Combine a segment's ends (6,) as (1 - b, b): a twist scaled to a cost rate of 1."""
+    vx = (1.0 - b) * segment[0] + b * segment[3]
+    vy = (1.0 - b) * segment[1] + b * segment[4]
+    omega = (1.0 - b) * segment[2] + b * segment[5]
+    rate = math.hypot(vx, vy) + TURN_WEIGHT * abs(omega)
+    return vx / rate, vy / rate, omega / rate
+
+
+@woven
 def choose_twist(problem: Problem, u0: float, u1: float) -> tuple[float, float, float]:
     """Map two numbers in [0, 1] onto the stable set: a twist scaled to a cost rate of 1."""
     families, segments = problem.families, problem.segments
@@ -61,11 +71,7 @@ def choose_twist(problem: Problem, u0: float, u1: float) -> tuple[float, float, 
     u0 = (u0 - LETTER_SHARE) / (1.0 - LETTER_SHARE)
     i = min(int(u0 * segments.shape[0]), segments.shape[0] - 1)
     b = min(1.0, max(0.0, (u1 - END_SHARE) / (1.0 - 2.0 * END_SHARE)))
-    vx = (1.0 - b) * segments[i, 0] + b * segments[i, 3]
-    vy = (1.0 - b) * segments[i, 1] + b * segments[i, 4]
-    omega = (1.0 - b) * segments[i, 2] + b * segments[i, 5]
-    rate = math.hypot(vx, vy) + TURN_WEIGHT * abs(omega)
-    return vx / rate, vy / rate, omega / rate
+    return between(segments[i], b)
 
 
 @woven

@@ -11,11 +11,10 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled, woven
-from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import step, sweep_is_free
-from pushplan.planners.prices import TRAVEL, Prices, arc_price
+from pushplan.planners.prices import Prices, arc_price
 from pushplan.planners.rows import put, put_rows
-from pushplan.planners.search import Problem, random
+from pushplan.planners.search import Problem, between, random
 
 SPLIT_SHARE = 0.2
 """Share of the changes that split an arc first, so that a path may take a new form."""
@@ -96,10 +95,8 @@ def _size(state: RandomState) -> float:
 
 
 @woven
-def _new_twist(
-    segments: FloatArray, normals: FloatArray, state: RandomState, twist: FloatArray, new: FloatArray
-) -> bool:
-    """Draw a stable twist near another one; False when there is none."""
+def _change_twist(segments: FloatArray, normals: FloatArray, state: RandomState, twist: FloatArray) -> bool:
+    """Exchange a twist for a stable one near it; False when there is none."""
     i, b = _whereabouts(segments, normals, twist)
     if i < 0:
         return False
@@ -110,12 +107,7 @@ def _new_twist(
         b = segment[2] / (segment[2] - segment[5])
     elif min(b, 1.0 - b) > AT_END or random(state) > KEEP_SHARE:
         b = min(1.0, max(0.0, b + _size(state)))
-    for j in range(3):
-        new[j] = (1.0 - b) * segment[j] + b * segment[3 + j]
-    if twist[2] == 0.0 and abs(new[2]) < 1e-15:
-        new[2] = 0.0
-    rate = math.hypot(new[0], new[1]) + TURN_WEIGHT * abs(new[2])
-    new[0], new[1], new[2] = new[0] / rate, new[1] / rate, new[2] / rate
+    twist[0], twist[1], twist[2] = between(segment, b)
     return True
 
 
@@ -124,10 +116,7 @@ def _price(prices: Prices, path: FloatArray, first: int, last: int) -> float:
     """Return the price of the arcs from the first to the last one."""
     total = 0.0
     for k in range(first, last + 1):
-        if prices.kind == TRAVEL:
-            total += path[k, 3] + prices.per_arc
-        else:
-            total += arc_price(prices, path[k, 0], path[k, 1], path[k, 2], path[k, 3])
+        total += arc_price(prices, path[k, 0], path[k, 1], path[k, 2], path[k, 3])
     return total
 
 
@@ -250,7 +239,7 @@ def vary(
     before = _price(problem.prices, trial, first, last) - (problem.prices.per_arc if split else 0.0)
     if random(state) < LENGTH_SHARE:
         trial[k, 3] *= 1.0 + 0.5 * _size(state)
-    elif not _new_twist(problem.segments, normals, state, trial[k], trial[k]):
+    elif not _change_twist(problem.segments, normals, state, trial[k]):
         return path
     chosen = np.empty(3, dtype=np.int64)
     _choose(state, first, last, chosen)
