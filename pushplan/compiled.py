@@ -31,7 +31,7 @@ def _digest(folders: list[Path]) -> str:
     for folder in folders:
         for source in sorted(folder.glob("*.py")):
             text = source.read_bytes()
-            if b"@compiled" in text:
+            if b"@compiled" in text or b"@woven" in text:
                 digest.update(hashlib.sha256(text).digest())
     return digest.hexdigest()
 
