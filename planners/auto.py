@@ -14,7 +14,8 @@ from itertools import count
 import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
-from pushplan.planners.bidirectional import NODE, Forest, grow_both, plant
+from pushplan.planners.bidirectional import grow_both
+from pushplan.planners.forest import NODE, Forest, plant
 from pushplan.planners.guide import Guide, find_way, make_guide, middle_of
 from pushplan.planners.search import random
 from pushplan.planners.session import CHUNK, Session
