@@ -1,10 +1,10 @@
 """Thousands of files gone wrong: each must be a scenario, a suite or a located message, soon and with little memory.
 
-Run `python benchmarks/mutated_files.py [--files 10000] [--plans 200] [--seed 1]`. The packaged scenarios, and for
-every fifth file small suites, are mutated as text and as documents. Every file is read and checked as by
-`pushplan check` and `pushplan bench`; of the valid scenarios the first `--plans` are planned too. Prints
-counts, the slowest file and the memory at its peak; exits 1 on anything but a valid file or a message with its place,
-on a file that takes longer than 5 s, or when memory exceeds 500 MB.
+Run `python benchmarks/mutated_files.py [--files 10000] [--plans 200] [--seed 1]`. The packaged scenarios, the same
+with intervals, and for every fifth file small suites, are mutated as text and as documents. Every file is read and
+checked as by `pushplan check` and `pushplan bench`; of the valid scenarios the first `--plans` are planned too.
+Prints counts, the slowest file and the memory at its peak; exits 1 on anything but a valid file or a message
+with its place, on a file that takes longer than 5 s, or when memory exceeds 500 MB.
 """
 
 from __future__ import annotations
@@ -61,6 +61,23 @@ seeds: [3, 7]
 limits: {time: 1.5 s, run: 10 s, memory: 500 MB}
 """
 
+INTERVALS = """\
+format: pushplan/1
+floor: {friction: [0.2, 0.4]}
+objects:
+  - {name: near, shape: {box: [0.1, 0.08]}, mass: ["700 g", 1.9]}
+  - name: far
+    shape: {box: [0.1, 0.08]}
+    mass: 0.8
+    floor_friction: 0.3
+    support: {feet: [[-0.04, -0.03, [0.1, 0.4]], [0.04, -0.03, [0, 40 %]],
+                     [0.04, 0.03, 0.25], [-0.04, 0.03, [10 %, 0.4]]]}
+contacts: {friction: [14 deg, 0.5], between: [{objects: [near, far], friction: [0.3, 0.4]}]}
+pusher: {width: 0.2, friction: [0.5, 0.6]}
+goal: {pose: [0.8, 0.3, 40 deg]}
+stability: {set: ecof}
+"""
+
 NOTHING = ("--filter", "seed=99999")
 """No run of a batch, so that a valid suite is read and nothing is planned."""
 
@@ -108,9 +125,11 @@ def _files(random: Random, count: int) -> Iterator[File]:
     mutators = _mutators()
     scenarios = [*map(example_text, example_names()), new_scenario_text("new")]
     suites = [suite_text("smoke"), suite_text("paper"), SUITE]
+    resolved = [load_scenario(name).resolved() for name in example_names()]
+    widened = [_widened(document, random) for document in resolved]
+    scenarios += [INTERVALS] * 3 + [json.dumps(document, indent=1) for document in widened]
     documents = {
-        False: [_document(text) for text in scenarios]
-        + [load_scenario(name).resolved() for name in example_names()],
+        False: [_document(text) for text in scenarios] + resolved,
         True: [_document(text) for text in suites],
     }
     for i in range(count):
@@ -120,6 +139,21 @@ def _files(random: Random, count: int) -> Iterator[File]:
         else:
             text = json.dumps(mutators.mutated_document(random.choice(documents[is_suite]), random))
         yield File(is_suite, text)
+
+
+def _widened(document: Any, random: Random) -> Any:
+    """Return a document with half of its masses, frictions and loads of feet as intervals."""
+    document = json.loads(json.dumps(document))
+    holders = [document["floor"], document["pusher"], document["contacts"], *document["objects"]]
+    holders += document["contacts"].get("between", [])
+    found = [(h, key) for h in holders for key in ("friction", "floor_friction", "mass") if h.get(key)]
+    for obj in document["objects"]:
+        if isinstance(obj.get("support"), dict):
+            found += [(foot, 2) for foot in obj["support"].get("feet", []) if len(foot) == 3]
+    for holder, key in found:
+        if random.random() < 0.5:
+            holder[key] = [round(0.9 * holder[key], 6), round(1.1 * holder[key], 6)]
+    return document
 
 
 def _document(text: str) -> Any:
