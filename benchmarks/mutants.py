@@ -66,6 +66,8 @@ timeout_constant = 5.0
 do_not_mutate_patterns = ['raise \\w+', 'f?"[^"]*"', 'dtype=np.\\w+', 'strict=True']
 """
 DECORATORS = re.compile(r"^@(njit\(.*\)|compiled|woven)\n", re.MULTILINE)
+LEFT_ALONE = re.compile(r'(?<=[(,]) ?(f?"(?!"")[^"\n]+"|dtype=np\.\w+|strict=True)')
+"""Words in brackets that mutmut is told to leave alone; it leaves the whole line, so each gets a line of its own."""
 
 
 def main() -> int:
@@ -93,13 +95,13 @@ def _options() -> argparse.Namespace:
 
 
 def _copy(folder: Path, modules: list[str]) -> None:
-    """Copy the checkout, without numba's decorators in the modules."""
+    """Copy the checkout, in the modules without numba's decorators and with a line for each word left alone."""
     leave = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "docs")
     shutil.copytree(ROOT, folder, symlinks=True, ignore=leave)
     paths = [f"pushplan/mechanics/{module}.py" for module in modules]
     for path in paths:
         source = folder / path
-        source.write_text(DECORATORS.sub("", source.read_text("utf-8")), "utf-8")
+        source.write_text(LEFT_ALONE.sub(r"\n\1\n", DECORATORS.sub("", source.read_text("utf-8"))), "utf-8")
     quoted = [", ".join(f'"{word}"' for word in words) for words in (paths, TESTS)]
     with (folder / "pyproject.toml").open("a", encoding="utf-8") as project:
         project.write(CONFIGURATION.format(modules=quoted[0], tests=quoted[1]))
