@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -42,6 +43,8 @@ def test_where_there_is_no_friction_the_plain_mean_stands_in() -> None:
     np.testing.assert_allclose(found, [[0.0, 0.0], [1.0, 2.0]])
     found = common_centers(carried, np.zeros(2), np.array([[0.0, 0.0], [1.0, 2.0]]))
     np.testing.assert_allclose(found, [[0.5, 1.0], [1.0, 2.0]])
+    found = common_centers(carried, np.array([0.03, 0.01]), np.array([[0.0, 0.0], [1.0, 2.0]]))
+    np.testing.assert_allclose(found, [[0.25, 0.5], [1.0, 2.0]])
     found = center_range(np.zeros((2, 2)), np.array([[0.0, 0.0], [1.0, 2.0]]))
     np.testing.assert_allclose(found, [[0.5, 1.0]])
 
@@ -67,6 +70,28 @@ def test_centres_in_a_row_have_a_segment_as_their_range() -> None:
     np.testing.assert_allclose(sorted(map(tuple, corners)), [(1.0, 1.0), (2.0, 1.0)], atol=1e-12)
     fixed = center_range(np.array([[1.0, 1.0], [1.0, 1.0]]), np.array([[0.0, 1.0], [4.0, 1.0]]))
     np.testing.assert_allclose(fixed, [[2.0, 1.0]] * len(fixed))
+
+
+def test_one_load_has_one_centre() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for loads in ([1.0, 3.0], [0.0, 3.0]):
+            found = center_range(np.array([loads]), np.array([[4.0, 1.0]]))
+            np.testing.assert_array_equal(found, [[4.0, 1.0]])
+
+
+def test_loads_that_may_all_vanish_may_have_their_centre_anywhere_between() -> None:
+    centers = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 4.0]])
+    found = center_range(np.array([[0.0, 1.0], [0.0, 2.0], [0.0, 0.5]]), centers)
+    np.testing.assert_allclose(sorted(map(tuple, found)), sorted(map(tuple, centers)), atol=1e-12)
+
+
+def test_corners_off_a_line_between_two_others_are_found() -> None:
+    """Along both axes the same loads are extreme; only the diagonal tells the middle object's largest load."""
+    loads, centers = np.array([[1.0, 2.0]] * 3), np.array([[0.0, 0.0], [0.5, 0.6], [1.0, 1.0]])
+    extreme = [np.array(some) @ centers / sum(some) for some in product(*loads)]
+    everything = shapely.MultiPoint(extreme).convex_hull
+    assert shapely.MultiPoint(center_range(loads, centers)).convex_hull.hausdorff_distance(everything) < 1e-9
 
 
 @pytest.mark.parametrize("feet", [False, True])

@@ -280,6 +280,18 @@ def test_ecof_is_undefined_at_the_cof_of_a_box(make_chain: ChainMaker) -> None:
         ecof(obj, cof(obj))
 
 
+@pytest.mark.parametrize("mass", [1e-3, 1.0, 1e6])
+def test_ecof_is_undefined_there_whatever_the_weight_and_for_frictionless_objects(
+    make_chain: ChainMaker, mass: float
+) -> None:
+    box = replace(make_chain.boxes(1).objects[0], mass=mass, pose_chain=np.array([0.3, 0.2, 0.7]))
+    assert np.hypot(*friction_wrench(box, [twists_about(cof(box), 1)])[0, :2]) > 0.0
+    with pytest.raises(UndefinedEcofError):
+        ecof(box, cof(box))
+    with pytest.raises(UndefinedEcofError):
+        ecof(replace(box, floor_friction=0.0), [0.0, 1.0])
+
+
 def test_public_names_are_these(make_chain: ChainMaker) -> None:
     assert pushplan.friction_wrench is friction_wrench
     assert pushplan.ecof is ecof

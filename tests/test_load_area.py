@@ -80,6 +80,18 @@ def test_what_stands_on_a_line_or_a_point_may_not_be_pushed_above_the_floor(
         load_area(obj, 0.01)
 
 
+def test_three_feet_stand_until_the_load_tips_over_the_nearest_edge() -> None:
+    """Its centre, that of the triangle, is a third of the height 0.3 m from the edge along x."""
+    feet = FeetSupport(np.array([[-0.2, -0.1], [0.2, -0.1], [0.0, 0.2]]), np.full(3, 1.0 / 3.0))
+    assert load_area(resting(feet), 0.19).shift == pytest.approx(0.095)
+    with pytest.raises(SupportError, match=r"is 0\.\d+ m inside the support"):
+        load_area(resting(feet), 0.21)
+
+
+def test_a_frictionless_load_stays_where_it_is() -> None:
+    assert load_area(resting(UnknownSupport(BOX), friction=0.0), 10.0).shift == 0.0
+
+
 def test_areas_of_a_chain_have_the_height_of_its_pusher() -> None:
     contact = Contact(np.array([0.0, -0.1]), np.array([0.0, 0.1]), 0.3, 0, PLATE)
     chain = Chain((resting(UnknownSupport(BOX)),), (contact,), Pusher(BOX, 0.3, contact_height=0.06))

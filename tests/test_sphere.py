@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pushplan.errors import PushplanError
-from pushplan.mechanics.sphere import POLE, Meridians, angles_of, twists_about, twists_at
+from pushplan.mechanics.sphere import POLE, Meridians, angles_of, checked_twists, twists_about, twists_at
 
 LENGTH = 0.4
 
@@ -25,7 +25,10 @@ def test_known_directions_have_their_places() -> None:
     twists = twists_at([0.0, np.pi / 2, 0.0, 0.0], [0.0, 0.0, POLE, -POLE], LENGTH)
     known = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.5], [0.0, 0.0, -2.5]]
     np.testing.assert_allclose(twists, known, atol=1e-15)
-    assert twists_at([[0.0], [1.0]], [0.0, 0.5, 1.0], LENGTH).shape == (2, 3, 3)
+    grid = twists_at([[0.0], [1.0]], [0.0, 0.3, 0.5, 1.0], LENGTH)
+    assert grid.shape == (2, 4, 3)
+    np.testing.assert_array_equal(grid[1], twists_at(1.0, [0.0, 0.3, 0.5, 1.0], LENGTH))
+    np.testing.assert_array_equal(twists_at(0.0, 0.0, LENGTH), [1.0, 0.0, 0.0])
 
 
 def test_centres_of_rotation_lie_on_a_line_through_the_origin() -> None:
@@ -49,3 +52,12 @@ def test_meridians_have_as_many_ends_as_longitudes() -> None:
         assert not array.flags.writeable
     with pytest.raises(PushplanError, match=r"upper has shape \(1,\); it must be \(2\)"):
         Meridians(np.zeros(2), np.zeros(2), np.zeros(1))
+
+
+def test_one_zero_twist_among_others_is_found() -> None:
+    twists = [[1.0, 0.0, 0.0], [0.0, 0.0, -1e-300], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    np.testing.assert_array_equal(checked_twists(twists[:2]), twists[:2])
+    with pytest.raises(
+        PushplanError, match=r"^twist 2 is zero; only the direction of a motion is stable or not$"
+    ):
+        checked_twists(twists)

@@ -16,7 +16,7 @@ def carried_objects(chain: Chain) -> BoolArray:
     """Return (n, n) whether contact k carries object i: the paper's objects 1..k."""
     n = len(chain.objects)
     carried = np.eye(n, dtype=np.bool_)
-    for i in range(n - 1, -1, -1):
+    for i in reversed(range(n)):
         pusher = chain.contacts[i].pusher
         if pusher != PLATE:
             carried[pusher] |= carried[i]

@@ -132,7 +132,7 @@ class ContactDynamics:
         force = mass[:, None] * (dv + domega * _turned(center) + omega * _turned(v) - omega**2 * center[None])
         about = moment * domega[..., 0] + center[:, 0] * force[..., 1] - center[:, 1] * force[..., 0]
         carried = np.concatenate([force, about[..., None]], axis=-1)
-        for k in range(len(self.chain.contacts) - 1, -1, -1):
+        for k in reversed(range(len(self.chain.contacts))):
             pusher = self.chain.contacts[k].pusher
             if pusher >= 0:
                 carried[:, pusher] += carried[:, k]
