@@ -144,10 +144,13 @@ def test_far_cors_are_smooth_down_to_translation(make_chain: ChainMaker) -> None
         np.testing.assert_allclose(turned, straight + omega * slope, atol=1e-13 + 1e-4 * omega)
 
 
-def test_translation_acts_at_the_centre_of_pressure(make_chain: ChainMaker) -> None:
+@pytest.mark.parametrize("direction", [(0.6, -0.8), (0.0, 1.0), (-1.0, 0.0)])
+def test_translation_acts_at_the_centre_of_pressure(
+    make_chain: ChainMaker, direction: tuple[float, float]
+) -> None:
     obj = random_object(make_chain, np.random.default_rng(2), center=True)
-    fx, fy, moment = friction_wrench(obj, [[0.6, -0.8, 0.0]])[0]
-    np.testing.assert_allclose([fx, fy], obj.friction_load * np.array([-0.6, 0.8]), rtol=1e-14)
+    fx, fy, moment = friction_wrench(obj, [[*direction, 0.0]])[0]
+    np.testing.assert_allclose([fx, fy], -obj.friction_load * np.array(direction), rtol=1e-14, atol=1e-14)
     x, y = cof(obj)
     assert moment == pytest.approx(x * fy - y * fx, rel=1e-12)
 

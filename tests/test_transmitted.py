@@ -10,7 +10,12 @@ import numpy as np
 import pytest
 
 from pushplan.mechanics.carried import carried_objects
-from pushplan.mechanics.contact_kernel import margin_down_to, object_wrenches_of
+from pushplan.mechanics.contact_kernel import (
+    contact_margins,
+    contact_wrenches,
+    margin_down_to,
+    object_wrenches_of,
+)
 from pushplan.mechanics.contact_state import contact_state
 from pushplan.mechanics.friction import ecof, friction_wrench
 from pushplan.mechanics.packed import pack_chain, pack_object
@@ -111,3 +116,21 @@ def test_a_margin_is_exact_above_the_floor_asked_for(make_chain: ChainMaker) -> 
         assert margin_down_to(packed, vx, vy, omega, -2.0) == pytest.approx(margin, abs=1e-12)
         assert margin_down_to(packed, vx, vy, omega, margin - 0.01) == pytest.approx(margin, abs=1e-12)
         assert margin_down_to(packed, vx, vy, omega, margin + 0.01) <= margin + 0.01
+
+
+def test_the_first_margin_at_the_floor_asked_for_is_returned(make_chain: ChainMaker) -> None:
+    """From the last contact to the first, though others may be lower."""
+    packed, margins, lower = pack_chain(make_chain.random(3, 4, tree=True)), np.empty(4), 0
+    for vx, vy, omega in TWISTS:
+        contact_margins(packed, vx, vy, omega, margins)
+        for k in range(4):
+            last = margins[k:].min()
+            assert margin_down_to(packed, vx, vy, omega, last) == last
+            lower += margins.min() < last
+    assert lower > 10
+
+
+def test_rest_transmits_nothing(make_chain: ChainMaker) -> None:
+    wrenches = np.full((3, 3), np.nan)
+    contact_wrenches(pack_chain(make_chain.boxes(3)), 0.0, 0.0, 0.0, wrenches)
+    np.testing.assert_array_equal(wrenches, np.zeros((3, 3)))
