@@ -2,9 +2,9 @@
 
 Run `python benchmarks/mutants.py [--modules chain,friction] [--jobs 1] [--keep FOLDER]`. mutmut changes one operator,
 number, name or argument at a time in a copy of the checkout and runs the tests that reach it, fastest first. mutmut
-leaves decorated functions alone, so numba's decorators are taken out of the copy: its kernels run as plain Python.
-Properties, class methods, texts and types of numbers stay as they are. Prints a line for each module and the
-difference for each survivor.
+leaves decorated functions alone, so in the copy numba's decorators are taken out, its kernels run as plain Python,
+and properties are made of plain functions. Texts and types of numbers stay as they are. Prints a line for each module
+and the difference for each survivor.
 """
 
 from __future__ import annotations
@@ -66,6 +66,9 @@ timeout_constant = 5.0
 do_not_mutate_patterns = ['raise \\w+', 'f?"[^"]*"', 'dtype=np.\\w+', 'strict=True']
 """
 DECORATORS = re.compile(r"^@(njit\(.*\)|compiled|woven)\n", re.MULTILINE)
+PROPERTIES = re.compile(
+    r"^    @(property|cached_property)\n(    def (\w+)\(.*\n(?:\n?(?: {5,}.*)\n)*)", re.MULTILINE
+)
 LEFT_ALONE = re.compile(r'(?<=[(,]) ?(f?"(?!"")[^"\n]+"|dtype=np\.\w+|strict=True)')
 """Words in brackets that mutmut is told to leave alone; it leaves the whole line, so each gets a line of its own."""
 
@@ -95,13 +98,15 @@ def _options() -> argparse.Namespace:
 
 
 def _copy(folder: Path, modules: list[str]) -> None:
-    """Copy the checkout, in the modules without numba's decorators and with a line for each word left alone."""
+    """Copy the checkout, in the modules without decorators and with a line for each word left alone."""
     leave = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "docs")
     shutil.copytree(ROOT, folder, symlinks=True, ignore=leave)
     paths = [f"pushplan/mechanics/{module}.py" for module in modules]
     for path in paths:
         source = folder / path
-        source.write_text(LEFT_ALONE.sub(r"\n\1\n", DECORATORS.sub("", source.read_text("utf-8"))), "utf-8")
+        text = DECORATORS.sub("", source.read_text("utf-8"))
+        text = PROPERTIES.sub(r"\2\n    \3 = \1(\3)\n", text)
+        source.write_text(LEFT_ALONE.sub(r"\n\1\n", text), "utf-8")
     quoted = [", ".join(f'"{word}"' for word in words) for words in (paths, TESTS)]
     with (folder / "pyproject.toml").open("a", encoding="utf-8") as project:
         project.write(CONFIGURATION.format(modules=quoted[0], tests=quoted[1]))
