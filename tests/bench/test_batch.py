@@ -131,7 +131,7 @@ def test_two_jobs_are_two_runs_at_the_same_time(planted: Any, tmp_path: Path) ->
     text = planted.suite_text(2)
     alone = _run(suite_from_text(text), tmp_path / "1", 1, Choice(filters=("seed=0",)), planted.meet)
     assert alone.counts == {"timeout": 1}
-    patient = suite_from_text(text.replace("run: 3 s", "run: 60 s"))
+    patient = suite_from_text(text.replace(f"run: {planted.SECONDS} s", "run: 60 s"))
     assert _run(patient, tmp_path / "2", 2, work=planted.meet).counts == {"ok": 2}
 
 
