@@ -1,0 +1,77 @@
+"""How much sooner blended trajectories arrive than exact ones on the packaged scenarios, and what limits it.
+
+Run `python benchmarks/blends.py [--speed 0.3]`: a minute of CPU. Both trajectories follow the same path, planned with
+seed 1 and 20,000 iterations. `no stop` is the least time in which the middle of the contact can travel as
+far as it does on the path; `straight` the same for the straight line from start to goal, which no motion beats.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from pushplan.examples import example_names
+from pushplan.mechanics.chain import Limits
+from pushplan.path import PushPath
+from pushplan.plan import plan
+from pushplan.planners.arc_limits import ArcLimits
+from pushplan.planners.blending import blend_path
+from pushplan.planners.joining import corners_of
+from pushplan.planners.profile import rest_to_rest
+from pushplan.planners.timing import time_path
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario import Scenario
+
+
+def with_speed(scenario: Scenario, speed: float) -> Scenario:
+    """Let the pusher be at least so fast, m/s."""
+    pusher = scenario.chain.pusher
+    limits = replace(pusher.limits, speed=max(speed, pusher.limits.speed))
+    return replace(scenario, chain=replace(scenario.chain, pusher=replace(pusher, limits=limits)))
+
+
+def least_time(distance: float, limits: Limits) -> float:
+    """Shortest time (s) from rest to rest over a distance, m."""
+    along = ArcLimits(limits.speed, limits.acceleration, limits.acceleration, limits.jerk)
+    return rest_to_rest(distance, along).duration
+
+
+def line(name: str, scenario: Scenario, path: PushPath) -> str:
+    """Time a path both ways and tell what is saved."""
+    limits, stable = scenario.chain.pusher.limits, scenario.stable_set()
+    blend_path(scenario, path, stable)
+    begin = time.process_time()
+    blend = blend_path(scenario, path, stable)
+    spent = time.process_time() - begin
+    exact = time_path(path, limits).duration
+    travel = float(np.hypot(path.twists[:, 0], path.twists[:, 1]) @ path.lengths)
+    straight = float(np.hypot(*(path.end - path.start)[:2]))
+    times = (blend.trajectory.duration, least_time(travel, limits), least_time(straight, limits))
+    shares = " | ".join(f"{100.0 * (1.0 - t / exact):.1f} %" for t in times)
+    corners = f"{len(corners_of(path))} | {len(blend.stops)}"
+    return f"| {name} | {corners} | {exact:.2f} | {times[0]:.2f} | {shares} | {spent:.2f} |"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--speed", type=float, default=0.0)
+    speed = parser.parse_args().speed
+    print(f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}")
+    print("| scenario | corners | stops | exact, s | blended, s | saved | no stop | straight | CPU, s |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for name in example_names():
+        scenario = load_scenario(name)
+        path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
+        assert path is not None
+        print(line(name, with_speed(scenario, speed), path), flush=True)
+
+
+if __name__ == "__main__":
+    main()
