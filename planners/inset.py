@@ -14,8 +14,8 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.arc_limits import Bounds, contact_limits
-from pushplan.planners.section import step_windows
+from pushplan.planners.arc_limits import Bounds
+from pushplan.planners.section import passing_speeds, step_windows
 from pushplan.stable_sets.stable_set import StableSet
 
 SHARES = 2.0 ** np.arange(-12.0, -1.0)
@@ -104,8 +104,6 @@ def _share(pair: FloatArray, inside: FloatArray, stable: StableSet, minimum: flo
 def _spent(path: PushPath, pair: list[int], bounds: Bounds) -> FloatArray:
     """Lengths (2,) of two neighbouring arcs that are driven within half a step's time of the corner."""
     twists, lengths = path.twists[pair], path.lengths[pair]
-    speeds = np.array(
-        [contact_limits(t, float(s), bounds).speed for t, s in zip(twists, lengths, strict=True)]
-    )
+    speeds = passing_speeds(twists, lengths, bounds)
     time = step_windows(twists * speeds[:, None], bounds.limits).sum()
     return np.asarray(np.minimum(speeds * time / 2.0, MOST * lengths))

@@ -36,6 +36,9 @@ MOST = 1.5
 WIDTH_POWERS = np.array([0.0, 1.0, 0.5, 1.0])
 """By which power of the use of each limit a lone step has to be widened to meet it."""
 
+PASSED = 0.3
+"""A shorter arc may be passed as fast as one of this length, m."""
+
 USED_UP = 1.0 + 1e-9
 """A limit is kept when no more than this share of it is used."""
 
@@ -123,10 +126,21 @@ def make_driven(path: PushPath, arcs: IntArray, bounds: Bounds) -> Driven:
     twists, lengths = path.twists[arcs], path.lengths[arcs]
     if np.abs(twists - twists[0]).max() <= SAME:
         return Push(arcs, twists[0], bounds)
-    tops = [contact_limits(t, float(s), bounds).speed for t, s in zip(twists, lengths, strict=True)]
-    sections = [_paced(arcs, twists, pace * np.array(tops), bounds) for pace in PACES]
+    tops = passing_speeds(twists, lengths, bounds)
+    sections = [_paced(arcs, twists, pace * tops, bounds) for pace in PACES]
     times = [(lengths / s.speeds).sum() + s.widths[[0, -1]].sum() / 2.0 for s in sections]
     return sections[int(np.argmin(times))]
+
+
+def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> FloatArray:
+    """Return the top speeds (k,) of arcs (k, 3) that are passed without a stop.
+
+    Where speed and acceleration compete for the room that a contact leaves, an arc from rest to rest takes the more
+    acceleration the shorter it is. Passing needs little of it: the steps to and fro are eased afterwards.
+    """
+    return np.array(
+        [contact_limits(t, max(float(s), PASSED), bounds).speed for t, s in zip(twists, lengths, strict=True)]
+    )
 
 
 def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:

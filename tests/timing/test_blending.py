@@ -18,7 +18,7 @@ from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath, cost_rate
 from pushplan.plan import plan
-from pushplan.planners.arc_limits import arc_limits
+from pushplan.planners.arc_limits import Bounds, arc_limits, contact_limits
 from pushplan.planners.blend_search import Blend
 from pushplan.planners.blending import blend_path
 from pushplan.planners.checker import find_collision
@@ -189,6 +189,22 @@ def test_arcs_of_the_same_twist_are_driven_on_without_slowing_down(
         ends = cut.poses_at(np.cumsum(cut.lengths))
         change = a.breaks[1:-1][np.diff(a.arc) != 0.0]
         np.testing.assert_allclose(a.poses_at(change)[1, :2], ends[1, :2], atol=0.02)
+
+
+def test_short_arcs_are_passed_as_fast_as_long_ones_with_dynamic_limits(
+    make_chain: ChainMaker, planned: Planned
+) -> None:
+    """Alone, the short arc would be given acceleration at the expense of speed."""
+    turn, back = TURNS[1:3]
+    scenario, whole = _free(make_chain, planned("one-box")[0], *TURNS)
+    _, cut = _free(make_chain, scenario, TURNS[0], (*turn[:3], 0.28), (*turn[:3], 0.02), back, TURNS[3])
+    limits = Limits(speed=0.6, acceleration=3.0, jerk=60.0, angular_acceleration=9.0, angular_jerk=90.0)
+    scenario, contacts = _with_limits(scenario, limits), ContactDynamics(scenario.chain)
+    alone = [contact_limits(cut.twists[2], length, Bounds(limits, contacts)).speed for length in (0.02, 0.3)]
+    assert alone[0] < 0.5 * alone[1]
+    a, b = (blend_path(scenario, path, _set(scenario), contacts=contacts) for path in (whole, cut))
+    assert not a.stops | b.stops
+    assert b.trajectory.duration == pytest.approx(a.trajectory.duration, abs=0.01)
 
 
 def test_a_path_without_corners_is_timed_exactly(make_chain: ChainMaker, planned: Planned) -> None:
