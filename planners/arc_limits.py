@@ -34,10 +34,17 @@ LEAST = 1e-6
 
 
 class Bounds(NamedTuple):
-    """What limits a motion: the pusher, and the chain whose contacts must hold; None leaves inertia out."""
+    """What limits a motion.
+
+    Attributes:
+        limits: Of the pusher.
+        contacts: The chain whose contacts must hold; None leaves inertia out.
+        pace: Share of an arc's top speed with which it is passed at most.
+    """
 
     limits: Limits
     contacts: ContactDynamics | None
+    pace: float = 1.0
 
 
 def arc_limits(twist: FloatArray, limits: Limits, top: float = math.inf) -> ArcLimits:

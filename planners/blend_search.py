@@ -98,13 +98,17 @@ class BlendSearch:
         self.parts = [make_driven(path, driven_arcs(path), bounds)]
         self.nudging = Nudging(no_rows(len(path.lengths)))
 
-    def blended(self) -> Blend | None:
-        """Return the blend; None when every corner needs a stop."""
-        while self.stops < self.corners:
+    def blended(self, within: float) -> Blend | None:
+        """Return the blend; None when every corner needs a stop, or so many that it takes `within` (s) or longer."""
+        while self.stops < self.corners and self._least_duration() < within:
             blend = self._attempt()
             if blend is not None:
-                return blend
+                return blend if blend.trajectory.duration < within else None
         return None
+
+    def _least_duration(self) -> float:
+        """How long it takes with the present stops, s, if the lengths can stay and no step has to be widened."""
+        return sum(part.duration(self.path.lengths) for part in self.parts)
 
     def _attempt(self) -> Blend | None:
         """Return the trajectory with the present stops and nudges; None, after adding some, where it fails."""

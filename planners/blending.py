@@ -4,7 +4,8 @@ The twist moves from one arc's to the next on smooth steps (`section`), which cu
 little; the arcs' lengths are solved for anew so that the motion ends exactly where the path does. What comes
 out is checked again. Where it touches something, the lengths are changed once more to keep away from it. Where
 that does not help, or stability is lost, the pusher stops at the nearest corner after all, corner by corner, in
-the worst case at every one: then it is the exact timing.
+the worst case at every one: then it is the exact timing. The faster the pusher, the more of a corner is cut;
+so where stops are needed, lower paces are tried, too.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ from pushplan.planners.timing import time_path
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import SAMPLE_RATE
+
+LOWER_PACES = (0.5, 0.65, 0.8)
+"""Shares of the top speeds that are tried where full speed needs stops; the lowest needs the fewest, if any."""
 
 
 def blend_path(
@@ -50,8 +54,15 @@ def blend_path(
     if not corners_of(path):
         return Blend(exact, frozenset())
     inset = inset_path(path, stable, scenario.stability.margin, bounds)
-    blend = BlendSearch(scenario, inset.path, path.end, stable, rate, bounds).blended()
-    if blend is None or blend.trajectory.duration >= exact.duration:
+
+    def search(pace: float, within: float) -> Blend | None:
+        paced = bounds._replace(pace=pace)
+        return BlendSearch(scenario, inset.path, path.end, stable, rate, paced).blended(within)
+
+    blend = search(1.0, exact.duration)
+    for pace in () if blend is not None and not blend.stops else LOWER_PACES:
+        blend = search(pace, exact.duration if blend is None else blend.trajectory.duration) or blend
+    if blend is None:
         return Blend(exact, corners_of(path))
     arcs = inset.owner[blend.trajectory.arc.astype(np.int64)].astype(np.float64)
     stops = frozenset(int(inset.owner[i]) for i in blend.stops)

@@ -126,14 +126,14 @@ def make_driven(path: PushPath, arcs: IntArray, bounds: Bounds) -> Driven:
     twists, lengths = path.twists[arcs], path.lengths[arcs]
     if np.abs(twists - twists[0]).max() <= SAME:
         return Push(arcs, twists[0], bounds)
-    tops = passing_speeds(twists, lengths, bounds)
+    tops = bounds.pace * passing_speeds(twists, lengths, bounds)
     sections = [_paced(arcs, twists, pace * tops, bounds) for pace in PACES]
     times = [(lengths / s.speeds).sum() + s.widths[[0, -1]].sum() / 2.0 for s in sections]
     return sections[int(np.argmin(times))]
 
 
 def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> FloatArray:
-    """Return the top speeds (k,) of arcs (k, 3) that are passed without a stop.
+    """Return the top speeds (k,) of arcs (k, 3) that are passed without a stop, at full pace.
 
     Where speed and acceleration compete for the room that a contact leaves, an arc from rest to rest takes the more
     acceleration the shorter it is. Passing needs little of it: the steps to and fro are eased afterwards.

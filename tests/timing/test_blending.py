@@ -122,6 +122,19 @@ def test_blending_saves_a_quarter_of_the_time_at_higher_speed(planned: Planned) 
     assert np.mean(saved) > 0.25
 
 
+@pytest.mark.parametrize("name", ["free-space", "one-box"])
+def test_a_faster_pusher_takes_no_longer(planned: Planned, name: str) -> None:
+    """At full speed, some corners of these would need a stop; at a lower pace, none or fewer do."""
+    scenario, path = planned(name)
+    durations = []
+    for speed in (0.2, 0.3, 0.6):
+        faster = _with_limits(scenario, Limits(speed=speed))
+        blend = blend_path(faster, path, _set(scenario))
+        _check(faster, path, _set(scenario), blend)
+        durations.append(blend.trajectory.duration)
+    assert durations[0] > durations[1] > durations[2]
+
+
 def _free(
     make_chain: ChainMaker, template: Scenario, *arcs: tuple[float, float, float, float]
 ) -> tuple[Scenario, PushPath]:
