@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -98,9 +99,12 @@ class BlendSearch:
         self.parts = [make_driven(path, driven_arcs(path), bounds)]
         self.nudging = Nudging(no_rows(len(path.lengths)))
 
-    def blended(self, within: float) -> Blend | None:
-        """Return the blend; None when every corner needs a stop, or so many that it takes `within` (s) or longer."""
-        while self.stops < self.corners and self._least_duration() < within:
+    def blended(self, within: float, stops: float = math.inf) -> Blend | None:
+        """Return the blend; None when it takes `within` (s) or longer, or needs more `stops` or one at every corner.
+
+        It can be asked again, for more stops, and goes on from where it was.
+        """
+        while self.stops < self.corners and len(self.stops) <= stops and self._least_duration() < within:
             blend = self._attempt()
             if blend is not None:
                 return blend if blend.trajectory.duration < within else None

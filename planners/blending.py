@@ -55,15 +55,23 @@ def blend_path(
         return Blend(exact, frozenset())
     inset = inset_path(path, stable, scenario.stability.margin, bounds)
 
-    def search(pace: float, within: float) -> Blend | None:
-        paced = bounds._replace(pace=pace)
-        return BlendSearch(scenario, inset.path, path.end, stable, rate, paced).blended(within)
+    def paced(pace: float) -> BlendSearch:
+        return BlendSearch(scenario, inset.path, path.end, stable, rate, bounds._replace(pace=pace))
 
-    blend = search(1.0, exact.duration)
-    for pace in () if blend is not None and not blend.stops else LOWER_PACES:
-        blend = search(pace, exact.duration if blend is None else blend.trajectory.duration) or blend
+    full = paced(1.0)
+    blend = full.blended(exact.duration, stops=0)
+    if blend is None:
+        blend = _soonest([*map(paced, LOWER_PACES), full], exact.duration)
     if blend is None:
         return Blend(exact, corners_of(path))
     arcs = inset.owner[blend.trajectory.arc.astype(np.int64)].astype(np.float64)
     stops = frozenset(int(inset.owner[i]) for i in blend.stops)
     return Blend(replace(blend.trajectory, arc=arcs), stops)
+
+
+def _soonest(searches: list[BlendSearch], within: float) -> Blend | None:
+    """The blend over soonest; None when none takes less than `within` (s)."""
+    best: Blend | None = None
+    for search in searches:
+        best = search.blended(within if best is None else best.trajectory.duration) or best
+    return best
