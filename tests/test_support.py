@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.errors import SupportError
+from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
@@ -50,6 +50,15 @@ def test_affine_pressure_is_refused_outside_the_middle_third() -> None:
         SupportError, match=r"centre at \(0.02, 0\) would be negative at \(-0.05, .*-0.2 of the mean"
     ):
         UniformSupport(BOX, np.array([0.02, 0.0]))
+    with pytest.raises(SupportError, match=r"would be negative at \(0.05, .*-0.2 of the mean"):
+        UniformSupport(BOX, np.array([-0.02, 0.0]))
+
+
+@pytest.mark.parametrize("away", [[0.3, 0.2], [-5.0, 1.0]])
+def test_the_middle_third_moves_with_the_outline(away: list[float]) -> None:
+    UniformSupport(BOX + away, np.array([0.099 / 6, 0.0]) + away)
+    with pytest.raises(SupportError, match=r"\(-0.02 of the mean\)"):
+        UniformSupport(BOX + away, np.array([0.102 / 6, 0.0]) + away)
 
 
 @pytest.mark.parametrize(
@@ -81,6 +90,7 @@ def test_feet_with_and_without_loads() -> None:
     ("fractions", "center", "text"),
     [
         ([0.5, 0.5, 0.5, -0.5], None, "-0.5 of point 3 must be > 0"),
+        ([0.5, 0.25, 0.0, 0.25], None, "load fraction 0 of point 2 must be > 0"),
         ([0.25, 0.25, 0.25, 0.2], None, "sum to 0.95; they must sum to 1"),
         ([0.5, 0.5], None, "shape"),
         (None, None, "either"),
@@ -94,6 +104,21 @@ def test_wrong_feet_are_refused(fractions: FloatArray | None, center: FloatArray
     assert type(caught.value).__module__ == "pushplan.errors"
 
 
+def test_load_fractions_are_scaled_to_a_sum_of_one() -> None:
+    feet = FeetSupport(BOX, np.array([0.25, 0.25, 0.25, 0.25 + 9e-7]))
+    assert feet.fractions is not None
+    assert feet.fractions.sum() == pytest.approx(1.0, abs=1e-15)
+    np.testing.assert_allclose(feet.fractions[3] / feet.fractions[0], 1.0 + 3.6e-6, rtol=1e-12)
+
+
+def test_one_foot_carries_everything_wherever_it_is() -> None:
+    for foot in ([0.0, 0.0], [1e-3, 0.0], [0.0, 1e3]):
+        support = FeetSupport(np.array([foot]), center_of_mass=np.array(foot))
+        np.testing.assert_array_equal(support.center, foot)
+        with pytest.raises(SupportError, match="lies outside the convex hull of the feet"):
+            FeetSupport(np.array([foot]), center_of_mass=np.add(foot, [1e-6, 0.0]))
+
+
 def test_two_feet_have_a_segment_as_hull() -> None:
     pair = np.array([[0.0, 0.0], [0.1, 0.0]])
     feet = FeetSupport(pair, center_of_mass=np.array([0.02, 0.0]))
@@ -102,10 +127,18 @@ def test_two_feet_have_a_segment_as_hull() -> None:
         FeetSupport(pair, center_of_mass=np.array([0.02, 0.01]))
 
 
+def test_pressures_that_are_given_are_known() -> None:
+    assert UniformSupport(BOX).known
+    assert PressureMapSupport(BOX, np.full(4, 0.25)).known
+    with pytest.raises(PushplanError, match=r"load fractions has shape \(2,\); it must be \(4\)"):
+        PressureMapSupport(BOX, np.full(2, 0.5))
+
+
 def test_unknown_support_has_its_centroid_or_the_given_centre() -> None:
     np.testing.assert_allclose(UnknownSupport(L_SHAPE).center, [0.25 / 3, 0.25 / 3])
     assert not UnknownSupport(L_SHAPE).known
     assert len(UnknownSupport(L_SHAPE).hull) == 5
+    np.testing.assert_array_equal(UnknownSupport(L_SHAPE, np.array([0.1, 0.12])).center, [0.1, 0.12])
     with pytest.raises(SupportError, match="outside"):
         UnknownSupport(L_SHAPE, np.array([0.18, 0.18]))
 
