@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.optimize import linprog
 from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
-from pushplan.mechanics.admissible_speeds import SpeedWindow, admissible_speeds
+from pushplan.mechanics.admissible_speeds import SpeedWindow, _clipped, admissible_speeds
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
 from pushplan.mechanics.contact_state import contact_state
 from pushplan.mechanics.dynamics import ContactDynamics, dynamic_margins, dynamic_rows
@@ -163,7 +164,18 @@ def test_a_box_pushed_straight_may_brake_at_mu_g_and_gains_speed_without_limit(
     polygon = admissible_speeds(chain, [1.0, 0.0, 0.0], window)
     corners = [[0.0, -0.3 * GRAVITY], [1.0, -0.3 * GRAVITY], [1.0, 10.0], [0.0, 10.0]]
     np.testing.assert_allclose(sorted(polygon.vertices.tolist()), sorted(corners), rtol=1e-12)
+    assert polygon.window == window
     assert polygon.rows.steady_speed == np.inf
+    assert admissible_speeds(chain, [1.0, 0.0, 0.0]).window == SpeedWindow(4.0, 20.0)
+    frictionless = make_chain.boxes(1, floor_friction=0.0)
+    assert dynamic_rows(frictionless, [1.0, 0.0, 0.0]).steady_speed == np.inf
+
+
+def test_a_polygon_whose_corners_lie_on_a_plane_keeps_each_of_them_once() -> None:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    np.testing.assert_array_equal(_clipped(square, np.array([0.0, 1.0, -1.0])), square[:3])
+    np.testing.assert_array_equal(_clipped(square, np.array([0.0, -1.0, 1.0])), square[[0, 2, 3]])
+    np.testing.assert_array_equal(_clipped(square, np.array([0.0, 1.0, 0.0])), square)
 
 
 def test_a_turn_about_a_far_centre_slips_at_the_speed_of_the_textbook(make_chain: ChainMaker) -> None:
@@ -177,6 +189,8 @@ def test_a_turn_about_a_far_centre_slips_at_the_speed_of_the_textbook(make_chain
     twist = np.array([1.0, -size / 2 / radius, 1.0 / radius])
     speed = dynamic_rows(chain, twist).steady_speed
     assert speed**2 / radius == pytest.approx(0.5 * 0.3 * GRAVITY, rel=1e-2)
+    light = replace(chain, objects=(replace(chain.objects[0], mass=1e-3),))
+    assert dynamic_rows(light, twist).steady_speed == pytest.approx(speed, rel=1e-9)
 
 
 def test_the_polygon_holds_exactly_where_the_rows_are_positive(make_chain: ChainMaker) -> None:
