@@ -45,6 +45,7 @@ TESTS = (
     "tests/test_contacts.py",
     "tests/test_feet.py",
     "tests/test_friction.py",
+    "tests/test_friction_series.py",
     "tests/test_dynamics.py",
     "tests/test_carried.py",
     "tests/test_chain.py",
