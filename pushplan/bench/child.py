@@ -69,6 +69,8 @@ def _end_with_parent() -> None:
     assert parent is not None
     fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, os.getpid())
     fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, os.O_ASYNC | os.O_NONBLOCK)
+    if not parent.is_alive():  # gone before that: no signal will come
+        os.kill(os.getpid(), signal.SIGIO)
 
 
 def _write_into(path: Path) -> None:

@@ -9,11 +9,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from multiprocessing import process
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from pushplan.bench.child import _end_with_parent
 from pushplan.bench.isolation import IsolatedRun, isolated
 from pushplan.bench.outcome import STATUSES, Outcome, Task
 
@@ -126,3 +128,18 @@ def test_runs_die_with_their_supervisor_even_when_it_is_killed(tmp_path: Path) -
             os.kill(number, 0)
             time.sleep(0.05)
         pytest.fail("the run outlives its supervisor")
+
+
+def test_a_run_whose_supervisor_is_gone_before_it_begins_ends_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The closing of the pipe from the supervisor is not seen then, only that it is closed."""
+    reader, writer = os.pipe()
+    os.close(writer)
+    monkeypatch.setattr(process, "_parent_process", process._ParentProcess("supervisor", 1, reader))  # type: ignore[attr-defined]
+    child = os.fork()
+    if child == 0:
+        _end_with_parent()
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGIO
+    os.close(reader)
