@@ -171,7 +171,7 @@ def test_a_full_disk_ends_in_a_clear_error_and_a_readable_partial_file(
 def test_a_killed_run_keeps_what_was_flushed(
     case: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, assert_same: Callable[[Any, Any], None]
 ) -> None:
-    """Kill a writer at 200 random moments; read what it left."""
+    """Kill a writer at 200 random moments, at more and later ones where it gets on slowly; read what it left."""
     path, flushed = tmp_path / "run.mcap", tmp_path / "flushed"
     flush = Channels.flush
 
@@ -189,11 +189,13 @@ def test_a_killed_run_keeps_what_was_flushed(
             case.write(path)
 
     rng, stages = np.random.default_rng(3), set()
-    for _ in range(200):
+    for kill in range(600):
+        if kill >= 200 and len(stages) > 2:
+            break
         for leftover in tmp_path.iterdir():
             leftover.unlink()
         child = in_child(write_again_and_again)
-        time.sleep(0.001 + rng.uniform(0.0, 0.03))
+        time.sleep(0.001 + rng.uniform(0.0, 0.03 * 4 ** (kill // 200)))
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         count = len(flushed.read_text()) if flushed.exists() else 0
