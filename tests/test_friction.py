@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -185,6 +186,16 @@ def test_feet_sum_exactly(make_chain: ChainMaker) -> None:
     )
     want = [*force.sum(axis=0), (positions[:, 0] * force[:, 1] - positions[:, 1] * force[:, 0]).sum()]
     np.testing.assert_allclose(friction_wrench(obj, [twist])[0], want, rtol=1e-12)
+
+
+def test_one_foot_that_turns_about_itself_is_not_held(make_chain: ChainMaker) -> None:
+    obj = PushedObject(
+        "it", make_chain.box(), 2.0, 0.25, FeetSupport(np.zeros((1, 2)), np.ones(1)), np.zeros(3)
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_array_equal(friction_wrench(obj, [[0.0, 0.0, -2.0]]), np.zeros((1, 3)))
+    np.testing.assert_allclose(friction_wrench(obj, [[0.0, 1e-9, 1.0]])[0], [0.0, -obj.friction_load, 0.0])
 
 
 def test_fine_pressure_map_approaches_the_uniform_polygon(make_chain: ChainMaker) -> None:
