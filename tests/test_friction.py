@@ -198,6 +198,15 @@ def test_one_foot_that_turns_about_itself_is_not_held(make_chain: ChainMaker) ->
     np.testing.assert_allclose(friction_wrench(obj, [[0.0, 1e-9, 1.0]])[0], [0.0, -obj.friction_load, 0.0])
 
 
+def test_two_feet_on_a_line_are_held_where_they_are(make_chain: ChainMaker) -> None:
+    """Their second moments have no inverse."""
+    feet = FeetSupport(np.array([[-0.04, 0.0], [0.04, 0.0]]), np.array([0.75, 0.25]))
+    obj = PushedObject("it", make_chain.box(), 2.0, 0.25, feet, np.zeros(3))
+    found = friction_wrench(obj, [[0.0, 0.0, 1.0], [0.0, 0.0, -3.0]])
+    want = obj.friction_load * np.array([0.0, 0.5, -0.04])
+    np.testing.assert_allclose(found, [want, -want], atol=1e-15)
+
+
 def test_fine_pressure_map_approaches_the_uniform_polygon(make_chain: ChainMaker) -> None:
     outline = make_chain.box(0.1, 0.06)
     x, y = np.meshgrid((np.arange(60) + 0.5) / 600 - 0.05, (np.arange(36) + 0.5) / 600 - 0.03)
