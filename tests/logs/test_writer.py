@@ -188,7 +188,7 @@ def test_a_killed_run_keeps_what_was_flushed(
             flushed.unlink(missing_ok=True)
             case.write(path)
 
-    rng, stages = np.random.default_rng(3), set()
+    rng, stages = np.random.default_rng(3), set[int]()
     for kill in range(600):
         if kill >= 200 and len(stages) > 2:
             break
