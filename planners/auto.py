@@ -3,7 +3,8 @@
 A restart after every path drives the search apart: what one pair of trees misses (the right passage), the next
 may find. After the first rounds most searches are guided by a way for the chain's middle, another one each time,
 so that every passage has its turn. The trees are pruned by the best path's cost, with room for what polishing will
-save. Where the first rounds find nothing, sparse trees from the start take most of the time until there is a path.
+save. Where the first rounds find nothing, flooding the cells of the poses takes most of the time until there is a
+path.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
 from pushplan.planners.bidirectional import grow_both
+from pushplan.planners.cell_rounds import CellRounds
 from pushplan.planners.forest import NODE, Forest, plant
 from pushplan.planners.guide import Guide, find_way, make_guide, middle_of
 from pushplan.planners.search import random
 from pushplan.planners.session import CHUNK, Session
-from pushplan.planners.sparse_rounds import SparseRounds
 
 FIRST_ROUND = 256
 """Extensions of the first round; later ones have as many, at times twice, four times as many and so on."""
@@ -42,8 +43,8 @@ ROUGHNESS = 1.5
 BLIND = (0.0, 0.6, 0.3)
 """Shares of the extensions that take a random arc, in turn from round to round."""
 
-SPARSE_RATIO = 3.0
-"""As long as there is no path, so many extensions of sparse trees from the start for each of the other ones."""
+FLOOD_RATIO = 3.0
+"""As long as there is no path, so many arcs of flooding trees for each extension of the other ones."""
 
 NO_WAY = np.zeros((0, 2))
 
@@ -51,17 +52,17 @@ Box = tuple[float, float, float, float]
 
 
 def search(session: Session, box: Box, heading_length: float) -> None:
-    """Run rounds of bidirectional search, and at first of sparse trees, until the session is finished."""
+    """Run rounds of bidirectional search, and of flooding while there is no path, until the session is finished."""
     reach = REACH_SHARE * math.hypot(box[2] - box[0], box[3] - box[1])
     forest = _forest(FIRST_ROUND, session, box, heading_length, reach)
-    sparse = SparseRounds(session, box, heading_length)
+    cells = CellRounds(session, box)
     guide: Guide | None = None
     for number in count():
         if session.finished:
             return
         session.refine()
-        if number >= UNGUIDED and _sparse_is_due(session, sparse):
-            sparse.run_next(lambda: session.finished or session.best_arcs is not None)
+        if number >= UNGUIDED and _flood_is_due(session, cells):
+            cells.run_next(lambda: session.finished or session.best_arcs is not None)
             continue
         if number >= UNGUIDED and guide is None:
             guide = make_guide(session.problem, session.start, box)
@@ -74,10 +75,10 @@ def search(session: Session, box: Box, heading_length: float) -> None:
         session.branches.offer_nodes(forest.ahead[: forest.counts[0]], forest.behind[: forest.counts[1]])
 
 
-def _sparse_is_due(session: Session, sparse: SparseRounds) -> bool:
-    """Whether there is no path yet and sparse trees have had less than their part of the extensions."""
-    others = session.extensions - sparse.extensions
-    return session.best_arcs is None and sparse.extensions < SPARSE_RATIO * others
+def _flood_is_due(session: Session, cells: CellRounds) -> bool:
+    """Whether there is no path yet and flooding has had less than its part of the extensions."""
+    others = session.extensions - cells.extensions
+    return session.best_arcs is None and cells.extensions < FLOOD_RATIO * others
 
 
 def _luby(i: int) -> int:

@@ -11,6 +11,7 @@ from pushplan.compiling import PATIENCE, announced
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contact_state import contact_state
 from pushplan.mechanics.support import UniformSupport
+from pushplan.planners.cell_rounds import CellRounds
 from pushplan.planners.guide import find_way, make_guide
 from pushplan.planners.polish import shorten
 from pushplan.planners.prices import travel_prices
@@ -18,7 +19,6 @@ from pushplan.planners.registry import planner_named
 from pushplan.planners.scene import build_scene
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Budget, Session
-from pushplan.planners.sparse_rounds import SparseRounds
 from pushplan.second_compiler import SecondCompiler
 from pushplan.stable_sets.named import stable_set
 
@@ -66,8 +66,8 @@ def compile_search(planner: str) -> None:
     """Run every kernel of a planner once."""
     session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
     planner_named(planner)(session, _BOX, _HEADING_LENGTH)
-    if planner == "auto":  # it takes ways and sparse trees only after some rounds
-        SparseRounds(session, _BOX, _HEADING_LENGTH).run_next(lambda: False)
+    if planner == "auto":  # it takes ways and floods only after some rounds
+        CellRounds(session, _BOX).run_next(lambda: session.extensions > 0)
         guide = make_guide(session.problem, session.start, _BOX)
         find_way(guide, _ROUGH, _TIGHT, session.random, np.empty((guide.space.size, 2)))
 

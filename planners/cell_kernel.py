@@ -1,0 +1,193 @@
+"""Compiled flooding of the cells of the poses, from the start and to the goal (Barraquand and Latombe 1993).
+
+Each tree keeps one node in a cell of positions and headings, so it spreads over all that its arcs reach, detours and
+loops included, where trees drawn to random poses stay among poses that they cannot join. Unlike theirs, lengths and a
+part of the twists are drawn at random, and nodes are joined across the two trees by exact words.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pushplan.arrays import FloatArray, IntArray, RandomState
+from pushplan.compiled import compiled, woven
+from pushplan.planners.collision import step, sweep_is_free
+from pushplan.planners.search import TRIES, Problem, choose_twist, random, trace
+from pushplan.planners.steering import connect
+
+NODES, NEXT, PASSES, TRIED = 0, 1, 2, 3
+"""What is counted of a tree: nodes, the next one to expand, passes over all nodes that have begun, arcs tried."""
+
+SIDE, ANGLE, ARC = 0, 1, 2
+"""Sizes of a tree: side (m) and angle (rad) of a cell, typical length of an arc (m of cost)."""
+
+MOST_PASSES = 8
+"""Each node is expanded so many times at most."""
+
+CHILDREN = 4
+"""Arcs from a node at a time: the left turn, the straight push, the right turn, and one of a random stable twist."""
+
+FAR_SHARE = 0.5
+"""Share of the arcs with any length up to the longest; the others have about the tree's own."""
+
+
+class CellTrees(NamedTuple):
+    """Both trees: the first from the start, the second to the goal.
+
+    Attributes:
+        nodes: (2, capacity, NODE) see `search.NODE`; arcs of the second lead from the node to its parent.
+        keys: (2, slots) table of the cells that hold a node, 0 where a slot is free; slots are a power of two.
+        counts: (2, 4) see `NODES`, `NEXT`, `PASSES` and `TRIED`.
+        box: (4,) xmin, ymin, xmax, ymax that the cells cover, m.
+        sizes: (2, 3) see `SIDE`, `ANGLE` and `ARC`.
+        state: (1,) of the random generator.
+    """
+
+    nodes: FloatArray
+    keys: IntArray
+    counts: IntArray
+    box: FloatArray
+    sizes: FloatArray
+    state: RandomState
+
+
+@woven
+def _free_slot(trees: CellTrees, which: int, x: float, y: float, theta: float) -> tuple[int, int]:
+    """Slot of the table for the cell around a pose, -1 if it is taken or outside the box; and the cell's key."""
+    box, size = trees.box, trees.sizes[which]
+    if x < box[0] or y < box[1] or x > box[2] or y > box[3]:
+        return -1, 0
+    i, j = int((x - box[0]) / size[SIDE]), int((y - box[1]) / size[SIDE])
+    k = int((theta % (2.0 * math.pi)) / size[ANGLE])
+    key = (((i << 20) + j) << 20) + k + 1
+    last = trees.keys.shape[1] - 1
+    slot = ((key * 0x9E3779B97F4A7C1) >> 20) & last
+    while trees.keys[which, slot] != 0:
+        if trees.keys[which, slot] == key:
+            return -1, 0
+        slot = (slot + 1) & last
+    return slot, key
+
+
+@woven
+def _grown(
+    problem: Problem,
+    trees: CellTrees,
+    which: int,
+    parent: int,
+    vx: float,
+    vy: float,
+    omega: float,
+    length: float,
+) -> int:
+    """Add the node at the other end of an arc if its cell and the arc are free; return its row, or -1."""
+    x, y, theta, cost = (
+        trees.nodes[which, parent, 0],
+        trees.nodes[which, parent, 1],
+        trees.nodes[which, parent, 2],
+        trees.nodes[which, parent, 3],
+    )
+    sign = 1.0 - 2.0 * which
+    nx, ny, nt = step(x, y, theta, sign * vx, sign * vy, sign * omega, length)
+    slot, key = _free_slot(trees, which, nx, ny, nt)
+    if slot < 0 or not sweep_is_free(problem.scene, x, y, theta, sign * vx, sign * vy, sign * omega, length):
+        return -1
+    row = int(trees.counts[which, NODES])
+    trees.counts[which, NODES] = row + 1
+    trees.keys[which, slot] = key
+    node = trees.nodes[which, row]
+    node[0], node[1], node[2], node[3], node[4] = nx, ny, nt, cost + length, parent
+    node[5], node[6], node[7], node[8] = vx, vy, omega, length
+    return row
+
+
+@woven
+def _child(problem: Problem, trees: CellTrees, which: int, parent: int, number: int) -> int:
+    """Try one of a node's arcs; return the row of its end, or -1."""
+    vx = vy = omega = 0.0
+    if number < 3:
+        turn = problem.families[0, number]
+        vx, vy, omega = turn[0], turn[1], turn[2]
+    if vx == 0.0 and vy == 0.0 and omega == 0.0:
+        vx, vy, omega = choose_twist(problem, random(trees.state), random(trees.state))
+    if random(trees.state) < FAR_SHARE:
+        length = problem.longest * random(trees.state)
+    else:
+        length = trees.sizes[which, ARC] * (0.6 + 0.8 * random(trees.state))
+    trees.counts[which, TRIED] += 1
+    return _grown(problem, trees, which, parent, vx, vy, omega, length)
+
+
+@woven
+def _join(problem: Problem, trees: CellTrees, which: int, row: int, word: FloatArray) -> int:
+    """Connect a node exactly to the other tree's root or to a random node of it; return that one's row, or -1."""
+    other = 1 - which
+    for attempt in range(2):
+        partner = int(attempt * random(trees.state) * trees.counts[other, NODES])
+        first, last = (row, partner) if which == 0 else (partner, row)
+        ahead, behind = trees.nodes[0, first, :3], trees.nodes[1, last, :3]
+        cost, _ = connect(problem.scene, problem.families[:1], ahead, behind, np.inf, TRIES, word)
+        if cost < np.inf:
+            return partner
+    return -1
+
+
+@woven
+def _whole(trees: CellTrees, ahead: int, behind: int, word: FloatArray, path: FloatArray) -> int:
+    """Write the arcs first tree, connection, second tree into `path`; return how many."""
+    n = trace(trees.nodes[0], ahead, word, path)
+    while trees.nodes[1, behind, 4] >= 0.0:
+        for k in range(4):
+            path[n, k] = trees.nodes[1, behind, 5 + k]
+        n += 1
+        behind = int(trees.nodes[1, behind, 4])
+    return n
+
+
+@woven
+def _is_over(trees: CellTrees, which: int) -> bool:
+    """Whether a tree has no room left, or has expanded every node as often as is allowed."""
+    count = trees.counts[which]
+    return bool(
+        count[NODES] + CHILDREN > trees.nodes.shape[1]
+        or (count[NEXT] == count[NODES] and count[PASSES] == MOST_PASSES)
+    )
+
+
+@compiled
+def flood(problem: Problem, trees: CellTrees, arcs: int, path: FloatArray) -> int:
+    """Expand nodes of both trees in turn, each tree's in the order they were found, until these join.
+
+    Args:
+        problem: What to plan.
+        trees: The trees.
+        arcs: Arcs to try; may be exceeded by `CHILDREN` less one.
+        path: (as many as there is room for nodes, + 3, 4) filled with the path's twists and lengths.
+
+    Returns:
+        Arcs of the path found, 0 if none; -1 when there is nothing left to expand.
+    """
+    word = np.empty((3, 4))
+    count = trees.counts
+    enough = count[0, TRIED] + count[1, TRIED] + arcs
+    while count[0, TRIED] + count[1, TRIED] < enough:
+        which = (count[1, TRIED] < count[0, TRIED]) * 1
+        if _is_over(trees, which):
+            which = 1 - which
+            if _is_over(trees, which):
+                return -1
+        if count[which, NEXT] == count[which, NODES]:
+            count[which, NEXT] = 0
+            count[which, PASSES] += 1
+        parent = int(count[which, NEXT])
+        count[which, NEXT] += 1
+        for number in range(CHILDREN):
+            row = _child(problem, trees, which, parent, number)
+            partner = _join(problem, trees, which, row, word) if row >= 0 else -1
+            if partner >= 0:
+                ahead, behind = (row, partner) if which == 0 else (partner, row)
+                return _whole(trees, ahead, behind, word, path)
+    return 0

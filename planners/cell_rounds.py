@@ -1,0 +1,97 @@
+"""Rounds of flooding the cells of the poses, each with more room and, where a tree got stuck, finer cells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.planners.cell_kernel import NODES, TRIED, CellTrees, flood
+from pushplan.planners.search import NODE, random, trace
+from pushplan.planners.session import CHUNK, Session
+
+FIRST_SHARE = 0.04
+"""Side of the first round's cells, as a share of the sampling box's diagonal."""
+
+FIRST_HEADINGS = 24
+"""Headings that the first round tells apart; they grow as the root of the cells' number along the diagonal."""
+
+ARC_SIDES = 1.5
+"""Typical length of an arc, in sides of a cell: just enough to leave it."""
+
+SHRINK = 0.7
+"""Factor of the cells' sides after a round that filled all cells a tree could reach."""
+
+FIRST_ROOM = 1_000
+"""Nodes that a tree has room for in the first round."""
+
+GROWTH = 1.4
+"""Factor of the room from round to round."""
+
+Box = tuple[float, float, float, float]
+
+
+class CellRounds:
+    """The rounds of one search: each begins with fresh trees and cells placed anew.
+
+    Args:
+        session: The search that they serve.
+        box: (xmin, ymin, xmax, ymax) that the trees stay in, m.
+
+    Attributes:
+        extensions: Arcs tried so far.
+    """
+
+    def __init__(self, session: Session, box: Box) -> None:
+        self._session, self._box = session, np.array(box)
+        self._diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
+        self._shares, self._room, self.extensions = np.full(2, FIRST_SHARE), FIRST_ROOM, 0
+
+    def run_next(self, stop: Callable[[], bool]) -> None:
+        """Flood until both trees are over or they join; offer the path to the session."""
+        session = self._session
+        trees = self._planted()
+        path = np.empty((2 * self._room + 3, 4))
+        arcs = 0
+        while arcs == 0 and not stop():
+            before = int(trees.counts[:, TRIED].sum())
+            arcs = flood(session.problem, trees, CHUNK, path)
+            done = int(trees.counts[:, TRIED].sum()) - before
+            session.spent(done)
+            self.extensions += done
+        if arcs > 0:
+            session.offer(path[:arcs])
+        self._note(trees)
+        stuck = trees.counts[:, NODES] < 0.5 * self._room
+        self._shares = np.where(stuck, SHRINK, 1.0) * self._shares
+        self._room = int(GROWTH * self._room)
+
+    def _planted(self) -> CellTrees:
+        """Return trees of their roots alone."""
+        session, room = self._session, self._room
+        nodes = np.zeros((2, room, NODE))
+        nodes[0, 0, :3], nodes[1, 0, :3], nodes[:, 0, 4] = session.start, session.problem.goal, -1.0
+        keys = np.zeros((2, 1 << math.ceil(math.log2(2 * room))), dtype=np.int64)
+        counts = np.zeros((2, 4), dtype=np.int64)
+        counts[:, NODES] = 1
+        sides = self._diagonal * self._shares
+        headings = np.round(FIRST_HEADINGS * np.sqrt(FIRST_SHARE / self._shares))
+        sizes = np.column_stack([sides, 2.0 * math.pi / headings, ARC_SIDES * sides])
+        return CellTrees(nodes, keys, counts, self._shifted(sides.max()), sizes, session.random)
+
+    def _shifted(self, side: float) -> FloatArray:
+        """Return the box, its lower corner moved at random by less than a side of a cell."""
+        state = self._session.random
+        return np.asarray(self._box - np.array([side * random(state), side * random(state), 0.0, 0.0]))
+
+    def _note(self, trees: CellTrees) -> None:
+        """Hand the branches to the session, and the way to the node nearest to the goal."""
+        session = self._session
+        ahead, behind = (trees.nodes[k, : trees.counts[k, NODES]] for k in (0, 1))
+        session.branches.offer_nodes(ahead, behind)
+        nearest = session.nearer(ahead[:, :3])
+        if nearest >= 0:
+            path = np.empty((len(ahead) + 3, 4))
+            session.approach(path[: trace(ahead, nearest, np.zeros((3, 4)), path)])
