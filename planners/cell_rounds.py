@@ -22,13 +22,13 @@ ARC_SIDES = 1.5
 """Typical length of an arc, in sides of a cell: just enough to leave it."""
 
 SHRINK = 0.7
-"""Factor of the cells' sides after a round that filled all cells a tree could reach."""
+"""Factor of the cells' sides from level to level."""
 
 FIRST_ROOM = 1_000
-"""Nodes that a tree has room for in the first round."""
+"""Nodes that a tree has room for on the first level."""
 
-GROWTH = 1.4
-"""Factor of the room from round to round."""
+GROWTH = 2.0
+"""Factor of the room from level to level."""
 
 Box = tuple[float, float, float, float]
 
@@ -47,13 +47,15 @@ class CellRounds:
     def __init__(self, session: Session, box: Box) -> None:
         self._session, self._box = session, np.array(box)
         self._diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
-        self._shares, self._room, self.extensions = np.full(2, FIRST_SHARE), FIRST_ROOM, 0
+        self._rounds, self.extensions = 0, 0
 
     def run_next(self, stop: Callable[[], bool]) -> None:
         """Flood until both trees are over or they join; offer the path to the session."""
         session = self._session
-        trees = self._planted()
-        path = np.empty((2 * self._room + 3, 4))
+        self._rounds += 1
+        level = (self._rounds & -self._rounds).bit_length() - 1
+        trees = self._planted(level)
+        path = np.empty((2 * trees.nodes.shape[1] + 3, 4))
         arcs = 0
         while arcs == 0 and not stop():
             before = int(trees.counts[:, TRIED].sum())
@@ -64,22 +66,19 @@ class CellRounds:
         if arcs > 0:
             session.offer(path[:arcs])
         self._note(trees)
-        stuck = trees.counts[:, NODES] < 0.5 * self._room
-        self._shares = np.where(stuck, SHRINK, 1.0) * self._shares
-        self._room = int(GROWTH * self._room)
 
-    def _planted(self) -> CellTrees:
+    def _planted(self, level: int) -> CellTrees:
         """Return trees of their roots alone."""
-        session, room = self._session, self._room
+        session, room = self._session, int(FIRST_ROOM * GROWTH**level)
         nodes = np.zeros((2, room, NODE))
         nodes[0, 0, :3], nodes[1, 0, :3], nodes[:, 0, 4] = session.start, session.problem.goal, -1.0
         keys = np.zeros((2, 1 << math.ceil(math.log2(2 * room))), dtype=np.int64)
         counts = np.zeros((2, 4), dtype=np.int64)
         counts[:, NODES] = 1
-        sides = self._diagonal * self._shares
-        headings = np.round(FIRST_HEADINGS * np.sqrt(FIRST_SHARE / self._shares))
-        sizes = np.column_stack([sides, 2.0 * math.pi / headings, ARC_SIDES * sides])
-        return CellTrees(nodes, keys, counts, self._shifted(sides.max()), sizes, session.random)
+        side = self._diagonal * FIRST_SHARE * SHRINK**level
+        headings = round(FIRST_HEADINGS * SHRINK ** (-0.5 * level))
+        sizes = np.array([[side, 2.0 * math.pi / headings, ARC_SIDES * side]] * 2)
+        return CellTrees(nodes, keys, counts, self._shifted(side), sizes, session.random)
 
     def _shifted(self, side: float) -> FloatArray:
         """Return the box, its lower corner moved at random by less than a side of a cell."""
