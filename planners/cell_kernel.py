@@ -24,7 +24,7 @@ NODES, NEXT, PASSES, TRIED = 0, 1, 2, 3
 SIDE, ANGLE, ARC = 0, 1, 2
 """Sizes of a tree: side (m) and angle (rad) of a cell, typical length of an arc (m of cost)."""
 
-MOST_PASSES = 8
+MOST_PASSES = 20
 """Each node is expanded so many times at most."""
 
 CHILDREN = 4

@@ -1,4 +1,8 @@
-"""Rounds of flooding the cells of the poses, each with more room and, where a tree got stuck, finer cells."""
+"""Rounds of flooding the cells of the poses, on levels of ever finer cells and more room.
+
+A level has half as many rounds as the one below it (Luby, Sinclair and Zuckerman 1993): coarse rounds are over soon
+and, with their cells placed anew, each is another chance.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +17,10 @@ from pushplan.planners.search import NODE, random, trace
 from pushplan.planners.session import CHUNK, Session
 
 FIRST_SHARE = 0.04
-"""Side of the first round's cells, as a share of the sampling box's diagonal."""
+"""Side of the lowest level's cells, as a share of the sampling box's diagonal."""
 
 FIRST_HEADINGS = 24
-"""Headings that the first round tells apart; they grow as the root of the cells' number along the diagonal."""
+"""Headings that the lowest level tells apart; on higher ones they grow as the root of one by the side."""
 
 ARC_SIDES = 1.5
 """Typical length of an arc, in sides of a cell: just enough to leave it."""
@@ -24,11 +28,14 @@ ARC_SIDES = 1.5
 SHRINK = 0.7
 """Factor of the cells' sides from level to level."""
 
-FIRST_ROOM = 1_000
-"""Nodes that a tree has room for on the first level."""
+FIRST_ROOM = 1_500
+"""Nodes that a tree has room for on the lowest level."""
 
 GROWTH = 2.0
 """Factor of the room from level to level."""
+
+HIGHEST = 6
+"""Highest level: its trees take 25 MB."""
 
 Box = tuple[float, float, float, float]
 
@@ -53,8 +60,7 @@ class CellRounds:
         """Flood until both trees are over or they join; offer the path to the session."""
         session = self._session
         self._rounds += 1
-        level = (self._rounds & -self._rounds).bit_length() - 1
-        trees = self._planted(level)
+        trees = self._planted(min((self._rounds & -self._rounds).bit_length() - 1, HIGHEST))
         path = np.empty((2 * trees.nodes.shape[1] + 3, 4))
         arcs = 0
         while arcs == 0 and not stop():

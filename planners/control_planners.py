@@ -87,11 +87,10 @@ def _propagator(session: Session, r: float) -> Callable[[Any, Any, float, Any], 
     grow, cos, sin = session.grow, math.cos, math.sin
 
     def propagate(state: Any, control: Any, duration: float, result: Any) -> None:
-        row = grow(int(state[4] / ROW_SCALE + 0.5), control[0], control[1], control[2])
+        row, x, y, theta = grow(int(state[4] / ROW_SCALE + 0.5), control[0], control[1], control[2])
         if row < 0:
             result[0] = OUTSIDE
             return
-        x, y, theta = session.nodes[row, :3].tolist()
         result[0] = x
         result[1] = y
         result[2] = r * cos(theta)

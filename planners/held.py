@@ -20,7 +20,7 @@ from pushplan.planners.steering import MAX_WORDS, connect
 
 @structref.register
 class _HeldType(types.StructRef):
-    """Numba's type of a problem that is held."""
+    """Numba's type of what is held."""
 
     def preprocess_fields(self, fields: Any) -> Any:
         """Return the fields, their types freed from particular values."""
@@ -28,24 +28,34 @@ class _HeldType(types.StructRef):
 
 
 class Held(structref.StructRefProxy):
-    """A problem inside compiled code; made by `hold`."""
+    """A problem and a tree inside compiled code; made by `hold`."""
 
     problem: Problem
+    nodes: FloatArray
+    word: FloatArray
 
 
-structref.define_proxy(Held, _HeldType, ["problem"])  # type: ignore[no-untyped-call]
+structref.define_proxy(Held, _HeldType, ["problem", "nodes", "word"])  # type: ignore[no-untyped-call]
 
 
 class _HeldInPython(NamedTuple):
     """Stands in for `Held` where nothing is compiled."""
 
     problem: Problem
+    nodes: FloatArray
+    word: FloatArray
 
 
 @compiled
-def hold(problem: Problem) -> Held:
-    """Return a reference to a problem for `grow_held`."""
-    return Held(problem)  # type: ignore[no-untyped-call]
+def hold(problem: Problem, nodes: FloatArray, word: FloatArray) -> Held:
+    """Return a reference for `grow_held`.
+
+    Args:
+        problem: What to plan.
+        nodes: (capacity, NODE) the tree.
+        word: (3, 4) where connections are written, as twists and lengths.
+    """
+    return Held(problem, nodes, word)  # type: ignore[no-untyped-call]
 
 
 if config.DISABLE_JIT:  # type: ignore[attr-defined]  # for debuggers and coverage; there numba's reference would call itself for ever
@@ -54,39 +64,31 @@ if config.DISABLE_JIT:  # type: ignore[attr-defined]  # for debuggers and covera
 
 @compiled
 def grow_held(
-    held: Held,
-    nodes: FloatArray,
-    count: int,
-    parent: int,
-    u0: float,
-    u1: float,
-    u2: float,
-    bound: float,
-    word: FloatArray,
-) -> tuple[bool, float]:
+    held: Held, count: int, parent: int, u0: float, u1: float, u2: float, bound: float
+) -> tuple[bool, float, float, float, float]:
     """Grow the tree by one arc and try the exact connection from its end to the goal, in one compiled call.
 
     Args:
-        held: What to plan.
-        nodes: The tree; row `count` is filled, unless `parent` is negative: then it is the root already.
+        held: The problem; the tree, whose row `count` is filled, unless `parent` is negative: then it is the root
+            already; and where the connection goes.
         count: See `search.extend`.
         parent: See `search.extend`; negative to connect from the root alone.
         u0: See `search.extend`.
         u1: See `search.extend`.
         u2: See `search.extend`.
         bound: Cost that a whole path must stay below.
-        word: (3, 4) filled with the connection's twists and lengths.
 
     Returns:
-        (kept, cost): whether there is a new node; and the cost of the whole path through it, infinite when
-        the connection is blocked.
+        (kept, cost, x, y, theta): whether there is a new node; the cost of the whole path through it, infinite when
+        the connection is blocked; and its pose.
     """
-    problem = held.problem
+    problem, nodes = held.problem, held.nodes
     if parent >= 0 and not extend(problem, nodes, count, parent, u0, u1, u2, bound):
-        return False, np.inf
-    so_far = nodes[count, 3]
+        return False, np.inf, 0.0, 0.0, 0.0
+    node = nodes[count]
+    so_far = node[3]
     tries = MAX_WORDS if parent < 0 else TRIES
     cost, promise = connect(
-        problem.scene, problem.families, nodes[count, :3], problem.goal, bound - so_far, tries, word
+        problem.scene, problem.families, node[:3], problem.goal, bound - so_far, tries, held.word
     )
-    return so_far + promise < bound or promise == np.inf, so_far + cost
+    return so_far + promise < bound or promise == np.inf, so_far + cost, node[0], node[1], node[2]

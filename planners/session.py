@@ -110,8 +110,8 @@ class Session:
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
         self._on_progress = on_progress
         self._word = np.zeros((3, 4))
-        self._held = hold(problem)
         self.nodes, self.count = np.zeros((FIRST_CAPACITY, NODE)), 0
+        self._held = hold(problem, self.nodes, self._word)
         self.branches = Branches()
         self.began = time.perf_counter()
         self.restart()
@@ -179,27 +179,29 @@ class Session:
         self.nodes[0, :3] = self.start
         self.nodes[0, 4] = -1.0
         self.count = 1
-        _, cost = grow_held(self._held, self.nodes, 0, -1, 0.0, 0.0, 0.0, self.bound, self._word)
+        cost = grow_held(self._held, 0, -1, 0.0, 0.0, 0.0, self.bound)[1]
         self._consider(0, cost)
 
-    def grow(self, parent: int, u0: float, u1: float, u2: float) -> int:
+    def grow(self, parent: int, u0: float, u1: float, u2: float) -> tuple[int, float, float, float]:
         """Propagate one arc from node `parent` under controls in [0, 1].
 
         Returns:
-            Row of the new node in `nodes`, or -1 when the arc is blocked or cannot lead to a better path.
+            Row of the new node in `nodes` and its pose; the row is -1 when the arc is blocked or cannot lead to a
+            better path.
         """
-        if self.count == len(self.nodes):
+        node = self.count
+        if node == len(self.nodes):
             self.nodes = np.concatenate([self.nodes, np.zeros_like(self.nodes)])
+            self._held = hold(self.problem, self.nodes, self._word)
         self.extensions += 1
         self.iterations += 1
-        node = self.count
-        kept, cost = grow_held(self._held, self.nodes, node, parent, u0, u1, u2, self.bound, self._word)
+        kept, cost, x, y, theta = grow_held(self._held, node, parent, u0, u1, u2, self.bound)
         if not kept:
-            return -1
+            return -1, x, y, theta
         self.count = node + 1
         if cost < self.bound:
             self._consider(node, cost)
-        return node
+        return node, x, y, theta
 
     def note_approach(self) -> None:
         """Keep the way to the tree's node nearest to the goal, if no path leads there and none came nearer."""

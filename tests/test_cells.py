@@ -1,0 +1,122 @@
+"""The flooding trees keep their promises: free arcs, one node in a cell, and paths that end at the goal."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from pushplan.geometry import se2
+from pushplan.planners import cell_rounds
+from pushplan.planners.cell_kernel import ANGLE, NODES, SIDE, TRIED, CellTrees, flood
+from pushplan.planners.cell_rounds import CellRounds
+from pushplan.planners.collision import sweep_is_free
+from pushplan.planners.problem import build_problem, sampling_box
+from pushplan.planners.search import NODE, Problem
+from pushplan.planners.session import Budget, Session
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario import Scenario
+
+SIDE_M, HEADINGS = 0.2, 24
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return load_scenario("three-boxes-clutter")
+
+
+@pytest.fixture(scope="module")
+def problem(scenario: Scenario) -> Problem:
+    return build_problem(scenario, scenario.stable_set())
+
+
+def _planted(problem: Problem, scenario: Scenario, room: int, seed: int = 1) -> CellTrees:
+    nodes = np.zeros((2, room, NODE))
+    nodes[0, 0, :3], nodes[1, 0, :3], nodes[:, 0, 4] = scenario.start, problem.goal, -1.0
+    keys = np.zeros((2, 1 << math.ceil(math.log2(2 * room))), dtype=np.int64)
+    counts = np.zeros((2, 4), dtype=np.int64)
+    counts[:, NODES] = 1
+    sizes = np.array([[SIDE_M, 2.0 * math.pi / HEADINGS, 1.5 * SIDE_M]] * 2)
+    return CellTrees(
+        nodes, keys, counts, np.array(sampling_box(scenario)), sizes, np.array([seed], dtype=np.uint64)
+    )
+
+
+@pytest.fixture(scope="module")
+def trees(problem: Problem, scenario: Scenario) -> CellTrees:
+    """Return trees grown until they are full, what joins them left unused."""
+    trees = _planted(problem, scenario, 1_500)
+    path = np.empty((4_000, 4))
+    for _ in range(10_000):
+        if flood(problem, trees, 500, path) < 0:
+            return trees
+    raise AssertionError("flooding does not end")
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_every_branch_is_a_free_stable_arc(
+    problem: Problem, scenario: Scenario, trees: CellTrees, which: int
+) -> None:
+    nodes = trees.nodes[which, : trees.counts[which, NODES]]
+    assert len(nodes) > 1_000
+    for node in nodes[1:]:
+        parent = nodes[int(node[4])]
+        first, last = (parent, node) if which == 0 else (node, parent)
+        end = se2.compose(first[:3], se2.exp(node[5:8] * node[8]))
+        np.testing.assert_allclose(last[:2], end[:2], atol=1e-9)
+        assert abs(se2.wrap_angle(last[2] - end[2])) < 1e-9
+        assert sweep_is_free(problem.scene, *parent[:3], *((1 - 2 * which) * node[5:8]), node[8])
+        assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-9)
+    assert scenario.stable_set().margin(nodes[1:, 5:8]).min() > 0.0
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_cell_holds_one_node(trees: CellTrees, which: int) -> None:
+    nodes = trees.nodes[which, 1 : trees.counts[which, NODES]]
+    cells = np.floor((nodes[:, :2] - trees.box[:2]) / trees.sizes[which, SIDE])
+    headings = np.floor(nodes[:, 2] % (2.0 * np.pi) / trees.sizes[which, ANGLE])
+    assert len(np.unique(np.column_stack([cells, headings]), axis=0)) == len(nodes)
+    assert (nodes[:, :2] >= trees.box[:2]).all()
+    assert (nodes[:, :2] <= trees.box[2:]).all()
+
+
+def test_the_path_is_free_and_ends_at_the_goal(problem: Problem, scenario: Scenario) -> None:
+    trees, path = _planted(problem, scenario, 1_500, seed=3), np.empty((4_000, 4))
+    arcs = 0
+    while arcs == 0:
+        arcs = flood(problem, trees, 100, path)
+    assert arcs > 0
+    pose = np.array(scenario.start)
+    for twist, length in zip(path[:arcs, :3], path[:arcs, 3], strict=True):
+        assert sweep_is_free(problem.scene, *[*pose, *twist, length])
+        pose = se2.compose(pose, se2.exp(twist * length))
+    np.testing.assert_allclose(pose[:2], problem.goal[:2], atol=1e-9)
+    assert abs(se2.wrap_angle(pose[2] - problem.goal[2])) < 1e-9
+
+
+def test_it_ends_where_nothing_can_move(problem: Problem, scenario: Scenario) -> None:
+    walls = np.array([*scenario.start[:2], *scenario.start[:2]]) + 0.01 * np.array([-1.0, -1.0, 1.0, 1.0])
+    shut = problem._replace(scene=problem.scene._replace(walls=walls))
+    trees = _planted(problem, scenario, 100)
+    assert flood(shut, trees, 10**6, np.empty((300, 4))) == -1
+    assert trees.counts[:, NODES].tolist() == [1, 1]
+    assert 0 < trees.counts[:, TRIED].sum() < 1_000
+
+
+def test_same_seed_same_path(problem: Problem, scenario: Scenario) -> None:
+    paths = []
+    for _ in range(2):
+        session = Session(problem, scenario.start, Budget(60.0, first=True, iterations=200_000), seed=5)
+        rounds = CellRounds(session, sampling_box(scenario))
+        while not session.finished:
+            rounds.run_next(lambda session=session: session.finished)  # type: ignore[misc]
+        assert session.best_arcs is not None
+        paths.append(session.best_arcs)
+    np.testing.assert_array_equal(paths[0], paths[1])
+
+
+def test_memory_of_a_round_has_a_limit() -> None:
+    nodes = cell_rounds.FIRST_ROOM * cell_rounds.GROWTH**cell_rounds.HIGHEST
+    table = 2 ** math.ceil(math.log2(2 * nodes))
+    assert 2 * 8 * (NODE * nodes + table) + 2 * 32 * nodes < 30e6
