@@ -66,7 +66,7 @@ def test_every_branch_is_a_free_stable_arc(
         end = se2.compose(first[:3], se2.exp(node[5:8] * node[8]))
         np.testing.assert_allclose(last[:2], end[:2], atol=1e-9)
         assert abs(se2.wrap_angle(last[2] - end[2])) < 1e-9
-        assert sweep_is_free(problem.scene, *parent[:3], *((1 - 2 * which) * node[5:8]), node[8])
+        assert sweep_is_free(problem.scene, *[*parent[:3], *((1 - 2 * which) * node[5:8]), node[8]])
         assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-9)
     assert scenario.stable_set().margin(nodes[1:, 5:8]).min() > 0.0
 
