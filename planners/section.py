@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
+from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
 from pushplan.planners.arc_limits import Bounds, contact_limits
@@ -138,9 +139,14 @@ def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> F
     Where speed and acceleration compete for the room that a contact leaves, an arc from rest to rest takes the more
     acceleration the shorter it is. Passing needs little of it: the steps to and fro are eased afterwards.
     """
-    return np.array(
-        [contact_limits(t, max(float(s), PASSED), bounds).speed for t, s in zip(twists, lengths, strict=True)]
-    )
+    return np.array([_passing_speed(t, float(s), bounds) for t, s in zip(twists, lengths, strict=True)])
+
+
+def _passing_speed(twist: FloatArray, length: float, bounds: Bounds) -> float:
+    try:
+        return contact_limits(twist, max(length, PASSED), bounds).speed
+    except TimingError:  # at the boundary of the set, only a shorter arc is over soon enough
+        return contact_limits(twist, length, bounds).speed
 
 
 def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:

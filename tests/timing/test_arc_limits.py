@@ -13,10 +13,14 @@ from pushplan.errors import TimingError
 from pushplan.mechanics.admissible_speeds import SpeedWindow, admissible_speeds
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.sphere import twists_at
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.arc_limits import ROOM, Bounds, arc_limits, contact_limits
 from pushplan.planners.profile import ArcLimits, rest_to_rest
+from pushplan.planners.section import PASSED, passing_speeds
 from pushplan.planners.timing import time_path
+from pushplan.planners.trajectories import contact_dynamics
+from pushplan.reading.scenario_file import load_scenario
 
 if TYPE_CHECKING:
     from conftest import ChainMaker
@@ -119,3 +123,17 @@ def test_a_twist_without_room_is_refused_with_the_way_out(make_chain: ChainMaker
         inside, outside = (middle, outside) if held else (inside, middle)
     with pytest.raises(TimingError, match=r"no room for inertia.*raise stability\.margin"):
         contact_limits(inside / cost_rate(inside), 1.0, Bounds(Limits(), contacts))
+
+
+def test_an_arc_too_long_for_its_room_is_passed_at_the_speed_of_its_own_length() -> None:
+    scenario = load_scenario("two-crates")
+    stable, length = scenario.stable_set(), scenario.chain.characteristic_length
+    bounds = Bounds(scenario.chain.pusher.limits, contact_dynamics(scenario, stable))
+    meridians = stable.meridians(1e-6)
+    upper = meridians.upper[:1] - 0.005 * 0.5 * (meridians.upper[:1] - meridians.lower[:1])
+    twist = twists_at(meridians.longitude[:1], upper, length)
+    twist /= cost_rate(twist)[:, None]
+    with pytest.raises(TimingError, match="no room for inertia"):
+        contact_limits(twist[0], PASSED, bounds)
+    own = contact_limits(twist[0], 0.02, bounds).speed
+    assert passing_speeds(twist, np.array([0.02]), bounds) == pytest.approx([own])
