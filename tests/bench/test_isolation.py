@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from pushplan.bench.child import _end_with_parent
-from pushplan.bench.isolation import IsolatedRun, isolated
+from pushplan.bench.isolation import IsolatedRun, isolated, prepare
 from pushplan.bench.outcome import STATUSES, Outcome, Task
 
 MakeTask = Callable[..., Task]
@@ -52,6 +52,7 @@ def _outcome(planted: Any, make_task: MakeTask, fate: str, folder: Path) -> Outc
 def test_every_end_has_its_status(
     fate: str, message: str, planted: Any, make_task: MakeTask, tmp_path: Path
 ) -> None:
+    prepare()
     began = time.monotonic()
     outcome = _outcome(planted, make_task, fate, tmp_path)
     assert outcome.status == planted.STATUS[fate]
