@@ -34,6 +34,9 @@ ROOM = (0.3, 1.0)
 UNGUIDED = 2
 """Rounds before the first that is guided by a way: most problems need none."""
 
+UNFLOODED = 6
+"""Rounds before flooding begins."""
+
 FREELY = 4
 """One of so many later rounds goes without a way too."""
 
@@ -61,9 +64,8 @@ def search(session: Session, box: Box, heading_length: float) -> None:
         if session.finished:
             return
         session.refine()
-        if number >= UNGUIDED and _flood_is_due(session, cells):
-            cells.run_next(lambda: session.finished or session.best_arcs is not None)
-            continue
+        if number >= UNFLOODED:
+            _flood(session, cells)
         if number >= UNGUIDED and guide is None:
             guide = make_guide(session.problem, session.start, box)
         allowance = FIRST_ROUND * _luby(number + 1)
@@ -75,10 +77,15 @@ def search(session: Session, box: Box, heading_length: float) -> None:
         session.branches.offer_nodes(forest.ahead[: forest.counts[0]], forest.behind[: forest.counts[1]])
 
 
-def _flood_is_due(session: Session, cells: CellRounds) -> bool:
-    """Whether there is no path yet and flooding has had less than its part of the extensions."""
-    others = session.extensions - cells.extensions
-    return session.best_arcs is None and cells.extensions < FLOOD_RATIO * others
+def _flood(session: Session, cells: CellRounds) -> None:
+    """Flood, as long as there is no path, until that has had its part of the extensions."""
+
+    def enough() -> bool:
+        return session.finished or session.best_arcs is not None
+
+    share = FLOOD_RATIO * (session.extensions - cells.extensions)
+    while cells.extensions < share and not enough():
+        cells.run_next(enough)
 
 
 def _luby(i: int) -> int:
