@@ -46,8 +46,8 @@ ROUGHNESS = 1.5
 BLIND = (0.0, 0.6, 0.3)
 """Shares of the extensions that take a random arc, in turn from round to round."""
 
-FLOOD_RATIO = 5.0
-"""As long as there is no path, so many arcs of flooding trees for each extension of the other ones."""
+FLOOD_RATIO = 40.0
+"""As long as there is no path, so many arcs of flooding for each extension of the other trees, which takes longer."""
 
 NO_WAY = np.zeros((0, 2))
 
