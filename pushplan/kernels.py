@@ -67,7 +67,8 @@ def compile_search(planner: str) -> None:
     session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
     planner_named(planner)(session, _BOX, _HEADING_LENGTH)
     if planner == "auto":  # it takes ways and floods only after some rounds
-        CellRounds(session, _BOX).run_next(lambda: session.extensions > 0)
+        begun = session.extensions
+        CellRounds(session, _BOX).run_next(lambda: session.extensions > begun)
         guide = make_guide(session.problem, session.start, _BOX)
         find_way(guide, _ROUGH, _TIGHT, session.random, np.empty((guide.space.size, 2)))
 

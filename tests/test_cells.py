@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -120,3 +122,11 @@ def test_memory_of_a_round_has_a_limit() -> None:
     nodes = cell_rounds.FIRST_ROOM * cell_rounds.GROWTH**cell_rounds.HIGHEST
     table = 2 ** math.ceil(math.log2(2 * nodes))
     assert 2 * 8 * (NODE * nodes + table) + 2 * 32 * nodes < 30e6
+
+
+def test_flooding_is_compiled_before_a_plan_begins() -> None:
+    code = (
+        "from pushplan.kernels import compile_search; from pushplan.planners.cell_kernel import flood; "
+        "compile_search('auto'); raise SystemExit(0 if flood.signatures else 9)"
+    )
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
