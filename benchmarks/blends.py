@@ -8,13 +8,12 @@ far as it does on the path; `straight` the same for the straight line from start
 from __future__ import annotations
 
 import argparse
-import os
-import platform
 import time
 from dataclasses import replace
 
 import numpy as np
 
+from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
@@ -63,7 +62,7 @@ def main() -> None:
     )
     parser.add_argument("--speed", type=float, default=0.0)
     speed = parser.parse_args().speed
-    print(f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}")
+    print(Machine.this().words)
     print("| scenario | corners | stops | exact, s | blended, s | saved | no stop | straight | CPU, s |")
     print("|---|---|---|---|---|---|---|---|---|")
     for name in example_names():
