@@ -15,6 +15,7 @@ import numpy as np
 from pushplan.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled, woven
 from pushplan.planners.collision import step, sweep_is_free
+from pushplan.planners.rows import put
 from pushplan.planners.search import TRIES, Problem, choose_twist, random, trace
 from pushplan.planners.steering import connect
 
@@ -140,8 +141,7 @@ def _whole(trees: CellTrees, ahead: int, behind: int, word: FloatArray, path: Fl
     """Write the arcs first tree, connection, second tree into `path`; return how many."""
     n = trace(trees.nodes[0], ahead, word, path)
     while trees.nodes[1, behind, 4] >= 0.0:
-        for k in range(4):
-            path[n, k] = trees.nodes[1, behind, 5 + k]
+        put(path[n], trees.nodes[1, behind, 5:])
         n += 1
         behind = int(trees.nodes[1, behind, 4])
     return n
