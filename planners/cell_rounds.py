@@ -74,17 +74,10 @@ class CellRounds:
         self._note(trees)
 
     def _planted(self, level: int) -> CellTrees:
-        """Return trees of their roots alone."""
-        session, room = self._session, int(FIRST_ROOM * GROWTH**level)
-        nodes = np.zeros((2, room, NODE))
-        nodes[0, 0, :3], nodes[1, 0, :3], nodes[:, 0, 4] = session.start, session.problem.goal, -1.0
-        keys = np.zeros((2, 1 << math.ceil(math.log2(2 * room))), dtype=np.int64)
-        counts = np.zeros((2, 4), dtype=np.int64)
-        counts[:, NODES] = 1
         side = self._diagonal * FIRST_SHARE * SHRINK**level
         headings = round(FIRST_HEADINGS * SHRINK ** (-0.5 * level))
-        sizes = np.array([[side, 2.0 * math.pi / headings, ARC_SIDES * side]] * 2)
-        return CellTrees(nodes, keys, counts, self._shifted(side), sizes, session.random)
+        sizes = (side, 2.0 * math.pi / headings, ARC_SIDES * side)
+        return planted(self._session, self._shifted(side), int(FIRST_ROOM * GROWTH**level), sizes)
 
     def _shifted(self, side: float) -> FloatArray:
         """Return the box, its lower corner moved at random by less than a side of a cell."""
@@ -100,3 +93,13 @@ class CellRounds:
         if nearest >= 0:
             path = np.empty((len(ahead) + 3, 4))
             session.approach(path[: trace(ahead, nearest, np.zeros((3, 4)), path)])
+
+
+def planted(session: Session, box: FloatArray, room: int, sizes: tuple[float, float, float]) -> CellTrees:
+    """Return trees of start and goal alone, with room for so many nodes each; see `CellTrees`."""
+    nodes = np.zeros((2, room, NODE))
+    nodes[0, 0, :3], nodes[1, 0, :3], nodes[:, 0, 4] = session.start, session.problem.goal, -1.0
+    keys = np.zeros((2, 1 << math.ceil(math.log2(2 * room))), dtype=np.int64)
+    counts = np.zeros((2, 4), dtype=np.int64)
+    counts[:, NODES] = 1
+    return CellTrees(nodes, keys, counts, box, np.array([sizes, sizes]), session.random)

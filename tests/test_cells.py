@@ -12,7 +12,7 @@ import pytest
 from pushplan.geometry import se2
 from pushplan.planners import cell_rounds
 from pushplan.planners.cell_kernel import ANGLE, NODES, SIDE, TRIED, CellTrees, flood
-from pushplan.planners.cell_rounds import CellRounds
+from pushplan.planners.cell_rounds import CellRounds, planted
 from pushplan.planners.collision import sweep_is_free
 from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search import NODE, Problem
@@ -34,15 +34,9 @@ def problem(scenario: Scenario) -> Problem:
 
 
 def _planted(problem: Problem, scenario: Scenario, room: int, seed: int = 1) -> CellTrees:
-    nodes = np.zeros((2, room, NODE))
-    nodes[0, 0, :3], nodes[1, 0, :3], nodes[:, 0, 4] = scenario.start, problem.goal, -1.0
-    keys = np.zeros((2, 1 << math.ceil(math.log2(2 * room))), dtype=np.int64)
-    counts = np.zeros((2, 4), dtype=np.int64)
-    counts[:, NODES] = 1
-    sizes = np.array([[SIDE_M, 2.0 * math.pi / HEADINGS, 1.5 * SIDE_M]] * 2)
-    return CellTrees(
-        nodes, keys, counts, np.array(sampling_box(scenario)), sizes, np.array([seed], dtype=np.uint64)
-    )
+    session = Session(problem, scenario.start, Budget(60.0), seed)
+    sizes = (SIDE_M, 2.0 * math.pi / HEADINGS, 1.5 * SIDE_M)
+    return planted(session, np.array(sampling_box(scenario)), room, sizes)
 
 
 @pytest.fixture(scope="module")
