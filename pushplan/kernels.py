@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from pushplan.compiling import PATIENCE, announced
+from pushplan.compiling import announced
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contact_state import contact_state
 from pushplan.mechanics.support import UniformSupport
@@ -19,7 +19,7 @@ from pushplan.planners.registry import planner_named
 from pushplan.planners.scene import build_scene
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Budget, Session
-from pushplan.second_compiler import SecondCompiler
+from pushplan.second_compiler import second_compiler
 from pushplan.stable_sets.named import stable_set
 
 _BOX = (-2.0, -2.0, 3.0, 4.0)
@@ -44,11 +44,11 @@ def warm_up(planner: str, tell: Callable[[str], None] | None = None) -> None:
 @cache
 def _compile(planner: str) -> None:
     """Run every kernel once, on a single box that an obstacle keeps from its goal."""
-    with SecondCompiler(planner, PATIENCE) as second:
+    with second_compiler(planner):
         _compile_mechanics()
         _compile_polish()
-        second.wait()
-        compile_search(planner)
+        _compile_ways(planner)
+    compile_search(planner)
 
 
 def _compile_mechanics() -> None:
@@ -66,11 +66,17 @@ def compile_search(planner: str) -> None:
     """Run every kernel of a planner once."""
     session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
     planner_named(planner)(session, _BOX, _HEADING_LENGTH)
-    if planner == "auto":  # it takes ways and floods only after some rounds
+    if planner == "auto":  # it floods, and takes ways, only after some rounds
         begun = session.extensions
         CellRounds(session, _BOX).run_next(lambda: session.extensions > begun)
-        guide = make_guide(session.problem, session.start, _BOX)
-        find_way(guide, _ROUGH, _TIGHT, session.random, np.empty((guide.space.size, 2)))
+    _compile_ways(planner)
+
+
+def _compile_ways(planner: str) -> None:
+    if planner == "auto":
+        guide = make_guide(_problem(_one_box()), np.zeros(3), _BOX)
+        way, state = np.empty((guide.space.size, 2)), np.zeros(1, dtype=np.uint64)
+        find_way(guide, _ROUGH, _TIGHT, state, way)
 
 
 def _one_box() -> Chain:

@@ -9,51 +9,58 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+
+from numba.core.event import Event, Listener, install_listener
 
 WORK = "from pushplan.kernels import compile_search; compile_search({!r})"
 
 
-class SecondCompiler:
-    """Starts the process once compiling is seen to take a while; loading a full cache is over before.
+@contextmanager
+def second_compiler(planner: str) -> Iterator[None]:
+    """Start the process with the first function that is compiled inside, and wait for its end.
 
-    Whatever becomes of the process, the first one compiles what it does not find.
+    Code that is loaded from the cache needs no second process. Whatever becomes of it, the first one compiles what it
+    does not find.
 
     Args:
         planner: Name of the planner whose search is compiled.
-        patience: Seconds until it starts.
     """
+    starter = _Starter(planner)
+    several = (os.cpu_count() or 1) > 1 and sys.executable
+    try:
+        with install_listener("numba:compile", starter) if several else nullcontext():
+            yield
+        starter.wait()
+    finally:
+        starter.kill()
 
-    def __init__(self, planner: str, patience: float) -> None:
+
+class _Starter(Listener):
+    """Starts the process when a function begins to be compiled."""
+
+    def __init__(self, planner: str) -> None:
         self._command = [sys.executable, "-c", WORK.format(planner)]
         self._process: subprocess.Popen[bytes] | None = None
-        self._timer = threading.Timer(patience, self._start)
-        self._timer.daemon = True
 
-    def __enter__(self) -> SecondCompiler:
-        if (os.cpu_count() or 1) > 1 and sys.executable:
-            self._timer.start()
-        return self
+    def on_start(self, event: Event) -> None:
+        """Start the process, once, without a word on the user's screen."""
+        del event
+        if self._process is None:
+            quiet = subprocess.DEVNULL
+            self._process = subprocess.Popen(self._command, stdin=quiet, stdout=quiet, stderr=quiet)
+
+    def on_end(self, event: Event) -> None:
+        """Let the process go on."""
 
     def wait(self) -> None:
-        """Wait until the process has compiled everything, if it was started."""
-        self._settle()
+        """Wait until the process has compiled everything, if there is one."""
         if self._process is not None:
             self._process.wait()
 
-    def __exit__(self, *error: object) -> None:
-        self._settle()
+    def kill(self) -> None:
+        """End the process if it is still there."""
         if self._process is not None and self._process.poll() is None:
             self._process.kill()
             self._process.wait()
-
-    def _settle(self) -> None:
-        """Leave no thread behind: from here on the process is there, or never will be."""
-        self._timer.cancel()
-        if self._timer.is_alive():
-            self._timer.join()
-
-    def _start(self) -> None:
-        """Start the process, without a word on the user's screen."""
-        quiet = subprocess.DEVNULL
-        self._process = subprocess.Popen(self._command, stdin=quiet, stdout=quiet, stderr=quiet)

@@ -1,44 +1,50 @@
-"""The second compiler starts when compiling takes long, is waited for, and never outlives the first one."""
+"""The second compiler starts with the first function compiled, is waited for, and never outlives the first one."""
 
 from __future__ import annotations
 
 import time
 from pathlib import Path
 
+import numba
 import pytest
 
-from pushplan import second_compiler
+from pushplan import second_compiler as module
 from pushplan.kernels import compile_search
-from pushplan.second_compiler import SecondCompiler
+from pushplan.second_compiler import second_compiler
 
 
 @pytest.fixture
 def mark(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Let the process write a file after a fifth of a second instead."""
     file = tmp_path / "done"
-    work = f"import time; time.sleep(0.2); open({str(file)!r}, 'w').write({{!r}})"
-    monkeypatch.setattr(second_compiler, "WORK", work)
+    work = f"import time; time.sleep(0.2); open({str(file)!r}, 'a').write({{!r}})"
+    monkeypatch.setattr(module, "WORK", work)
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     return file
 
 
-def test_it_is_waited_for(mark: Path) -> None:
-    with SecondCompiler("sst", 0.0) as second:
-        time.sleep(0.1)
-        second.wait()
+def compile_something() -> None:
+    numba.njit(lambda x: x + 1)(1)
+
+
+def test_it_is_started_once_and_waited_for(mark: Path) -> None:
+    with second_compiler("sst"):
+        compile_something()
+        compile_something()
     assert mark.read_text() == "sst"
 
 
-def test_it_does_not_start_when_nothing_takes_long(mark: Path) -> None:
-    with SecondCompiler("sst", 0.05) as second:
-        second.wait()
+def test_it_does_not_start_when_nothing_is_compiled(mark: Path) -> None:
+    with second_compiler("sst"):
+        pass
+    compile_something()
     time.sleep(0.5)
     assert not mark.exists()
 
 
 def _interrupted() -> None:
-    with SecondCompiler("sst", 0.0):
-        time.sleep(0.1)
+    with second_compiler("sst"):
+        compile_something()
         raise KeyboardInterrupt
 
 
@@ -51,13 +57,12 @@ def test_it_ends_with_the_first_one(mark: Path) -> None:
 
 def test_a_single_processor_compiles_alone(mark: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.cpu_count", lambda: 1)
-    with SecondCompiler("sst", 0.0) as second:
-        time.sleep(0.1)
-        second.wait()
+    with second_compiler("sst"):
+        compile_something()
     time.sleep(0.4)
     assert not mark.exists()
 
 
 def test_what_it_runs_exists() -> None:
-    assert second_compiler.WORK.format("auto").startswith("from pushplan.kernels import compile_search;")
+    assert module.WORK.format("auto").startswith("from pushplan.kernels import compile_search;")
     compile_search("auto")

@@ -82,12 +82,12 @@ def twists_about(cors: ArrayLike, sense: int) -> FloatArray:
 
 
 def checked_twists(twists: ArrayLike) -> FloatArray:
-    """Return `twists` as a contiguous (k, 3) float array.
+    """Return `twists` as a (k, 3) float array, contiguous and not read-only: what compiled functions know.
 
     Raises:
         PushplanError: On another shape, a number that is not finite, or a zero twist.
     """
-    v = np.ascontiguousarray(twists, dtype=np.float64)
+    v = np.require(twists, np.float64, ["C", "W"])
     if v.ndim != 2 or v.shape[1] != 3:
         raise PushplanError(f"twists have shape {v.shape}; it must be (k, 3): vx, vy, omega")
     if not np.isfinite(v).all():
