@@ -163,14 +163,15 @@ public:
     double separation(const Pose &p, double enough) const {
         const Frame f{std::cos(p.theta), std::sin(p.theta), p.x, p.y};
         const double *walls = a_.at("walls").row(0), *bound = a_.at("body_bound").row(0);
-        double best = enough;
-        for (const Polygon &piece : body_)
-            for (int i = 0; i < piece.count; ++i) {
-                const double *q = piece.corners + 4 * i;
-                const double x = f.x + f.c * q[0] - f.s * q[1], y = f.y + f.s * q[0] + f.c * q[1];
-                best = std::min({best, x - walls[0], y - walls[1], walls[2] - x, walls[3] - y});
-            }
         const double cx = f.x + f.c * bound[0] - f.s * bound[1], cy = f.y + f.s * bound[0] + f.c * bound[1];
+        double best = enough;
+        if (std::min({cx - walls[0], cy - walls[1], walls[2] - cx, walls[3] - cy}) < enough + bound[2])
+            for (const Polygon &piece : body_)
+                for (int i = 0; i < piece.count; ++i) {
+                    const double *q = piece.corners + 4 * i;
+                    const double x = f.x + f.c * q[0] - f.s * q[1], y = f.y + f.s * q[0] + f.c * q[1];
+                    best = std::min({best, x - walls[0], y - walls[1], walls[2] - x, walls[3] - y});
+                }
         for (const Polygon &o : obstacles_) {
             if (!near(cx, cy, o.bound, best + bound[2])) continue;
             for (const Polygon &piece : body_) {
@@ -314,15 +315,15 @@ private:
         }
     }
 
-    bool wordIsFree(const Word &word, Pose p) const {
-        for (int i = 0; i < 3; ++i)
-            if (word.lengths[i] > 0.0) {
-                const Twist v = letter(word.family, word.letters[i]);
-                if (!sweepIsFree(p, v, word.lengths[i])) return false;
-                p = step(p, v, word.lengths[i]);
-            }
-        return true;
+    // The middle arc first: it is mostly the longest.
+    bool wordIsFree(const Word &word, const Pose &start) const {
+        const Twist first = letter(word.family, word.letters[0]), middle = letter(word.family, word.letters[1]);
+        const Pose joint = step(start, first, word.lengths[0]);
+        if (!arcIsFree(joint, middle, word.lengths[1]) || !arcIsFree(start, first, word.lengths[0])) return false;
+        return arcIsFree(step(joint, middle, word.lengths[1]), letter(word.family, word.letters[2]), word.lengths[2]);
     }
+
+    bool arcIsFree(const Pose &p, const Twist &v, double length) const { return length <= 0.0 || sweepIsFree(p, v, length); }
 
     std::map<std::string, Array> a_;
     std::vector<Polygon> body_, obstacles_;

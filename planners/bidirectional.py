@@ -8,12 +8,13 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import lean, woven
 from pushplan.planners.collision import Scene, step, sweep_is_free
 from pushplan.planners.forest import Forest, draw_pose
 from pushplan.planners.rows import put, put_rows
 from pushplan.planners.search import TRIES, Problem, apart, choose_twist, random, remaining
 from pushplan.planners.steering import MAX_WORDS, connect, find_words
+from pushplan.scratch import scratch, scratch_integers
 
 NEAREST = 2
 """Nodes of a tree, nearest to a sample, from which words are tried."""
@@ -22,20 +23,21 @@ GOAL_SHARE = 0.05
 """Share of the samples that are the other tree's root."""
 
 
-@compiled
+@lean
 def _nearest(tree: FloatArray, count: int, pose: FloatArray, heading_length: float, found: IntArray) -> int:
     """Fill `found` with the rows of the nodes nearest to a pose, nearest first; return how many."""
-    distances = np.full(found.shape[0], np.inf)
+    distances = scratch(1, NEAREST)[0]
+    distances[:] = np.inf
     n = 0
     for i in range(count):
         d = apart(tree[i], pose[0], pose[1], pose[2], heading_length)
         if d < distances[-1]:
-            k = min(n, found.shape[0] - 1)
+            k = min(n, NEAREST - 1)
             while k > 0 and distances[k - 1] > d:
                 distances[k], found[k] = distances[k - 1], found[k - 1]
                 k -= 1
             distances[k], found[k] = d, i
-            n = min(n + 1, found.shape[0])
+            n = min(n + 1, NEAREST)
     return n
 
 
@@ -127,7 +129,7 @@ def _extend(
 ) -> int:
     """Grow one tree towards a sample; return the new node's row, or -1."""
     tree = forest.ahead if which == 0 else forest.behind
-    near = np.empty(NEAREST, dtype=np.int64)
+    near = scratch_integers(NEAREST)
     n = _nearest(tree, forest.counts[which], sample, forest.heading_length, near)
     blind = random(forest.state) < forest.blind
     for i in range(n):
@@ -160,10 +162,10 @@ def _join(
         (cost of the whole path, row in the other tree), infinite when nothing below the bound is free.
     """
     tree, other = (forest.ahead, forest.behind) if which == 0 else (forest.behind, forest.ahead)
-    near = np.empty(NEAREST, dtype=np.int64)
+    near = scratch_integers(NEAREST)
     n = _nearest(other, forest.counts[1 - which], tree[row, :3], forest.heading_length, near)
     best, partner = np.inf, -1
-    word = np.empty((3, 4))
+    word = scratch(3, 4)
     for i in range(-1, n):
         j = 0 if i < 0 else near[i]
         so_far = tree[row, 3] + other[j, 3]
@@ -203,7 +205,7 @@ def _whole(forest: Forest, ahead: int, behind: int, word: FloatArray, path: Floa
     return n
 
 
-@compiled
+@lean
 def grow_both(
     problem: Problem, forest: Forest, bound: float, iterations: int, path: FloatArray
 ) -> tuple[int, int]:
@@ -219,9 +221,8 @@ def grow_both(
     Returns:
         (done, arcs): extensions tried; arcs of the path found, 0 if none.
     """
-    sample = np.empty(3)
-    word, arcs = np.empty((3, 4)), np.empty((3, 4))
-    words = np.empty((MAX_WORDS, 7))
+    sample, words = scratch(1, 3)[0], scratch(MAX_WORDS, 7)
+    word, arcs = scratch(3, 4), scratch(3, 4)
     for done in range(1, iterations + 1):
         which = (forest.counts[0] > forest.counts[1]) * 1
         if random(forest.state) < GOAL_SHARE:

@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import lean, woven
 from pushplan.planners.collision import step, sweep_is_free
 from pushplan.planners.rows import put
 from pushplan.planners.search import TRIES, Problem, choose_twist, random, trace
 from pushplan.planners.steering import connect
+from pushplan.scratch import scratch
 
 NODES, NEXT, PASSES, TRIED = 0, 1, 2, 3
 """What is counted of a tree: nodes, the next one to expand, passes over all nodes that have begun, arcs tried."""
@@ -157,7 +158,7 @@ def _is_over(trees: CellTrees, which: int) -> bool:
     )
 
 
-@compiled
+@lean
 def flood(problem: Problem, trees: CellTrees, arcs: int, path: FloatArray) -> int:
     """Expand nodes of both trees in turn, each tree's in the order they were found, until these join.
 
@@ -170,7 +171,7 @@ def flood(problem: Problem, trees: CellTrees, arcs: int, path: FloatArray) -> in
     Returns:
         Arcs of the path found, 0 if none; -1 when there is nothing left to expand.
     """
-    word = np.empty((3, 4))
+    word = scratch(3, 4)
     count = trees.counts
     enough = count[0, TRIED] + count[1, TRIED] + arcs
     while count[0, TRIED] + count[1, TRIED] < enough:

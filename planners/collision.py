@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import lean, woven
+from pushplan.scratch import scratch
 
 EXACT_BELOW = 0.01
 """Separations under this (m), or under twice the clearance, are refined from the bound that separating axes give to
@@ -60,7 +61,7 @@ class Scene(NamedTuple):
     kept: float
 
 
-@compiled
+@lean
 def _axis_separation(
     a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
 ) -> float:
@@ -77,7 +78,7 @@ def _axis_separation(
     return best
 
 
-@compiled
+@lean
 def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Squared distance of a point from a segment."""
     ex, ey = bx - ax, by - ay
@@ -87,7 +88,7 @@ def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: fl
     return dx * dx + dy * dy
 
 
-@compiled
+@lean
 def _corner_distance(
     a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
 ) -> float:
@@ -102,7 +103,7 @@ def _corner_distance(
     return best
 
 
-@compiled
+@lean
 def _polygon_separation(
     a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float,
     exact_below: float,
@@ -192,13 +193,15 @@ def _body_to_disc(
     return best
 
 
-@compiled
+@lean
 def separation(scene: Scene, x: float, y: float, theta: float, enough: float) -> float:
     """Return a lower bound (m) on the distance of the body at a pose from everything, capped at `enough`."""
     c, s = math.cos(theta), math.sin(theta)
-    best = min(enough, _wall_separation(scene.body.corners, scene.walls, c, s, x, y))
     cx = x + c * scene.body_bound[0] - s * scene.body_bound[1]
     cy = y + s * scene.body_bound[0] + c * scene.body_bound[1]
+    best, walls = enough, scene.walls
+    if min(cx - walls[0], cy - walls[1], walls[2] - cx, walls[3] - cy) < enough + scene.body_bound[2]:
+        best = min(best, _wall_separation(scene.body.corners, walls, c, s, x, y))
     i = 0
     while i < scene.tree.shape[0]:
         box = scene.tree[i]
@@ -225,7 +228,7 @@ def _top_speed(scene: Scene, vx: float, vy: float, omega: float) -> float:
     return math.sqrt(best)
 
 
-@compiled
+@lean
 def step(
     x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
 ) -> tuple[float, float, float]:
@@ -236,7 +239,7 @@ def step(
     return x + c * vx - s * vy, y + s * vx + c * vy, theta + 2.0 * half
 
 
-@compiled
+@lean
 def sweep_is_free(
     scene: Scene, x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
 ) -> bool:
@@ -247,12 +250,12 @@ def sweep_is_free(
     middle first, where a collision shows soonest. An arc that comes closer than `scene.clearance` may be refused.
     """
     top = _top_speed(scene, vx, vy, omega)
-    begins, ends = np.empty(DEPTH), np.empty(DEPTH)
-    begins[0], ends[0] = 0.0, length
+    left = scratch(DEPTH, 2)
+    left[0, 0], left[0, 1] = 0.0, length
     n = 1
     while n > 0:
         n -= 1
-        begin, end = begins[n], ends[n]
+        begin, end = left[n, 0], left[n, 1]
         middle = 0.5 * (begin + end)
         px, py, pt = step(x, y, theta, vx, vy, omega, middle)
         gap = separation(scene, px, py, pt, 0.5 * (end - begin) * top + 2.0 * scene.clearance)
@@ -260,7 +263,7 @@ def sweep_is_free(
             return False
         covered = (gap - scene.kept) / top
         if middle - covered > begin:
-            begins[n], ends[n] = begin, middle - covered
-            begins[n + 1], ends[n + 1] = middle + covered, end
+            left[n, 0], left[n, 1] = begin, middle - covered
+            left[n + 1, 0], left[n + 1, 1] = middle + covered, end
             n += 2
     return True

@@ -28,6 +28,9 @@ OUTSIDE = 1e9
 FIRST_RESTART = 2_000
 """Extensions before the first restart of a tree; doubled at each further one."""
 
+LOOK = 16
+"""Extensions between two looks at the clock, as long as there is no new path."""
+
 Box = tuple[float, float, float, float]
 
 
@@ -48,15 +51,25 @@ def search(session: Session, box: Box, heading_length: float, make: Callable[[An
     planner.setup()
     allowance = FIRST_RESTART
     while not session.finished:
-        target = session.extensions + allowance
-        stop = ob.PlannerTerminationCondition(
-            lambda target=target: session.finished or session.extensions >= target
-        )
-        planner.solve(stop)
+        planner.solve(ob.PlannerTerminationCondition(_until(session, session.extensions + allowance)))
         session.refine()
         planner.clear()
         session.restart()
         allowance *= 2
+
+
+def _until(session: Session, target: int) -> Callable[[], bool]:
+    """Return what tells OMPL, which asks before every extension, that a session is finished or is that far."""
+    seen = session.best_cost
+
+    def over() -> bool:
+        nonlocal seen
+        if session.extensions % LOOK and session.best_cost == seen:
+            return False
+        seen = session.best_cost
+        return session.extensions >= target or session.finished
+
+    return over
 
 
 def _pose(session: Session, box: Box, r: float) -> tuple[Any, Any]:

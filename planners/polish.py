@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import compiled, lean, woven
 from pushplan.planners.collision import step
 from pushplan.planners.prices import TRAVEL, Prices, arc_price
 from pushplan.planners.rows import put, put_rows
@@ -31,18 +31,18 @@ SHORTEST_WINDOW = 0.07
 """Shortest piece of path that is exchanged, as a share of the path."""
 
 
-@compiled
+@lean
 def price(prices: Prices, path: FloatArray) -> float:
     """Return the price of a path (k, 4)."""
     if prices.kind == TRAVEL:
         return float(path[:, 3].sum() + prices.per_arc * path.shape[0])
     total = 0.0
-    for arc in path:
-        total += arc_price(prices, arc[0], arc[1], arc[2], arc[3])
+    for k in range(path.shape[0]):
+        total += arc_price(prices, path[k, 0], path[k, 1], path[k, 2], path[k, 3])
     return total
 
 
-@compiled
+@lean
 def _worth(
     prices: Prices, path: FloatArray, i: int, into_i: float, j: int, into_j: float, travel: float
 ) -> float:
@@ -56,9 +56,9 @@ def _worth(
     return total / prices.lowest
 
 
-@compiled
-def _locate(start: FloatArray, arcs: FloatArray, s: float) -> tuple[int, float, FloatArray]:
-    """Return arc, cost into the arc and pose at cost `s` along the path."""
+@lean
+def _locate(start: FloatArray, arcs: FloatArray, s: float, pose: FloatArray) -> tuple[int, float]:
+    """Return arc and cost into the arc at cost `s` along the path; fill in the `pose` (3,) there."""
     x, y, theta = start[0], start[1], start[2]
     last = arcs.shape[0] - 1
     for i in range(last):
@@ -69,8 +69,8 @@ def _locate(start: FloatArray, arcs: FloatArray, s: float) -> tuple[int, float, 
     else:
         i = last
     s = min(s, arcs[i, 3])
-    x, y, theta = step(x, y, theta, arcs[i, 0], arcs[i, 1], arcs[i, 2], s)
-    return i, s, np.array([x, y, theta])
+    pose[0], pose[1], pose[2] = step(x, y, theta, arcs[i, 0], arcs[i, 1], arcs[i, 2], s)
+    return i, s
 
 
 @woven
@@ -114,7 +114,7 @@ def _spliced(path: FloatArray, i: int, into_i: float, word: FloatArray, j: int, 
     return merged(joined[: i + 4 + path.shape[0] - j])
 
 
-@compiled
+@lean
 def random_family(segments: FloatArray, state: RandomState, family: FloatArray) -> None:
     """Fill `family` (3, 3) with a left turn, a straight push and a right turn drawn from the stable set.
 
@@ -156,12 +156,20 @@ def _window(state: RandomState, total: float) -> tuple[float, float]:
     return max(0.0, low), min(total, low + length)
 
 
-@woven
+@lean
 def _rejoin(
-    problem: Problem, state: RandomState, begin: FloatArray, end: FloatArray, bound: float, word: FloatArray
+    problem: Problem,
+    state: RandomState,
+    begin: FloatArray,
+    end: FloatArray,
+    bound: float,
+    family: FloatArray,
+    word: FloatArray,
 ) -> float:
-    """Join two poses by the cheapest free word of some family; return its cost, infinite if above the bound."""
-    family = np.empty((1, 3, 3))
+    """Join two poses by the cheapest free word of some family; return its cost, infinite if above the bound.
+
+    Both `family` (1, 3, 3) and `word` (3, 4) are filled in.
+    """
     _some_family(problem, state, family)
     return connect(problem.scene, family, begin, end, bound, TRIES, word)[0]
 
@@ -181,16 +189,17 @@ def shorten(
     """
     path = merged(arcs)
     normals = normals_of(problem.segments)
-    word = np.empty((3, 4))
+    family, word = np.empty((1, 3, 3)), np.empty((3, 4))
+    begin, end = np.empty(3), np.empty(3)
     for _ in range(attempts):
         if random(state) < VARIED_SHARE and path.shape[0] > 0:
             path = vary(problem, normals, start, path, state)
             continue
         low, high = _window(state, path[:, 3].sum())
-        i, into_i, begin = _locate(start, path, low)
-        j, into_j, end = _locate(start, path, high)
+        i, into_i = _locate(start, path, low, begin)
+        j, into_j = _locate(start, path, high, end)
         bound = _worth(problem.prices, path, i, into_i, j, into_j, high - low)
-        if _rejoin(problem, state, begin, end, bound, word) < bound:
+        if _rejoin(problem, state, begin, end, bound, family, word) < bound:
             exchanged = _spliced(path, i, into_i, word, j, into_j)
             if price(problem.prices, exchanged) < price(problem.prices, path) - GAIN:
                 path = exchanged

@@ -14,13 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import compiled
+from pushplan.compiled import lean
 from pushplan.errors import TimingError
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.sphere import angles_of, twists_at
 from pushplan.path import cost_rate
 from pushplan.planners.arc_limits import Bounds, arc_limits, contact_limits
 from pushplan.scenario import Scenario
+from pushplan.scratch import scratch
 from pushplan.stable_sets.stable_set import StableSet
 
 TRAVEL, MARGIN, REST_TO_REST, PASSING = 0, 1, 2, 3
@@ -119,7 +120,7 @@ def _speeds(twist: FloatArray, bounds: Bounds) -> tuple[float, float, float]:
     return found.speed, min(found.acceleration, found.deceleration), found.jerk
 
 
-@compiled
+@lean
 def _look_up(prices: Prices, vx: float, vy: float, omega: float, found: FloatArray) -> None:
     """Fill `found` (3,) with the table's values for a twist, interpolated."""
     n = prices.table.shape[0]
@@ -134,7 +135,7 @@ def _look_up(prices: Prices, vx: float, vy: float, omega: float, found: FloatArr
         found[k] = (1.0 - a) * low + a * high
 
 
-@compiled
+@lean
 def rest_to_rest_time(length: float, speed: float, acceleration: float, jerk: float) -> float:
     """Return the shortest time (s) over a length from rest to rest with bounds on three derivatives."""
     if speed * jerk >= acceleration * acceleration:
@@ -150,12 +151,12 @@ def rest_to_rest_time(length: float, speed: float, acceleration: float, jerk: fl
     return float(4.0 * (0.5 * length / jerk) ** (1.0 / 3.0))
 
 
-@compiled
+@lean
 def arc_price(prices: Prices, vx: float, vy: float, omega: float, length: float) -> float:
     """Return the price of an arc of a twist scaled to a cost rate of 1."""
     if prices.kind == TRAVEL:
         return length + prices.per_arc
-    found = np.empty(3)
+    found = scratch(1, 3)[0]
     _look_up(prices, vx, vy, omega, found)
     if prices.kind == MARGIN:
         return float(length * found[0] + prices.per_arc)

@@ -8,7 +8,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import lean, woven
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision import Scene, step, sweep_is_free
 from pushplan.planners.prices import Prices
@@ -81,7 +81,7 @@ def apart(row: FloatArray, x: float, y: float, theta: float, heading_length: flo
     return float(math.hypot(row[0] - x, row[1] - y) + heading_length * turn)
 
 
-@compiled
+@lean
 def remaining(x: float, y: float, theta: float, goal: FloatArray) -> float:
     """Lower bound on the cost from a pose to the goal: straight travel plus the smallest turn."""
     return apart(goal, x, y, theta, TURN_WEIGHT)
@@ -127,7 +127,7 @@ def extend(
     return True
 
 
-@compiled
+@lean
 def trace(nodes: FloatArray, node: int, last: FloatArray, path: FloatArray) -> int:
     """Write the arcs from the root to a node and then `last` (3, 4) into `path`; return how many."""
     depth = 0
@@ -146,7 +146,7 @@ def trace(nodes: FloatArray, node: int, last: FloatArray, path: FloatArray) -> i
     return depth
 
 
-@compiled
+@lean
 def random(state: RandomState) -> float:
     """Draw a number in [0, 1) from the generator's state (1,) uint64 (splitmix64, Steele et al. 2014)."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)

@@ -13,7 +13,7 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import TURN_WEIGHT, PushPath
 from pushplan.planners.branches import Branches
-from pushplan.planners.held import grow_held, hold
+from pushplan.planners.held import grower, hold
 from pushplan.planners.polish import merged, price, shorten
 from pushplan.planners.prices import TRAVEL
 from pushplan.planners.search import NODE, Problem, remaining, trace
@@ -112,6 +112,7 @@ class Session:
         self._word = np.zeros((3, 4))
         self.nodes, self.count = np.zeros((FIRST_CAPACITY, NODE)), 0
         self._held = hold(problem, self.nodes, self._word)
+        self._grow = grower(self._held)
         self.branches = Branches()
         self.began = time.perf_counter()
         self.restart()
@@ -179,7 +180,7 @@ class Session:
         self.nodes[0, :3] = self.start
         self.nodes[0, 4] = -1.0
         self.count = 1
-        cost = grow_held(self._held, 0, -1, 0.0, 0.0, 0.0, self.bound)[1]
+        cost = self._grow(self._held, 0, -1, 0.0, 0.0, 0.0, self.bound)[1]
         self._consider(0, cost)
 
     def grow(self, parent: int, u0: float, u1: float, u2: float) -> tuple[int, float, float, float]:
@@ -195,7 +196,7 @@ class Session:
             self._held = hold(self.problem, self.nodes, self._word)
         self.extensions += 1
         self.iterations += 1
-        kept, cost, x, y, theta = grow_held(self._held, node, parent, u0, u1, u2, self.bound)
+        kept, cost, x, y, theta = self._grow(self._held, node, parent, u0, u1, u2, self.bound)
         if not kept:
             return -1, x, y, theta
         self.count = node + 1

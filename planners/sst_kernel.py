@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import lean, woven
 from pushplan.planners.collision import step, sweep_is_free
 from pushplan.planners.search import NODE, TRIES, Problem, apart, choose_twist, random, remaining, trace
 from pushplan.planners.steering import connect
+from pushplan.scratch import scratch
 
 TO_GO = NODE
 """Column of a node, after those of `search`, with a lower bound on the cost from there to the goal."""
@@ -147,7 +148,7 @@ def _extended(problem: Problem, tree: SparseTree, parent: int, bound: float) -> 
     return row
 
 
-@compiled
+@lean
 def grow_sparse(
     problem: Problem, tree: SparseTree, bound: float, iterations: int, path: FloatArray
 ) -> tuple[int, int]:
@@ -163,7 +164,7 @@ def grow_sparse(
     Returns:
         (done, arcs): extensions tried; arcs of the path found, 0 if none.
     """
-    word = np.empty((3, 4))
+    word = scratch(3, 4)
     for done in range(1, iterations + 1):
         parent = _selected(tree, bound)
         if parent < 0:

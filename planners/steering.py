@@ -14,9 +14,10 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import lean, woven
 from pushplan.planners.collision import Scene, step, sweep_is_free
 from pushplan.planners.rows import put
+from pushplan.scratch import scratch, scratch_integers
 
 LEFT, STRAIGHT, RIGHT = 0, 1, 2
 """Rows of a family: (3, 3) body twists scaled to a cost rate of 1; a row of zeros is a motion that is not used."""
@@ -24,18 +25,22 @@ LEFT, STRAIGHT, RIGHT = 0, 1, 2
 MAX_WORDS = 12
 """Words per family: four turn-straight-turn with up to two roots each, two turn-turn-turn with two apexes."""
 
+MOST_FAMILIES = 3
+"""Families that a connection is looked for in, at most."""
+MOST_WORDS = MOST_FAMILIES * MAX_WORDS
+
 FULL_TURN_SLACK = 1e-11
 """A turn this close (rad) below a full one is rounding and counts as none."""
 
 
-@compiled
+@lean
 def _turn(angle: float) -> float:
     """Angle in [0, 2 pi), with rounding just below a full turn removed."""
-    wrapped = angle % (2.0 * math.pi)
-    return 0.0 if wrapped > 2.0 * math.pi - FULL_TURN_SLACK else wrapped
+    wrapped = angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))  # half the time of %
+    return 0.0 if wrapped > 2.0 * math.pi - FULL_TURN_SLACK else max(wrapped, 0.0)
 
 
-@compiled
+@lean
 def _cor(twist: FloatArray) -> tuple[float, float]:
     """Centre of rotation of a turning body twist, in the body frame."""
     return -twist[1] / twist[2], twist[0] / twist[2]
@@ -117,14 +122,14 @@ def _turning_words(
     return n
 
 
-@compiled
+@lean
 def _moved(pose: FloatArray, x: float, y: float) -> tuple[float, float]:
     """World position of a body-fixed point at a pose."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return pose[0] + c * x - s * y, pose[1] + s * x + c * y
 
 
-@compiled
+@lean
 def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: FloatArray) -> int:
     """Fill `words` (MAX_WORDS, 7) with cost, letters and lengths of every word; return how many there are."""
     straight = family[STRAIGHT, 0] != 0.0 or family[STRAIGHT, 1] != 0.0
@@ -141,19 +146,24 @@ def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: F
 
 @woven
 def word_is_free(scene: Scene, family: FloatArray, word: FloatArray, start: FloatArray) -> bool:
-    """Return whether the three arcs of a word keep clear of everything."""
+    """Return whether the three arcs of a word keep clear of everything: first the middle one, mostly the longest."""
     x, y, theta = start[0], start[1], start[2]
-    for i in range(3):
-        length = word[4 + i]
-        if length > 0.0:
-            twist = family[int(word[1 + i])]
-            if not sweep_is_free(scene, x, y, theta, twist[0], twist[1], twist[2], length):
-                return False
-            x, y, theta = step(x, y, theta, twist[0], twist[1], twist[2], length)
-    return True
+    first, middle, last = family[int(word[1])], family[int(word[2])], family[int(word[3])]
+    x1, y1, theta1 = step(x, y, theta, first[0], first[1], first[2], word[4])
+    if not _is_free(scene, x1, y1, theta1, middle, word[5]) or not _is_free(
+        scene, x, y, theta, first, word[4]
+    ):
+        return False
+    x2, y2, theta2 = step(x1, y1, theta1, middle[0], middle[1], middle[2], word[5])
+    return _is_free(scene, x2, y2, theta2, last, word[6])
 
 
-@compiled
+@woven
+def _is_free(scene: Scene, x: float, y: float, theta: float, twist: FloatArray, length: float) -> bool:
+    return length <= 0.0 or sweep_is_free(scene, x, y, theta, twist[0], twist[1], twist[2], length)
+
+
+@lean
 def connect(
     scene: Scene,
     families: FloatArray,
@@ -167,7 +177,7 @@ def connect(
 
     Args:
         scene: See `collision.Scene`.
-        families: (f, 3, 3) left, straight and right twists.
+        families: (f, 3, 3) left, straight and right twists; f is at most MOST_FAMILIES.
         start: (3,) pose.
         goal: (3,) pose.
         bound: Only words cheaper than this are looked at.
@@ -178,13 +188,12 @@ def connect(
         (cost, promise): the connection's cost, infinite if there is none; and the cheapest word's cost,
         free or not.
     """
-    words = np.empty((families.shape[0] * MAX_WORDS, 7))
-    owner = np.empty(families.shape[0] * MAX_WORDS, dtype=np.int64)
+    words, owner = scratch(MOST_WORDS, 7), scratch_integers(MOST_WORDS)
     n = 0
     for f in range(families.shape[0]):
-        added = find_words(families[f], start, goal, words[n:])
-        owner[n : n + added] = f
-        n += added
+        before, n = n, n + find_words(families[f], start, goal, words[n:])
+        for i in range(before, n):
+            owner[i] = f
     promise = np.inf
     for i in range(n):
         promise = min(promise, words[i, 0])

@@ -10,11 +10,12 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import compiled, lean, woven
 from pushplan.planners.collision import step, sweep_is_free
 from pushplan.planners.prices import Prices, arc_price
 from pushplan.planners.rows import put, put_rows
 from pushplan.planners.search import Problem, between, random
+from pushplan.scratch import scratch, scratch_integers
 
 SPLIT_SHARE = 0.2
 """Share of the changes that split an arc first, so that a path may take a new form."""
@@ -73,7 +74,7 @@ def _parts(segment: FloatArray, normal: FloatArray, t: FloatArray) -> tuple[floa
     return alpha / size, beta / size
 
 
-@compiled
+@lean
 def _whereabouts(segments: FloatArray, normals: FloatArray, t: FloatArray) -> tuple[int, float]:
     """Return the segment that a twist lies on, or nearly, and the share of its second end; -1 for none."""
     best, found, share = np.inf, -1, 0.0
@@ -120,7 +121,7 @@ def _price(prices: Prices, path: FloatArray, first: int, last: int) -> float:
     return total
 
 
-@compiled
+@lean
 def _poses_along(path: FloatArray, first: int, last: int, poses: FloatArray) -> None:
     """Fill `poses` with the pose after each arc from the first to the last one, from that before it."""
     for k in range(first, last + 1):
@@ -129,7 +130,7 @@ def _poses_along(path: FloatArray, first: int, last: int, poses: FloatArray) -> 
         poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2] = step(x, y, theta, arc[0], arc[1], arc[2], arc[3])
 
 
-@compiled
+@lean
 def _column(path: FloatArray, poses: FloatArray, k: int, last: int, column: FloatArray) -> None:
     """Fill `column` with how the last pose moves when arc k gets longer, per metre."""
     c, s = math.cos(poses[k + 1, 2]), math.sin(poses[k + 1, 2])
@@ -147,7 +148,8 @@ def _close(
 
     Newton's method; the three equations are solved by Cramer's rule.
     """
-    a, b, c = np.empty(3), np.empty(3), np.empty(3)
+    columns = scratch(3, 3)
+    a, b, c = columns[0], columns[1], columns[2]
     for _ in range(STEPS):
         _poses_along(path, first, last, poses)
         x, y = target[0] - poses[last + 1, 0], target[1] - poses[last + 1, 1]
@@ -214,10 +216,29 @@ def vary(
         path: (m, 4) twists and lengths of a path to the goal.
         state: (1,) state of the random generator.
     """
+    trial, poses = np.empty((path.shape[0] + 1, 4)), np.empty((path.shape[0] + 2, 3))
+    m = _varied(problem, normals, start, path, state, trial, poses)
+    return path if m == 0 else trial[:m].copy()
+
+
+@lean
+def _varied(
+    problem: Problem,
+    normals: FloatArray,
+    start: FloatArray,
+    path: FloatArray,
+    state: RandomState,
+    trial: FloatArray,
+    poses: FloatArray,
+) -> int:
+    """Fill `trial` (m + 1, 4) with a cheaper path than `path` (m, 4), and `poses` (m + 2, 3) with some of its poses.
+
+    Returns:
+        How many arcs it has; 0 when the change tried gains nothing.
+    """
     m = path.shape[0]
     k = int(random(state) * m)
     split = m < 3 or random(state) < SPLIT_SHARE
-    trial = np.empty((m + 1, 4))
     put_rows(trial, path[: k + 1])
     if split:
         put_rows(trial[k + 1 :], path[k:])
@@ -231,22 +252,22 @@ def vary(
     first = max(0, k - 1 - int(random(state) * 4.0))
     last = min(m - 1, k + 1 + int(random(state) * 4.0))
     if last - first < 2:
-        return path
-    poses = np.empty((m + 1, 3))
+        return 0
     put(poses[0], start)
     _poses_along(trial, 0, last, poses)
-    target = poses[last + 1].copy() if last < m - 1 else problem.goal
+    target = scratch(1, 3)[0]
+    put(target, poses[last + 1] if last < m - 1 else problem.goal)
     before = _price(problem.prices, trial, first, last) - (problem.prices.per_arc if split else 0.0)
     if random(state) < LENGTH_SHARE:
         trial[k, 3] *= 1.0 + 0.5 * _size(state)
     elif not _change_twist(problem.segments, normals, state, trial[k]):
-        return path
-    chosen = np.empty(3, dtype=np.int64)
+        return 0
+    chosen = scratch_integers(3)
     _choose(state, first, last, chosen)
     if not _close(trial, poses, first, last, chosen, target):
-        return path
+        return 0
     if _price(problem.prices, trial, first, last) > before - GAIN:
-        return path
+        return 0
     if not _free(problem, trial, poses, first, last):
-        return path
-    return trial[:m].copy()
+        return 0
+    return int(m)
