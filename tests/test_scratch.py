@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import pytest
+from numba.core import config
 from numba.core.errors import NumbaError
 
 from pushplan.arrays import FloatArray
@@ -16,7 +16,7 @@ from pushplan.scratch import scratch, scratch_integers
 
 ROWS, COLUMNS = 7, 3
 
-pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")  # type: ignore[attr-defined]
 
 
 class Pair(NamedTuple):
@@ -74,7 +74,7 @@ def test_its_size_must_be_a_constant() -> None:
         return float(scratch(n, 2)[0, 0])
 
     with pytest.raises(NumbaError):
-        numba.njit(sized)(3)
+        lean(sized)(3)
 
 
 def test_arrays_outlive_lean_functions() -> None:

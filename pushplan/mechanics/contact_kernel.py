@@ -16,12 +16,12 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import compiled, lean, woven
 from pushplan.mechanics.friction_kernel import carried_wrench
 from pushplan.mechanics.packed import PackedChain
 
 
-@compiled
+@lean
 def contact_wrenches(packed: PackedChain, vx: float, vy: float, omega: float, out: FloatArray) -> None:
     """Fill `out` (n, 3) with the wrench that each contact transmits: f_x, f_y (N), moment (N m) about 0.
 
@@ -47,7 +47,7 @@ def _load(carried: FloatArray, k: int, pusher: int, wrench: tuple[float, float, 
             carried[pusher, j] += carried[k, j]
 
 
-@compiled
+@lean
 def wrench_margin(rows: FloatArray, k: int, fx: float, fy: float, m: float) -> float:
     """Return the margin of contact k for a transmitted wrench, m divided by the length; 0 for no wrench."""
     size = math.sqrt(fx * fx + fy * fy + m * m)
@@ -72,12 +72,20 @@ def contact_margins(packed: PackedChain, vx: float, vy: float, omega: float, out
 @compiled
 def margin_down_to(packed: PackedChain, vx: float, vy: float, omega: float, floor: float) -> float:
     """Return `margin`, or, as soon as a contact's margin is at most `floor`, that one."""
+    return _least_margin(packed, vx, vy, omega, floor, np.empty((len(packed.links), 3)))
+
+
+@lean
+def _least_margin(
+    packed: PackedChain, vx: float, vy: float, omega: float, floor: float, carried: FloatArray
+) -> float:
+    """Return what `margin_down_to` does; `carried` (n, 3) is overwritten."""
     objects, parts, series, links, rows, length = packed
     size = max(abs(vx), abs(vy), abs(omega) * length)
     if not size > 0.0:
         return 0.0
     vx, vy, omega = vx / size, vy / size, omega / size
-    carried = np.zeros((len(links), 3))
+    carried[:] = 0.0
     lowest = 1.0
     for k in range(len(links) - 1, -1, -1):
         wrench = carried_wrench(objects, parts, series, links, k, vx, vy, omega)
@@ -97,9 +105,9 @@ def margin(packed: PackedChain, vx: float, vy: float, omega: float) -> float:
 @compiled
 def margins_of(packed: PackedChain, twists: FloatArray, floor: float) -> FloatArray:
     """Return `margin_down_to` (k,) of many twists (k, 3)."""
-    out = np.empty(len(twists))
+    out, carried = np.empty(len(twists)), np.empty((len(packed.links), 3))
     for i in range(len(twists)):
-        out[i] = margin_down_to(packed, twists[i, 0], twists[i, 1], twists[i, 2], floor)
+        out[i] = _least_margin(packed, twists[i, 0], twists[i, 1], twists[i, 2], floor, carried)
     return out
 
 

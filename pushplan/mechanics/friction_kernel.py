@@ -13,16 +13,15 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.compiled import compiled
+from pushplan.compiled import lean
 from pushplan.mechanics.friction_closed_form import affine_integrals, uniform_integrals
 from pushplan.mechanics.friction_series import ComplexArray, in_reach, series_pair
 from pushplan.mechanics.packed import POINTS, UNIFORM
+from pushplan.scratch import scratch
 
 
-@compiled
+@lean
 def _uniform_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -46,7 +45,7 @@ def _uniform_sums(
     return fx, fy, sign * q + cx * fy - cy * fx
 
 
-@compiled
+@lean
 def _polygon_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -92,7 +91,7 @@ def _polygon_sums(
     matrix[2, 1] = sign * (qy + q * cy) + cx * matrix[1, 1] - cy * matrix[0, 1]
 
 
-@compiled
+@lean
 def _point_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -129,7 +128,7 @@ def _point_sums(
         matrix[2, 1] += stiffness * moment * y
 
 
-@compiled
+@lean
 def _shifted(row: FloatArray, force: FloatArray, matrix: FloatArray) -> None:
     """Add to `force` what the load's shift by the push height changes (see the module's formula)."""
     h = row[7]
@@ -142,7 +141,7 @@ def _shifted(row: FloatArray, force: FloatArray, matrix: FloatArray) -> None:
         force[j] += matrix[j, 0] * bx + matrix[j, 1] * by
 
 
-@compiled
+@lean
 def _general_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -155,7 +154,7 @@ def _general_sums(
 ) -> tuple[float, float, float]:
     """Return what `_uniform_sums` does, for the whole load of an object with any support and push height."""
     row = objects[i]
-    force, matrix = np.empty(3), np.empty((3, 2))
+    force, matrix = scratch(1, 3)[0], scratch(3, 2)
     if links[i, 0] == POINTS:
         _point_sums(objects, parts, series, links, i, vx, vy, omega, force, matrix)
     else:
@@ -167,7 +166,7 @@ def _general_sums(
     return force[0], force[1], force[2]
 
 
-@compiled
+@lean
 def carried_wrench(
     objects: FloatArray,
     parts: FloatArray,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import compiled, lean, woven
 from pushplan.mechanics.sphere import POLE
 from pushplan.stable_sets.bracketing import TOLERANCE
 from pushplan.stable_sets.intervals import PROMISING
@@ -81,7 +81,7 @@ def _beyond(packed: Packed, line: Line, low: float, high: float, sign: float) ->
     return (x1, sign * f1) if f1 >= f2 else (x2, sign * f2)
 
 
-@compiled
+@lean
 def _sort(rows: FloatArray) -> None:
     """Sort rows (k, 2) by their first column; there are few, and most are in order."""
     for i in range(1, len(rows)):

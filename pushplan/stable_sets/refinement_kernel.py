@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray, IntArray
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import compiled, lean, woven
 from pushplan.stable_sets.margin_kernel import Packed
 from pushplan.stable_sets.meridian_kernel import Line, follow, scan
 from pushplan.stable_sets.meridian_tracking import FAN
@@ -66,7 +66,7 @@ def _complete(
     return gained
 
 
-@compiled
+@lean
 def _expect(
     left: FloatArray, right: FloatArray, gap: float, bend: FloatArray, guess: FloatArray, reach: FloatArray
 ) -> None:
@@ -83,7 +83,7 @@ def _expect(
                 reach[i, j] = max(0.1 * abs(bend[i, j]), _LEAST_REACH)
 
 
-@compiled
+@lean
 def _largest(bend: FloatArray) -> float:
     largest = 0.0
     for i in range(len(bend)):

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray
-from pushplan.compiled import compiled
+from pushplan.compiled import compiled, lean
 from pushplan.mechanics.sphere import POLE
+from pushplan.scratch import scratch
 from pushplan.stable_sets.margin_kernel import Packed, margin_of
 from pushplan.stable_sets.peaks import SPOKES, TURN
 
@@ -32,7 +33,8 @@ def _value(packed: Packed, length: float, at: FloatArray, floor: float) -> float
 def _climbs(packed: Packed, length: float, minimum: float, at: FloatArray, value: float) -> bool:
     """Move a unit vector (3,) uphill by a pattern search whose directions turn; return whether that is enough."""
     step, turn = math.pi / LATITUDES, 0.0
-    east, north, best, trial = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    vectors = scratch(4, 3)
+    east, north, best, trial = vectors[0], vectors[1], vectors[2], vectors[3]
     while step > _LAST_STEP and value > minimum - _STEEPEST * step:
         if value > minimum:
             return True
@@ -58,7 +60,7 @@ def _climbs(packed: Packed, length: float, minimum: float, at: FloatArray, value
     return value > minimum
 
 
-@compiled
+@lean
 def _tangents(at: FloatArray, east: FloatArray, north: FloatArray) -> None:
     """Fill in two unit vectors (3,) perpendicular to a unit vector and to each other."""
     x, y, z = at
@@ -98,21 +100,21 @@ def seeds(packed: Packed, length: float, minimum: float) -> tuple[FloatArray, Bo
     return out[:count], hope
 
 
-@compiled
+@lean
 def is_hopeful(hope: BoolArray, longitude: float) -> bool:
     """Return whether there is hope at one of the sampled longitudes to both sides."""
     i = math.floor(longitude * LONGITUDES / (2.0 * math.pi))
     return bool(hope[i % LONGITUDES] or hope[(i + 1) % LONGITUDES])
 
 
-@compiled
+@lean
 def _sample(i: int, j: int, at: FloatArray) -> None:
     """Fill in the unit vector (3,) of a sample."""
     lon, lat = 2.0 * math.pi * i / LONGITUDES, -POLE + 2.0 * POLE * j / (LATITUDES - 1)
     at[0], at[1], at[2] = math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)
 
 
-@compiled
+@lean
 def _is_peak(values: FloatArray, i: int, j: int) -> bool:
     """Return whether none of the eight neighbours of a sample exceeds it; of those at a pole, one counts."""
     if i > 0 and (j == 0 or j == LATITUDES - 1):
