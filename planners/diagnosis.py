@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
 from pushplan.path import cost_rate
 from pushplan.planners.collision import Scene, sweep_is_free
 from pushplan.planners.controls import straight_pushes
@@ -54,7 +55,7 @@ def _turning(scenario: Scenario, stable: StableSet, segments: FloatArray) -> lis
     """What the chain's turns, or their absence, have to do with it."""
     ends = np.concatenate([segments[:, :3], segments[:, 3:]])
     goal = scenario.goal.pose_chain
-    turn = (goal[2] - scenario.start[2] + math.pi) % (2.0 * math.pi) - math.pi
+    turn = float(se2.wrap_angle(goal[2] - scenario.start[2]))
     if (ends[:, 2] == 0.0).all():
         return _no_turning(scenario, stable, turn)
     left, right = (_radius(ends[side * ends[:, 2] > 0.0]) for side in (1.0, -1.0))
@@ -93,7 +94,7 @@ def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diag
     opening = (highest - lowest) % (2.0 * math.pi)
     if opening >= math.pi or (direction - lowest) % (2.0 * math.pi) <= opening + ROUNDING:
         return []
-    aside = (direction + math.pi) % (2.0 * math.pi) - math.pi
+    aside = float(se2.wrap_angle(direction))
     text = (
         f"the goal cannot be reached: {set_name}, straight pushes go {math.degrees(lowest):.4g} to "
         f"{math.degrees(highest):.4g} deg from straight ahead, and the goal lies at {math.degrees(aside):.4g} deg"
