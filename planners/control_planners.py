@@ -60,11 +60,13 @@ def search(session: Session, box: Box, heading_length: float, make: Callable[[An
 
 def _until(session: Session, target: int) -> Callable[[], bool]:
     """Return what tells OMPL, which asks before every extension, that a session is finished or is that far."""
-    seen = session.best_cost
+    seen, most = session.best_cost, session.budget.iterations
+    if most is not None:
+        target = min(target, session.extensions + most - session.iterations)
 
     def over() -> bool:
         nonlocal seen
-        if session.extensions % LOOK and session.best_cost == seen:
+        if session.extensions < target and session.extensions % LOOK and session.best_cost == seen:
             return False
         seen = session.best_cost
         return session.extensions >= target or session.finished
