@@ -16,7 +16,7 @@ from pushplan.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import lean, woven
 from pushplan.planners.collision import step, sweep_is_free
 from pushplan.planners.rows import put
-from pushplan.planners.search import TRIES, Problem, choose_twist, random, trace
+from pushplan.planners.search import TRIES, Problem, choose_twist, enter, random, trace
 from pushplan.planners.steering import connect
 from pushplan.scratch import scratch
 
@@ -100,9 +100,7 @@ def _grown(
     row = int(trees.counts[which, NODES])
     trees.counts[which, NODES] = row + 1
     trees.keys[which, slot] = key
-    node = trees.nodes[which, row]
-    node[0], node[1], node[2], node[3], node[4] = nx, ny, nt, cost + length, parent
-    node[5], node[6], node[7], node[8] = vx, vy, omega, length
+    enter(trees.nodes[which, row], (nx, ny, nt), cost + length, parent, (vx, vy, omega, length))
     return row
 
 

@@ -88,6 +88,20 @@ def remaining(x: float, y: float, theta: float, goal: FloatArray) -> float:
 
 
 @woven
+def enter(
+    node: FloatArray,
+    pose: tuple[float, float, float],
+    cost: float,
+    parent: int,
+    arc: tuple[float, float, float, float],
+) -> None:
+    """Fill the row of a node: its pose, cost from the start, parent, and the arc that led there; see `NODE`."""
+    node[0], node[1], node[2] = pose
+    node[3], node[4] = cost, parent
+    node[5], node[6], node[7], node[8] = arc
+
+
+@woven
 def extend(
     problem: Problem,
     nodes: FloatArray,
@@ -121,9 +135,7 @@ def extend(
         return False
     if not sweep_is_free(problem.scene, x, y, theta, vx, vy, omega, length):
         return False
-    node = nodes[count]
-    node[0], node[1], node[2], node[3], node[4] = nx, ny, nt, cost + length, parent
-    node[5], node[6], node[7], node[8] = vx, vy, omega, length
+    enter(nodes[count], (nx, ny, nt), cost + length, parent, (vx, vy, omega, length))
     return True
 
 

@@ -14,7 +14,17 @@ import numpy as np
 from pushplan.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import lean, woven
 from pushplan.planners.collision import step, sweep_is_free
-from pushplan.planners.search import NODE, TRIES, Problem, apart, choose_twist, random, remaining, trace
+from pushplan.planners.search import (
+    NODE,
+    TRIES,
+    Problem,
+    apart,
+    choose_twist,
+    enter,
+    random,
+    remaining,
+    trace,
+)
 from pushplan.planners.steering import connect
 from pushplan.scratch import scratch
 
@@ -140,8 +150,8 @@ def _extended(problem: Problem, tree: SparseTree, parent: int, bound: float) -> 
         return -1
     row = _row(tree)
     node = tree.nodes[row]
-    node[0], node[1], node[2], node[3], node[4] = nx, ny, nt, cost + length, parent
-    node[5], node[6], node[7], node[8], node[TO_GO] = vx, vy, omega, length, to_go
+    enter(node, (nx, ny, nt), cost + length, parent, (vx, vy, omega, length))
+    node[TO_GO] = to_go
     tree.roles[row, CHILDREN] = 0
     tree.roles[parent, CHILDREN] += 1
     _represent(tree, witness, row)
