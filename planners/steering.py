@@ -187,7 +187,12 @@ def connect(
     Returns:
         (cost, promise): the connection's cost, infinite if there is none; and the cheapest word's cost,
         free or not.
+
+    Raises:
+        ValueError: On more families.
     """
+    if families.shape[0] > MOST_FAMILIES:
+        raise ValueError("more families than there is room for")
     words, owner = scratch(MOST_WORDS, 7), scratch_integers(MOST_WORDS)
     n = 0
     for f in range(families.shape[0]):

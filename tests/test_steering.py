@@ -9,7 +9,8 @@ from ompl import base as ob
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import cost_rate
-from pushplan.planners.steering import LEFT, MAX_WORDS, RIGHT, STRAIGHT, find_words
+from pushplan.planners.scene import scene_of
+from pushplan.planners.steering import LEFT, MAX_WORDS, MOST_FAMILIES, RIGHT, STRAIGHT, connect, find_words
 
 
 def _turning(cor: tuple[float, float], sense: float) -> FloatArray:
@@ -86,3 +87,14 @@ def test_a_straight_goal_costs_no_needless_turn() -> None:
     start = np.array([0.3, 0.2, 0.7])
     goal = se2.compose(start, np.array([1.5, 0.0, 0.0]))
     assert _words(family, start, goal)[:, 0].min() == pytest.approx(1.5, abs=1e-9)
+
+
+def test_there_is_room_for_so_many_families_and_no_more() -> None:
+    scene = scene_of([0.1 * np.eye(3, 2)], [], np.zeros((0, 3)), np.array([-9.0, -9.0, 9.0, 9.0]), 5e-4)
+    family = np.stack([_turning((0.0, 0.2), 1.0), np.array([1.0, 0.0, 0.0]), _turning((0.0, -0.2), -1.0)])
+    arcs, goal = np.zeros((3, 4)), np.array([1.0, 0.5, 1.0])
+    full = np.repeat(family[None], MOST_FAMILIES, axis=0)
+    cost, promise = connect(scene, full, np.zeros(3), goal, np.inf, 2, arcs)
+    assert cost == promise == pytest.approx(arcs[:, 3].sum())
+    with pytest.raises(ValueError, match="more families"):
+        connect(scene, np.concatenate([full, family[None]]), np.zeros(3), goal, np.inf, 2, arcs)
