@@ -47,7 +47,8 @@ def _compile(planner: str) -> None:
     with second_compiler(planner):
         _compile_mechanics()
         _compile_polish()
-        _compile_ways(planner)
+        if planner == "auto":
+            _compile_ways()
     compile_search(planner)
 
 
@@ -63,20 +64,18 @@ def _compile_polish() -> None:
 
 
 def compile_search(planner: str) -> None:
-    """Run every kernel of a planner once."""
+    """Run every kernel of a planner once, but for those of ways."""
     session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
     planner_named(planner)(session, _BOX, _HEADING_LENGTH)
-    if planner == "auto":  # it floods, and takes ways, only after some rounds
+    if planner == "auto":  # it floods only after some rounds
         begun = session.extensions
         CellRounds(session, _BOX).run_next(lambda: session.extensions > begun)
-    _compile_ways(planner)
 
 
-def _compile_ways(planner: str) -> None:
-    if planner == "auto":
-        guide = make_guide(_problem(_one_box()), np.zeros(3), _BOX)
-        way, state = np.empty((guide.space.size, 2)), np.zeros(1, dtype=np.uint64)
-        find_way(guide, _ROUGH, _TIGHT, state, way)
+def _compile_ways() -> None:
+    guide = make_guide(_problem(_one_box()), np.zeros(3), _BOX)
+    way, state = np.empty((guide.space.size, 2)), np.zeros(1, dtype=np.uint64)
+    find_way(guide, _ROUGH, _TIGHT, state, way)
 
 
 def _one_box() -> Chain:
