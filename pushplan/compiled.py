@@ -16,6 +16,8 @@ from numba import njit
 
 PACKAGE = Path(__file__).parent
 STAMP = "sources.sha256"
+MARKS = (b"@compiled", b"@lean", b"@woven", b"@intrinsic", b"@overload")
+"""What stands above code that ends up in compiled functions."""
 
 
 def _folders() -> list[Path]:
@@ -32,7 +34,7 @@ def _digest(folders: list[Path]) -> str:
     for folder in folders:
         for source in sorted(folder.glob("*.py")):
             text = source.read_bytes()
-            if any(mark in text for mark in (b"@compiled", b"@lean", b"@woven")):
+            if any(mark in text for mark in MARKS):
                 digest.update(hashlib.sha256(text).digest())
     return digest.hexdigest()
 

@@ -7,6 +7,7 @@ handed down, but not returned.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,10 +33,10 @@ def _stack_array(kind: Any, shape: tuple[Any, ...]) -> tuple[Any, Callable[..., 
     def write_code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         del signature, arguments
         number = context.get_data_type(kind)
-        data = cgutils.alloca_once(builder, number, size=int(np.prod(sizes)))  # type: ignore[no-untyped-call]
+        data = cgutils.alloca_once(builder, number, size=prod(sizes))  # type: ignore[no-untyped-call]
         made = make_array(array)(context, builder)  # type: ignore[no-untyped-call]
         word = context.get_value_type(types.intp)
-        steps = [BYTES * int(np.prod(sizes[k + 1 :])) for k in range(len(sizes))]
+        steps = [BYTES * prod(sizes[k + 1 :]) for k in range(len(sizes))]
         populate_array(  # type: ignore[no-untyped-call]
             made,
             data=builder.bitcast(data, ir.PointerType(number)),

@@ -11,7 +11,7 @@ from pushplan.compiled import _digest
 SOURCE = "from pushplan.compiled import {0}\n\n\n@{0}\ndef twice(x):\n    return {1} * x\n"
 
 
-@pytest.mark.parametrize("decorator", ["compiled", "lean", "woven"])
+@pytest.mark.parametrize("decorator", ["compiled", "lean", "woven", "intrinsic", "overload"])
 def test_another_source_of_compiled_code_gives_another_digest(decorator: str, tmp_path: Path) -> None:
     source = tmp_path / "kernel.py"
     source.write_text(SOURCE.format(decorator, 2))
