@@ -84,25 +84,48 @@ def test_no_obstacles_need_no_tree() -> None:
     assert separation(scene, 10.0, 10.0, 0.0, 1.0) == 1.0
 
 
-def _looked_at(tree: FloatArray, x: float, y: float, reach: float) -> int:
-    """Boxes and obstacles looked at for a point, without those in boxes farther away than `reach`."""
-    row, count = 0, 0
+def _looked_at(tree: FloatArray, x: float, y: float, reach: float) -> tuple[int, list[int], list[int]]:
+    """Boxes, polygons and circles looked at for a point, without those in boxes farther away than `reach`."""
+    row, boxes, polygons, circles = 0, 0, list[int](), list[int]()
     while row < len(tree):
         node = tree[row]
         away = np.hypot(max(node[0] - x, x - node[2], 0.0), max(node[1] - y, y - node[3], 0.0))
-        count += 1
+        boxes += 1
         if away >= reach:
             row = int(node[4])
         else:
-            count += int(node[6] - node[5] + node[8] - node[7])
+            polygons += range(int(node[5]), int(node[6]))
+            circles += range(int(node[7]), int(node[8]))
             row += 1
-    return count
+    return boxes, polygons, circles
+
+
+def _gathered(scene: Scene, place: FloatArray, polygons: list[int], circles: list[int]) -> Scene:
+    """Return the scene with all obstacles but these moved to a place, and its tree as it was."""
+    corners, bounds, starts = (
+        scene.obstacles.corners.copy(),
+        scene.obstacles.bounds.copy(),
+        scene.obstacles.starts,
+    )
+    discs = scene.circles.copy()
+    for o in np.setdiff1d(np.arange(len(bounds)), polygons):
+        corners[starts[o] : starts[o + 1], :2] += place - bounds[o, :2]
+        bounds[o, :2] = place
+    discs[np.setdiff1d(np.arange(len(discs)), circles), :2] = place
+    return scene._replace(obstacles=scene.obstacles._replace(corners=corners, bounds=bounds), circles=discs)
 
 
 def test_of_a_thousand_obstacles_few_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others may be anywhere, in the body even: the answer stays."""
     rng = np.random.default_rng(1)
     scene, brute = _both(monkeypatch, *_world(rng, 1000))
-    places, reach = rng.uniform(0.3, 19.7, (200, 2)), scene.body_bound[2] + 0.5
-    counts = [[_looked_at(world.tree, x, y, reach) for x, y in places] for world in (scene, brute)]
-    assert np.mean(counts[0]) < 60
-    assert np.mean(counts[1]) > 1000
+    counts, enough = [], 0.5
+    for x, y, theta in rng.uniform(0.3, 19.7, (200, 3)).tolist():
+        c, s, bound = np.cos(theta), np.sin(theta), scene.body_bound
+        middle = np.array([x + c * bound[0] - s * bound[1], y + s * bound[0] + c * bound[1]])
+        boxes, polygons, circles = _looked_at(scene.tree, middle[0], middle[1], bound[2] + enough)
+        counts.append(boxes + len(polygons) + len(circles))
+        moved = _gathered(scene, middle, polygons, circles)
+        assert separation(moved, x, y, theta, enough) == separation(scene, x, y, theta, enough)
+        assert separation(moved._replace(tree=brute.tree), x, y, theta, enough) <= 0.0
+    assert np.mean(counts) < 60
