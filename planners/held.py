@@ -76,16 +76,16 @@ def grow_held(
             already; and where the connection goes.
         count: See `search.extend`.
         parent: See `search.extend`; negative to connect from the root alone.
-        u0: See `search.extend`.
-        u1: See `search.extend`.
-        u2: See `search.extend`.
+        u0: The first of the controls, see `search.extend`.
+        u1: The second one.
+        u2: The third one.
         bound: Cost that a whole path must stay below.
 
     Returns:
         (kept, cost, x, y, theta): whether there is a new node; the cost of the whole path through it, infinite when
         the connection is blocked; and its pose.
     """
-    return _grow(held.problem, held.nodes, held.word, count, parent, u0, u1, u2, bound)
+    return _grow(held.problem, held.nodes, held.word, count, parent, (u0, u1, u2), bound)
 
 
 @lean
@@ -95,13 +95,11 @@ def _grow(
     word: FloatArray,
     count: int,
     parent: int,
-    u0: float,
-    u1: float,
-    u2: float,
+    controls: tuple[float, float, float],
     bound: float,
 ) -> tuple[bool, float, float, float, float]:
     """Do what `grow_held` promises."""
-    if parent >= 0 and not extend(problem, nodes, count, parent, u0, u1, u2, bound):
+    if parent >= 0 and not extend(problem, nodes, count, parent, controls, bound):
         return False, np.inf, 0.0, 0.0, 0.0
     node = nodes[count]
     so_far = node[3]

@@ -107,9 +107,7 @@ def extend(
     nodes: FloatArray,
     count: int,
     parent: int,
-    u0: float,
-    u1: float,
-    u2: float,
+    controls: tuple[float, float, float],
     bound: float,
 ) -> bool:
     """Grow the tree by one arc.
@@ -119,17 +117,15 @@ def extend(
         nodes: (capacity, NODE) the tree; row `count` is filled on success.
         count: Nodes so far, below the capacity.
         parent: Row to grow from.
-        u0: Control in [0, 1]: which segment of the stable set.
-        u1: Control in [0, 1]: where on the segment.
-        u2: Control in [0, 1]: length of the arc.
+        controls: Three numbers in [0, 1]: which segment of the stable set, where on it, length of the arc.
         bound: Cost that a path through the new node must stay below.
 
     Returns:
         Whether the arc is free and worth keeping.
     """
     x, y, theta, cost = nodes[parent, 0], nodes[parent, 1], nodes[parent, 2], nodes[parent, 3]
-    vx, vy, omega = choose_twist(problem, u0, u1)
-    length = u2 * problem.longest
+    vx, vy, omega = choose_twist(problem, controls[0], controls[1])
+    length = controls[2] * problem.longest
     nx, ny, nt = step(x, y, theta, vx, vy, omega, length)
     if length <= 0.0 or cost + length + remaining(nx, ny, nt, problem.goal) >= bound:
         return False
