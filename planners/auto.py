@@ -17,6 +17,7 @@ import numpy as np
 from pushplan.arrays import FloatArray, RandomState
 from pushplan.planners.bidirectional import grow_both
 from pushplan.planners.cell_rounds import CellRounds
+from pushplan.planners.detours import try_detour
 from pushplan.planners.forest import NODE, Forest, plant
 from pushplan.planners.guide import Guide, find_way, make_guide, middle_of
 from pushplan.planners.search import random
@@ -36,6 +37,12 @@ UNGUIDED = 2
 
 UNFLOODED = 6
 """Rounds before flooding begins."""
+
+UNDIVERTED = 24
+"""Rounds before detours of the best path begin."""
+
+DETOURS = 5
+"""So many are tried between two rounds then."""
 
 FREELY = 4
 """One of so many later rounds goes without a way too."""
@@ -64,6 +71,8 @@ def search(session: Session, box: Box, heading_length: float) -> None:
         if session.finished:
             return
         session.refine()
+        if number >= UNDIVERTED and session.best_arcs is not None:
+            _divert(session)
         if number >= UNFLOODED:
             _flood(session, cells)
         if number >= UNGUIDED and guide is None:
@@ -75,6 +84,14 @@ def search(session: Session, box: Box, heading_length: float) -> None:
         blind = BLIND[number % len(BLIND)]
         _round(session, forest._replace(way=way, blind=blind), allowance, 1.0 + ROOM[number % len(ROOM)])
         session.branches.offer_nodes(forest.ahead[: forest.counts[0]], forest.behind[: forest.counts[1]])
+
+
+def _divert(session: Session) -> None:
+    """Try detours of the best path."""
+    for _ in range(DETOURS):
+        if session.finished:
+            return
+        try_detour(session)
 
 
 def _flood(session: Session, cells: CellRounds) -> None:

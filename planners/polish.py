@@ -57,7 +57,7 @@ def _worth(
 
 
 @lean
-def _locate(start: FloatArray, arcs: FloatArray, s: float, pose: FloatArray) -> tuple[int, float]:
+def locate(start: FloatArray, arcs: FloatArray, s: float, pose: FloatArray) -> tuple[int, float]:
     """Return arc and cost into the arc at cost `s` along the path; fill in the `pose` (3,) there."""
     x, y, theta = start[0], start[1], start[2]
     last = arcs.shape[0] - 1
@@ -157,7 +157,7 @@ def _window(state: RandomState, total: float) -> tuple[float, float]:
 
 
 @lean
-def _rejoin(
+def rejoin(
     problem: Problem,
     state: RandomState,
     begin: FloatArray,
@@ -196,10 +196,10 @@ def shorten(
             path = vary(problem, normals, start, path, state)
             continue
         low, high = _window(state, path[:, 3].sum())
-        i, into_i = _locate(start, path, low, begin)
-        j, into_j = _locate(start, path, high, end)
+        i, into_i = locate(start, path, low, begin)
+        j, into_j = locate(start, path, high, end)
         bound = _worth(problem.prices, path, i, into_i, j, into_j, high - low)
-        if _rejoin(problem, state, begin, end, bound, family, word) < bound:
+        if rejoin(problem, state, begin, end, bound, family, word) < bound:
             exchanged = _spliced(path, i, into_i, word, j, into_j)
             if price(problem.prices, exchanged) < price(problem.prices, path) - GAIN:
                 path = exchanged

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,13 +25,13 @@ FIRST_CAPACITY = 4096
 CHUNK = 128
 """Extensions between two looks at the clock."""
 
-POLISH_ATTEMPTS = 1_000
+POLISH_ATTEMPTS = 300
 """Changes tried on every path found."""
 
-POLISH_ROUNDS = 8
+POLISH_ROUNDS = 24
 """So many times, at most, as long as it promises to become the best one."""
 
-PROMISE = 3.0
+PROMISE = 10.0
 """It does if its price may fall by so many times what the last round saved."""
 
 REFINE_CHUNK = 2_000
@@ -236,18 +236,35 @@ class Session:
             path = np.empty((self.count + 3, 4))
             self.offer(path[: trace(self.nodes, node, self._word, path)])
 
+    def tried(self, changes: int) -> None:
+        """Count changes of a path that were tried."""
+        self.iterations += changes
+
     def offer(self, arcs: FloatArray) -> None:
         """Take a path (k, 4) to the goal into account, as it is and polished."""
-        self._record(merged(arcs))
+        self.take(merged(arcs))
         if self.budget.first:
             return
-        prices = self.problem.prices
-        before = price(prices, arcs)
+        for polished in self.polishing(self.problem, self.start, arcs):
+            self.take(polished)
+
+    def polishing(
+        self, problem: Problem, start: FloatArray, arcs: FloatArray, to_beat: float = math.inf
+    ) -> Iterator[FloatArray]:
+        """Polish a path for as long as it promises to become cheaper than another one; yield it every time.
+
+        Args:
+            problem: What the path solves.
+            start: (3,) pose where it begins.
+            arcs: (k, 4) the path.
+            to_beat: Price of the other one, if that is not the best path.
+        """
+        before = price(problem.prices, arcs)
         for _ in range(POLISH_ROUNDS):
-            arcs = self._polished(arcs, POLISH_ATTEMPTS)
-            now = price(prices, arcs)
-            self._record(arcs)
-            if self.finished or now - PROMISE * (before - now) > self._best_price:
+            arcs = self._polished(problem, start, arcs, POLISH_ATTEMPTS)
+            yield arcs
+            now = price(problem.prices, arcs)
+            if self.finished or now - PROMISE * (before - now) > min(to_beat, self._best_price):
                 return
             before = now
 
@@ -256,16 +273,16 @@ class Session:
         if self.best_arcs is None or self.budget.first:
             return
         before = self._best_price
-        self._record(self._polished(self.best_arcs, self._refining))
+        self.take(self._polished(self.problem, self.start, self.best_arcs, self._refining))
         gained = before - self._best_price > WORTHWHILE * before
         self._refining = REFINE_CHUNK if gained else max(REFINE_CHUNK // 8, self._refining // 2)
 
-    def _polished(self, arcs: FloatArray, attempts: int) -> FloatArray:
-        self.iterations += attempts
-        return np.asarray(shorten(self.problem, self.start, arcs, self.random, attempts))
+    def _polished(self, problem: Problem, start: FloatArray, arcs: FloatArray, attempts: int) -> FloatArray:
+        self.tried(attempts)
+        return np.asarray(shorten(problem, start, arcs, self.random, attempts))
 
-    def _record(self, arcs: FloatArray) -> None:
-        """Keep a path (k, 4) if it is better than the best one."""
+    def take(self, arcs: FloatArray) -> None:
+        """Keep a path (k, 4) to the goal, free and without empty arcs, if it is better than the best one."""
         arcs_price = price(self.problem.prices, arcs)
         if arcs_price >= self._best_price - GAIN:
             return

@@ -12,6 +12,7 @@ from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contact_state import contact_state
 from pushplan.mechanics.support import UniformSupport
 from pushplan.planners.cell_rounds import CellRounds
+from pushplan.planners.detours import detour
 from pushplan.planners.guide import find_way, make_guide
 from pushplan.planners.polish import shorten
 from pushplan.planners.prices import travel_prices
@@ -49,6 +50,7 @@ def _compile(planner: str) -> None:
         _compile_polish()
         if planner == "auto":
             _compile_ways()
+            _compile_detours()
     compile_search(planner)
 
 
@@ -64,7 +66,7 @@ def _compile_polish() -> None:
 
 
 def compile_search(planner: str) -> None:
-    """Run every kernel of a planner once, but for those of ways."""
+    """Run every kernel of a planner once, but for those of ways and detours."""
     session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
     planner_named(planner)(session, _BOX, _HEADING_LENGTH)
     if planner == "auto":  # it floods only after some rounds
@@ -76,6 +78,11 @@ def _compile_ways() -> None:
     guide = make_guide(_problem(_one_box()), np.zeros(3), _BOX)
     way, state = np.empty((guide.space.size, 2)), np.zeros(1, dtype=np.uint64)
     find_way(guide, _ROUGH, _TIGHT, state, way)
+
+
+def _compile_detours() -> None:
+    arcs, state = np.array([[1.0, 0.0, 0.0, 0.5]]), np.zeros(1, dtype=np.uint64)
+    detour(_problem(_one_box()), np.zeros(3), arcs, 0.1, 1.0, state)
 
 
 def _one_box() -> Chain:
