@@ -20,6 +20,7 @@ from pushplan.planners.cell_rounds import CellRounds
 from pushplan.planners.detours import try_detour
 from pushplan.planners.forest import NODE, Forest, plant
 from pushplan.planners.guide import Guide, find_way, make_guide, middle_of
+from pushplan.planners.prices import TRAVEL
 from pushplan.planners.search import random
 from pushplan.planners.session import CHUNK, Session
 
@@ -71,7 +72,7 @@ def search(session: Session, box: Box, heading_length: float) -> None:
         if session.finished:
             return
         session.refine()
-        if number >= UNDIVERTED and session.best_arcs is not None:
+        if number >= UNDIVERTED:
             _divert(session)
         if number >= UNFLOODED:
             _flood(session, cells)
@@ -87,7 +88,9 @@ def search(session: Session, box: Box, heading_length: float) -> None:
 
 
 def _divert(session: Session) -> None:
-    """Try detours of the best path."""
+    """Try detours of the best path, if paths are ranked by travel; by other costs, restarts gain more."""
+    if session.best_arcs is None or session.problem.prices.kind != TRAVEL:
+        return
     for _ in range(DETOURS):
         if session.finished:
             return
