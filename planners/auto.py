@@ -3,8 +3,8 @@
 A restart after every path drives the search apart: what one pair of trees misses (the right passage), the next
 may find. After the first rounds most searches are guided by a way for the chain's middle, another one each time,
 so that every passage has its turn. The trees are pruned by the best path's cost, with room for what polishing will
-save. Where the first rounds find nothing, flooding the cells of the poses takes most of the time until there is a
-path.
+save. Between them, pieces of the best path are led through poses nearby. Where the first rounds find nothing,
+flooding the cells of the poses takes most of the time until there is a path.
 """
 
 from __future__ import annotations
