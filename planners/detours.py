@@ -1,7 +1,7 @@
 """Detours of the best path: a piece of it is led through a pose nearby, polished, and kept if it became cheaper.
 
-Polishing goes downhill only, and ends where one arc or a few leave nothing to gain: with another heading between two
-obstacles, say, the path may be cheaper, but all poses on the way there are dearer. A detour starts beyond them.
+Polishing goes downhill only: with another heading between two obstacles, say, the path may be cheaper, but all paths
+on the way there may be dearer or blocked. A detour starts beyond them.
 """
 
 from __future__ import annotations

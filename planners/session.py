@@ -25,13 +25,13 @@ FIRST_CAPACITY = 4096
 CHUNK = 128
 """Extensions between two looks at the clock."""
 
-POLISH_ATTEMPTS = 700
+POLISH_ATTEMPTS = 1_000
 """Changes tried on every path found."""
 
-POLISH_ROUNDS = 12
+POLISH_ROUNDS = 8
 """So many times, at most, as long as it promises to become the best one."""
 
-PROMISE = 5.0
+PROMISE = 3.0
 """It does if its price may fall by so many times what the last round saved."""
 
 REFINE_CHUNK = 2_000
