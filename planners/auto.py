@@ -42,7 +42,7 @@ UNFLOODED = 6
 UNDIVERTED = 24
 """Rounds before detours of the best path begin."""
 
-DETOURS = 5
+DETOURS = 8
 """So many are tried between two rounds then."""
 
 FREELY = 4
@@ -88,13 +88,18 @@ def search(session: Session, box: Box, heading_length: float) -> None:
 
 
 def _divert(session: Session) -> None:
-    """Try detours of the best path, if paths are ranked by travel; by other costs, restarts gain more."""
+    """Try detours of the best path, if paths are ranked by travel; by other costs, restarts gain more.
+
+    They come on top of the restarts, so they do not let a search end sooner.
+    """
     if session.best_arcs is None or session.problem.prices.kind != TRAVEL:
         return
+    before = session.iterations
     for _ in range(DETOURS):
         if session.finished:
             return
         try_detour(session)
+    session.excuse(session.iterations - before)
 
 
 def _flood(session: Session, cells: CellRounds) -> None:

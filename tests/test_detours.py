@@ -105,3 +105,16 @@ def test_without_a_path_nothing_happens() -> None:
     try_detour(session)
     assert session.best_arcs is None
     assert session.iterations == 0
+
+
+def test_detours_do_not_let_a_search_end_sooner() -> None:
+    _, session = _solved("two-crates", 1)
+    session.budget = Budget(3600.0, stall=session.iterations + 100)
+    session.tried(40)
+    before = session.iterations
+    assert not session.finished
+    for _ in range(10):
+        try_detour(session)
+    session.excuse(session.iterations - before)
+    assert session.iterations - before > 50
+    assert not session.finished
