@@ -2,7 +2,8 @@
 
 Each tree keeps one node in a cell of positions and headings, so it spreads over all that its arcs reach, detours and
 loops included, where trees drawn to random poses stay among poses that they cannot join. Unlike theirs, lengths and a
-part of the twists are drawn at random, and nodes are joined across the two trees by exact words.
+part of the twists are drawn at random, and nodes are joined across the two trees by exact words. A tree that finds no
+more cells, as it is shut in but for narrow ways out, goes on with smaller ones.
 """
 
 from __future__ import annotations
@@ -20,14 +21,21 @@ from pushplan.planners.search import TRIES, Problem, choose_twist, enter, random
 from pushplan.planners.steering import connect
 from pushplan.scratch import scratch
 
-NODES, NEXT, PASSES, TRIED = 0, 1, 2, 3
-"""What is counted of a tree: nodes, the next one to expand, passes over all nodes that have begun, arcs tried."""
+NODES, NEXT, PASSES, FINER, TRIED = 0, 1, 2, 3, 4
+"""What is counted of a tree: nodes, the next one to expand, passes over all nodes with cells of the present size, how
+often these were made smaller, arcs tried."""
 
 SIDE, ANGLE, ARC = 0, 1, 2
 """Sizes of a tree: side (m) and angle (rad) of a cell, typical length of an arc (m of cost)."""
 
-MOST_PASSES = 20
-"""Each node is expanded so many times at most."""
+MOST_PASSES = 4
+"""Each node is expanded so many times before the cells of its tree are made smaller."""
+
+SHRINK = 0.7
+"""Factor of the cells' sides and of the typical arc then; the angles shrink by its root."""
+
+MOST_FINER = 20
+"""They are made smaller so many times at most, to a thousandth."""
 
 CHILDREN = 4
 """Arcs from a node at a time: the left turn, the straight push, the right turn, and one of a random stable twist."""
@@ -42,7 +50,7 @@ class CellTrees(NamedTuple):
     Attributes:
         nodes: (2, capacity, NODE) see `search.NODE`; arcs of the second lead from the node to its parent.
         keys: (2, slots) table of the cells that hold a node, 0 where a slot is free; slots are a power of two.
-        counts: (2, 4) see `NODES`, `NEXT`, `PASSES` and `TRIED`.
+        counts: (2, 5) see `NODES`, `NEXT`, `PASSES`, `FINER` and `TRIED`.
         box: (4,) xmin, ymin, xmax, ymax that the cells cover, m.
         sizes: (2, 3) see `SIDE`, `ANGLE` and `ARC`.
         state: (1,) of the random generator.
@@ -148,12 +156,46 @@ def _whole(trees: CellTrees, ahead: int, behind: int, word: FloatArray, path: Fl
 
 @woven
 def _is_over(trees: CellTrees, which: int) -> bool:
-    """Whether a tree has no room left, or has expanded every node as often as is allowed."""
+    """Whether a tree has no room left, or has expanded every node as often as is allowed with the smallest cells."""
     count = trees.counts[which]
     return bool(
         count[NODES] + CHILDREN > trees.nodes.shape[1]
-        or (count[NEXT] == count[NODES] and count[PASSES] == MOST_PASSES)
+        or (count[NEXT] == count[NODES] and count[PASSES] == MOST_PASSES and count[FINER] == MOST_FINER)
     )
+
+
+@woven
+def _make_finer(trees: CellTrees, which: int) -> None:
+    """Give a tree smaller cells and shorter arcs."""
+    size = trees.sizes[which]
+    size[SIDE], size[ARC], size[ANGLE] = (
+        SHRINK * size[SIDE],
+        SHRINK * size[ARC],
+        math.sqrt(SHRINK) * size[ANGLE],
+    )
+    trees.counts[which, FINER] += 1
+    trees.counts[which, PASSES] = 0
+    for slot in range(trees.keys.shape[1]):
+        trees.keys[which, slot] = 0
+    for row in range(1, trees.counts[which, NODES]):
+        node = trees.nodes[which, row]
+        slot, key = _free_slot(trees, which, node[0], node[1], node[2])
+        if slot >= 0:
+            trees.keys[which, slot] = key
+
+
+@woven
+def _next_parent(trees: CellTrees, which: int) -> int:
+    """Row of the node to expand next: each in the order they were found, then all again, in smaller cells at last."""
+    count = trees.counts[which]
+    if count[NEXT] == count[NODES]:
+        if count[PASSES] == MOST_PASSES:
+            _make_finer(trees, which)
+        count[NEXT] = 0
+        count[PASSES] += 1
+    parent = int(count[NEXT])
+    count[NEXT] += 1
+    return parent
 
 
 @lean
@@ -178,11 +220,7 @@ def flood(problem: Problem, trees: CellTrees, arcs: int, path: FloatArray) -> in
             which = 1 - which
             if _is_over(trees, which):
                 return -1
-        if count[which, NEXT] == count[which, NODES]:
-            count[which, NEXT] = 0
-            count[which, PASSES] += 1
-        parent = int(count[which, NEXT])
-        count[which, NEXT] += 1
+        parent = _next_parent(trees, which)
         for number in range(CHILDREN):
             row = _child(problem, trees, which, parent, number)
             partner = _join(problem, trees, which, row, word) if row >= 0 else -1

@@ -25,17 +25,17 @@ FIRST_HEADINGS = 24
 ARC_SIDES = 1.5
 """Typical length of an arc, in sides of a cell: just enough to leave it."""
 
-SHRINK = 0.7
+SHRINK = 0.8
 """Factor of the cells' sides from level to level."""
 
 FIRST_ROOM = 1_500
 """Nodes that a tree has room for on the lowest level."""
 
-GROWTH = 2.0
+GROWTH = 4.0
 """Factor of the room from level to level."""
 
-HIGHEST = 6
-"""Highest level: its trees take 25 MB."""
+HIGHEST = 4
+"""Highest level: its trees take 100 MB, which most searches never need."""
 
 Box = tuple[float, float, float, float]
 
@@ -100,6 +100,6 @@ def planted(session: Session, box: FloatArray, room: int, sizes: tuple[float, fl
     nodes = np.zeros((2, room, NODE))
     nodes[0, 0, :3], nodes[1, 0, :3], nodes[:, 0, 4] = session.start, session.problem.goal, -1.0
     keys = np.zeros((2, 1 << math.ceil(math.log2(2 * room))), dtype=np.int64)
-    counts = np.zeros((2, 4), dtype=np.int64)
+    counts = np.zeros((2, 5), dtype=np.int64)
     counts[:, NODES] = 1
     return CellTrees(nodes, keys, counts, box, np.array([sizes, sizes]), session.random)
