@@ -1,7 +1,8 @@
 """Random problems: what share of those that any planner solves does `auto` solve in two seconds?
 
 Run `python benchmarks/random_problems.py [--count 200] [--longer 10]`. Every problem goes to `auto` first. Those that
-it leaves open go to every planner, `auto` among them, with the longer limit, until one solves it. Every path found is
+it leaves open go to every planner, `auto` among them, with the longer limit, until one solves it, but for those that
+are proven to have no path (see `pushplan.planners.pocket` and `passage`). Every path found is
 checked by code that no planner uses: collisions by shapely, margins from the stable set, the goal from the path's
 end. Prints a line for each problem that `auto` did not solve, and the shares. Exits 1 when a path fails a check.
 """
@@ -33,6 +34,7 @@ class Tally:
     posed: int = 0
     solved: int = 0
     solvable: int = 0
+    hopeless: int = 0
     firsts: list[float] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
 
@@ -69,6 +71,9 @@ def one_problem(seed: int, arguments: argparse.Namespace, tally: Tally) -> None:
         tally.solvable += 1
         tally.firsts.append(result.first_solution_s or 0.0)
         return
+    if any(item.proven for item in result.diagnosis):
+        tally.hopeless += 1
+        return
     found = others(scenario, arguments.longer, tally, seed)
     tally.solvable += found is not None
     told = f"solved by {found} in {arguments.longer:g} s" if found else "solved by no planner"
@@ -92,7 +97,7 @@ def main() -> int:
     for seed in seeds:
         one_problem(seed, arguments, tally)
     print(
-        f"{tally.posed} problems, {tally.solvable} solved by any planner, "
+        f"{tally.posed} problems, {tally.hopeless} proven to have no path, {tally.solvable} solved by any planner, "
         f"{tally.solved} by auto in {arguments.limit:g} s"
     )
     print(f"share of the solvable that auto solves: {tally.solved / max(tally.solvable, 1):.1%}")

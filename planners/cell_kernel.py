@@ -15,6 +15,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import lean, woven
+from pushplan.planners.cell_table import cell_key, free_slot
 from pushplan.planners.collision import step, sweep_is_free
 from pushplan.planners.rows import put
 from pushplan.planners.search import TRIES, Problem, choose_twist, enter, random, trace
@@ -72,14 +73,8 @@ def _free_slot(trees: CellTrees, which: int, x: float, y: float, theta: float) -
         return -1, 0
     i, j = int((x - box[0]) / size[SIDE]), int((y - box[1]) / size[SIDE])
     k = int((theta % (2.0 * math.pi)) / size[ANGLE])
-    key = (((i << 20) + j) << 20) + k + 1
-    last = trees.keys.shape[1] - 1
-    slot = ((key * 0x9E3779B97F4A7C1) >> 20) & last
-    while trees.keys[which, slot] != 0:
-        if trees.keys[which, slot] == key:
-            return -1, 0
-        slot = (slot + 1) & last
-    return slot, key
+    key = cell_key(i, j, k)
+    return free_slot(trees.keys[which], key), key
 
 
 @woven

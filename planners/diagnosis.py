@@ -15,6 +15,7 @@ from pushplan.path import cost_rate
 from pushplan.planners.collision import Scene, sweep_is_free
 from pushplan.planners.controls import straight_pushes
 from pushplan.planners.passage import passage_faults
+from pushplan.planners.pocket import Pocket, find_pocket
 from pushplan.planners.search import Problem
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
@@ -45,8 +46,9 @@ def diagnose(
     found = [
         *passage_faults(scenario, straight_pushes(problem.segments)),
         *_turning(scenario, stable, problem.segments),
-        *_boxed_in(scenario, problem),
     ]
+    if not any(item.proven for item in found):
+        found += _boxed_in(scenario, stable, problem)
     proven = tuple(item for item in found if item.proven)
     return proven or (*found, _just_time(extensions, error, bool(found)))
 
@@ -120,8 +122,11 @@ def _one_sided(scenario: Scenario, turn: float, left: float, right: float) -> li
     return [Diagnosis("one-sided", text, False, {"radius": radius, "turn": turn, "aside": aside})]
 
 
-def _boxed_in(scenario: Scenario, problem: Problem) -> list[Diagnosis]:
-    """Hardly any single push is free from the start, or into the goal."""
+def _boxed_in(scenario: Scenario, stable: StableSet, problem: Problem) -> list[Diagnosis]:
+    """No pushes lead far from the start, or from far away into the goal: proven, or hardly any single one is free."""
+    pocket = find_pocket(scenario, stable, problem)
+    if pocket is not None:
+        return [_pocket_words(pocket)]
     found = []
     reach = float(problem.scene.body_bound[2])
     for name, pose, sign, words in (
@@ -133,6 +138,15 @@ def _boxed_in(scenario: Scenario, problem: Problem) -> list[Diagnosis]:
             text = f"perhaps the {name} is boxed in: none of {tried} pushes tried {words} {1e3 * free:.3g} mm"
             found.append(Diagnosis("boxed in", text, False, {f"free_from_{name}": free}))
     return found
+
+
+def _pocket_words(pocket: Pocket) -> Diagnosis:
+    if pocket.is_goal:
+        name, words = "goal", "it is boxed in: pushes into it, however combined, begin"
+    else:
+        name, words = "start", "the start is boxed in: pushes, however combined, end"
+    text = f"the goal cannot be reached: {words} no farther than {pocket.radius:.3g} m from it (middle of the chain)"
+    return Diagnosis("boxed in", text, True, {f"radius_around_{name}": pocket.radius})
 
 
 def _some_pushes(segments: FloatArray) -> FloatArray:

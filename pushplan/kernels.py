@@ -14,6 +14,7 @@ from pushplan.mechanics.support import UniformSupport
 from pushplan.planners.cell_rounds import CellRounds
 from pushplan.planners.detours import detour
 from pushplan.planners.guide import find_way, make_guide
+from pushplan.planners.pocket import LEVELS, make_steps, push_hull, reached
 from pushplan.planners.polish import shorten
 from pushplan.planners.prices import travel_prices
 from pushplan.planners.registry import planner_named
@@ -48,6 +49,7 @@ def _compile(planner: str) -> None:
     with second_compiler(planner):
         _compile_mechanics()
         _compile_polish()
+        _compile_pockets()
         if planner == "auto":
             _compile_ways()
             _compile_detours()
@@ -63,6 +65,13 @@ def _compile_mechanics() -> None:
 def _compile_polish() -> None:
     arcs, state = np.array([[1.0, 0.0, 0.0, 0.5]]), np.zeros(1, dtype=np.uint64)
     shorten(_problem(_one_box()), np.zeros(3), arcs, state, 1)
+
+
+def _compile_pockets() -> None:
+    problem = _problem(_one_box())
+    hull = push_hull(problem.segments[:, :3], problem.scene.body_bound[:2])
+    steps = make_steps(problem.scene, hull, LEVELS[0], 0.0, back=False)
+    reached(problem.scene, np.zeros(3), problem.goal, steps, 4)
 
 
 def compile_search(planner: str) -> None:

@@ -15,6 +15,7 @@ from pushplan.errors import EmptyStableSetError
 from pushplan.examples import example_names, example_text
 from pushplan.logging.reader import read_run
 from pushplan.plan import plan
+from pushplan.planners import pocket
 from pushplan.planners.checker import find_collision
 from pushplan.planners.controls import straight_pushes
 from pushplan.planners.diagnosis import diagnose
@@ -169,14 +170,20 @@ def test_turns_wider_than_the_workspace_are_perhaps_the_reason() -> None:
     ("start", 0.243, "none of 300 pushes tried leads farther from the start than "),
     ("goal", -0.033 - 0.02, "none of 300 pushes tried leads to the goal from farther away than "),
 ])  # fmt: skip
-def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(end: str, x: float, text: str) -> None:
-    """A bar before the front box at the start; a bar behind the plate at the goal."""
+def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
+    end: str, x: float, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bar before the front box at the start; a bar behind the plate at the goal; proven, if looked at closely."""
     scenario = load_scenario("narrow-gap")
     pose = scenario.start if end == "start" else scenario.goal.pose_chain
     bar = np.array([[x, -0.3], [x + 0.02, -0.3], [x + 0.02, 0.3], [x, 0.3]])
     c, s = np.cos(pose[2]), np.sin(pose[2])
     turned = bar @ np.array([[c, s], [-s, c]]) + pose[:2]
-    result = short(replace(scenario, obstacles=(PolygonObstacle(turned),)))
+    barred = replace(scenario, obstacles=(PolygonObstacle(turned),))
+    (proven,) = short(barred).diagnosis
+    assert (proven.cause, proven.proven, [*proven.numbers]) == ("boxed in", True, [f"radius_around_{end}"])
+    monkeypatch.setattr(pocket, "LOOKS", ())
+    result = short(barred)
     boxed = [item for item in result.diagnosis if item.cause == "boxed in"]
     assert len(boxed) == 1
     assert boxed[0].text.startswith(f"perhaps the {end} is boxed in: {text}")

@@ -1,0 +1,194 @@
+"""What is called boxed in is: all that pushes reach lies in the cells found, and no solvable problem is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from pushplan.arrays import FloatArray, IntArray
+from pushplan.bench.generator import generate
+from pushplan.bench.parameters import DRIVES, ProblemParameters
+from pushplan.examples import example_names
+from pushplan.geometry import se2
+from pushplan.mechanics.sphere import twists_at
+from pushplan.planners import pocket
+from pushplan.planners.checker import find_collision
+from pushplan.planners.diagnosis import diagnose
+from pushplan.planners.pocket import LEVELS, find_pocket, make_steps, push_hull, reached
+from pushplan.planners.pocket_kernel import CLOSED, MET, OPEN, ORIGIN, Steps
+from pushplan.planners.problem import build_problem
+from pushplan.planners.search import Problem
+from pushplan.scenario import PolygonObstacle, Scenario, load_scenario, scenario_from_text
+from pushplan.stable_sets.stable_set import StableSet
+
+RANDOM = ProblemParameters(objects=(1, 5), obstacles=(0, 30), drives=DRIVES)
+SHUT_IN = {False: (31, 55, 82), True: (5, 16, 66, 72)}
+"""Seeds whose start, or goal, obstacles shut in."""
+SOLVABLE = (0, 1, 2, 3, 4, 75, 114, 137, 189, 199)
+"""Seeds that a planner has solved, some after a long search."""
+
+
+def _random(seed: int) -> tuple[Scenario, StableSet, Problem]:
+    scenario = scenario_from_text(generate(RANDOM, seed), f"random {seed}")
+    stable = scenario.stable_set()
+    return scenario, stable, build_problem(scenario, stable)
+
+
+@pytest.fixture
+def few_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Look at fewer cells, enough for most proofs, in a fifth of the time."""
+    monkeypatch.setattr(pocket, "LOOKS", (8_000, 60_000))
+
+
+@pytest.mark.parametrize("name", [*example_names()])
+def test_packaged_scenarios_are_not_boxed_in(name: str, few_looks: None) -> None:
+    scenario = load_scenario(name)
+    assert (
+        find_pocket(scenario, scenario.stable_set(), build_problem(scenario, scenario.stable_set())) is None
+    )
+
+
+@pytest.mark.parametrize("seed", SOLVABLE)
+def test_what_has_been_solved_is_not_boxed_in(seed: int, few_looks: None) -> None:
+    assert find_pocket(*_random(seed)) is None
+
+
+@pytest.mark.parametrize(
+    ("is_goal", "seed"), [(goal, seed) for goal, seeds in SHUT_IN.items() for seed in seeds]
+)
+def test_what_is_shut_in_is_found(is_goal: bool, seed: int) -> None:
+    scenario, stable, problem = _random(seed)
+    found = find_pocket(scenario, stable, problem)
+    assert found is not None
+    assert found.is_goal == is_goal
+    away = scenario.goal.pose_chain[:2] - scenario.start[:2]
+    assert 0.0 < found.radius < np.hypot(*away)
+    (told,) = diagnose(scenario, stable, problem, 1234, (0.25, 0.5))
+    assert (told.cause, told.proven) == ("boxed in", True)
+    name, words = ("goal", "it is") if is_goal else ("start", "the start is")
+    assert told.text.startswith(f"the goal cannot be reached: {words} boxed in: pushes")
+    assert told.numbers == {f"radius_around_{name}": found.radius}
+
+
+def _closed(scenario: Scenario, problem: Problem, end: int) -> tuple[Steps, IntArray]:
+    """Steps and cells of the first level on which spreading from an end, 0 the start, is over."""
+    ends = np.array([scenario.start, scenario.goal.pose_chain])
+    hull = push_hull(_ends(problem), problem.scene.body_bound[:2])
+    for level in LEVELS:
+        steps = make_steps(problem.scene, hull, level, scenario.clearance, back=end == 1)
+        outcome, cells = reached(problem.scene, ends[end], ends[1 - end], steps, 1 << 18)
+        if outcome == CLOSED:
+            return steps, cells
+    raise AssertionError("no level is closed")
+
+
+def _ends(problem: Problem) -> FloatArray:
+    return np.concatenate([problem.segments[:, :3], problem.segments[:, 3:]])
+
+
+def _wander(
+    scenario: Scenario,
+    problem: Problem,
+    pose: FloatArray,
+    sign: float,
+    travel: float,
+    rng: np.random.Generator,
+) -> list[FloatArray]:
+    """Poses (3,) after each `travel` ahead of the body's middle, along random pushes, until one is not free."""
+    middle = problem.scene.body_bound
+    poses: list[FloatArray] = []
+    while True:
+        left = travel
+        while left > 1e-12:
+            row = problem.segments[rng.integers(len(problem.segments))]
+            share = rng.choice([0.0, 1.0, rng.random()])
+            twist = (1.0 - share) * row[:3] + share * row[3:]
+            part = min(left, travel * rng.choice([0.2, 0.5, 1.0]))
+            pose = se2.compose(pose, se2.exp(sign * part / (twist[0] - twist[2] * middle[1]) * twist))
+            left -= part
+        if find_collision(scenario, pose[None]) is not None:
+            return poses
+        poses.append(pose)
+
+
+@pytest.mark.parametrize(
+    ("is_goal", "seed"), [(goal, seed) for goal, seeds in SHUT_IN.items() for seed in seeds]
+)
+def test_random_pushes_stay_within_the_cells(is_goal: bool, seed: int) -> None:
+    """Poses are looked at once a step, as the cells are: what lies between is free in neither."""
+    scenario, _, problem = _random(seed)
+    steps, cells = _closed(scenario, problem, int(is_goal))
+    known = {tuple(cell) for cell in cells.tolist()}
+    begin = np.array(scenario.goal.pose_chain if is_goal else scenario.start)
+    middle, rng = problem.scene.body_bound[:2], np.random.Generator(np.random.PCG64(seed))
+    origin = np.append(se2.transform_points(begin, middle), begin[2])
+    seen, longest = 0, 0
+    for _ in range(400):
+        poses = _wander(scenario, problem, begin, steps.sign, steps.travel, rng)
+        for pose in poses:
+            position = np.append(se2.transform_points(pose, middle), pose[2])
+            x, y, turn = se2.compose(se2.inverse(origin), position)
+            column, row = round(x / steps.side) + ORIGIN, round(y / steps.side) + ORIGIN
+            heading = round(turn * steps.headings / (2.0 * np.pi)) % steps.headings
+            assert (column, row, heading) in known
+        seen, longest = seen + len(poses), max(longest, len(poses))
+    assert seen > 100
+    assert longest < 200
+
+
+@pytest.mark.parametrize("name", ["asymmetric", "five-objects", "narrow-gap", "two-crates"])
+def test_every_stable_twist_lies_in_the_hull(name: str) -> None:
+    """Those between the meridians that it is made of, too."""
+    scenario = load_scenario(name)
+    stable = scenario.stable_set()
+    problem = build_problem(scenario, stable)
+    middle = problem.scene.body_bound[:2]
+    hull = push_hull(pocket._extreme_twists(scenario, stable, problem), middle)
+    twists = _boundary(stable, scenario.stability.margin, 30_011)
+    ahead = twists[:, 0] - twists[:, 2] * middle[1]
+    points = np.stack([(twists[:, 1] + twists[:, 2] * middle[0]) / ahead, twists[:, 2] / ahead], axis=1)
+    assert shapely.contains_xy(hull, points).all()
+    exact = shapely.convex_hull(shapely.MultiPoint(points))
+    assert hull.area < 1.1 * exact.area
+
+
+def _boundary(stable: StableSet, margin: float, count: int) -> FloatArray:
+    meridians = stable.meridians(margin, count=count)
+    latitudes = (meridians.lower, meridians.upper)
+    return np.concatenate(
+        [twists_at(meridians.longitude, lat, stable.chain.characteristic_length) for lat in latitudes]
+    )
+
+
+def test_a_bar_in_the_way_boxes_in() -> None:
+    """A bar before the front box at the start, from wall to wall, is no gap for the disc to pass."""
+    scenario = replace(load_scenario("narrow-gap"), obstacles=())
+    bar = np.array([[0.221, -1.2], [0.3, -1.2], [0.3, 1.2], [0.221, 1.2]])
+    barred = replace(scenario, obstacles=(PolygonObstacle(se2.transform_points(scenario.start, bar)),))
+    stable = barred.stable_set()
+    found = find_pocket(barred, stable, build_problem(barred, stable))
+    assert found is not None
+    assert not found.is_goal
+
+
+def test_without_a_common_direction_nothing_is_proven() -> None:
+    scenario, stable, problem = _random(16)
+    assert scenario.chain.pusher.drive.axle is not None
+    assert find_pocket(scenario, stable, problem) is not None
+    backwards = np.array([[1.0, 0.0, 0.0, -0.5, 1.0, 0.0]])
+    assert find_pocket(scenario, stable, problem._replace(segments=backwards)) is None
+
+
+def test_a_search_ends_near_the_other_pose_or_without_room() -> None:
+    scenario = load_scenario("free-space")
+    problem = build_problem(scenario, scenario.stable_set())
+    hull = push_hull(_ends(problem), problem.scene.body_bound[:2])
+    steps = make_steps(problem.scene, hull, LEVELS[0], 0.0, back=False)
+    ahead = se2.compose(scenario.start, np.array([0.5, 0.0, 0.0]))
+    assert reached(problem.scene, scenario.start, ahead, steps, 1 << 20)[0] == MET
+    outcome, cells = reached(problem.scene, scenario.start, np.array([9.0, 0.0, 0.0]), steps, 64)
+    assert outcome == OPEN
+    assert len(cells) <= 32
