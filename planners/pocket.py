@@ -76,7 +76,7 @@ def find_pocket(scenario: Scenario, stable: StableSet, problem: Problem) -> Pock
             outcome, cells = reached(problem.scene, ends[end], ends[1 - end], steps, room)
             if outcome == CLOSED:
                 away = steps.side * np.hypot(*(cells[:, :2] - ORIGIN).T).max()
-                return Pocket(end == 1, float(away + _longest(steps)))
+                return Pocket(end == 1, float(away + steps.side + steps.longest))
             if outcome == MET:
                 left.remove((level, end))
     return None
@@ -147,7 +147,8 @@ def make_steps(
         aside[row, 0] = travel * (part.bounds[0] + middle - 0.5 * angle) - rest
         aside[row, 1] = travel * (part.bounds[2] + middle + 0.5 * angle) + rest
     touching = clearance - CLEARANCE_ROOM - side * math.sqrt(0.5) - radius * 0.5 * angle
-    return Steps(side, headings, sign, travel, ahead, first, aside, touching)
+    longest = float(ahead[1]) + travel * (lean + turned)
+    return Steps(side, headings, sign, travel, longest, ahead, first, aside, touching)
 
 
 def reached(
@@ -167,12 +168,7 @@ def reached(
     """
     middle = scene.body_bound[:2]
     ends = [np.append(se2.transform_points(pose, middle), pose[2]) for pose in (begin, other)]
-    ends[1][2] = _longest(steps) + 2.0 * steps.side
+    ends[1][2] = steps.longest + 2.0 * steps.side
     cells = np.empty((room // 2, 3), dtype=np.int64)
     outcome, count = spread(scene, ends[0], steps, ends[1], np.zeros(room, dtype=np.int64), cells)
     return int(outcome), cells[:count]
-
-
-def _longest(steps: Steps) -> float:
-    """Bound on the way of the body's middle in a step or a part of one, m."""
-    return float(steps.ahead[1] + np.abs(steps.aside[steps.aside[:, 0] <= steps.aside[:, 1]]).max())

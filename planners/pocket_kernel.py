@@ -33,6 +33,7 @@ class Steps(NamedTuple):
         headings: Cells of a full turn.
         sign: 1 for steps ahead, -1 for steps back.
         travel: Of the body's middle ahead in a step, m.
+        longest: Bound on the way of the body's middle in a step or a part of one, m.
         ahead: (2,) least and most travel along the heading at its beginning, m.
         turn: Cells of heading to the first row of `aside`.
         aside: (k, 2) least and most travel to the left (m) with each turn; the first is larger where there is none.
@@ -43,6 +44,7 @@ class Steps(NamedTuple):
     headings: int
     sign: float
     travel: float
+    longest: float
     ahead: FloatArray
     turn: int
     aside: FloatArray
