@@ -2,9 +2,9 @@
 
 Run `python benchmarks/random_problems.py [--count 200] [--longer 10]`. Every problem goes to `auto` first. Those that
 it leaves open go to every planner, `auto` among them, with the longer limit, until one solves it, but for those that
-are proven to have no path (see `pushplan.planners.pocket` and `passage`). Every path found is
-checked by code that no planner uses: collisions by shapely, margins from the stable set, the goal from the path's
-end. Prints a line for each problem that `auto` did not solve, and the shares. Exits 1 when a path fails a check.
+are proven to have no path (see `pushplan.planners.pocket` and `passage`). Every path found is checked by code that no
+planner uses: collisions by shapely, margins from the stable set, the goal from the path's end. Prints a line for each
+problem that stays open, and the shares. Exits 1 when a path fails a check.
 """
 
 from __future__ import annotations

@@ -23,23 +23,27 @@ from pushplan.stable_sets.weakest import HELP, contact_words, emptiness, weakest
 MARGIN_FLOOR = 1e-6
 """Planned twists keep this much more than the margin asked for, so that rounding cannot put them outside."""
 
+MERIDIANS = 512
+"""Meridians of the stable set that an omnidirectional pusher's controls are taken from."""
+
 TURNS = 1024
 """Turning rates at which a drive's family is scanned for changes between stable and not."""
 
 
-def control_segments(stable: StableSet, drive: Drive, margin: float) -> FloatArray:
+def control_segments(stable: StableSet, drive: Drive, margin: float, count: int = MERIDIANS) -> FloatArray:
     """Return the segments (k, 6) of stable twists that the drive can make.
 
     Args:
         stable: The set.
         drive: Of the robot that carries the plate.
         margin: Every twist has more than this.
+        count: Meridians of an omnidirectional pusher's set.
 
     Raises:
         EmptyStableSetError: When there are none.
     """
     if drive.axle is None:
-        meridians = stable.meridians(margin)
+        meridians = stable.meridians(margin, count)
         length = stable.chain.characteristic_length
         ends = [twists_at(meridians.longitude, lat, length) for lat in (meridians.lower, meridians.upper)]
         segments = np.hstack(ends)
@@ -68,6 +72,11 @@ def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
     )
 
 
+def segment_ends(segments: FloatArray) -> FloatArray:
+    """Return the twists (2 k, 3) at both ends of segments (k, 6)."""
+    return np.concatenate([segments[:, :3], segments[:, 3:]])
+
+
 def steering_families(segments: FloatArray) -> FloatArray:
     """Return families (3, 3, 3) of left, straight and right twists, scaled to a cost rate of 1, for connections.
 
@@ -78,7 +87,7 @@ def steering_families(segments: FloatArray) -> FloatArray:
     Args:
         segments: (k, 6) stable twists; see `control_segments`.
     """
-    ends = np.concatenate([segments[:, :3], segments[:, 3:]])
+    ends = segment_ends(segments)
     left, right = _closest_turns(ends)
     families = np.zeros((3, 3, 3))
     families[:, LEFT], families[:, RIGHT] = left, right

@@ -13,7 +13,7 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import cost_rate
 from pushplan.planners.collision import Scene, sweep_is_free
-from pushplan.planners.controls import straight_pushes
+from pushplan.planners.controls import segment_ends, straight_pushes
 from pushplan.planners.passage import passage_faults
 from pushplan.planners.pocket import Pocket, find_pocket
 from pushplan.planners.search import Problem
@@ -55,7 +55,7 @@ def diagnose(
 
 def _turning(scenario: Scenario, stable: StableSet, segments: FloatArray) -> list[Diagnosis]:
     """What the chain's turns, or their absence, have to do with it."""
-    ends = np.concatenate([segments[:, :3], segments[:, 3:]])
+    ends = segment_ends(segments)
     goal = scenario.goal.pose_chain
     turn = float(se2.wrap_angle(goal[2] - scenario.start[2]))
     if (ends[:, 2] == 0.0).all():

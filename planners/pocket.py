@@ -16,9 +16,9 @@ import shapely
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
-from pushplan.mechanics.sphere import twists_at
 from pushplan.names import CLEARANCE_ROOM
 from pushplan.planners.collision import Scene
+from pushplan.planners.controls import control_segments, segment_ends
 from pushplan.planners.pocket_kernel import CLOSED, MET, ORIGIN, Steps, spread
 from pushplan.planners.search import Problem
 from pushplan.scenario import Scenario
@@ -68,29 +68,29 @@ def find_pocket(scenario: Scenario, stable: StableSet, problem: Problem) -> Pock
     if hull.is_empty:
         return None
     ends = np.array([scenario.start, scenario.goal.pose_chain])
-    left = {(level, end) for level in LEVELS for end in (0, 1)}
+    left = {
+        (level, end): make_steps(problem.scene, hull, level, scenario.clearance, back=end == 1)
+        for level in LEVELS
+        for end in (0, 1)
+    }
     for looks in LOOKS:
         room = 1 << math.ceil(math.log2(2 * looks))
-        for level, end in sorted(left):
-            steps = make_steps(problem.scene, hull, level, scenario.clearance, back=end == 1)
+        for (level, end), steps in [*left.items()]:
             outcome, cells = reached(problem.scene, ends[end], ends[1 - end], steps, room)
             if outcome == CLOSED:
                 away = steps.side * np.hypot(*(cells[:, :2] - ORIGIN).T).max()
                 return Pocket(end == 1, float(away + steps.side + steps.longest))
             if outcome == MET:
-                left.remove((level, end))
+                del left[level, end]
     return None
 
 
 def _extreme_twists(scenario: Scenario, stable: StableSet, problem: Problem) -> FloatArray:
     """Twists (k, 3) on the boundary of the stable set, of what the drive can do of it."""
-    if scenario.chain.pusher.drive.axle is not None:
-        return np.concatenate([problem.segments[:, :3], problem.segments[:, 3:]])
-    meridians = stable.meridians(scenario.stability.margin, MERIDIANS)
-    length = stable.chain.characteristic_length
-    return np.concatenate(
-        [twists_at(meridians.longitude, lat, length) for lat in (meridians.lower, meridians.upper)]
-    )
+    drive = scenario.chain.pusher.drive
+    if drive.axle is not None:
+        return segment_ends(problem.segments)
+    return segment_ends(control_segments(stable, drive, scenario.stability.margin, MERIDIANS))
 
 
 def push_hull(twists: FloatArray, middle: FloatArray) -> shapely.Polygon:

@@ -52,9 +52,8 @@ class Steps(NamedTuple):
 
 
 @woven
-def _bounds(steps: Steps, row: int, theta: float) -> tuple[float, float, float, float]:
-    """Box (xmin, ymin, xmax, ymax) around the displacements of a step with a turn, in cells."""
-    c, s = math.cos(theta), math.sin(theta)
+def _bounds(steps: Steps, row: int, c: float, s: float) -> tuple[float, float, float, float]:
+    """Box (xmin, ymin, xmax, ymax) around the displacements of a step with a turn, in cells; c, s of its heading."""
     xmin = ymin = math.inf
     xmax = ymax = -math.inf
     for i in range(2):
@@ -101,8 +100,8 @@ def spread(
         begin: (3,) position of the body's middle and heading to begin at, world; a cell's middle.
         steps: What a step can do.
         other: (3,) a position of the body's middle (m), and how near a cell must be to end the search.
-        table: (a power of two,) zeros; room for twice as many keys as cells are looked at.
-        cells: (n, 3) filled with column, row and heading of the cells found.
+        table: (2 n,) zeros, a power of two.
+        cells: (n, 3) filled with column, row and heading of the cells found; n cells are looked at, at most.
 
     Returns:
         (end, count): how it ended, and the cells found.
@@ -119,10 +118,12 @@ def spread(
             return MET, count
         if left < 0:
             return OPEN, count
+        theta = 2.0 * math.pi * k / steps.headings
+        c, s = math.cos(theta), math.sin(theta)
         for row in range(steps.aside.shape[0]):
             if steps.aside[row, 0] > steps.aside[row, 1]:
                 continue
-            xmin, ymin, xmax, ymax = _bounds(steps, row, 2.0 * math.pi * k / steps.headings)
+            xmin, ymin, xmax, ymax = _bounds(steps, row, c, s)
             heading = (k + steps.turn + row) % steps.headings
             for column in range(math.ceil(i - 1.0 + xmin), math.floor(i + 1.0 + xmax) + 1):
                 for line in range(math.ceil(j - 1.0 + ymin), math.floor(j + 1.0 + ymax) + 1):
@@ -132,7 +133,7 @@ def spread(
                     if slot < 0:
                         continue
                     looked += 1
-                    if 2 * looked > table.shape[0] or count == cells.shape[0]:
+                    if looked > cells.shape[0]:
                         return OPEN, count
                     table[slot] = key
                     if _may_hold(scene, begin, steps, (column, line, heading), near):

@@ -228,7 +228,7 @@ class Session:
     def spent(self, extensions: int) -> None:
         """Count arcs that were propagated."""
         self.extensions += extensions
-        self.iterations += extensions
+        self.tried(extensions)
 
     def _consider(self, node: int, cost: float) -> None:
         """Take the connection from `node` if it is the best path so far."""

@@ -16,6 +16,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at
 from pushplan.planners import pocket
 from pushplan.planners.checker import find_collision
+from pushplan.planners.controls import segment_ends
 from pushplan.planners.diagnosis import diagnose
 from pushplan.planners.pocket import LEVELS, find_pocket, make_steps, push_hull, reached
 from pushplan.planners.pocket_kernel import CLOSED, MET, OPEN, ORIGIN, Steps
@@ -46,9 +47,8 @@ def few_looks(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("name", [*example_names()])
 def test_packaged_scenarios_are_not_boxed_in(name: str, few_looks: None) -> None:
     scenario = load_scenario(name)
-    assert (
-        find_pocket(scenario, scenario.stable_set(), build_problem(scenario, scenario.stable_set())) is None
-    )
+    stable = scenario.stable_set()
+    assert find_pocket(scenario, stable, build_problem(scenario, stable)) is None
 
 
 @pytest.mark.parametrize("seed", SOLVABLE)
@@ -76,17 +76,13 @@ def test_what_is_shut_in_is_found(is_goal: bool, seed: int) -> None:
 def _closed(scenario: Scenario, problem: Problem, end: int) -> tuple[Steps, IntArray]:
     """Steps and cells of the first level on which spreading from an end, 0 the start, is over."""
     ends = np.array([scenario.start, scenario.goal.pose_chain])
-    hull = push_hull(_ends(problem), problem.scene.body_bound[:2])
+    hull = push_hull(segment_ends(problem.segments), problem.scene.body_bound[:2])
     for level in LEVELS:
         steps = make_steps(problem.scene, hull, level, scenario.clearance, back=end == 1)
         outcome, cells = reached(problem.scene, ends[end], ends[1 - end], steps, 1 << 18)
         if outcome == CLOSED:
             return steps, cells
     raise AssertionError("no level is closed")
-
-
-def _ends(problem: Problem) -> FloatArray:
-    return np.concatenate([problem.segments[:, :3], problem.segments[:, 3:]])
 
 
 def _wander(
@@ -185,7 +181,7 @@ def test_without_a_common_direction_nothing_is_proven() -> None:
 def test_a_search_ends_near_the_other_pose_or_without_room() -> None:
     scenario = load_scenario("free-space")
     problem = build_problem(scenario, scenario.stable_set())
-    hull = push_hull(_ends(problem), problem.scene.body_bound[:2])
+    hull = push_hull(segment_ends(problem.segments), problem.scene.body_bound[:2])
     steps = make_steps(problem.scene, hull, LEVELS[0], 0.0, back=False)
     ahead = se2.compose(scenario.start, np.array([0.5, 0.0, 0.0]))
     assert reached(problem.scene, scenario.start, ahead, steps, 1 << 20)[0] == MET
