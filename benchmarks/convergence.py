@@ -17,10 +17,11 @@ from pushplan.arrays import FloatArray
 from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
+from pushplan.planners.budget import Budget
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.registry import MODULES, planner_named
 from pushplan.planners.search import Problem
-from pushplan.planners.session import Budget, Session
+from pushplan.planners.session import Session
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
 

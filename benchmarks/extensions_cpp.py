@@ -24,9 +24,10 @@ from ompl import util as ou
 from pushplan.bench.machine import Machine
 from pushplan.kernels import warm_up
 from pushplan.planners import control_planners
+from pushplan.planners.budget import Budget
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search import Problem
-from pushplan.planners.session import Budget, Session
+from pushplan.planners.session import Session
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
 

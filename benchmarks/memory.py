@@ -18,8 +18,9 @@ from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.planners.auto import search
+from pushplan.planners.budget import Budget
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.session import Budget, Session
+from pushplan.planners.session import Session
 from pushplan.reading.scenario_file import load_scenario
 
 NEVER = 10**12

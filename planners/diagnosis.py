@@ -1,172 +1,103 @@
-"""Why no path was found: what is proven, what may be the reason, and how far the search came.
+"""Why no path is found: what is proven, what may be the reason, and how far the search came.
 
-It is made after a search that found nothing. "Cannot" is said of what is proven, "perhaps" of everything else.
+It is looked into while a search goes on without a path, so that one that cannot end well ends soon, and after it.
+"Cannot" is said of what is proven, "perhaps" of everything else.
 """
 
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Iterator
 
-import numpy as np
-
-from pushplan.arrays import FloatArray
-from pushplan.geometry import se2
-from pushplan.path import cost_rate
-from pushplan.planners.collision import Scene, sweep_is_free
-from pushplan.planners.controls import segment_ends, straight_pushes
+from pushplan.planners.boxed_in import boxed_in_faults
+from pushplan.planners.controls import straight_pushes
 from pushplan.planners.passage import passage_faults
-from pushplan.planners.pocket import Pocket, find_pocket
 from pushplan.planners.search import Problem
+from pushplan.planners.turning import turning_faults
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
-PUSHES_TRIED = 300
-"""Pushes tried from the start and into the goal."""
+FIRST_DOUBT = 0.1
+"""Seconds of a search without a path before the first step is taken."""
 
-SHORTEST_PUSH = 1e-3
-"""Travel (m) of the shortest push tried; the next ones are twice as long each."""
+PATIENCE = 80.0
+"""The next step is taken when the search has gone on for so many times as long as the steps before took together.
 
-ROUNDING = 1e-9
-"""Headings and directions (rad) that differ by less are the same."""
+A step takes up to about ten times as long as those before it, so they take up to about an eighth of a search.
+"""
 
 
-def diagnose(
-    scenario: Scenario, stable: StableSet, problem: Problem, extensions: int, error: tuple[float, float]
-) -> tuple[Diagnosis, ...]:
-    """Return what kept a search from finding a path, proven reasons first.
+class Doubts:
+    """What may keep a search from a path, found out in steps, short ones first, until one proves that there is none.
 
     Args:
         scenario: The problem.
         stable: The set that it was posed in.
-        problem: What was searched.
+        problem: What is searched.
+
+    Attributes:
+        reasons: What was found, proven or not.
+    """
+
+    def __init__(self, scenario: Scenario, stable: StableSet, problem: Problem) -> None:
+        self.reasons: list[Diagnosis] = []
+        self._steps = _steps(scenario, stable, problem)
+        self._due, self._spent = FIRST_DOUBT, 0.0
+
+    @property
+    def proven(self) -> tuple[Diagnosis, ...]:
+        """The reasons for which there is no path."""
+        return tuple(item for item in self.reasons if item.proven)
+
+    def settled(self, seconds: float) -> bool:
+        """Return whether there is no path, as far as is known; take the next step if the time has come.
+
+        Args:
+            seconds: That the search has taken.
+        """
+        if seconds >= self._due and not self.proven:
+            self._take_step()
+        return bool(self.proven)
+
+    def take_all_steps(self) -> None:
+        """Find out all that can be, or that there is no path."""
+        while not self.proven and self._take_step():
+            pass
+
+    def _take_step(self) -> bool:
+        """Take the next step; return whether there was one."""
+        began = time.perf_counter()
+        found = next(self._steps, None)
+        self._spent += time.perf_counter() - began
+        self._due = max(FIRST_DOUBT, PATIENCE * self._spent) if found is not None else math.inf
+        self.reasons += found or []
+        return found is not None
+
+
+def _steps(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:
+    found = [
+        *passage_faults(scenario, straight_pushes(problem.segments)),
+        *turning_faults(scenario, stable, problem.segments),
+    ]
+    boxed_in = boxed_in_faults(scenario, stable, problem)
+    if not any(item.proven for item in found):  # the first step of these is as quick
+        found += next(boxed_in)
+    yield found
+    yield from boxed_in
+
+
+def diagnose(doubts: Doubts, extensions: int, error: tuple[float, float]) -> tuple[Diagnosis, ...]:
+    """Return what kept a search from finding a path: the proven reasons, or all that may be one.
+
+    Args:
+        doubts: What may have kept it.
         extensions: Arcs that were propagated.
         error: How far (m, rad) from the goal the nearest pose was that the search reached.
     """
-    found = [
-        *passage_faults(scenario, straight_pushes(problem.segments)),
-        *_turning(scenario, stable, problem.segments),
-    ]
-    if not any(item.proven for item in found):
-        found += _boxed_in(scenario, stable, problem)
-    proven = tuple(item for item in found if item.proven)
-    return proven or (*found, _just_time(extensions, error, bool(found)))
-
-
-def _turning(scenario: Scenario, stable: StableSet, segments: FloatArray) -> list[Diagnosis]:
-    """What the chain's turns, or their absence, have to do with it."""
-    ends = segment_ends(segments)
-    goal = scenario.goal.pose_chain
-    turn = float(se2.wrap_angle(goal[2] - scenario.start[2]))
-    if (ends[:, 2] == 0.0).all():
-        return _no_turning(scenario, stable, turn)
-    left, right = (_radius(ends[side * ends[:, 2] > 0.0]) for side in (1.0, -1.0))
-    found = _one_sided(scenario, turn, left, right)
-    area = scenario.workspace
-    if area is not None and abs(turn) > ROUNDING:
-        across, radius = min(area.xmax - area.xmin, area.ymax - area.ymin), min(left, right)
-        if 2.0 * radius > across:
-            text = (
-                f"perhaps the turns are too wide: the tightest one, of radius {radius:.3g} m, makes a circle "
-                f"that does not fit into the workspace, {across:.3g} m across"
-            )
-            found.append(Diagnosis("wide turns", text, False, {"radius": radius, "across": across}))
-    return found
-
-
-def _radius(twists: FloatArray) -> float:
-    """Smallest radius (m) at which twists (k, 3) turn the chain frame's origin, infinite without any."""
-    return float(np.min(np.hypot(twists[:, 0], twists[:, 1]) / np.abs(twists[:, 2]), initial=math.inf))
-
-
-def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diagnosis]:
-    """Without turns the heading stays, and the way lies within the cone of the straight pushes."""
-    set_name = f"no push of the set {stable.name} turns the chain"
-    if abs(turn) > ROUNDING:
-        text = (
-            f"the goal cannot be reached: {set_name}, and it asks for a turn by {math.degrees(turn):.4g} deg"
-        )
-        return [Diagnosis("heading", text, True, {"turn": turn})]
-    cone = stable.translation_cone(scenario.stability.margin)
-    if cone is None or scenario.chain.pusher.drive.axle is not None:
-        return []
-    away = scenario.goal.pose_chain[:2] - scenario.start[:2]
-    lowest, highest = np.arctan2(cone[:, 1], cone[:, 0])
-    direction = math.atan2(away[1], away[0]) - scenario.start[2]
-    opening = (highest - lowest) % (2.0 * math.pi)
-    if opening >= math.pi or (direction - lowest) % (2.0 * math.pi) <= opening + ROUNDING:
-        return []
-    aside = float(se2.wrap_angle(direction))
-    text = (
-        f"the goal cannot be reached: {set_name}, straight pushes go {math.degrees(lowest):.4g} to "
-        f"{math.degrees(highest):.4g} deg from straight ahead, and the goal lies at {math.degrees(aside):.4g} deg"
-    )
-    numbers = {"direction": aside, "lowest": float(lowest), "highest": float(highest)}
-    return [Diagnosis("direction", text, True, numbers)]
-
-
-def _one_sided(scenario: Scenario, turn: float, left: float, right: float) -> list[Diagnosis]:
-    """The goal asks for a turn, or lies, to the side to which the chain does not turn."""
-    if math.isfinite(left) and math.isfinite(right):
-        return []
-    able, unable, sign = ("left", "right", -1.0) if math.isfinite(left) else ("right", "left", 1.0)
-    away = scenario.goal.pose_chain[:2] - scenario.start[:2]
-    aside = math.cos(scenario.start[2]) * away[1] - math.sin(scenario.start[2]) * away[0]
-    if sign * turn <= ROUNDING and sign * aside <= ROUNDING:
-        return []
-    radius = min(left, right)
-    text = (
-        f"perhaps the one-sided turning is the reason: every stable turn goes to the {able}, with a radius of "
-        f"{radius:.3g} m or more, and the goal asks for a way to the {unable}"
-    )
-    return [Diagnosis("one-sided", text, False, {"radius": radius, "turn": turn, "aside": aside})]
-
-
-def _boxed_in(scenario: Scenario, stable: StableSet, problem: Problem) -> list[Diagnosis]:
-    """No pushes lead far from the start, or from far away into the goal: proven, or hardly any single one is free."""
-    pocket = find_pocket(scenario, stable, problem)
-    if pocket is not None:
-        return [_pocket_words(pocket)]
-    found = []
-    reach = float(problem.scene.body_bound[2])
-    for name, pose, sign, words in (
-        ("start", scenario.start, 1.0, "leads farther from the start than"),
-        ("goal", scenario.goal.pose_chain, -1.0, "leads to the goal from farther away than"),
-    ):
-        free, tried = _longest_push(problem.scene, sign * _some_pushes(problem.segments), pose, reach)
-        if free < reach:
-            text = f"perhaps the {name} is boxed in: none of {tried} pushes tried {words} {1e3 * free:.3g} mm"
-            found.append(Diagnosis("boxed in", text, False, {f"free_from_{name}": free}))
-    return found
-
-
-def _pocket_words(pocket: Pocket) -> Diagnosis:
-    if pocket.is_goal:
-        name, words = "goal", "it is boxed in: pushes into it, however combined, begin"
-    else:
-        name, words = "start", "the start is boxed in: pushes, however combined, end"
-    text = f"the goal cannot be reached: {words} no farther than {pocket.radius:.3g} m from it (middle of the chain)"
-    return Diagnosis("boxed in", text, True, {f"radius_around_{name}": pocket.radius})
-
-
-def _some_pushes(segments: FloatArray) -> FloatArray:
-    """Twists (k, 3) spread over the segments, scaled to a cost rate of 1."""
-    rows = segments[np.linspace(0, len(segments) - 1, min(len(segments), PUSHES_TRIED // 3)).astype(int)]
-    twists = np.concatenate([rows[:, :3], 0.5 * (rows[:, :3] + rows[:, 3:]), rows[:, 3:]])
-    return np.asarray(twists / cost_rate(twists)[:, None])
-
-
-def _longest_push(scene: Scene, twists: FloatArray, pose: FloatArray, enough: float) -> tuple[float, int]:
-    """Longest free push (m) from a pose, up to `enough`, and how many were tried."""
-    best = 0.0
-    for tried, twist in enumerate(twists, 1):
-        length = max(SHORTEST_PUSH, 2.0 * best)
-        while sweep_is_free(scene, pose[0], pose[1], pose[2], twist[0], twist[1], twist[2], length):
-            best = length
-            if best >= enough:
-                return best, tried
-            length *= 2.0
-    return best, len(twists)
+    doubts.take_all_steps()
+    return doubts.proven or (*doubts.reasons, _just_time(extensions, error, bool(doubts.reasons)))
 
 
 def _just_time(extensions: int, error: tuple[float, float], guessed: bool) -> Diagnosis:

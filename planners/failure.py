@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pushplan.path import PushPath
-from pushplan.planners.diagnosis import diagnose
+from pushplan.planners.budget import Budget
+from pushplan.planners.diagnosis import Doubts, diagnose
 from pushplan.planners.session import Session
 from pushplan.planners.verdict import flaw
 from pushplan.result import Diagnosis
@@ -19,22 +20,34 @@ SPACING = 0.01
 
 @dataclass(frozen=True)
 class Failure:
-    """What is known where there is no path: why, the path that ends nearest to the goal, and how far from it."""
+    """What is known where no path was found.
+
+    Attributes:
+        diagnosis: Why.
+        nearest: The path that ends nearest to the goal, None without any.
+        error: How far (m, rad) from the goal it ends, or else the start lies.
+        budget: Of the search.
+    """
 
     diagnosis: tuple[Diagnosis, ...]
     nearest: PushPath | None
     error: tuple[float, float]
+    budget: Budget
 
     @property
-    def words(self) -> str:
-        """The sentences of the diagnosis."""
-        return "; ".join(item.text for item in self.diagnosis)
+    def reason(self) -> str:
+        """The sentences of the diagnosis, after what was allowed unless they prove that no limit would do."""
+        words = "; ".join(item.text for item in self.diagnosis)
+        if any(item.proven for item in self.diagnosis):
+            return words
+        limit = "" if self.budget.iterations is None else f" or {self.budget.iterations} iterations"
+        return f"no path found within the time limit of {self.budget.time_limit:g} s{limit}: {words}"
 
 
-def explain_failure(session: Session, scenario: Scenario, stable: StableSet) -> Failure:
+def explain_failure(session: Session, scenario: Scenario, stable: StableSet, doubts: Doubts) -> Failure:
     """Find out why there is no path, and how near to the goal one ends."""
     path = session.closest_path
     sound = len(path.twists) > 0 and not flaw(scenario, stable, path, path.sampled(SPACING))
     error = pose_error(path.end if sound else path.start, scenario.goal.pose_chain)
-    found = diagnose(scenario, stable, session.problem, session.extensions, error)
-    return Failure(found, path if sound else None, error)
+    found = diagnose(doubts, session.extensions, error)
+    return Failure(found, path if sound else None, error, session.budget)

@@ -9,6 +9,7 @@ from which bounds on the displacement follow for each turn.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -56,8 +57,8 @@ class Pocket(NamedTuple):
     radius: float
 
 
-def find_pocket(scenario: Scenario, stable: StableSet, problem: Problem) -> Pocket | None:
-    """Return which end is proven to be boxed in, None if neither is.
+def find_pocket(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[Pocket | None]:
+    """Look for proof which end is boxed in, at more cells from step to step; yield it, or None, after each step.
 
     Args:
         scenario: The problem.
@@ -66,22 +67,29 @@ def find_pocket(scenario: Scenario, stable: StableSet, problem: Problem) -> Pock
     """
     hull = push_hull(_extreme_twists(scenario, stable, problem), problem.scene.body_bound[:2])
     if hull.is_empty:
-        return None
-    ends = np.array([scenario.start, scenario.goal.pose_chain])
+        return
     left = {
         (level, end): make_steps(problem.scene, hull, level, scenario.clearance, back=end == 1)
         for level in LEVELS
         for end in (0, 1)
     }
+    ends = np.array([scenario.start, scenario.goal.pose_chain])
     for looks in LOOKS:
-        room = 1 << math.ceil(math.log2(2 * looks))
-        for (level, end), steps in [*left.items()]:
-            outcome, cells = reached(problem.scene, ends[end], ends[1 - end], steps, room)
-            if outcome == CLOSED:
-                away = steps.side * np.hypot(*(cells[:, :2] - ORIGIN).T).max()
-                return Pocket(end == 1, float(away + steps.side + steps.longest))
-            if outcome == MET:
-                del left[level, end]
+        yield _pocket(problem.scene, ends, left, looks)
+
+
+def _pocket(
+    scene: Scene, ends: FloatArray, left: dict[tuple[tuple[int, int], int], Steps], looks: int
+) -> Pocket | None:
+    """Spread from both ends (2, 3) on every level left, dropping those on which one leads to the other."""
+    room = 1 << math.ceil(math.log2(2 * looks))
+    for (level, end), steps in [*left.items()]:
+        outcome, cells = reached(scene, ends[end], ends[1 - end], steps, room)
+        if outcome == CLOSED:
+            away = steps.side * np.hypot(*(cells[:, :2] - ORIGIN).T).max()
+            return Pocket(end == 1, float(away + steps.side + steps.longest))
+        if outcome == MET:
+            del left[level, end]
     return None
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import TURN_WEIGHT, PushPath
 from pushplan.planners.branches import Branches
+from pushplan.planners.budget import Budget
 from pushplan.planners.held import grower, hold
 from pushplan.planners.polish import merged, price, shorten
 from pushplan.planners.prices import TRAVEL
@@ -47,29 +47,17 @@ WORTHWHILE = 1e-3
 """Share of the cost that an improvement has to save to put off the end by stalling."""
 
 
-@dataclass(frozen=True)
-class Budget:
-    """When a planner stops.
-
-    Attributes:
-        time_limit: Wall-clock seconds, at most.
-        stall: Stop after this many iterations without a better path, once there is one. Runs that end so, not by
-            the time limit, repeat bit by bit.
-        gap: Stop when the cost exceeds the lower bound by no more than this share.
-        first: Stop at the first path.
-        iterations: Stop after this many iterations, at most; None sets no limit. Unlike the time limit it ends the
-            same search at the same place on every machine.
-    """
-
-    time_limit: float
-    stall: int = 15_000
-    gap: float = 1e-9
-    first: bool = False
-    iterations: int | None = None
-
-
 class Session:
     """State of a search that planners drive and the caller reads afterwards.
+
+    Args:
+        problem: What to plan.
+        start: (3,) pose of the chain frame in the world.
+        budget: When it is over.
+        seed: Of the random numbers.
+        on_progress: Called with every improvement.
+        hopeless: Asked, with the seconds that the search has taken, whether there is no path, as long as none is
+            found.
 
     Attributes:
         problem: What to plan.
@@ -93,6 +81,7 @@ class Session:
         budget: Budget,
         seed: int,
         on_progress: Callable[[ProgressPoint], None] | None = None,
+        hopeless: Callable[[float], bool] | None = None,
     ) -> None:
         self.problem = problem
         self.start = np.array(start, dtype=np.float64)
@@ -108,7 +97,7 @@ class Session:
         self._best_price, self.bound = math.inf, math.inf
         self._reference, self._improved_at = math.inf, 0
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
-        self._on_progress = on_progress
+        self._on_progress, self._hopeless = on_progress, hopeless
         self._word = np.zeros((3, 4))
         self.nodes, self.count = np.zeros((FIRST_CAPACITY, NODE)), 0
         self._held = hold(problem, self.nodes, self._word)
@@ -161,16 +150,22 @@ class Session:
 
     @property
     def finished(self) -> bool:
-        """Whether the budget is used up or nothing is left to gain."""
+        """Whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
         if self.elapsed >= self.budget.time_limit:
             return True
         if self.budget.iterations is not None and self.iterations >= self.budget.iterations:
             return True
         if self.best_arcs is None:
-            return False
+            return self._given_up()
         if self.budget.first or self.horizon <= self.lower_bound * (1.0 + self.budget.gap) + 1e-12:
             return True
         return self.iterations - self._improved_at >= self.budget.stall
+
+    def _given_up(self) -> bool:
+        """Whether it is known that there is no path; not asked where iterations end the search, as time must not."""
+        if self._hopeless is None or self.budget.iterations is not None:
+            return False
+        return self._hopeless(self.elapsed)
 
     def restart(self) -> None:
         """Drop the tree, keep the best path, and try the exact connection from the start."""

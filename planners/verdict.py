@@ -5,7 +5,6 @@ from __future__ import annotations
 from pushplan.arrays import FloatArray
 from pushplan.path import PushPath
 from pushplan.planners.checker import find_collision
-from pushplan.planners.session import Budget
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
 from pushplan.stable_sets.stable_set import StableSet
@@ -15,17 +14,8 @@ EXACT = 1e-7
 """Largest error (m, rad) of a path's end that counts as reaching the goal pose."""
 
 
-def verdict(
-    scenario: Scenario,
-    stable: StableSet,
-    path: PushPath | None,
-    trajectory: Trajectory | None,
-    budget: Budget,
-) -> str:
-    """Return why the result is no solution, empty if it is."""
-    if path is None or trajectory is None:
-        limit = "" if budget.iterations is None else f" or {budget.iterations} iterations"
-        return f"no path found within the time limit of {budget.time_limit:g} s{limit}"
+def verdict(scenario: Scenario, stable: StableSet, path: PushPath, trajectory: Trajectory) -> str:
+    """Return why a path with its trajectory is no solution, empty if it is one."""
     error = pose_error(path.end, scenario.goal.pose_chain)
     if max(error) > EXACT:
         return f"the path misses the goal by {error[0]:.2g} m and {error[1]:.2g} rad"

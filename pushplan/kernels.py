@@ -11,6 +11,7 @@ from pushplan.compiling import announced
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contact_state import contact_state
 from pushplan.mechanics.support import UniformSupport
+from pushplan.planners.budget import Budget
 from pushplan.planners.cell_rounds import CellRounds
 from pushplan.planners.detours import detour
 from pushplan.planners.guide import find_way, make_guide
@@ -20,7 +21,7 @@ from pushplan.planners.prices import travel_prices
 from pushplan.planners.registry import planner_named
 from pushplan.planners.scene import build_scene
 from pushplan.planners.search import Problem
-from pushplan.planners.session import Budget, Session
+from pushplan.planners.session import Session
 from pushplan.second_compiler import second_compiler
 from pushplan.stable_sets.named import stable_set
 

@@ -10,11 +10,13 @@ from pushplan.errors import PlanningError, TimingError
 from pushplan.kernels import warm_up
 from pushplan.names import COSTS
 from pushplan.path import PushPath
+from pushplan.planners.budget import Budget
+from pushplan.planners.diagnosis import Doubts
 from pushplan.planners.failure import explain_failure
 from pushplan.planners.lower_bound import lower_bound
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.registry import planner_named
-from pushplan.planners.session import Budget, Session
+from pushplan.planners.session import Session
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.verdict import EXACT, verdict
 from pushplan.reading.placement import Surroundings, bodies_at, placement_troubles
@@ -87,7 +89,8 @@ def plan(
     limit = scenario.planner.time_limit if time_limit is None else time_limit
     good_enough = scenario.planner.gap if gap is None else gap
     budget = Budget(limit, int(STALL * math.sqrt(limit)), max(good_enough, ROUNDING), first, iterations)
-    session = Session(problem, scenario.start, budget, used_seed, progress)
+    doubts = Doubts(scenario, stable, problem)
+    session = Session(problem, scenario.start, budget, used_seed, progress, doubts.settled)
     with watch("search"):
         if good_enough > 0.0:
             session.raise_lower_bound(lower_bound(scenario))
@@ -98,11 +101,12 @@ def plan(
     with watch("timing"):
         trajectory, untimed = _timed(scenario, path, stable)
     with watch("checking"):
-        reason = untimed or verdict(scenario, stable, path, trajectory, budget)
-        failure = None if path is not None else explain_failure(session, scenario, stable)
+        failure = None if path is not None else explain_failure(session, scenario, stable, doubts)
+        if path is not None and trajectory is not None:
+            reason = verdict(scenario, stable, path, trajectory)
+        else:
+            reason = failure.reason if failure is not None else untimed
         least = session.lower_bound if path is None else lower_bound(scenario, path.cost)
-    if failure is not None:
-        reason += f": {failure.words}"
     solved = not reason
     return PlanResult(
         solved=solved,

@@ -11,12 +11,13 @@ import pytest
 
 from pushplan.geometry import se2
 from pushplan.planners import cell_rounds
+from pushplan.planners.budget import Budget
 from pushplan.planners.cell_kernel import ANGLE, FINER, MOST_FINER, NODES, SIDE, TRIED, CellTrees, flood
 from pushplan.planners.cell_rounds import CellRounds, planted
 from pushplan.planners.collision import sweep_is_free
 from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search import NODE, Problem
-from pushplan.planners.session import Budget, Session
+from pushplan.planners.session import Session
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
 

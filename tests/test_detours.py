@@ -11,11 +11,12 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
 from pushplan.planners.auto import search
+from pushplan.planners.budget import Budget
 from pushplan.planners.checker import find_collision
 from pushplan.planners.detours import POSES, detour, try_detour
 from pushplan.planners.polish import locate, price, shorten
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.session import Budget, Session
+from pushplan.planners.session import Session
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
 

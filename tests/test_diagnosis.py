@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,17 +16,22 @@ from pushplan.errors import EmptyStableSetError
 from pushplan.examples import example_names, example_text
 from pushplan.logging.reader import read_run
 from pushplan.plan import plan
-from pushplan.planners import pocket
+from pushplan.planners import diagnosis, pocket
+from pushplan.planners.budget import Budget
 from pushplan.planners.checker import find_collision
 from pushplan.planners.controls import straight_pushes
-from pushplan.planners.diagnosis import diagnose
+from pushplan.planners.diagnosis import Doubts, diagnose
+from pushplan.planners.failure import Failure
 from pushplan.planners.passage import passage_faults
 from pushplan.planners.problem import build_problem
+from pushplan.planners.registry import MODULES
+from pushplan.planners.search import Problem
 from pushplan.result import CAUSES, Diagnosis, PlanResult
 from pushplan.run import run
 from pushplan.scenario import PolygonObstacle, Scenario, load_scenario, scenario_from_text
 from pushplan.sim.kinematic import pose_error
 from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
 
 ROOM = """
 obstacles:
@@ -58,15 +64,12 @@ def diagnosed(scenario: Scenario, segments: FloatArray) -> tuple[Diagnosis, ...]
     """What is said of a scenario whose pushes are `segments` (k, 6)."""
     stable = stable_set(scenario.chain)
     problem = build_problem(scenario, stable)._replace(segments=segments)
-    return diagnose(scenario, stable, problem, 1234, (0.25, 0.5))
+    return diagnose(Doubts(scenario, stable, problem), 1234, (0.25, 0.5))
 
 
 def test_walls_all_around_are_proven_to_leave_no_way() -> None:
     result = short(WALLED_IN)
-    assert result.reason == (
-        "no path found within the time limit of 60 s or 600 iterations: "
-        "obstacles and walls separate the start from the goal: no passage joins them"
-    )
+    assert result.reason == "obstacles and walls separate the start from the goal: no passage joins them"
     (found,) = result.diagnosis
     assert (found.cause, found.proven) == ("gap", True)
 
@@ -202,6 +205,61 @@ def test_a_search_cut_short_says_how_far_it_came_and_claims_nothing() -> None:
         f"nothing shows that there is no way: 1 extensions came within {position:.3g} m and "
         f"{np.degrees(angle):.3g} deg of the goal, and more time or another seed may help"
     )
+
+
+@pytest.mark.parametrize("planner", [*MODULES])
+def test_a_search_ends_when_it_is_proven_that_there_is_no_path(planner: str) -> None:
+    """The limit is there to end the test if that fails."""
+    result = plan(WALLED_IN, planner=planner, time_limit=60.0)
+    assert [item.cause for item in result.diagnosis] == ["gap"]
+    assert result.planning_s < 30.0
+
+
+def test_iterations_end_a_search_that_has_no_path_at_the_same_place() -> None:
+    counts = {plan(WALLED_IN, time_limit=60.0, iterations=20_000).extensions for _ in range(2)}
+    assert len(counts) == 1
+    assert min(counts) >= 20_000
+
+
+@pytest.mark.parametrize(("patience", "steps"), [(0.0, 4), (1e9, 1)])
+def test_steps_of_finding_out_are_taken_in_proportion_to_the_search(
+    patience: float, steps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Passages, turns and few cells of poses; twice more cells; single pushes. With no patience, one at each look."""
+    monkeypatch.setattr(diagnosis, "PATIENCE", patience)
+    monkeypatch.setattr(pocket, "LOOKS", (100, 200, 400))
+    taken = [0]
+
+    def counted(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:
+        for found in every_step(scenario, stable, problem):
+            taken[0] += 1
+            yield found
+
+    every_step = diagnosis._steps
+    monkeypatch.setattr(diagnosis, "_steps", counted)
+    scenario = gap(1.26)
+    stable = stable_set(scenario.chain)
+    doubts = Doubts(scenario, stable, build_problem(scenario, stable))
+    assert not doubts.settled(0.5 * diagnosis.FIRST_DOUBT)
+    assert (taken[0], doubts.reasons) == (0, [])
+    for _ in range(10):
+        assert not doubts.settled(10.0)
+    assert taken[0] == steps
+    assert [item.cause for item in doubts.reasons] == ["gap"]
+    assert [item.cause for item in diagnose(doubts, 10, (0.1, 0.1))] == ["gap", "time"]
+    assert taken[0] == 4
+
+
+def test_what_was_allowed_is_said_unless_it_is_proven_that_no_limit_would_do() -> None:
+    guess, fact = Diagnosis("time", "who knows", False), Diagnosis("gap", "no way", True)
+    both, seconds = Budget(2.0, iterations=50), Budget(2.0)
+    assert Failure((guess,), None, (0.1, 0.1), both).reason == (
+        "no path found within the time limit of 2 s or 50 iterations: who knows"
+    )
+    assert Failure((guess,), None, (0.1, 0.1), seconds).reason == (
+        "no path found within the time limit of 2 s: who knows"
+    )
+    assert Failure((fact,), None, (0.1, 0.1), both).reason == "no way"
 
 
 @pytest.mark.parametrize("planner", ["auto", "rrt", "est", "kpiece"])

@@ -12,11 +12,12 @@ import scipy.optimize
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
+from pushplan.planners.budget import Budget
 from pushplan.planners.checker import find_collision
 from pushplan.planners.polish import price, shorten
 from pushplan.planners.problem import build_problem
 from pushplan.planners.search import Problem
-from pushplan.planners.session import Budget, Session
+from pushplan.planners.session import Session
 from pushplan.planners.varying import normals_of, vary
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario

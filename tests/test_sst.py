@@ -9,10 +9,11 @@ from ompl import base as ob
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.planners import sst
+from pushplan.planners.budget import Budget
 from pushplan.planners.collision import sweep_is_free
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search import NODE, Problem
-from pushplan.planners.session import Budget, Session
+from pushplan.planners.session import Session
 from pushplan.planners.sparse_rounds import doubled, planted
 from pushplan.planners.sst_kernel import (
     ACTIVE,
