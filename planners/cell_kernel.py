@@ -41,6 +41,12 @@ MOST_FINER = 20
 CHILDREN = 4
 """Arcs from a node at a time: the left turn, the straight push, the right turn, and one of a random stable twist."""
 
+ROOT_SHARE = 0.2
+"""Share of the nodes that are tried to be joined with the other tree's root."""
+
+MATES = 4
+"""Random nodes of the other tree, of which the nearest one is tried to be joined with any other node."""
+
 FAR_SHARE = 0.5
 """Share of the arcs with any length up to the longest; the others have about the tree's own."""
 
@@ -125,17 +131,29 @@ def _child(problem: Problem, trees: CellTrees, which: int, parent: int, number: 
 
 
 @woven
-def _join(problem: Problem, trees: CellTrees, which: int, row: int, word: FloatArray) -> int:
-    """Connect a node exactly to the other tree's root or to a random node of it; return that one's row, or -1."""
+def _mate(trees: CellTrees, which: int, row: int) -> int:
+    """Row of the node of the other tree to be joined with a node: the root, or the nearest of a few random ones."""
     other = 1 - which
-    for attempt in range(2):
-        partner = int(attempt * random(trees.state) * trees.counts[other, NODES])
-        first, last = (row, partner) if which == 0 else (partner, row)
-        ahead, behind = trees.nodes[0, first, :3], trees.nodes[1, last, :3]
-        cost, _ = connect(problem.scene, problem.families[:1], ahead, behind, np.inf, TRIES, word)
-        if cost < np.inf:
-            return partner
-    return -1
+    mate, least = 0, np.inf
+    if random(trees.state) < ROOT_SHARE:
+        return mate
+    for _ in range(MATES):
+        drawn = int(random(trees.state) * trees.counts[other, NODES])
+        dx = trees.nodes[other, drawn, 0] - trees.nodes[which, row, 0]
+        dy = trees.nodes[other, drawn, 1] - trees.nodes[which, row, 1]
+        if dx**2 + dy**2 < least:
+            mate, least = drawn, dx**2 + dy**2
+    return mate
+
+
+@woven
+def _join(problem: Problem, trees: CellTrees, which: int, row: int, word: FloatArray) -> int:
+    """Connect a node exactly to one of the other tree; return that one's row, or -1."""
+    partner = _mate(trees, which, row)
+    first, last = (row, partner) if which == 0 else (partner, row)
+    ahead, behind = trees.nodes[0, first, :3], trees.nodes[1, last, :3]
+    cost, _ = connect(problem.scene, problem.families[:1], ahead, behind, np.inf, TRIES, word)
+    return partner if cost < np.inf else -1
 
 
 @woven
