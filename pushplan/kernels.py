@@ -13,6 +13,7 @@ from pushplan.mechanics.contact_state import contact_state
 from pushplan.mechanics.support import UniformSupport
 from pushplan.planners.budget import Budget
 from pushplan.planners.cell_rounds import CellRounds
+from pushplan.planners.collision import separation
 from pushplan.planners.detours import detour
 from pushplan.planners.guide import find_way, make_guide
 from pushplan.planners.pocket import LEVELS, make_steps, push_hull, reached
@@ -20,7 +21,7 @@ from pushplan.planners.polish import shorten
 from pushplan.planners.prices import travel_prices
 from pushplan.planners.registry import planner_named
 from pushplan.planners.scene import build_scene
-from pushplan.planners.search import Problem
+from pushplan.planners.search import Problem, trace
 from pushplan.planners.session import Session
 from pushplan.second_compiler import second_compiler
 from pushplan.stable_sets.named import stable_set
@@ -78,6 +79,8 @@ def _compile_pockets() -> None:
 def compile_search(planner: str) -> None:
     """Run every kernel of a planner once, but for those of ways and detours."""
     session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
+    separation(session.problem.scene, 0.0, 0.0, 0.0, 1.0)  # of the ends of a problem that is posed
+    trace(session.nodes, 0, np.zeros((3, 4)), np.empty((4, 4)))  # of connections from the start: here blocked
     planner_named(planner)(session, _BOX, _HEADING_LENGTH)
     if planner == "auto":  # it floods only after some rounds
         begun = session.extensions
