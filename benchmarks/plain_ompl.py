@@ -63,7 +63,7 @@ def solve(scenario: Scenario, name: str, seconds: float, seed: int) -> PlainResu
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
     stable = scenario.stable_set()
-    segments = control_segments(stable, scenario.chain.pusher.drive, scenario.stability.margin + MARGIN_FLOOR)
+    segments = control_segments(stable, scenario.chain.pusher.drive, scenario.required_margin + MARGIN_FLOOR)
     information, counter = _information(scenario, segments)
     definition = ob.ProblemDefinition(information)
     ends = (state_at(information, pose) for pose in (scenario.start, scenario.goal.pose_chain))

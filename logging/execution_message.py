@@ -15,8 +15,8 @@ from pushplan.logging.schemas import ExecutionEnd, MessageClass
 from pushplan.sim.execution import Execution, StabilityLoss
 
 REQUIRED = ("t", "poses", "twists", "margins")
-OPTIONAL = ("friction_margins", "lambdas", "forces")
-"""Known only where the loads on the floor are known."""
+OPTIONAL = ("friction_margins", "lambdas", "forces", "dynamic_margins")
+"""Known only where the loads on the floor are known; the last one is not in logs of older versions."""
 
 
 def seconds(t: FloatArray) -> Iterator[slice]:

@@ -101,6 +101,8 @@ def plan_words(plan: PlanResult) -> dict[str, str]:
     words = {"solved": str(plan.solved).lower(), "reason": plan.reason}
     if plan.path is not None:
         words |= {"path_cost": repr(plan.path.cost), "arcs": str(len(plan.path.lengths))}
+    if plan.margin is not None:
+        words |= {"margin_asked": repr(plan.margin_asked), "margin": repr(plan.margin)}
     if plan.trajectory is not None:
         words["duration"] = repr(plan.trajectory.duration)
     return words
@@ -111,7 +113,9 @@ def execution_words(execution: Execution) -> dict[str, str]:
     position, angle = execution.goal_error
     words = {"goal_position_error": repr(position), "goal_angle_error": repr(angle)}
     if len(execution.t):
-        words["min_margin"] = repr(float(execution.margins.min()))
+        words["min_margin"] = repr(execution.min_margin)
+        if execution.min_dynamic_margin is not None:
+            words["min_dynamic_margin"] = repr(execution.min_dynamic_margin)
     if execution.loss is not None:
         words |= {"lost_at": repr(execution.loss.time), "lost_contact": str(execution.loss.contact)}
     return words

@@ -29,6 +29,9 @@ def encode(plan: PlanResult) -> MessageClass:
         lower_bound=plan.lower_bound,
         diagnosis=[_diagnosis_message(found) for found in plan.diagnosis],
         approximate_error=plan.approximate_error or (),
+        objective=plan.objective,
+        margin_asked=plan.margin_asked,
+        margin=plan.margin,
     )
     for field, path in (("path", plan.path), ("approximate_path", plan.approximate_path)):
         if path is not None:
@@ -68,12 +71,15 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, 
         planning_s=effort.planning_s,
         progress=tuple(ProgressPoint(seconds, cost, iterations) for seconds, (iterations, cost) in points),
         extensions=effort.extensions,
-        min_margin=message.min_margin if message.HasField("min_margin") else None,
+        min_margin=_optional(message, "min_margin"),
         tree=frozen(_array(message.tree, (-1, 2, 3)), (None, 2, 3), "tree"),
-        lower_bound=message.lower_bound if message.HasField("lower_bound") else None,
+        lower_bound=_optional(message, "lower_bound"),
         diagnosis=tuple(map(_diagnosis, message.diagnosis)),
         approximate_path=_path(message.approximate_path) if message.HasField("approximate_path") else None,
         approximate_error=_pair(message.approximate_error),
+        objective=message.objective or "travel",  # the only one that older logs do not name
+        margin_asked=_optional(message, "margin_asked"),
+        margin=_optional(message, "margin"),
     )
 
 
@@ -94,6 +100,10 @@ def _pair(values: Sequence[float]) -> tuple[float, float] | None:
         return None
     first, second = values
     return first, second
+
+
+def _optional(message: MessageClass, field: str) -> float | None:
+    return getattr(message, field) if message.HasField(field) else None
 
 
 def _path(message: MessageClass) -> PushPath:

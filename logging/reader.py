@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from google.protobuf.message import DecodeError
@@ -96,11 +97,12 @@ class _Reading:
         self._scenario.check(self._words.get(metadata.RUN, {}))
         self._file.require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
         self._file.require(not self._contents.cut, "the end of the execution")
+        plan, execution = self._contents.plan, self._contents.execution()
         return RecordedRun(
             path=self._file.path,
             scenario=scenario,
-            plan=self._contents.plan,
-            execution=self._contents.execution(),
+            plan=None if plan is None else replace(plan, execution=execution),
+            execution=execution,
             lines=tuple(self._contents.lines),
             words=self._words,
             losses=tuple(self._file.losses),

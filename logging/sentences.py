@@ -14,7 +14,8 @@ def plan_sentence(plan: PlanResult) -> str:
     if plan.path is None:
         return f"{who}: no plan: {plan.reason}"
     took = "" if plan.trajectory is None else f", {plan.trajectory.duration:.2f} s"
-    return f"{who}: a path of {len(plan.path.lengths)} arcs, cost {plan.path.cost:.4f} m{took}"
+    lowered = f"; {plan.lowered}" if plan.lowered else ""
+    return f"{who}: a path of {len(plan.path.lengths)} arcs, cost {plan.path.cost:.4f} m{took}{lowered}"
 
 
 def execution_sentence(execution: Execution) -> str:

@@ -17,6 +17,7 @@ from pushplan.result import PlanResult
 from pushplan.run import execute
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution
+from pushplan.sim.judging import planning_set
 from pushplan.trajectory import Trajectory
 
 TOLERANCE = 1e-9
@@ -27,6 +28,7 @@ _SERIES = {
     "poses": "pose",
     "twists": "twist",
     "margins": "margin",
+    "dynamic_margins": "margin with inertia",
     "friction_margins": "friction margin",
     "lambdas": "point of application (lambda)",
     "forces": "contact force",
@@ -95,9 +97,10 @@ def verify(run: RecordedRun) -> VerifyReport:
     plan = run.plan
     if plan is None or plan.path is None or plan.trajectory is None:
         return VerifyReport(())
-    checks = [*_timing(run.scenario, plan, plan.trajectory, plan.path)]
-    checks.append(_clear_way(run.scenario, plan.trajectory))
-    replayed = execute(run.scenario, plan)
+    scenario = run.scenario if plan.margin is None else run.scenario.with_margin(plan.margin)
+    checks = [*_timing(scenario, plan, plan.trajectory, plan.path)]
+    checks.append(_clear_way(scenario, plan.trajectory))
+    replayed = execute(scenario, plan)
     if run.execution is not None and replayed is not None:
         checks += _execution(run.execution, replayed)
     return VerifyReport(tuple(checks))
@@ -105,7 +108,7 @@ def verify(run: RecordedRun) -> VerifyReport:
 
 def _timing(scenario: Scenario, plan: PlanResult, trajectory: Trajectory, path: PushPath) -> Iterator[Check]:
     """Compare the trajectory with the path timed again, as the scenario asks for."""
-    stable = scenario.stable_set(plan.stable_set)
+    stable = planning_set(scenario, plan.stable_set)
     again = make_trajectory(scenario, path, stable, trajectory.rate)
     yield Check("duration", abs(again.duration - trajectory.duration))
     yield _series("commanded twist", trajectory.t, trajectory.twists, again.twists_at(trajectory.t))
@@ -128,6 +131,8 @@ def _execution(recorded: Execution, replayed: Execution) -> Iterator[Check]:
         yield Check("number of samples", abs(len(recorded.t) - len(replayed.t)), 0.0)
     for name, words in _SERIES.items():
         first, second = getattr(recorded, name), getattr(replayed, name)
+        if name == "dynamic_margins" and first is None:  # a log of an older version
+            continue
         if first is None or second is None:
             missing = first is not second
             yield Check(

@@ -35,7 +35,7 @@ def build_problem(scenario: Scenario, stable: StableSet) -> Problem:
         EmptyStableSetError: When no twist is stable for the pusher's drive.
     """
     drive = scenario.chain.pusher.drive
-    margin = scenario.stability.margin + MARGIN_FLOOR
+    margin = scenario.required_margin + MARGIN_FLOOR
     xmin, ymin, xmax, ymax = sampling_box(scenario)
     segments = control_segments(stable, drive, margin)
     return Problem(

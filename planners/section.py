@@ -15,7 +15,8 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
-from pushplan.planners.arc_limits import Bounds, contact_limits
+from pushplan.planners.arc_limits import contact_limits
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.contact_use import ORDERS, bounds_use
 from pushplan.planners.driven import Driven, Push
 from pushplan.planners.profile import step_widths

@@ -15,7 +15,6 @@ from pushplan.planners.branches import Branches
 from pushplan.planners.budget import Budget
 from pushplan.planners.held import grower, hold
 from pushplan.planners.polish import merged, price, shorten
-from pushplan.planners.prices import TRAVEL
 from pushplan.planners.search import NODE, Problem, remaining, trace
 from pushplan.result import ProgressPoint
 
@@ -58,6 +57,7 @@ class Session:
         on_progress: Called with every improvement.
         hopeless: Asked, with the seconds that the search has taken, whether there is no path, as long as none is
             found.
+        before: The search whose time, extensions and iterations count to this one's, if it goes on from there.
 
     Attributes:
         problem: What to plan.
@@ -82,6 +82,7 @@ class Session:
         seed: int,
         on_progress: Callable[[ProgressPoint], None] | None = None,
         hopeless: Callable[[float], bool] | None = None,
+        before: Session | None = None,
     ) -> None:
         self.problem = problem
         self.start = np.array(start, dtype=np.float64)
@@ -91,11 +92,11 @@ class Session:
         self.best_arcs: FloatArray | None = None
         self.best_cost = math.inf
         self.closest_arcs, self.closest_left = np.zeros((0, 4)), self.lower_bound_from(self.start)
-        self.progress: list[ProgressPoint] = []
-        self.extensions = 0
-        self.iterations = 0
+        self.progress: list[ProgressPoint] = [] if before is None else list(before.progress)
+        self.extensions = 0 if before is None else before.extensions
+        self.iterations = 0 if before is None else before.iterations
         self._best_price, self.bound = math.inf, math.inf
-        self._reference, self._improved_at = math.inf, 0
+        self._reference, self._improved_at = math.inf, self.iterations
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
         self._on_progress, self._hopeless = on_progress, hopeless
         self._word = np.zeros((3, 4))
@@ -103,7 +104,7 @@ class Session:
         self._held = hold(problem, self.nodes, self._word)
         self._grow = grower(self._held)
         self.branches = Branches()
-        self.began = time.perf_counter()
+        self.began = time.perf_counter() if before is None else before.began
         self.restart()
 
     @property
@@ -138,10 +139,10 @@ class Session:
     def horizon(self) -> float:
         """Cost (m) from which on no path can be better than the best one; infinite while there is none.
 
-        That is its own cost when paths are ranked by it, else what its price would buy at the lowest rate.
+        That is what its price would buy at the lowest rate, on a single arc.
         """
         prices = self.problem.prices
-        return self.best_cost if prices.kind == TRAVEL else self._best_price / prices.lowest
+        return (self._best_price - prices.per_arc) / prices.lowest
 
     @property
     def elapsed(self) -> float:
@@ -151,12 +152,11 @@ class Session:
     @property
     def finished(self) -> bool:
         """Whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
-        if self.elapsed >= self.budget.time_limit:
-            return True
-        if self.budget.iterations is not None and self.iterations >= self.budget.iterations:
+        seconds = self.elapsed
+        if self.budget.is_used_up(seconds, self.iterations):
             return True
         if self.best_arcs is None:
-            return self._given_up()
+            return self.budget.has_lost_patience(seconds, self.iterations) or self._given_up()
         if self.budget.first or self.horizon <= self.lower_bound * (1.0 + self.budget.gap) + 1e-12:
             return True
         return self.iterations - self._improved_at >= self.budget.stall

@@ -57,7 +57,7 @@ def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diag
             f"the goal cannot be reached: {set_name}, and it asks for a turn by {math.degrees(turn):.4g} deg"
         )
         return [Diagnosis("heading", text, True, {"turn": turn})]
-    cone = stable.translation_cone(scenario.stability.margin)
+    cone = stable.translation_cone(scenario.required_margin)
     if cone is None or scenario.chain.pusher.drive.axle is not None:
         return []
     away = scenario.goal.pose_chain[:2] - scenario.start[:2]

@@ -111,4 +111,4 @@ def _problem(chain: Chain) -> Problem:
     scene = build_scene(chain, [wall], [(9.0, 9.0, 1.0)], (-10.0, -10.0, 10.0, 10.0), 1e-4)
     family = np.array([[[0.4, 0.0, 1.0], [1.0, 0.0, 0.0], [0.4, 0.0, -1.0]]])
     segments = np.array([[0.4, 0.0, 1.0, 0.4, 0.0, -1.0]])
-    return Problem(scene, segments, family, np.array([1.5, 0.0, 0.0]), 0.5, travel_prices())
+    return Problem(scene, segments, family, np.array([1.5, 0.0, 0.0]), 0.5, travel_prices(0.03))

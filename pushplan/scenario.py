@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pushplan import names
 from pushplan.arrays import FloatArray, frozen
-from pushplan.errors import Finding
+from pushplan.errors import Finding, PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.interval_chain import IntervalChain
 from pushplan.scenario_parts import (
@@ -106,6 +106,21 @@ class Scenario:
             if self.interval is None
             else stable_set_over(self.interval, wanted)
         )
+
+    @property
+    def required_margin(self) -> float:
+        """The margin that planned twists have to exceed.
+
+        Raises:
+            PushplanError: When it is `auto`, which is no number yet; planning makes it one (`with_margin`).
+        """
+        if self.stability.margin == "auto":
+            raise PushplanError("stability.margin is 'auto', and no number was chosen for it yet")
+        return self.stability.margin
+
+    def with_margin(self, margin: float) -> Scenario:
+        """Return the scenario with a number for `stability.margin`."""
+        return dataclasses.replace(self, stability=dataclasses.replace(self.stability, margin=margin))
 
     def resolved(self) -> dict[str, Any]:
         """Return the scenario as plain data in the form of a scenario file, nothing left open.

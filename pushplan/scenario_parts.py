@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from pushplan import names
 from pushplan.arrays import FloatArray, frozen
@@ -76,10 +77,16 @@ Obstacle = PolygonObstacle | CircleObstacle
 
 @dataclass(frozen=True)
 class StabilitySettings:
-    """The stable set that limits the pusher's twists, and the margin that they keep inside it."""
+    """The stable set that limits the pusher's twists, and the margin that they keep inside it.
+
+    Attributes:
+        set: One of `names.STABLE_SETS`.
+        margin: The twists' margins exceed this number; `auto` stands for min(0.05, half of the largest margin
+            there is), lowered where no path is found with it.
+    """
 
     set: str = names.DEFAULT_STABLE_SET
-    margin: float = 0.0
+    margin: float | Literal["auto"] = "auto"
 
 
 @dataclass(frozen=True)
@@ -94,6 +101,7 @@ class PlannerSettings:
         weight: Of the margin in `cost: margin`: what a metre at the set's boundary costs more than one at the safest
             twist, as a share.
         gap: Share above the lower bound at which a path is good enough to stop.
+        arc_price: What an arc counts beside its length when paths are ranked, m.
     """
 
     name: str = names.DEFAULT_PLANNER
@@ -102,3 +110,4 @@ class PlannerSettings:
     cost: str = names.DEFAULT_COST
     weight: float = 1.0
     gap: float = 0.0
+    arc_price: float = 0.03

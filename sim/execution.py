@@ -40,6 +40,7 @@ class Execution:
         forces: (m, n, 2) contact force on the pushed object, chain frame, N.
         loss: The first loss of stability, or None.
         goal_error: (position m, angle rad) of the final pose against the goal.
+        dynamic_margins: (m, n) margin of each contact with inertia; None where it was not looked at.
     """
 
     t: FloatArray
@@ -51,3 +52,14 @@ class Execution:
     forces: FloatArray | None
     loss: StabilityLoss | None
     goal_error: tuple[float, float]
+    dynamic_margins: FloatArray | None = None
+
+    @property
+    def min_margin(self) -> float:
+        """Smallest margin of any contact, without inertia; 1 where nothing was executed."""
+        return float(self.margins.min(initial=1.0))
+
+    @property
+    def min_dynamic_margin(self) -> float | None:
+        """Smallest margin of any contact with inertia, None where it was not looked at."""
+        return None if self.dynamic_margins is None else float(self.dynamic_margins.min(initial=1.0))

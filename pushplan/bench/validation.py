@@ -60,9 +60,9 @@ def exactly(scenario: Scenario) -> Scenario:
 
 
 def _low_margin(scenario: Scenario, margin: float) -> str:
-    if margin > scenario.stability.margin:
+    if margin > scenario.required_margin:
         return ""
-    return f"the smallest margin is {margin:.3g}; it must be above {scenario.stability.margin:g}"
+    return f"the smallest margin is {margin:.3g}; it must be above {scenario.required_margin:g}"
 
 
 def _missed_goal(scenario: Scenario, error: tuple[float, float]) -> str:

@@ -15,6 +15,7 @@ from pushplan.commands.options import (
     add_scenario,
     check_outputs,
     count,
+    margin,
     seconds,
     seed,
     share,
@@ -45,6 +46,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="stop at a path that costs at most this share more than a lower bound",
     )
     parser.add_argument("--cost", choices=COSTS, metavar="NAME", help=f"rank paths by {', '.join(COSTS)}")
+    parser.add_argument(
+        "--margin",
+        type=margin,
+        metavar="X",
+        help="margin that contacts keep: a number, or auto (0.05 as a rule)",
+    )
     parser.add_argument("--seed", type=seed, metavar="N", help="seed of the random numbers")
     add_plot(parser, "draw the swept chain, its margins and the stable set")
     add_output(parser, "--html", help="write a page that plays the run")
@@ -74,10 +81,12 @@ def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
     with console.computing("loading the planner"):
         from pushplan.kernels import warm_up
         from pushplan.run import run as run_push
+        from pushplan.scenario import StabilitySettings
 
         warm_up(args.planner or scenario.planner.name)
         chosen = args.set or scenario.stability.set
-        require_pushable(replace(scenario, stability=replace(scenario.stability, set=chosen)))
+        kept = scenario.stability.margin if args.margin is None else args.margin
+        require_pushable(replace(scenario, stability=StabilitySettings(chosen, kept)))
     limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit
     with console.working(f"planning, up to {limit:g} s") as progress:
 
@@ -94,6 +103,7 @@ def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
             iterations=args.iterations,
             first=args.first,
             cost=args.cost,
+            margin=args.margin,
             gap=args.gap,
             progress=improved,
         )

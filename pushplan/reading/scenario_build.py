@@ -78,8 +78,8 @@ def _check_room_for_inertia(file: ScenarioFile, report: Report) -> None:
     if file.pusher.limits.contact == "dynamic" and file.stability.margin == 0.0:
         report.add(
             ("pusher", "limits", "contact"),
-            "'dynamic' needs a stability.margin above 0, for a contact at its limit has nothing to spare for "
-            "inertia; allowed: a stability.margin such as 0.05, or quasi-static",
+            "'dynamic', the default, needs a stability.margin above 0, for a contact at its limit has nothing to "
+            "spare for inertia; allowed: a stability.margin such as auto or 0.05, or quasi-static",
         )
 
 

@@ -63,7 +63,7 @@ def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies |
         if support is not None
     )
     chain = Chain(objects, make_contacts(segments, frictions), _pusher(file.pusher, layout.plate))
-    interval = make_interval_chain(file, chain, report)
+    interval = make_interval_chain(file, chain)
     return None if report.findings else Bodies(chain, interval, _stated(file, layout))
 
 

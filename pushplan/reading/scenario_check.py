@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pushplan.errors import Finding, PushplanError
 from pushplan.mechanics.chain import PLATE
-from pushplan.names import KNOWN_LOAD_SETS, STABLE_SETS
+from pushplan.names import AUTO, KNOWN_LOAD_SETS, STABLE_SETS
 from pushplan.reading.report import Report
 from pushplan.reading.yaml_tree import read_document
 from pushplan.scenario import Scenario
@@ -21,7 +21,8 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
         return report.findings
     try:
         stable = scenario.stable_set()
-        _check_not_empty(stable, scenario.stability.margin, report)
+        margin = scenario.stability.margin
+        _check_not_empty(stable, 0.0 if margin == AUTO else margin, report)
     except PushplanError as error:
         report.add(("stability", "set"), str(error))
     return report.findings

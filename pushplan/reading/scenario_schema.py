@@ -84,7 +84,7 @@ class StabilityChoice(t.Strict):
     set: Literal[names.STABLE_SETS] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_STABLE_SET, description=_one_of(names.STABLE_SETS)
     )
-    margin: t.Margin = Field(default=0.0, description="a margin from 0 to 0.99")
+    margin: t.Margin = Field(default=names.AUTO, description="auto, or a margin from 0 to 0.99")
 
 
 class PlannerChoice(t.Strict):
@@ -100,6 +100,7 @@ class PlannerChoice(t.Strict):
     )
     weight: t.Weight = Field(default=1.0, description="a weight from 0 to 1000")
     gap: t.Gap = Field(default=0.0, description="a share from 0 to 100")
+    arc_price: t.ArcPrice = Field(default=0.03, description="a length in m")
 
 
 class ScenarioFile(t.Strict):

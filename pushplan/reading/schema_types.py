@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
@@ -26,7 +26,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from pushplan.geometry.simple import find_flaw
 from pushplan.reading import units
 from pushplan.reading.interval import OrInterval, Span
-from pushplan.reading.quantity import DESCRIBED_FAULT, Quantity, fault, friction, show
+from pushplan.reading.quantity import DESCRIBED_FAULT, OrAuto, Quantity, fault, friction, show
 
 MOST_CORNERS = 500
 
@@ -46,7 +46,8 @@ Friction = Annotated[float | Span, OrInterval(friction(0.0))]
 FloorFriction = Annotated[float | Span, OrInterval(friction(1e-3))]
 _LOAD = Quantity("a part of the load", units.FRACTION, 1e-6, 1.0, "25 %")
 LoadFraction = Annotated[float | Span, OrInterval(_LOAD, replace(_LOAD, low=0.0))]
-Margin = Annotated[float, Quantity("a margin", {}, 0.0, 0.99)]
+Margin = Annotated[float | Literal["auto"], OrAuto(Quantity("a margin", {}, 0.0, 0.99))]
+ArcPrice = Annotated[float, Quantity("a length", units.LENGTH, 0.0, 100.0, "30 mm")]
 Weight = Annotated[float, Quantity("a weight", {}, 0.0, 1000.0)]
 Gap = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 100.0, "1 %")]
 Seed = Annotated[int, Quantity("a whole number", {}, 0, 2**31 - 1, whole=True)]
