@@ -128,8 +128,7 @@ def friction_text(friction: float) -> str:
 
 def room(scenario: Scenario, pose: FloatArray) -> float:
     """Return the distance of the chain at `pose` to the nearest obstacle or wall, m; infinite without any."""
-    outlines = [scenario.chain.pusher.outline, *(obj.outline_chain for obj in scenario.chain.objects)]
-    corners = [transform_points(pose, outline) for outline in outlines]
+    corners = [transform_points(pose, body.outline) for body in scenario.chain.bodies]
     bodies = shapely.MultiPolygon([shapely.Polygon(outline) for outline in corners])
     distances = [_distance(bodies, obstacle) for obstacle in scenario.obstacles]
     area = scenario.workspace
