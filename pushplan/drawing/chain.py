@@ -13,7 +13,7 @@ from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain, Contact
 
 PLATE_COLOUR = "#59616b"
-ROBOT_COLOUR = "#a9b4c2"
+ROBOT_COLOUR = "#8da2be"
 OBJECT_COLOUR = "#efe6d2"
 GOAL_COLOUR = "#e3b04b"
 CONE_COLOUR = "#4f8a5b"
