@@ -13,7 +13,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments
 from pushplan.planners.turning import drive_radii, turning_faults
-from pushplan.scenario import Scenario, load_scenario
+from pushplan.scenario import Scenario, StabilitySettings, load_scenario
 from pushplan.stable_sets.named import stable_set
 
 DRIVES = (
@@ -26,7 +26,7 @@ DRIVES = (
 
 @pytest.fixture(scope="module")
 def carts() -> Scenario:
-    return load_scenario("carts")
+    return replace(load_scenario("carts"), stability=StabilitySettings("ecof", 0.02))
 
 
 @pytest.mark.parametrize("drive", DRIVES)

@@ -13,7 +13,6 @@ import pytest
 import shapely
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
 from pushplan.geometry.se2 import transform_points
 from pushplan.logging.export_ros2 import write_ros2
@@ -87,9 +86,10 @@ def test_start_and_goal_show_the_robot_too(log: Path) -> None:
 
 
 def test_ros_gets_the_robot_as_markers_of_its_own(recorded: RecordedRun, tmp_path: Path) -> None:
+    decoder = pytest.importorskip("mcap_ros2.decoder")
     write_ros2(recorded, tmp_path / "bag.mcap")
     with (tmp_path / "bag.mcap").open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
         (scene,) = [message for *_, message in reader.iter_decoded_messages(topics=["/scene"])]
     robot = [marker for marker in scene.markers if marker.ns == "robot"]
     assert [marker.header.frame_id for marker in robot] == ["pusher"] * 4
