@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import pytest
@@ -10,10 +10,15 @@ import shapely
 
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
-from pushplan.scenario import scenario_from_document
+from pushplan.scenario import Scenario, scenario_from_document
 
-if TYPE_CHECKING:
-    from conftest import Changed
+
+class Changed(Protocol):
+    """The fixture `valid`."""
+
+    def scenario(self, *changes: tuple[str, str]) -> Scenario: ...
+
+    def findings(self, *changes: tuple[str, str]) -> list[str]: ...
 
 
 ROOMY = "  - {circle: 0.1, center: [1.0, 0.2]}\n", ""
