@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import shapely
 
 from pushplan.arrays import FloatArray
 from pushplan.bench.validation import clearance
+from pushplan.cli import main
 from pushplan.commands.understood import room
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
@@ -152,3 +155,17 @@ def test_the_compiled_scene_holds_the_robot(scenario: Scenario) -> None:
         for a, b in zip(pieces.starts[:-1], pieces.starts[1:], strict=True)
     ]
     assert shapely.union_all(polygons).symmetric_difference(stated_bodies(scenario)).area < 1e-9
+
+
+def test_check_tells_and_draws_the_robot_or_that_there_is_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", "carts", "--plot", str(tmp_path / "carts.svg")]) == 0
+    assert "1.100 x 0.660 m in 1 part, up to 1.200 m behind the plate's front\n" in capsys.readouterr().out
+    assert "<!-- robot -->" in (tmp_path / "carts.svg").read_text()
+    assert main(["check", "two-crates", "--plot", str(tmp_path / "crates.svg")]) == 0
+    told = capsys.readouterr().out
+    assert "no footprint stated: the robot behind the plate is not looked at\n" in told
+    assert "<!-- robot -->" not in (tmp_path / "crates.svg").read_text()
+    assert main(["check", "two-crates", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["robot"] == {"footprint": [], "drive": "omnidirectional"}

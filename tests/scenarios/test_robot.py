@@ -60,6 +60,7 @@ def test_poses_are_in_the_frame_of_the_plate_wherever_that_touches(valid: Change
     expected = shapely.Polygon([(-0.3, 0.02), (-0.3, 0.22), (-0.4, 0.02)])
     assert shapely.Polygon(pusher.footprint[0] - front).symmetric_difference(expected).area < 1e-15
     assert (pusher.drive.kind, pusher.drive.min_radius) == ("car", 1.0)
+    assert pusher.drive.axle is not None
     np.testing.assert_allclose(
         pusher.drive.axle, [front[0] - 0.3, front[1] + 0.01, np.radians(5.0)], atol=1e-15
     )
