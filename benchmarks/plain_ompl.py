@@ -25,7 +25,6 @@ from pushplan.path import cost_rate
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments
 from pushplan.planners.ompl_poses import bounds, state_at
 from pushplan.planners.problem import sampling_box
-from pushplan.planners.scene import chain_outlines
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import CircleObstacle, Scenario
 
@@ -113,7 +112,7 @@ def _propagator(segments: FloatArray, counter: list[int]) -> Any:
 
 
 def _validity(scenario: Scenario, box: tuple[float, float, float, float]) -> Any:
-    body = shapely.union_all([shapely.Polygon(outline) for outline in chain_outlines(scenario.chain)])
+    body = shapely.union_all([shapely.Polygon(moving.outline) for moving in scenario.chain.bodies])
     shapes = [
         shapely.Point(o.center).buffer(o.radius)
         if isinstance(o, CircleObstacle)

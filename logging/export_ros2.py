@@ -25,11 +25,12 @@ from pushplan.logging import ros2_messages as ros2
 from pushplan.logging.cdr import encode
 from pushplan.logging.partial_file import write_whole
 from pushplan.logging.recorded import LogLine, RecordedRun
-from pushplan.logging.scene import CHAIN, PUSHER, WORLD, scene
+from pushplan.logging.scene import CHAIN, WORLD, scene
 from pushplan.logging.schemas import LEVELS
 from pushplan.logging.views import viewed
 from pushplan.logging.window import PATH_SPACING, smoothed_times
 from pushplan.mechanics.chain import Chain
+from pushplan.names import PUSHER
 
 Message = dict[str, Any]
 

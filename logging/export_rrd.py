@@ -16,10 +16,11 @@ from pushplan.arrays import FloatArray
 from pushplan.logging.extras import optional
 from pushplan.logging.partial_file import write_whole
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.scene import CHAIN, PUSHER, WORLD, scene, tree
+from pushplan.logging.scene import CHAIN, WORLD, scene, tree
 from pushplan.logging.shapes import corners
 from pushplan.logging.window import path_points, window
 from pushplan.mechanics.chain import Chain
+from pushplan.names import PUSHER
 from pushplan.sim.execution import Execution
 
 TIMELINE = "time"

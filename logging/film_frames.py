@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain, cycle
+from itertools import cycle
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -13,6 +13,7 @@ from pushplan.geometry import se2
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import obstacle_outline
 from pushplan.logging.window import path_points, window
+from pushplan.mechanics.body import BodyKind
 from pushplan.result import Run
 from pushplan.sim.execution import Execution
 
@@ -29,6 +30,7 @@ _GROUND, _INK, _FAINT, _RULE, _BAD, _WAY, _GOAL = (
     "#fbfaf7", "#23262b", "#6f747c", "#dcdad3", "#c8322b", "#1f6fb2", "#2f9a55",
 )  # fmt: skip
 _OBJECTS = ("#e8912d", "#3a8ec9", "#57a64a", "#b5659f", "#8a7b52", "#4aa6a0", "#d0604d", "#7573c2")
+_CARRYING = {BodyKind.ROBOT: "#9aa6b5", BodyKind.PLATE: "#3c4048"}
 
 _LINE = 4
 """Half of the widest line, and of the sharpest corner that two lines make, pixels at most."""
@@ -74,17 +76,18 @@ class Film:
     def _draw_chain(self, pen: ImageDraw.ImageDraw, time: float) -> Box:
         poses, t = self._execution.poses, self._execution.t
         pose = np.array([np.interp(time, t, column) for column in poses.T])
-        bodies = [self._world(se2.transform_points(pose, outline)) for outline in self._outlines()]
-        for body, fill in zip(bodies, chain(["#3c4048"], cycle(_OBJECTS)), strict=False):
-            pen.polygon(body, fill, _INK, _FINE)
-        for contact in self._run.scenario.chain.contacts:
+        chain, paints = self._run.scenario.chain, cycle(_OBJECTS)
+        bodies = [self._world(outline) for outline in self._outlines(pose)]
+        for body, corners in zip(chain.bodies, bodies, strict=True):
+            pen.polygon(corners, _CARRYING.get(body.kind) or next(paints), _INK, _FINE)
+        for contact in chain.contacts:
             ends = se2.transform_points(pose, np.stack([contact.right, contact.left]))
             pen.line(self._world(ends), _BAD, 2 * _FINE)
         return _box([point for body in bodies for point in body])
 
-    def _outlines(self) -> list[FloatArray]:
-        bodies = self._run.scenario.chain
-        return [bodies.pusher.outline, *(obj.outline_chain for obj in bodies.objects)]
+    def _outlines(self, pose: FloatArray) -> list[FloatArray]:
+        """Return the outlines of all bodies with the chain frame at `pose` (3,) in the world."""
+        return [se2.transform_points(pose, body.outline) for body in self._run.scenario.chain.bodies]
 
     def _world(self, points: FloatArray) -> Points:
         """Return the place in the picture of points (k, 2) in the world."""
@@ -111,8 +114,8 @@ class Film:
         for obstacle in scenario.obstacles:
             pen.polygon(self._world(obstacle_outline(obstacle)), _FAINT)
         for pose, paint in ((scenario.start, _RULE), (scenario.goal.pose_chain, _GOAL)):
-            for outline in self._outlines():
-                pen.polygon(self._world(se2.transform_points(pose, outline)), None, paint, _FINE)
+            for outline in self._outlines(pose):
+                pen.polygon(self._world(outline), None, paint, _FINE)
         way = path_points(self._run.plan)
         if len(way) > 1:
             pen.line(self._world(way), _WAY, 2 * _FINE, joint="curve")

@@ -13,9 +13,10 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.arrays import FloatArray
-from pushplan.logging.scene import CHAIN, PUSHER, WORLD
+from pushplan.logging.scene import CHAIN, WORLD
 from pushplan.logging.stencil import Stencil
 from pushplan.mechanics.chain import Chain
+from pushplan.names import PUSHER
 
 
 def placed(poses: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ import numpy as np
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.logging.partial_file import write_whole
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.scene import PUSHER, obstacle_outline
+from pushplan.logging.scene import obstacle_outline
 from pushplan.logging.views import viewed
 from pushplan.logging.window import path_points, window
 from pushplan.mechanics.chain import Chain
@@ -53,14 +53,16 @@ def _world(scenario: Scenario) -> dict[str, Any]:
     chain, area = scenario.chain, scenario.workspace
     corners = [] if area is None else [(area.xmin, area.ymin), (area.xmax, area.ymin)]
     corners += [] if area is None else [(area.xmax, area.ymax), (area.xmin, area.ymax)]
-    bodies = [(PUSHER, chain.pusher.outline), *((obj.name, obj.outline_chain) for obj in chain.objects)]
     return {
         "name": scenario.name,
         "workspace": corners or None,
         "obstacles": [_plain(obstacle_outline(obstacle)) for obstacle in scenario.obstacles],
         "start": scenario.start.tolist(),
         "goal": scenario.goal.pose_chain.tolist(),
-        "bodies": [{"name": name, "outline": _plain(outline)} for name, outline in bodies],
+        "bodies": [
+            {"name": body.name, "kind": body.kind.value, "outline": _plain(body.outline)}
+            for body in chain.bodies
+        ],
         "contacts": [
             {"name": chain.contact_name(k), "segment": _plain(np.stack([contact.right, contact.left]))}
             for k, contact in enumerate(chain.contacts)

@@ -18,16 +18,19 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.logging.shapes import Paint, circle, filled, line, loop
 from pushplan.mechanics.chain import Chain
+from pushplan.names import PUSHER, ROBOT
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
 
-WORLD, CHAIN, PUSHER = "world", "chain", "pusher"
-"""Frames of every run; each object adds one of its own name."""
+WORLD, CHAIN = "world", "chain"
+"""Frames of every run, beside the plate's, `PUSHER`; each object adds one of its own name."""
 
-_Z_WORKSPACE, _Z_TREE, _Z_GHOST, _Z_OBSTACLE, _Z_BODY, _Z_CONTACT = 0.0, 0.0002, 0.0004, 0.001, 0.002, 0.003
+_Z_WORKSPACE, _Z_TREE, _Z_GHOST, _Z_OBSTACLE, _Z_ROBOT, _Z_BODY, _Z_CONTACT = (
+    0.0, 0.0002, 0.0004, 0.001, 0.0015, 0.002, 0.003,
+)  # fmt: skip
 
 _WALL = Paint(0.55, 0.57, 0.60)
 _OBSTACLE = Paint(0.36, 0.38, 0.42)
-_PLATE = Paint(0.16, 0.17, 0.20)
+_ROBOT, _PLATE = Paint(0.50, 0.56, 0.64), Paint(0.16, 0.17, 0.20)
 _START, _GOAL = Paint(0.55, 0.57, 0.60, 0.9), Paint(0.10, 0.60, 0.33, 0.9)
 _CONTACT = Paint(0.90, 0.20, 0.18)
 _TREE = Paint(0.25, 0.45, 0.85, 0.35)
@@ -74,6 +77,11 @@ def obstacle_outline(obstacle: Obstacle) -> FloatArray:
 
 
 def _moving(chain: Chain) -> Iterator[SceneEntity]:
+    if chain.pusher.footprint:
+        robot = _entity(ROBOT, PUSHER)
+        for part in chain.pusher.footprint:
+            _add_body(robot, part, _Z_ROBOT, _ROBOT)
+        yield robot
     yield _body("pusher", PUSHER, chain.pusher.outline, _Z_BODY, _PLATE)
     for obj, paint in zip(chain.objects, cycle(_OBJECTS), strict=False):
         yield _body(f"object/{obj.name}", obj.name, obj.outline, _Z_BODY, paint)
@@ -84,17 +92,23 @@ def _moving(chain: Chain) -> Iterator[SceneEntity]:
 
 
 def _ghost(name: str, chain: Chain, pose: FloatArray, paint: Paint) -> SceneEntity:
-    """Outlines of the plate and the objects at `pose` (3,) of the chain frame in the world."""
+    """Outlines of all bodies at `pose` (3,) of the chain frame in the world."""
     entity = _entity(name, WORLD)
-    for outline in (chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)):
-        entity.lines.append(loop(se2.transform_points(pose, outline), _Z_GHOST, paint))
+    for body in chain.bodies:
+        entity.lines.append(loop(se2.transform_points(pose, body.outline), _Z_GHOST, paint))
     return entity
 
 
 def _body(name: str, frame: str, outline: FloatArray, z: float, paint: Paint) -> SceneEntity:
-    entity = _outlined(name, frame, outline, z, _EDGE)
-    entity.triangles.append(filled(outline, z, paint))
+    entity = _entity(name, frame)
+    _add_body(entity, outline, z, paint)
     return entity
+
+
+def _add_body(entity: SceneEntity, outline: FloatArray, z: float, paint: Paint) -> None:
+    """Add a filled outline with its edge."""
+    entity.lines.append(loop(outline, z, _EDGE))
+    entity.triangles.append(filled(outline, z, paint))
 
 
 def _outlined(name: str, frame: str, outline: FloatArray, z: float, paint: Paint) -> SceneEntity:

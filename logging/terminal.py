@@ -62,21 +62,23 @@ class TerminalView:
         self._canvas = _Canvas(window(run.scenario, run.plan), max(20, columns), max(6, lines - 1 - shown))
         for obstacle in run.scenario.obstacles:
             self._canvas.trace(obstacle_outline(obstacle))
-        for outline in (self._chain.pusher.outline, *(obj.outline_chain for obj in self._chain.objects)):
-            self._canvas.trace(se2.transform_points(run.scenario.goal.pose_chain, outline))
+        self._trace_chain(run.scenario.goal.pose_chain)
         self._canvas.keep()
 
     def picture(self, time: float) -> str:
         """Return the picture at a simulated time, s."""
         execution = self._execution
         pose = np.array([np.interp(time, execution.t, column) for column in execution.poses.T])
-        for outline in (self._chain.pusher.outline, *(obj.outline_chain for obj in self._chain.objects)):
-            self._canvas.trace(se2.transform_points(pose, outline))
+        self._trace_chain(pose)
         i = max(0, int(np.searchsorted(execution.t, time, side="right")) - 1)
         width = max(map(len, self._names))
         bars = [_bar(name.rjust(width), execution.margins[i, k]) for k, name in enumerate(self._names)]
         clock = f"{time:8.2f} / {execution.t[-1]:.2f} s"
         return "\n".join([self._canvas.text(), clock, *bars])
+
+    def _trace_chain(self, pose: FloatArray) -> None:
+        for body in self._chain.bodies:
+            self._canvas.trace(se2.transform_points(pose, body.outline))
 
 
 def _bar(name: str, margin: float) -> str:

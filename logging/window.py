@@ -47,12 +47,10 @@ def smoothed_times(trajectory: Trajectory) -> FloatArray:
 def window(scenario: Scenario, plan: PlanResult | None) -> Window:
     """Return the rectangle around workspace, obstacles, start, goal and everything that the chain passes."""
     chain = scenario.chain
-    outlines = [chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)]
-    reach = max(float(np.linalg.norm(outline, axis=1).max()) for outline in outlines)
     way = path_points(plan)
-    points = [se2.transform_points(end, outline) for end in _ends(scenario) for outline in outlines]
+    points = [se2.transform_points(end, body.outline) for end in _ends(scenario) for body in chain.bodies]
     points += [obstacle_outline(obstacle) for obstacle in scenario.obstacles]
-    points += [way - reach, way + reach]
+    points += [way - chain.reach, way + chain.reach]
     if scenario.workspace is not None:
         area = scenario.workspace
         points.append(np.array([[area.xmin, area.ymin], [area.xmax, area.ymax]]))

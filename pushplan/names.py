@@ -38,7 +38,10 @@ CONTACT_LIMITS = ("quasi-static", "dynamic")
 
 DEFAULT_CONTACT_LIMITS = "dynamic"
 
-RESERVED_NAMES = ("world", "chain", "pusher")
+PUSHER, ROBOT = "pusher", "robot"
+"""What the plate, and the robot that carries it, are called in results, logs and messages."""
+
+RESERVED_NAMES = ("world", "chain", PUSHER)
 """Frames of a run log; no object may be called so."""
 
 COLLISION_CLEARANCE = 0.0005

@@ -102,8 +102,10 @@ def _draw_snapshot(axes: Axes, report: PhysicsReport, time: float, goal: FloatAr
     axes.set_aspect("equal")
     axes.set(xlim=(VIEW[0], VIEW[2]), ylim=(VIEW[1], VIEW[3]), xticks=[], yticks=[])
     axes.spines[:].set_color(FAINT)
-    for outline in (chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)):
-        axes.fill(*se2.transform_points(goal, outline).T, fill=False, edgecolor=FAINT, linestyle="dotted")
+    for body in chain.bodies:
+        axes.fill(
+            *se2.transform_points(goal, body.outline).T, fill=False, edgecolor=FAINT, linestyle="dotted"
+        )
     axes.plot(*report.poses[: i + 1, :2].T, color=INK, linewidth=0.8, zorder=2.0)
     draw_body(axes, report.poses[i], chain.pusher.outline, PLATE_COLOUR)
     for obj, pose in zip(chain.objects, report.object_poses[i], strict=True):

@@ -86,8 +86,8 @@ def clearance(scenario: Scenario, poses: FloatArray) -> float | None:
     None where there is nothing to keep clear of. Measured at poses `CLEARANCE_SPACING` apart, so the true one may be
     smaller by half of that at most.
     """
-    outlines = [scenario.chain.pusher.outline, *(obj.outline_chain for obj in scenario.chain.objects)]
-    reach = max(float(np.linalg.norm(outline, axis=1).max()) for outline in outlines)
+    outlines = [body.outline for body in scenario.chain.bodies]
+    reach = scenario.chain.reach
     some = densify(_thinned(poses, reach), reach, CLEARANCE_SPACING)
     found = [_to_obstacles(scenario, outline, some) for outline in outlines]
     found += [_to_walls(scenario, outline, some) for outline in outlines]

@@ -26,6 +26,7 @@ def rows(scenario: Scenario) -> list[tuple[str, str]]:
     return [
         ("file", str(scenario.path)),
         ("pusher", pusher_text(chain.pusher)),
+        ("robot", robot_text(chain.pusher)),
         *(row for i in range(len(chain.objects)) for row in _object_rows(scenario, i)),
         *(
             (
@@ -45,6 +46,7 @@ def document(scenario: Scenario) -> dict[str, object]:
     chain = scenario.chain
     return {
         "scenario": scenario.name,
+        "robot": {"footprint": chain.pusher.footprint, "drive": chain.pusher.drive.kind},
         "objects": [
             {
                 "name": obj.name,
@@ -75,6 +77,17 @@ def pusher_text(pusher: Pusher) -> str:
     thickness, width = np.ptp(pusher.outline, axis=0)
     height = f", pushing {pusher.contact_height:.3f} m above the floor" if pusher.contact_height else ""
     return f"{width:.3f} m wide, {thickness:.3f} m thick, drive {pusher.drive.kind}{height}"
+
+
+def robot_text(pusher: Pusher) -> str:
+    """Return the robot's body in words, or that it is not known."""
+    if not pusher.footprint:
+        return "no footprint stated: the robot behind the plate is not looked at"
+    points = np.concatenate(pusher.footprint)
+    length, width = np.ptp(points, axis=0)
+    behind = -float(points[:, 0].min())
+    parts = counted(len(pusher.footprint), "part")
+    return f"{length:.3f} x {width:.3f} m in {parts}, up to {behind:.3f} m behind the plate's front"
 
 
 def _stated(scenario: Scenario, i: int, name: str, factor: float = 1.0) -> float | list[float]:
@@ -128,8 +141,7 @@ def friction_text(friction: float) -> str:
 
 def room(scenario: Scenario, pose: FloatArray) -> float:
     """Return the distance of the chain at `pose` to the nearest obstacle or wall, m; infinite without any."""
-    outlines = [scenario.chain.pusher.outline, *(obj.outline_chain for obj in scenario.chain.objects)]
-    corners = [transform_points(pose, outline) for outline in outlines]
+    corners = [transform_points(pose, body.outline) for body in scenario.chain.bodies]
     bodies = shapely.MultiPolygon([shapely.Polygon(outline) for outline in corners])
     distances = [_distance(bodies, obstacle) for obstacle in scenario.obstacles]
     area = scenario.workspace

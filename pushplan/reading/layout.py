@@ -47,6 +47,11 @@ class Layout:
     poses: FloatArray
     outlines: tuple[FloatArray, ...]
 
+    @property
+    def plate_pose(self) -> FloatArray:
+        """(3,) pose in the chain frame of the plate's frame: the middle of its front edge, +x along the push."""
+        return np.array([self.plate[:, 0].max(), self.plate[:, 1].mean(), 0.0])
+
 
 def lay_out(parts: Sequence[Part], width: float, thickness: float, report: Report) -> Layout | None:
     """Place the plate and all parts, or report why not and return None.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -15,7 +16,12 @@ from pushplan.geometry.penetration import exit_distance, overlap_depth
 Named = tuple[str, FloatArray]
 """What a message calls a body, and its outline (v, 2) in the chain frame."""
 
-_WAYS = (("x >=", 0, 1.0), ("y >=", 1, 1.0), ("y <=", 1, -1.0))
+Way = tuple[str, int, float]
+"""How a message asks for a coordinate of a pose, its index, and the sense in which it is moved."""
+
+AWAY: tuple[Way, ...] = (("x >=", 0, 1.0), ("y >=", 1, 1.0), ("y <=", 1, -1.0))
+BACK: tuple[Way, ...] = (("x <=", 0, -1.0),)
+"""The ways out of an overlap for what is pushed, and for what pushes."""
 
 
 def millimetres(length: float) -> str:
@@ -24,19 +30,17 @@ def millimetres(length: float) -> str:
     return f"{value:.3g} mm" if abs(value) < 1000.0 else f"{value:.0f} mm"
 
 
-def describe_overlap(fixed: Named, moving: Named, pose: FloatArray) -> str | None:
+def describe_overlap(fixed: Named, moving: Named, pose: FloatArray, ways: Sequence[Way] = AWAY) -> str | None:
     """Return how far `moving`, at `pose` (3,), overlaps `fixed` and where it would not; None when it does not."""
     depth = overlap_depth(fixed[1], moving[1])
     if depth == 0.0:
         return None
-    shifts = [exit_distance(fixed[1], moving[1], sign * np.eye(2)[axis]) for _, axis, sign in _WAYS]
+    shifts = [exit_distance(fixed[1], moving[1], sign * np.eye(2)[axis]) for _, axis, sign in ways]
     best = int(np.argmin(shifts))
-    sign, axis = _WAYS[best][2], _WAYS[best][1]
+    words, axis, sign = ways[best]
     # Rounded outward to whole micrometres, within which bodies still touch.
     limit = sign * math.ceil((sign * pose[axis] + shifts[best]) * 1e6 - 1e-3) * 1e-6
-    return (
-        f"'{moving[0]}' overlaps {fixed[0]} by {millimetres(depth)}; move it to {_WAYS[best][0]} {limit:.6g}"
-    )
+    return f"'{moving[0]}' overlaps {fixed[0]} by {millimetres(depth)}; move it to {words} {limit:.6g}"
 
 
 def describe_gap(fixed: Named, moving: Named, pose: FloatArray) -> str:

@@ -11,6 +11,7 @@ from pushplan import names
 from pushplan.reading import schema_types as t
 from pushplan.reading.quantity import fault
 from pushplan.reading.schema_objects import FRICTION, NAME, POLYGON, Contacts, Object, Plate
+from pushplan.reading.schema_robot import Robot
 
 
 def _one_of(words: tuple[str, ...]) -> str:
@@ -41,7 +42,7 @@ class GoalPose(t.Strict):
 
 
 class Area(t.Strict):
-    """The rectangle in which pusher and objects stay."""
+    """The rectangle in which robot, pusher and objects stay."""
 
     x: t.Interval = Field(description="[min, max] in m")
     y: t.Interval = Field(description="[min, max] in m")
@@ -114,6 +115,7 @@ class ScenarioFile(t.Strict):
     )
     contacts: Contacts = Field(default_factory=Contacts, description="{friction: ..., between: [...]}")
     pusher: Plate = Field(description="{width: ..., friction: ..., ...}")
+    robot: Robot = Field(default_factory=Robot, description="{footprint: ..., drive: ...}")
     start: t.Pose = Field(
         default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world"
     )

@@ -30,7 +30,7 @@ from pushplan.reading.quantity import DESCRIBED_FAULT, OrAuto, Quantity, fault, 
 
 MOST_CORNERS = 500
 
-ALTERNATIVES = frozenset({"<word>", "<mapping>", "<bare>", "<loaded>"})
+ALTERNATIVES = frozenset({"<word>", "<mapping>", "<list>", "<bare>", "<loaded>"})
 """Names of the alternatives that a value's form decides between; they stand in pydantic's locations."""
 
 Coordinate = Annotated[float, Quantity("a coordinate", units.LENGTH, -1e4, 1e4, "5 mm")]

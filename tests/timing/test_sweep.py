@@ -13,7 +13,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.nudge import nudges
-from pushplan.planners.scene import build_scene, chain_outlines
+from pushplan.planners.scene import build_scene
 from pushplan.planners.sweep import Touches, find_touches
 from pushplan.planners.timing import time_path
 from pushplan.trajectory import Trajectory
@@ -26,7 +26,7 @@ CLEARANCE = 1e-3
 
 
 def _reach(chain: Chain) -> float:
-    return float(max(np.linalg.norm(outline, axis=1).max() for outline in chain_outlines(chain)))
+    return chain.reach
 
 
 def _motion(seed: int) -> Trajectory:
@@ -37,7 +37,7 @@ def _motion(seed: int) -> Trajectory:
 
 def _distances(chain: Chain, discs: FloatArray, trajectory: Trajectory, times: FloatArray) -> FloatArray:
     """Distance (m,) of the chain from the discs at times."""
-    body = shapely.union_all([shapely.Polygon(outline) for outline in chain_outlines(chain)])
+    body = shapely.union_all([shapely.Polygon(moving.outline) for moving in chain.bodies])
     corners = shapely.get_coordinates(body)
     poses = trajectory.poses_at(times)
     placed = shapely.polygons(poses[:, None, :2] + se2.rotate(poses[:, 2:3], corners[None]))
