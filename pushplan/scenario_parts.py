@@ -75,6 +75,21 @@ Obstacle = PolygonObstacle | CircleObstacle
 
 
 @dataclass(frozen=True)
+class Uncertainty:
+    """Shares of the stated values by which these may be off, as the file's one line has them.
+
+    Attributes:
+        contact_friction: Of all coefficients between plate and objects.
+        floor_friction: Of all coefficients between objects and floor.
+        load: Of the load on each foot, or of the pressure at every place, of each object; its weight stays.
+    """
+
+    contact_friction: float = 0.0
+    floor_friction: float = 0.0
+    load: float = 0.0
+
+
+@dataclass(frozen=True)
 class StabilitySettings:
     """The stable set that limits the pusher's twists, and the margin that they keep inside it."""
 

@@ -10,6 +10,7 @@ import shapely
 from pushplan.arrays import FloatArray
 from pushplan.geometry.contact_segments import TOUCH, find_touch
 from pushplan.mechanics.chain import PLATE, Contact
+from pushplan.reading.interval import Span, lowest
 from pushplan.reading.layout import Layout, Part
 from pushplan.reading.meeting import describe_gap, describe_overlap
 from pushplan.reading.report import Report
@@ -94,10 +95,10 @@ def _nearest(i: int, touching: Mapping[int, FloatArray], layout: Layout) -> int:
     return PLATE + int(np.argmin([shapely.distance(own, body) for body in bodies]))
 
 
-def make_contacts(segments: Segments, frictions: Mapping[tuple[int, int], float]) -> tuple[Contact, ...]:
-    """Return the contacts in the order of the objects that they push."""
+def make_contacts(segments: Segments, frictions: Mapping[tuple[int, int], float | Span]) -> tuple[Contact, ...]:
+    """Return the contacts in the order of the objects that they push, with their lowest frictions."""
     pairs = sorted(segments, key=lambda pair: pair[1])
     return tuple(
-        Contact(segments[pair][0], segments[pair][1], frictions[pair], pushed=pair[1], pusher=pair[0])
+        Contact(segments[pair][0], segments[pair][1], lowest(frictions[pair]), pushed=pair[1], pusher=pair[0])
         for pair in pairs
     )

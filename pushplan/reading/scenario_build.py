@@ -24,6 +24,7 @@ from pushplan.scenario_parts import (
     PlannerSettings,
     PolygonObstacle,
     StabilitySettings,
+    Uncertainty,
     Workspace,
 )
 
@@ -118,6 +119,8 @@ def _scenario(
         attachments=attachments.contents,
         bodies=bodies.stated,
         interval=bodies.interval,
+        uncertainty=Uncertainty(**file.uncertainty.model_dump()),
+        contact_friction=bodies.contact_friction,
     )
 
 

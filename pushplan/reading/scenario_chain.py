@@ -14,7 +14,7 @@ from pushplan.mechanics.interval_chain import IntervalChain
 from pushplan.names import RESERVED_NAMES
 from pushplan.reading.chain_contacts import find_segments, make_contacts
 from pushplan.reading.contact_friction import contact_frictions
-from pushplan.reading.interval import lowest, middle
+from pushplan.reading.interval import highest, lowest, middle
 from pushplan.reading.layout import Layout, Part, lay_out
 from pushplan.reading.report import Report
 from pushplan.reading.scenario_intervals import make_interval_chain, stated_floor_friction
@@ -22,6 +22,7 @@ from pushplan.reading.scenario_schema import Obstacle, ScenarioFile
 from pushplan.reading.scenario_supports import ReadFile, make_support
 from pushplan.reading.schema_objects import Plate, Shape, WheeledDrive
 from pushplan.reading.stacking import box_outline
+from pushplan.reading.uncertainty import widened
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,16 +32,19 @@ class Bodies:
     Attributes:
         chain: Objects, contacts and pusher; of intervals, the middle of loads and the lowest contact friction.
         interval: The chain with the intervals of its loads and floor frictions, None when these are numbers.
+        contact_friction: (n, 2) least and largest coefficient of every contact.
         stated: The same as plain data in the form of the file, with every pose and default filled in.
     """
 
     chain: Chain
     interval: IntervalChain | None
+    contact_friction: FloatArray
     stated: dict[str, Any]
 
 
 def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies | None:
     """Return the chain of a scenario file, or report what is wrong with it and return None."""
+    stated, file = file, widened(file)
     _check_names(file, report)
     parts = [_part(i, file) for i in range(len(file.objects))]
     supports = [
@@ -63,8 +67,12 @@ def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies |
         if support is not None
     )
     chain = Chain(objects, make_contacts(segments, frictions), _pusher(file.pusher, layout.plate))
-    interval = make_interval_chain(file, chain, report)
-    return None if report.findings else Bodies(chain, interval, _stated(file, layout))
+    interval = make_interval_chain(stated, chain, report)
+    if report.findings:
+        return None
+    spans = [frictions[contact.pusher, contact.pushed] for contact in chain.contacts]
+    ends = np.array([[lowest(span), highest(span)] for span in spans])
+    return Bodies(chain, interval, ends, _stated(stated, layout))
 
 
 def outline_of(stated: Shape | Obstacle) -> FloatArray:

@@ -7,7 +7,7 @@ therefore taken at one of their vertices, and as the F_i are independent it is
     sum_i min over F_i in {low, high} of F_i min over phi of q_i :
 
 the vertices are never enumerated. Of the fractions, which sum to 1, the least comes from giving the smallest
-q_ij as much as allowed. A lower contact friction only takes away from the friction cone, so that the lowest one
+q_ij as much as allowed; a pressure that may be off by a share takes off what `pressure_error` says. A lower contact friction only takes away from the friction cone, so that the lowest one
 suffices.
 """
 
@@ -24,6 +24,7 @@ from pushplan.mechanics.contact_kernel import object_wrenches_of
 from pushplan.mechanics.interval_chain import IntervalChain
 from pushplan.mechanics.packed import contact_rows, pack_object
 from pushplan.mechanics.support import FeetSupport
+from pushplan.stable_sets.pressure_error import PressureError
 from pushplan.stable_sets.stable_set import StableSet
 
 
@@ -34,7 +35,8 @@ class IntervalEcofSet(StableSet):
 
         |sum F_i w_i at the intervals' middles| + sum of half their widths times |w_i|:
 
-    at most the margin for any of the values, and equal to it where all intervals are points.
+    at most the margin for any of the values, and equal to it where all intervals are points. The set is exact but for
+    pressures, where it errs on the safe side (see `pressure_error`).
 
     Raises:
         SupportError: See `EcofSet`.
@@ -55,6 +57,11 @@ class IntervalEcofSet(StableSet):
             ]
             for i, obj in enumerate(self.chain.objects)
         ]
+        self._errors = {
+            i: PressureError(self.chain.objects[i], share, length)
+            for i, share in interval.pressures.items()
+            if share > 0.0
+        }
 
     @property
     def loads_known(self) -> bool:
@@ -69,9 +76,12 @@ class IntervalEcofSet(StableSet):
             behind = self._carried[:, i]
             parts, spans = self._unit_wrenches(i, twists), self._spans(i)
             rows = _least(np.einsum("cjd,kpd->kcjp", self._rows[behind], parts), spans)
-            least[:, behind] += np.minimum(low * rows, high * rows)
             center = np.einsum("kpd,p->kd", parts, spans.mean(axis=1))
             lengths = np.linalg.norm(parts, axis=2) @ (0.5 * (spans[:, 1] - spans[:, 0]))
+            if i in self._errors:
+                loss = self._errors[i].losses(twists, self._rows[behind].reshape(-1, 3))
+                rows, lengths = rows - loss.rows.reshape(rows.shape), lengths + loss.size
+            least[:, behind] += np.minimum(low * rows, high * rows)
             middle[:, behind] += 0.5 * (low + high) * center[:, None]
             spread[:, behind] += (0.5 * (high - low) * np.linalg.norm(center, axis=1) + high * lengths)[
                 :, None
