@@ -21,6 +21,8 @@ from pushplan.scenario_parts import (
     Obstacle,
     PlannerSettings,
     PolygonObstacle,
+    Snapped,
+    Snapping,
     StabilitySettings,
     Uncertainty,
     Workspace,
@@ -36,6 +38,8 @@ __all__ = [
     "PlannerSettings",
     "PolygonObstacle",
     "Scenario",
+    "Snapped",
+    "Snapping",
     "StabilitySettings",
     "Uncertainty",
     "Workspace",
@@ -68,8 +72,9 @@ class Scenario:
         attachments: Bytes of the files that the scenario refers to, by the name that it uses.
         bodies: What the file states of objects, contacts and pusher, with all defaults filled in.
         interval: The chain with the intervals of masses, loads and floor frictions; None when all are numbers.
-        uncertainty: The shares that made intervals of what the file states as numbers; `interval` and `chain` have them.
+        uncertainty: The shares that made intervals of stated numbers; `interval` and `chain` hold these.
         contact_friction: (n, 2) least and largest coefficient of every contact; None stands for the chain's.
+        snapping: How measured poses were moved onto their contacts; None when the file does not ask for it.
     """
 
     name: str
@@ -90,6 +95,7 @@ class Scenario:
     interval: IntervalChain | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     contact_friction: FloatArray | None = None
+    snapping: Snapping | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", frozen(self.start, (3,), "start"))

@@ -41,6 +41,36 @@ class Workspace:
     ymax: float
 
 
+@dataclass(frozen=True)
+class Snapped:
+    """How an object was moved.
+
+    Attributes:
+        name: Of the object.
+        onto: What messages call the body whose edge it lies on now.
+        gap: Distance along the edge's normal that it was moved towards that body, m; < 0 away from it.
+        turn: Angle by which it was turned about its outline's centroid, rad.
+    """
+
+    name: str
+    onto: str
+    gap: float
+    turn: float
+
+
+@dataclass(frozen=True)
+class Snapping:
+    """What became of measured poses.
+
+    Attributes:
+        objects: How each object with a stated pose was moved.
+        sideways: y of the first contact's midpoint in the stated poses, which is the chain frame's origin now, m.
+    """
+
+    objects: tuple[Snapped, ...]
+    sideways: float
+
+
 @dataclass(frozen=True, eq=False)
 class PolygonObstacle:
     """A simple polygon that stands still.

@@ -72,7 +72,9 @@ class IntervalChain:
         }
         contacts = tuple(replace(c, friction=lowest.get(k, c.friction)) for k, c in enumerate(chain.contacts))
         parts = {chain.index_of(name): _fractions(chain, name, s) for name, s in (fractions or {}).items()}
-        shares = {chain.index_of(name): _share(chain, name, share) for name, share in (pressures or {}).items()}
+        shares = {
+            chain.index_of(name): _share(chain, name, share) for name, share in (pressures or {}).items()
+        }
         n = len(chain.objects)
         return cls(
             replace(chain, contacts=contacts),
@@ -132,7 +134,9 @@ def _share(chain: Chain, name: str, share: float) -> float:
     if isinstance(support, FeetSupport) or not support.known:
         raise SupportError(f"{name!r} has no known pressure that could be off; feet have load fractions")
     if not 0.0 <= share <= 1.0:
-        raise PushplanError(f"the pressure under {name!r} is off by {share:.6g}; allowed: a share from 0 to 1")
+        raise PushplanError(
+            f"the pressure under {name!r} is off by {share:.6g}; allowed: a share from 0 to 1"
+        )
     return float(share)
 
 

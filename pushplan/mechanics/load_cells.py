@@ -11,14 +11,14 @@ from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 
-CELLS = 150
+CELLS = 72
 """Squares that have the area of a support, from which its cells are cut."""
 
 _MOST_LINES = 400
 
 
 def load_cells(obj: PushedObject) -> tuple[FloatArray, FloatArray]:
-    """Return the centres (m, 2) of the load in every cell, chain frame, m, and parts (m,) of the weight, summing to 1.
+    """Return the load's centre in every cell (m, 2), chain frame, m, and parts (m,) of the weight, summing to 1.
 
     A polygon is cut by a square grid into cells with their exact parts of the load; more than `CELLS` points of a
     pressure map are gathered in the cells of such a grid; feet stay what they are.

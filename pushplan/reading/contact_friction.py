@@ -17,9 +17,7 @@ PUSHER = "pusher"
 Pair = tuple[int, int]
 
 
-def contact_frictions(
-    file: ScenarioFile, pairs: Iterable[Pair], report: Report
-) -> dict[Pair, float | Span]:
+def contact_frictions(file: ScenarioFile, pairs: Iterable[Pair], report: Report) -> dict[Pair, float | Span]:
     """Return the friction of each pair (pushing, pushed) of bodies that touch; what is missing is reported."""
     names = [obj.name for obj in file.objects]
     stated = _stated(file, names, report)

@@ -121,6 +121,7 @@ def _scenario(
         interval=bodies.interval,
         uncertainty=Uncertainty(**file.uncertainty.model_dump()),
         contact_friction=bodies.contact_friction,
+        snapping=bodies.snapping,
     )
 
 

@@ -18,11 +18,13 @@ from pushplan.reading.interval import highest, lowest, middle
 from pushplan.reading.layout import Layout, Part, lay_out
 from pushplan.reading.report import Report
 from pushplan.reading.scenario_intervals import make_interval_chain, stated_floor_friction
-from pushplan.reading.scenario_schema import Obstacle, ScenarioFile
+from pushplan.reading.scenario_schema import Obstacle, ScenarioFile, Snap
 from pushplan.reading.scenario_supports import ReadFile, make_support
 from pushplan.reading.schema_objects import Plate, Shape, WheeledDrive
+from pushplan.reading.snapping import SnapTolerance
 from pushplan.reading.stacking import box_outline
 from pushplan.reading.uncertainty import widened
+from pushplan.scenario_parts import Snapping
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +36,14 @@ class Bodies:
         interval: The chain with the intervals of its loads and floor frictions, None when these are numbers.
         contact_friction: (n, 2) least and largest coefficient of every contact.
         stated: The same as plain data in the form of the file, with every pose and default filled in.
+        snapping: How measured poses were moved; None when they are taken as they are.
     """
 
     chain: Chain
     interval: IntervalChain | None
     contact_friction: FloatArray
     stated: dict[str, Any]
+    snapping: Snapping | None
 
 
 def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies | None:
@@ -51,7 +55,7 @@ def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies |
         make_support(obj, part.outline, i, read, report)
         for i, (obj, part) in enumerate(zip(file.objects, parts, strict=True))
     ]
-    layout = lay_out(parts, file.pusher.width, file.pusher.thickness, report)
+    layout = lay_out(parts, file.pusher.width, file.pusher.thickness, report, _snap_tolerance(file))
     if layout is None:
         return None
     segments = find_segments(parts, layout, report)
@@ -72,7 +76,7 @@ def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies |
         return None
     spans = [frictions[contact.pusher, contact.pushed] for contact in chain.contacts]
     ends = np.array([[lowest(span), highest(span)] for span in spans])
-    return Bodies(chain, interval, ends, _stated(stated, layout))
+    return Bodies(chain, interval, ends, _stated(stated, layout), layout.snapping)
 
 
 def outline_of(stated: Shape | Obstacle) -> FloatArray:
@@ -96,6 +100,13 @@ def _part(i: int, file: ScenarioFile) -> Part:
     obj = file.objects[i]
     pose = None if obj.pose is None else np.array(obj.pose)
     return Part(obj.name, outline_of(obj.shape), obj.offset, pose)
+
+
+def _snap_tolerance(file: ScenarioFile) -> SnapTolerance | None:
+    stated = file.snap
+    if isinstance(stated, float):
+        stated = Snap(position=stated)
+    return None if stated is None else SnapTolerance(stated.position, stated.angle)
 
 
 def _pusher(plate: Plate, outline: FloatArray) -> Pusher:

@@ -26,10 +26,11 @@ def make_interval_chain(file: ScenarioFile, chain: Chain, report: Report) -> Int
     fractions = {obj.name: spans for obj in file.objects if (spans := foot_spans(obj.support)) is not None}
     if not (masses or frictions or fractions or pressures):
         return None
+    names = _listed({**masses, **frictions, **fractions, **pressures})
     if chain.pusher.limits.contact == "dynamic":
         report.add(
             ("pusher", "limits", "contact"),
-            f"is dynamic, but masses, floor frictions or loads of {_listed({**masses, **frictions, **fractions, **pressures})} "
+            f"is dynamic, but masses, floor frictions or loads of {names} "
             "are intervals; allowed: quasi-static, or numbers for all of these",
         )
     return IntervalChain.from_ranges(chain, masses, frictions, None, fractions, pressures)

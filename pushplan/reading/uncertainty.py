@@ -48,7 +48,9 @@ def _object(obj: Object, file: ScenarioFile) -> Object:
         update["floor_friction"] = around(obj.floor_friction, share.floor_friction)
     if _on_feet(obj):
         assert isinstance(obj.support, PlacedSupport)
-        feet = tuple((*foot[:2], *(around(f, share.load, 1.0) for f in foot[2:])) for foot in obj.support.feet or ())
+        feet = tuple(
+            (*foot[:2], *(around(f, share.load, 1.0) for f in foot[2:])) for foot in obj.support.feet or ()
+        )
         update["support"] = obj.support.model_copy(update={"feet": feet})
     return obj.model_copy(update=update)
 

@@ -7,12 +7,13 @@ therefore taken at one of their vertices, and as the F_i are independent it is
     sum_i min over F_i in {low, high} of F_i min over phi of q_i :
 
 the vertices are never enumerated. Of the fractions, which sum to 1, the least comes from giving the smallest
-q_ij as much as allowed; a pressure that may be off by a share takes off what `pressure_error` says. A lower contact friction only takes away from the friction cone, so that the lowest one
-suffices.
+q_ij as much as allowed; a pressure that may be off by a share takes off what `pressure_error` says. A lower
+contact friction only takes away from the friction cone, so that the lowest one suffices.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -70,6 +71,20 @@ class IntervalEcofSet(StableSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
+        return self._margins(twists, self._errors)
+
+    def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
+        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones.
+
+        Errors of the pressure only take away, so that they are left out where the margin is too small without.
+        """
+        margins = np.asarray(self._margins(twists, {}).min(axis=1), dtype=np.float64)
+        near = np.flatnonzero(margins > floor)
+        if self._errors and len(near):
+            margins[near] = self._margins(twists[near], self._errors).min(axis=1)
+        return margins
+
+    def _margins(self, twists: FloatArray, errors: Mapping[int, PressureError]) -> FloatArray:
         least = np.zeros((len(twists), *self._rows.shape[:2]))
         middle, spread = np.zeros((len(twists), len(self._rows), 3)), np.zeros((len(twists), len(self._rows)))
         for i, (low, high) in enumerate(self._interval.loads):
@@ -78,8 +93,8 @@ class IntervalEcofSet(StableSet):
             rows = _least(np.einsum("cjd,kpd->kcjp", self._rows[behind], parts), spans)
             center = np.einsum("kpd,p->kd", parts, spans.mean(axis=1))
             lengths = np.linalg.norm(parts, axis=2) @ (0.5 * (spans[:, 1] - spans[:, 0]))
-            if i in self._errors:
-                loss = self._errors[i].losses(twists, self._rows[behind].reshape(-1, 3))
+            if i in errors:
+                loss = errors[i].losses(twists, self._rows[behind].reshape(-1, 3))
                 rows, lengths = rows - loss.rows.reshape(rows.shape), lengths + loss.size
             least[:, behind] += np.minimum(low * rows, high * rows)
             middle[:, behind] += 0.5 * (low + high) * center[:, None]

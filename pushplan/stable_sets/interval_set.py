@@ -2,9 +2,9 @@
 
 Rows of contact conditions are linear in the friction load of every object, so that the vertices of the intervals
 decide (see `interval_ecof_set`); the worst case over all pressures keeps that, object by object. The sets that
-cover all pressures with given centres, `stable` and `robust`, take the centres as stated: pressures that may be off by
-a share do not enter there. At a push height
-h > 0 a load's shift depends on mu itself, and not linearly: then floor friction has to be known.
+cover all pressures with given centres, `stable` and `robust`, take the centres as stated: pressures that may be
+off by a share do not enter there. At a push height h > 0 a load's shift depends on mu itself, and not linearly:
+then floor friction has to be known.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from pushplan.stable_sets.translation_set import TranslationSet
 def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
     """Return a set of twists that are stable for all values in the intervals.
 
-    Exact for `ecof`, `translation` (see `pressure_error` for pressures that are off) and `robust`; for `stable`, the rule for a centre of friction anywhere in
-    the region that the loads allow. The set `cof` has no such form: its centre moves with the loads, and its
-    conditions are not linear in them.
+    Exact for `ecof`, `translation` and `robust`, but on the safe side for pressures that may be off (see
+    `pressure_error`); for `stable`, the rule for a centre of friction anywhere in the region that the loads allow. The
+    set `cof` has no such form: its centre moves with the loads, and its conditions are not linear in them.
 
     Raises:
         PushplanError: On an unknown name, or `cof`.
