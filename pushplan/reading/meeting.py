@@ -69,7 +69,7 @@ def describe_nearness(first: str, second: str, gap: float) -> str:
     """Return what is wrong with two bodies that nearly touch, and that each touch something else."""
     return (
         f"{first} and {second} do not touch, but are only {millimetres(gap)} apart: the least error makes a contact "
-        f"of it; allowed: at least {millimetres(NEARLY)}, or a contact (with snap, measured poses are moved onto theirs)"
+        f"of it; allowed: at least {millimetres(NEARLY)}, or a contact, onto which snap moves measured poses"
     )
 
 

@@ -28,6 +28,9 @@ from pushplan.mechanics.support import FeetSupport
 from pushplan.stable_sets.pressure_error import PressureError
 from pushplan.stable_sets.stable_set import StableSet
 
+_MANY = 500
+"""Twists from which on it pays to look at them without errors of the pressure first."""
+
 
 class IntervalEcofSet(StableSet):
     """Twists that are in the set `ecof` for all values in the intervals.
@@ -78,9 +81,11 @@ class IntervalEcofSet(StableSet):
 
         Errors of the pressure only take away, so that they are left out where the margin is too small without.
         """
+        if not self._errors or len(twists) < _MANY:
+            return np.asarray(self._margins(twists, self._errors).min(axis=1), dtype=np.float64)
         margins = np.asarray(self._margins(twists, {}).min(axis=1), dtype=np.float64)
         near = np.flatnonzero(margins > floor)
-        if self._errors and len(near):
+        if len(near):
             margins[near] = self._margins(twists[near], self._errors).min(axis=1)
         return margins
 
@@ -128,6 +133,8 @@ def _parts(obj: PushedObject, apart: bool) -> list[PushedObject]:
 
 def _least(values: FloatArray, spans: FloatArray) -> FloatArray:
     """Return the least of sum_p phi_p values (..., p) over fractions in their intervals (p, 2) that sum to 1."""
+    if len(spans) == 1:
+        return np.asarray(values[..., 0], dtype=np.float64)
     order = np.argsort(values, axis=-1)
     ranked = np.take_along_axis(values, order, axis=-1)
     room = (spans[:, 1] - spans[:, 0])[order]

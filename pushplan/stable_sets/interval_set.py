@@ -26,8 +26,8 @@ def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
     """Return a set of twists that are stable for all values in the intervals.
 
     Exact for `ecof`, `translation` and `robust`, but on the safe side for pressures that may be off (see
-    `pressure_error`); for `stable`, the rule for a centre of friction anywhere in the region that the loads allow. The
-    set `cof` has no such form: its centre moves with the loads, and its conditions are not linear in them.
+    `pressure_error`); for `stable`, the rule for a centre of friction anywhere in the region that the loads allow.
+    The set `cof` has no such form: its centre moves with the loads, and its conditions are not linear in them.
 
     Raises:
         PushplanError: On an unknown name, or `cof`.
