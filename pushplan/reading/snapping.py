@@ -65,8 +65,8 @@ def too_far(moved: Snapped, within: SnapTolerance) -> str | None:
     if not math.isfinite(moved.gap):
         return f"'{moved.name}' faces no edge of a body before it; {allowed}: move it, or stack it without a pose"
     return (
-        f"'{moved.name}' is {millimetres(abs(moved.gap))} and {_degrees(abs(moved.turn))} from lying on "
-        f"{moved.onto}; {allowed}: move it, or state a larger snap"
+        f"'{moved.name}' is {millimetres(round(abs(moved.gap), 9))} and {_degrees(round(abs(moved.turn), 9))} from "
+        f"lying on {moved.onto}; {allowed}: move it, or state a larger snap"
     )
 
 

@@ -9,13 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pushplan.arrays import FloatArray
 from pushplan.commands.understood import document, rows
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import PLATE
 from pushplan.scenario import Scenario, scenario_from_document, scenario_from_text
-
-Body = tuple[float, float, float]
-"""Length, width, and y against the body before, of a stacked box."""
 
 
 def text(objects: list[str], snap: str = "snap: 5 mm", pusher: str = "width: 0.6, friction: 0.5") -> str:
@@ -54,7 +52,7 @@ def flush(scenario: Scenario) -> None:
         assert facing < 1e-9
 
 
-def _off(a: np.ndarray, b: np.ndarray, point: np.ndarray) -> float:  # type: ignore[type-arg]
+def _off(a: FloatArray, b: FloatArray, point: FloatArray) -> float:
     along = (b - a) / np.linalg.norm(b - a)
     return float(abs(along[0] * (point - a)[1] - along[1] * (point - a)[0]))
 
@@ -167,14 +165,14 @@ def test_without_snap_what_nearly_touches_is_a_finding() -> None:
     near = box("near", 0.1, 0.08, (0.05, 0.0, 0.0))
     far = box("far", 0.1, 0.08, (0.1504, 0.0, 0.0))
     assert findings(text([near, far], "")) == [
-        "objects[1]: 'far' and 'near' do not touch along a line: the gap is 0.4 mm; write pose: [0.15, 0, 0], or state "
-        "snap: 5 mm"
+        "objects[1]: 'far' and 'near' do not touch along a line: the gap is 0.4 mm; write pose: [0.15, 0, 0], or "
+        "state snap: 5 mm"
     ]
     aside = box("aside", 0.1, 0.08, (0.05, 0.0804, 0.0))
     for snap in ("", "snap: 5 mm"):
         assert findings(text([near, aside], snap)) == [
-            "objects[1]: 'aside' and 'near' do not touch, but are only 0.4 mm apart: the least error makes a contact of "
-            "it; allowed: at least 1 mm, or a contact, onto which snap moves measured poses"
+            "objects[1]: 'aside' and 'near' do not touch, but are only 0.4 mm apart: the least error makes a contact "
+            "of it; allowed: at least 1 mm, or a contact, onto which snap moves measured poses"
         ]
     scenario_from_text(text([near, box("aside", 0.1, 0.08, (0.05, 0.081, 0.0))], ""))
 

@@ -41,7 +41,7 @@ def scenario(line: str = LINE) -> Scenario:
 
 def twists(seed: int, count: int) -> FloatArray:
     spread = np.random.default_rng(seed).normal(size=(count, 3)) * [0.2, 0.2, 2.0]
-    return np.asarray(spread + [1.0, 0.0, 0.0], dtype=np.float64)
+    return np.asarray(spread + np.array([1.0, 0.0, 0.0]), dtype=np.float64)
 
 
 def test_every_number_becomes_the_interval_around_it() -> None:
@@ -233,8 +233,8 @@ def test_pushes_above_the_floor_say_what_to_do(line: str, name: str, needed: str
         "uncertainty",
         1,
         "pusher.contact_height is 0.01 m, and a push above the floor shifts the loads by their floor friction: the "
-        f"set '{name}' needs numbers for {needed} (contact_friction may stay) and ask for a larger stability.margin, or "
-        "set contact_height: 0",
+        f"set '{name}' needs numbers for {needed} (contact_friction may stay) and ask for a larger stability.margin, "
+        "or set contact_height: 0",
     )
     with pytest.raises(PushplanError, match="as numbers, or a contact height of 0"):
         found.stable_set()
