@@ -145,9 +145,9 @@ def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> F
 
 def _passing_speed(twist: FloatArray, length: float, bounds: Bounds) -> float:
     try:
-        return contact_limits(twist, max(length, PASSED), bounds).speed
+        return float(contact_limits(twist, max(length, PASSED), bounds).speed)
     except TimingError:  # at the boundary of the set, only a shorter arc is over soon enough
-        return contact_limits(twist, length, bounds).speed
+        return float(contact_limits(twist, length, bounds).speed)
 
 
 def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:

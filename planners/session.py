@@ -93,8 +93,8 @@ class Session:
         self.best_cost = math.inf
         self.closest_arcs, self.closest_left = np.zeros((0, 4)), self.lower_bound_from(self.start)
         self.progress: list[ProgressPoint] = [] if before is None else list(before.progress)
-        self.extensions = 0 if before is None else before.extensions
-        self.iterations = 0 if before is None else before.iterations
+        self.extensions: int = 0 if before is None else before.extensions
+        self.iterations: int = 0 if before is None else before.iterations
         self._best_price, self.bound = math.inf, math.inf
         self._reference, self._improved_at = math.inf, self.iterations
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
@@ -104,7 +104,7 @@ class Session:
         self._held = hold(problem, self.nodes, self._word)
         self._grow = grower(self._held)
         self.branches = Branches()
-        self.began = time.perf_counter() if before is None else before.began
+        self.began: float = time.perf_counter() if before is None else before.began
         self.restart()
 
     @property

@@ -74,7 +74,7 @@ def _of_set(scenario: Scenario, stable: StableSet) -> TurningRadii | None:
     """Radii of the stable set itself, where the drive makes only a part of its turns."""
     if scenario.chain.pusher.drive.axle is None:
         return None
-    return stable.turning_radii(scenario.stability.margin)
+    return stable.turning_radii(scenario.required_margin)
 
 
 def _drive_words(scenario: Scenario, of_set: str) -> tuple[str, str]:

@@ -61,7 +61,10 @@ if TYPE_CHECKING:
         Goal,
         PlannerSettings,
         PolygonObstacle,
+        Snapped,
+        Snapping,
         StabilitySettings,
+        Uncertainty,
         Workspace,
     )
     from pushplan.sim.kinematic import Execution, StabilityLoss, simulate
@@ -90,7 +93,8 @@ _HOMES = {
     "result": "Diagnosis PlanResult ProgressPoint Run",
     "run": "run",
     "scenario": "Scenario check_scenario load_scenario scenario_from_document scenario_from_text",
-    "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle StabilitySettings Workspace",
+    "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle Snapped Snapping StabilitySettings "
+    "Uncertainty Workspace",
     "sim.kinematic": "Execution StabilityLoss simulate",
     "mechanics.sphere": "TurningRadii",
     "stable_sets.named": "stable_set",
@@ -141,6 +145,8 @@ __all__ = [
     "RunLogError",
     "Scenario",
     "ScenarioError",
+    "Snapped",
+    "Snapping",
     "SpeedWindow",
     "StabilityLoss",
     "StabilitySettings",
@@ -150,6 +156,7 @@ __all__ = [
     "TimingError",
     "Trajectory",
     "TurningRadii",
+    "Uncertainty",
     "UndefinedEcofError",
     "UniformSupport",
     "UnknownSupport",

@@ -42,6 +42,36 @@ class Workspace:
     ymax: float
 
 
+@dataclass(frozen=True)
+class Snapped:
+    """How an object was moved.
+
+    Attributes:
+        name: Of the object.
+        onto: What messages call the body whose edge it lies on now.
+        gap: Distance along the edge's normal that it was moved towards that body, m; < 0 away from it.
+        turn: Angle by which it was turned about its outline's centroid, rad.
+    """
+
+    name: str
+    onto: str
+    gap: float
+    turn: float
+
+
+@dataclass(frozen=True)
+class Snapping:
+    """What became of measured poses.
+
+    Attributes:
+        objects: How each object with a stated pose was moved.
+        sideways: y of the first contact's midpoint in the stated poses, which is the chain frame's origin now, m.
+    """
+
+    objects: tuple[Snapped, ...]
+    sideways: float
+
+
 @dataclass(frozen=True, eq=False)
 class PolygonObstacle:
     """A simple polygon that stands still.
@@ -73,6 +103,21 @@ class CircleObstacle:
 
 
 Obstacle = PolygonObstacle | CircleObstacle
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Shares of the stated values by which these may be off, as the file's one line has them.
+
+    Attributes:
+        contact_friction: Of all coefficients between plate and objects.
+        floor_friction: Of all coefficients between objects and floor.
+        load: Of the load on each foot, or of the pressure at every place, of each object; its weight stays.
+    """
+
+    contact_friction: float = 0.0
+    floor_friction: float = 0.0
+    load: float = 0.0
 
 
 @dataclass(frozen=True)

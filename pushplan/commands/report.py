@@ -14,8 +14,8 @@ from pushplan.commands.numbers import counted, time_text
 from pushplan.mechanics.chain import Chain
 
 INERTIA_WARNING = (
-    "inertia was left out (limits.contact: quasi-static), and at this speed a contact slips: push more slowly, or use "
-    "dynamic limits"
+    "inertia was left out (limits.contact: quasi-static), and at this speed a contact slips: push more slowly, "
+    "or use dynamic limits"
 )
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contact_kernel import contact_margins_of, wrenches_of
 from pushplan.mechanics.inertia import InertiaTable, inertia_per_object, inertia_table, summed_over_carried
 from pushplan.mechanics.interval_chain import IntervalChain
-from pushplan.mechanics.interval_rows import IntervalRows, interval_inertia
+from pushplan.mechanics.interval_rows import IntervalRows
 from pushplan.mechanics.packed import PackedChain, contact_rows, pack_chain
 from pushplan.mechanics.packed_areas import pack_areas
 from pushplan.mechanics.robust_kernel import PackedAreas, robust_rows_of
@@ -174,7 +174,7 @@ class ContactDynamics:
         """Return what inertia adds to the contacts' wrenches; see `inertia_wrenches`."""
         if self.interval is None:
             return self._exactly(self.inertia_wrenches(twists, rates))
-        return Wrenches(*interval_inertia(self.interval, twists, rates))
+        return Wrenches(*self._interval_rows.inertia(twists, rates))
 
     def inertia_wrenches(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
         """Return what inertia adds to the wrench of each contact (m, n, 3), about the chain frame's origin.

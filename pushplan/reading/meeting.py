@@ -23,6 +23,14 @@ AWAY: tuple[Way, ...] = (("x >=", 0, 1.0), ("y >=", 1, 1.0), ("y <=", 1, -1.0))
 BACK: tuple[Way, ...] = (("x <=", 0, -1.0),)
 """The ways out of an overlap for what is pushed, and for what pushes."""
 
+NEARLY = 1e-3
+"""Gap below which bodies that do not touch are too near to be told apart from bodies that do, m."""
+
+_SNAPS = (5, 10, 20)
+"""Tolerances that messages propose, mm: the least that is well above the gap."""
+
+_SNAP_TURN = math.radians(2.0)
+
 
 def millimetres(length: float) -> str:
     """Return a length (m) as people read it, in mm."""
@@ -54,11 +62,26 @@ def describe_gap(fixed: Named, moving: Named, pose: FloatArray) -> str:
     touch = find_touch(fixed[1], moving[1] + step)
     if touch is not None and len(touch.segments):
         x, y, theta = pose + np.append(step, 0.0)
-        return f"{text}; write pose: [{x:.6g}, {y:.6g}, {theta:.6g}]"
+        return f"{text}; write pose: [{x:.6g}, {y:.6g}, {theta:.6g}]{_or_snap(gap)}"
     turn = _smallest_turn(fixed[1], moving[1])
     if abs(turn) > 1e-9:
-        return f"{text}; turn it by {math.degrees(turn):.3g} deg so that an edge lies on an edge"
+        return f"{text}; turn it by {math.degrees(turn):.3g} deg so that an edge lies on an edge{_or_snap(gap, turn)}"
     return f"{text}; move it until an edge lies on an edge"
+
+
+def describe_nearness(first: str, second: str, gap: float) -> str:
+    """Return what is wrong with two bodies that nearly touch, and that each touch something else."""
+    return (
+        f"{first} and {second} do not touch, but are only {millimetres(gap)} apart: the least error makes a contact "
+        f"of it; allowed: at least {millimetres(NEARLY)}, or a contact, onto which snap moves measured poses"
+    )
+
+
+def _or_snap(gap: float, turn: float = 0.0) -> str:
+    """Return the proposal to snap what is not far (m, rad) from a contact."""
+    enough = [size for size in _SNAPS if 2.5e3 * gap <= size]
+    near = enough and abs(turn) <= _SNAP_TURN and (gap > TOUCH or turn != 0.0)
+    return f", or state snap: {enough[0]} mm" if near else ""
 
 
 def _smallest_turn(fixed: FloatArray, moving: FloatArray) -> float:

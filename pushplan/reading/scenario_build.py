@@ -25,6 +25,7 @@ from pushplan.scenario_parts import (
     PlannerSettings,
     PolygonObstacle,
     StabilitySettings,
+    Uncertainty,
     Workspace,
 )
 
@@ -119,6 +120,9 @@ def _scenario(
         attachments=attachments.contents,
         bodies=bodies.stated,
         interval=bodies.interval,
+        uncertainty=Uncertainty(**file.uncertainty.model_dump()),
+        contact_friction=bodies.contact_friction,
+        snapping=bodies.snapping,
     )
 
 

@@ -8,19 +8,23 @@ from typing import Any
 
 import numpy as np
 
+from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain, Limits, PushedObject, Pusher
 from pushplan.mechanics.interval_chain import IntervalChain
 from pushplan.names import RESERVED_NAMES, ROBOT
 from pushplan.reading.chain_contacts import find_segments, make_contacts
 from pushplan.reading.contact_friction import contact_frictions
-from pushplan.reading.interval import lowest, middle
+from pushplan.reading.interval import highest, lowest, middle
 from pushplan.reading.layout import Layout, Part, lay_out
 from pushplan.reading.report import Report
 from pushplan.reading.robot import footprint_parts, make_drive, make_footprint
 from pushplan.reading.scenario_intervals import make_interval_chain, stated_floor_friction
-from pushplan.reading.scenario_schema import ScenarioFile
+from pushplan.reading.scenario_schema import ScenarioFile, Snap
 from pushplan.reading.scenario_supports import ReadFile, make_support
 from pushplan.reading.shapes import outline_of
+from pushplan.reading.snapping import SnapTolerance
+from pushplan.reading.uncertainty import widened
+from pushplan.scenario_parts import Snapping
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,23 +34,28 @@ class Bodies:
     Attributes:
         chain: Objects, contacts and pusher; of intervals, the middle of loads and the lowest contact friction.
         interval: The chain with the intervals of its loads and floor frictions, None when these are numbers.
+        contact_friction: (n, 2) least and largest coefficient of every contact.
         stated: The same as plain data in the form of the file, with every pose and default filled in.
+        snapping: How measured poses were moved; None when they are taken as they are.
     """
 
     chain: Chain
     interval: IntervalChain | None
+    contact_friction: FloatArray
     stated: dict[str, Any]
+    snapping: Snapping | None
 
 
 def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies | None:
     """Return the chain of a scenario file, or report what is wrong with it and return None."""
+    stated, file = file, widened(file)
     _check_names(file, report)
     parts = [_part(i, file) for i in range(len(file.objects))]
     supports = [
         make_support(obj, part.outline, i, read, report)
         for i, (obj, part) in enumerate(zip(file.objects, parts, strict=True))
     ]
-    layout = lay_out(parts, file.pusher.width, file.pusher.thickness, report)
+    layout = lay_out(parts, file.pusher.width, file.pusher.thickness, report, _snap_tolerance(file))
     if layout is None:
         return None
     segments = find_segments(parts, layout, report)
@@ -63,8 +72,12 @@ def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies |
         if support is not None
     )
     chain = Chain(objects, make_contacts(segments, frictions), pusher)
-    interval = make_interval_chain(file, chain)
-    return None if report.findings else Bodies(chain, interval, _stated(file, layout))
+    interval = make_interval_chain(stated, chain)
+    if report.findings:
+        return None
+    spans = [frictions[contact.pusher, contact.pushed] for contact in chain.contacts]
+    ends = np.array([[lowest(span), highest(span)] for span in spans])
+    return Bodies(chain, interval, ends, _stated(stated, layout), layout.snapping)
 
 
 def _check_names(file: ScenarioFile, report: Report) -> None:
@@ -96,6 +109,13 @@ def _pusher(file: ScenarioFile, parts: Sequence[Part], layout: Layout, report: R
         limits,
         make_footprint(file, parts, layout, report),
     )
+
+
+def _snap_tolerance(file: ScenarioFile) -> SnapTolerance | None:
+    stated = file.snap
+    if isinstance(stated, float):
+        stated = Snap(position=stated)
+    return None if stated is None else SnapTolerance(stated.position, stated.angle)
 
 
 def _stated(file: ScenarioFile, layout: Layout) -> dict[str, Any]:

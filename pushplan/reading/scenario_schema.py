@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from pushplan import names
 from pushplan.reading import schema_types as t
@@ -16,6 +16,25 @@ from pushplan.reading.schema_robot import Robot
 
 def _one_of(words: tuple[str, ...]) -> str:
     return f"one of {', '.join(words)}"
+
+
+_SHARE = "a share from 0 to 0.9, e.g. 20 %"
+_SNAP = "a length in m, e.g. 5 mm, or {position: 5 mm, angle: 2 deg}"
+
+
+class Uncertainty(t.Strict):
+    """By what share of the stated value coefficients and loads may be off; explicit intervals come before it."""
+
+    contact_friction: t.Share = Field(default=0.0, description=_SHARE)
+    floor_friction: t.Share = Field(default=0.0, description=_SHARE)
+    load: t.Share = Field(default=0.0, description=_SHARE)
+
+
+class Snap(t.Strict):
+    """How far objects with a stated pose may be from the contact that they are moved onto."""
+
+    position: t.SnapDistance = Field(description="a length in m")
+    angle: t.SnapAngle = Field(default=math.radians(2.0), description="an angle in rad")
 
 
 class Floor(t.Strict):
@@ -104,12 +123,22 @@ class PlannerChoice(t.Strict):
     arc_price: t.ArcPrice = Field(default=0.03, description="a length in m")
 
 
+SnapChoice = Annotated[
+    Annotated[t.SnapDistance, Tag("<length>")] | Annotated[Snap, Tag("<mapping>")],
+    Discriminator(lambda value: "<mapping>" if isinstance(value, dict | t.Strict) else "<length>"),
+]
+
+
 class ScenarioFile(t.Strict):
     """One push problem."""
 
     format: Literal["pushplan/1"] = Field(description=names.SCENARIO_FORMAT)
     name: t.Name | None = Field(default=None, description=NAME)
     floor: Floor = Field(description="{friction: ...}")
+    uncertainty: Uncertainty = Field(
+        default_factory=Uncertainty, description="{contact_friction: ..., floor_friction: ..., load: ...}"
+    )
+    snap: SnapChoice | None = Field(default=None, description=_SNAP)
     objects: Annotated[tuple[Object, ...], t.Several(1, 200)] = Field(
         description="a list of 1 to 200 objects, from the pusher outward"
     )

@@ -12,6 +12,9 @@ from pushplan.mechanics.interval_chain import IntervalChain
 from pushplan.mechanics.interval_rows import IntervalRows
 from pushplan.stable_sets.stable_set import StableSet
 
+_MANY = 500
+"""Twists from which on it pays to look at them without errors of the pressure first."""
+
 
 class IntervalEcofSet(StableSet):
     """Twists that are in the set `ecof` for all values in the intervals.
@@ -20,7 +23,8 @@ class IntervalEcofSet(StableSet):
 
         |sum F_i w_i at the intervals' middles| + sum of half their widths times |w_i|:
 
-    at most the margin for any of the values, and equal to it where all intervals are points.
+    at most the margin for any of the values, and equal to it where all intervals are points. The set is exact but for
+    pressures, where it errs on the safe side (see `pressure_error`).
 
     Raises:
         SupportError: See `EcofSet`.
@@ -39,6 +43,22 @@ class IntervalEcofSet(StableSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
-        least, size = self._rows.least(twists)
+        return self._margins(twists, pressures=True)
+
+    def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
+        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones.
+
+        Errors of the pressure only take away, so that they are left out where the margin is too small without.
+        """
+        if not self._rows.has_pressures or len(twists) < _MANY:
+            return np.asarray(self._margins(twists, pressures=True).min(axis=1), dtype=np.float64)
+        margins = np.asarray(self._margins(twists, pressures=False).min(axis=1), dtype=np.float64)
+        near = np.flatnonzero(margins > floor)
+        if len(near):
+            margins[near] = self._margins(twists[near], pressures=True).min(axis=1)
+        return margins
+
+    def _margins(self, twists: FloatArray, pressures: bool) -> FloatArray:
+        least, size = self._rows.least(twists, pressures)
         moving = size > 0.0
         return np.where(moving, least.min(axis=2) / np.where(moving, size, 1.0), 0.0)
