@@ -31,12 +31,12 @@ def simulate(trajectory: Trajectory, judge: StableSet, goal: FloatArray) -> Exec
         goal: (3,) pose of the chain frame in the world, for the error at the end.
     """
     poses = _integrate(trajectory)
-    directions = _directions(trajectory)
-    margins = judge.contact_margins(directions)
+    asked = directions(trajectory)
+    margins = judge.contact_margins(asked)
     lost = np.flatnonzero(margins.min(axis=1) <= 0.0)
     last = int(lost[0]) + 1 if len(lost) else len(poses)
     loss = _loss(trajectory, poses, margins, last - 1) if len(lost) else None
-    state = contact_state(judge.chain, directions[:last]) if judge.loads_known else None
+    state = contact_state(judge.chain, asked[:last]) if judge.loads_known else None
     return Execution(
         trajectory.t[:last],
         poses[:last],
@@ -71,7 +71,7 @@ def _integrate(trajectory: Trajectory) -> FloatArray:
     return poses[np.searchsorted(ticks, trajectory.t)]
 
 
-def _directions(trajectory: Trajectory) -> FloatArray:
+def directions(trajectory: Trajectory) -> FloatArray:
     """Twists (m, 3) at the samples; where the pusher rests, the one that comes next (at the end: came last)."""
     nudged = trajectory.t + np.where(trajectory.t + NUDGE < trajectory.duration, NUDGE, -NUDGE)
     resting = np.abs(trajectory.twists).max(axis=1) < RESTING
