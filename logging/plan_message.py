@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import fields
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from pushplan.logging.effort import Effort
 from pushplan.logging.schemas import MessageClass, Plan
 from pushplan.path import PushPath
 from pushplan.result import Diagnosis, PlanResult, ProgressPoint
+from pushplan.tolerance.tolerance import Tolerance
 from pushplan.trajectory import Trajectory
 
 
@@ -34,6 +36,11 @@ def encode(plan: PlanResult) -> MessageClass:
         if path is not None:
             for name in ("start", "twists", "lengths"):
                 getattr(getattr(message, field), name).extend(getattr(path, name).ravel())
+    if plan.tolerance is not None:
+        message.tolerance.SetInParent()
+        for name, value in vars(plan.tolerance).items():
+            if value is not None:
+                setattr(message.tolerance, name, value)
     if plan.trajectory is not None:
         for name in ("start", "breaks", "coefficients", "arc"):
             getattr(message.trajectory, name).extend(getattr(plan.trajectory, name).ravel())
@@ -74,6 +81,7 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, 
         diagnosis=tuple(map(_diagnosis, message.diagnosis)),
         approximate_path=_path(message.approximate_path) if message.HasField("approximate_path") else None,
         approximate_error=_pair(message.approximate_error),
+        tolerance=_tolerance(message.tolerance) if message.HasField("tolerance") else None,
     )
 
 
@@ -94,6 +102,11 @@ def _pair(values: Sequence[float]) -> tuple[float, float] | None:
         return None
     first, second = values
     return first, second
+
+
+def _tolerance(message: MessageClass) -> Tolerance:
+    names = [field.name for field in fields(Tolerance)]
+    return Tolerance(**{name: getattr(message, name) if message.HasField(name) else None for name in names})
 
 
 def _path(message: MessageClass) -> PushPath:

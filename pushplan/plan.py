@@ -25,6 +25,7 @@ from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
+from pushplan.tolerance.work_out import tolerance_of
 from pushplan.trajectory import Trajectory
 
 ROUNDING = 1e-9
@@ -107,7 +108,8 @@ def plan(
         else:
             reason = failure.reason if failure is not None else untimed
         least = session.lower_bound if path is None else lower_bound(scenario, path.cost)
-    solved = not reason
+        solved = not reason
+        bears = tolerance_of(scenario.chain, trajectory) if solved and trajectory is not None else None
     return PlanResult(
         solved=solved,
         reason=reason,
@@ -126,6 +128,7 @@ def plan(
         diagnosis=failure.diagnosis if failure else (),
         approximate_path=failure.nearest if failure else None,
         approximate_error=failure.error if failure else None,
+        tolerance=bears,
     )
 
 

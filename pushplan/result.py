@@ -14,6 +14,7 @@ from pushplan.trajectory import Trajectory
 if TYPE_CHECKING:
     from pushplan.scenario import Scenario
     from pushplan.sim.kinematic import Execution
+    from pushplan.tolerance.tolerance import Tolerance
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ class PlanResult:
         diagnosis: What kept the planner from finding a path, most certain first; empty when solved.
         approximate_path: Where none was found, the free and stable path that ends nearest to the goal, or None.
         approximate_error: How far (m, rad) from the goal that is, or None.
+        tolerance: What the plan can bear; None when not solved, and in older logs.
     """
 
     solved: bool
@@ -95,6 +97,7 @@ class PlanResult:
     diagnosis: tuple[Diagnosis, ...] = ()
     approximate_path: PushPath | None = None
     approximate_error: tuple[float, float] | None = None
+    tolerance: Tolerance | None = None
 
     @property
     def gap(self) -> float | None:

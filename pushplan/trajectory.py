@@ -127,7 +127,8 @@ class Trajectory:
         if len(self.coefficients) == 0:
             return np.zeros((*t.shape, 3))
         piece = self.piece_at(t)
-        return self.coefficients[piece, 1] + 2.0 * (t - self.breaks[piece])[:, None] * self.coefficients[piece, 2]
+        c1, c2 = self.coefficients[piece, 1], self.coefficients[piece, 2]
+        return np.asarray(c1 + 2.0 * (t - self.breaks[piece])[:, None] * c2)
 
     def poses_at(self, t: ArrayLike) -> FloatArray:
         """Return the poses (m, 3) in the world at times (m,), clipped to the trajectory."""

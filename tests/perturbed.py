@@ -137,7 +137,7 @@ def _leaning(obj: PushedObject, axis: int, share: float) -> Support:
 
 def _shifted(points: FloatArray, loads: FloatArray, e: FloatArray, share: float) -> FloatArray:
     along = (points - loads @ points) @ e
-    return loads * (1.0 + share * along / np.abs(along).max())
+    return np.asarray(loads * (1.0 + share * along / np.abs(along).max()))
 
 
 def _aside(chain: Chain, i: int, distance: float) -> Chain | None:
@@ -172,3 +172,11 @@ def _turned(chain: Chain, i: int, angle: float) -> Chain:
         if k in carried:
             objects[k] = replace(objects[k], pose_chain=compose(motion, objects[k].pose_chain))
     return replace(chain, objects=tuple(objects), contacts=tuple(contacts))
+
+
+def pushable(scenario: Scenario) -> bool:
+    """Tell whether the chain can be pushed straight ahead with the margin asked for, no part of it lifting."""
+    try:
+        return float(scenario.stable_set().margin([[1.0, 0.0, 0.0]])[0]) > scenario.stability.margin
+    except SupportError:
+        return False

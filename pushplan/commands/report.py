@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from math import degrees, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -50,6 +51,7 @@ def document(
         "duration_s": plan.trajectory.duration if plan.trajectory else None,
         "goal_error": _goal_error(execution) if execution else None,
         "min_margin": execution.margins.min() if execution else plan.min_margin,
+        "tolerance": asdict(plan.tolerance) if plan.tolerance else None,
         "contact_lost": _loss(execution.loss) if execution and execution.loss else None,
         "log": log,
     }
@@ -77,6 +79,8 @@ def rows(
     found.append(("planning", first + spent))
     if execution:
         found += _execution_rows(scenario.chain, execution)
+    if plan.tolerance:
+        found.append(("bears", plan.tolerance.sentence))
     return found if log is None else [*found, ("log", str(log))]
 
 

@@ -140,3 +140,18 @@ def facet_values(
                     for j in range(3):
                         carried[pusher, j] += w[j]
     return out
+
+
+@compiled
+def lost_contacts(values: FloatArray, holds: FloatArray) -> BoolArray:
+    """Return where (q, m) any of the values (q, m, n, 4) is not positive, or the chain does not exist."""
+    q, m, n, _ = values.shape
+    out = np.empty((q, m), dtype=np.bool_)
+    for a in range(q):
+        for s in range(m):
+            lost = holds[a] <= 0.0
+            for k in range(n):
+                for j in range(4):
+                    lost = lost or values[a, s, k, j] <= 0.0
+            out[a, s] = lost
+    return out

@@ -52,12 +52,12 @@ class Change(ABC):
     @property
     def _alone(self) -> BoolArray:
         """(n,) the object only."""
-        return np.arange(len(self.model.carried)) == self.index
+        return np.asarray(np.arange(len(self.model.carried)) == self.index)
 
     def _variants(self, sizes: FloatArray, moved: BoolArray, **changed: FloatArray) -> Variants:
         """Return the chain as stated but for `changed`; `moved` (n,) marks what meets another friction."""
-        same = {"holds": np.ones(len(sizes)), "moved": moved}
-        return self.model.stated._replace(**{**same, **changed})
+        stated = self.model.stated._replace(holds=np.ones(len(sizes)), moved=moved)
+        return stated._replace(**changed)  # type: ignore[arg-type]
 
 
 class FloorChange(Change):
@@ -89,8 +89,9 @@ class FloorChange(Change):
 class LoadChange(Change):
     """The load of the object leaning: p(x) + size p e . (x - g) / h, its centre of mass with it.
 
-    h is the largest |e . (x - g)|, so that the outermost load changes by the share `size`. On a polygon the change is a
-    share of the mean pressure and g is the centroid; on points it is one of each point's load, and g their centre.
+    h is the largest |e . (x - g)|, so that the outermost load changes by the share `size`. On a polygon the
+    change is a share of the mean pressure and g is the centroid; on points it is one of each point's load, and g
+    their centre.
 
     Attributes:
         axis: e is the chain frame's x (0) or y (1), times the sense.
@@ -164,7 +165,7 @@ class Turn(Change):
 
         def turn(points: FloatArray) -> FloatArray:
             x, y = points[..., 0] - middle[0], points[..., 1] - middle[1]
-            return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1) + middle
+            return np.asarray(np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1) + middle)
 
         moves = np.repeat(model.stated.moves, len(sizes), axis=0)
         shift = turn(np.zeros((1, 2)))

@@ -37,7 +37,7 @@ class Loads(NamedTuple):
 
         See `mechanics.packed`; not positive: a part of the object could lift.
         """
-        least = self.base.min(axis=1)
+        least: FloatArray = self.base.min(axis=1)
         if (shift == 0.0).all():
             return least
         gain = np.linalg.norm(self.spots @ np.linalg.inv(self.second), axis=2) * self.stiffness

@@ -1,7 +1,7 @@
 """The moments of a plan that matter to its contacts: as few as have the same least margins as all of them.
 
-Along an arc of constant twist V = s' xi every contact condition, whatever the chain, is linear in (s'', s'^2): among all
-samples of the arc it is least at a corner of their convex hull in that plane.
+Along an arc of constant twist V = s' xi every contact condition, whatever the chain, is linear in (s'', s'^2): among
+all samples of the arc it is least at a corner of their convex hull in that plane.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.arrays import BoolArray, FloatArray, IntArray
 
 SAME = 1e-11
 """Difference up to which two directions, or a rate and its part along the twist, count as the same."""
@@ -34,7 +34,7 @@ class Instants(NamedTuple):
 
     def chosen(self, which: IntArray) -> Instants:
         """Return the moments with the indices `which` (k,)."""
-        return Instants(*(np.ascontiguousarray(column[which]) for column in self))
+        return Instants(self.directions[which], self.twists[which], self.rates[which], self.group[which])
 
 
 def thinned_instants(twists: FloatArray, rates: FloatArray, length: float) -> Instants:
@@ -57,13 +57,13 @@ def thinned_instants(twists: FloatArray, rates: FloatArray, length: float) -> In
 
 
 def _corners(
-    directions: FloatArray, along: FloatArray, group: IntArray, points: FloatArray, rates: FloatArray
+    directions: FloatArray, along: BoolArray, group: IntArray, points: FloatArray, rates: FloatArray
 ) -> Instants:
     """Return the corners of each group's hull of (s'', s'^2); a moment that is no arc's is a group of its own."""
     hulls = shapely.convex_hull(shapely.multipoints(points, indices=group))
     corners, which = shapely.get_coordinates(hulls, return_index=True)
     unit = directions[which]
     found = corners[:, :1] * unit
-    alone = ~along[which]
+    alone = np.logical_not(along[which])
     found[alone] = rates[np.searchsorted(group, which[alone])]
     return Instants(unit, np.sqrt(corners[:, 1:]) * unit, np.ascontiguousarray(found), which.astype(np.int64))

@@ -49,7 +49,7 @@ class Model:
     @cached_property
     def carried(self) -> BoolArray:
         """(n, n) whether contact k carries object i."""
-        found = np.eye(len(self.chain.contacts), dtype=bool)
+        found: BoolArray = np.eye(len(self.chain.contacts), dtype=np.bool_)
         for k in reversed(range(len(found))):
             pusher = self.chain.contacts[k].pusher
             if pusher != PLATE:
@@ -87,7 +87,7 @@ class Model:
     @cached_property
     def values(self) -> FloatArray:
         """(m, n, 4) the facets' values of the chain as stated."""
-        return self._values(self.stated, self.instants, self.floor_wrenches)[0]
+        return np.asarray(self._values(self.stated, self.instants, self.floor_wrenches)[0])
 
     @cached_property
     def slack(self) -> FloatArray:
@@ -105,10 +105,12 @@ class Model:
         rows[..., 0, :2], rows[..., 1, :2] = friction * normal - tangent, friction * normal + tangent
         rows[..., 2, 0], rows[..., 2, 1], rows[..., 2, 2] = -right[..., 1], right[..., 0], -1.0
         rows[..., 3, 0], rows[..., 3, 1], rows[..., 3, 2] = left[..., 1], -left[..., 0], 1.0
-        return rows
+        return np.asarray(rows)
 
     def values_of(self, variants: Variants, which: IntArray) -> FloatArray:
-        """Return the facets' values (q, k, n, 4) of variants at the moments of indices `which` (k,)."""
+        """Return the facets' values (q, k, n, 4) of variants at moments `which` (k,); all of them in order."""
+        if len(which) == len(self.instants.group):
+            return self._values(variants, self.instants, self.floor_wrenches)
         return self._values(variants, self.instants.chosen(which), self.floor_wrenches[which])
 
     def _values(self, variants: Variants, instants: Instants, wrenches: FloatArray) -> FloatArray:

@@ -14,6 +14,9 @@ from pushplan.mechanics.chain import PLATE, Chain, Contact
 PARALLEL = 1e-3
 """Largest angle between a contact and the edges that it lies on, rad."""
 
+NEAR = 4.0 * TOUCH
+"""Largest distance of an edge from the contact's line, taken where the edge is nearest to the contact's middle, m."""
+
 NOWHERE = 1e6
 """Right end of no overlap, m; its left end is at minus that."""
 
@@ -38,7 +41,9 @@ class Overlap:
             ChainError: When the contact does not lie on edges of both bodies.
         """
         contact = chain.contacts[k]
-        pushing = chain.pusher.outline if contact.pusher == PLATE else chain.objects[contact.pusher].outline_chain
+        pushing = (
+            chain.pusher.outline if contact.pusher == PLATE else chain.objects[contact.pusher].outline_chain
+        )
         found = cls(
             _edges_along(pushing, contact, 1.0),
             _edges_along(chain.objects[k].outline_chain, contact, -1.0),
@@ -57,7 +62,7 @@ class Overlap:
         """
         still = np.zeros_like(along)
         ends = self._ends(still, along) if pushed else self._ends(along, still)
-        return ends - self._ends(np.zeros(1), np.zeros(1))
+        return np.asarray(ends - self._ends(np.zeros(1), np.zeros(1)))
 
     def _ends(self, pushing: FloatArray, pushed: FloatArray) -> FloatArray:
         """Right and left end (2, q); that of nothing runs from `NOWHERE` to minus that."""
@@ -72,12 +77,11 @@ class Overlap:
 
 def _edges_along(outline: FloatArray, contact: Contact, sense: float) -> FloatArray:
     """Return the edges (a, 2) of a counter-clockwise outline on the contact's line that run its way (+1) or back."""
-    offset = outline - contact.right
-    step = np.roll(offset, -1, axis=0) - offset
-    length = np.linalg.norm(step, axis=1)
-    away = np.abs(offset @ contact.normal)
-    near = np.minimum(away, np.roll(away, -1)) <= 4.0 * TOUCH
-    along = sense * (step @ contact.tangent)
-    kept = near & (along > 0.0) & (np.abs(step @ contact.normal) <= PARALLEL * length)
-    begin = (offset @ contact.tangent)[kept]
-    return np.sort(np.stack([begin, begin + sense * along[kept]], axis=1), axis=1)
+    s, away = ((outline - contact.right) @ axis for axis in (contact.tangent, contact.normal))
+    run, rise = (np.roll(values, -1) - values for values in (s, away))
+    kept = (sense * run > 0.0) & (np.abs(rise) <= PARALLEL * np.abs(run))
+    s, away, run, rise = s[kept], away[kept], run[kept], rise[kept]
+    low, high = np.minimum(s, s + run), np.maximum(s, s + run)
+    nearest = np.clip(0.5 * contact.length, low, high)
+    near = np.abs(away + (nearest - s) * rise / run) <= NEAR
+    return np.asarray(np.stack([low, high], axis=1)[near])

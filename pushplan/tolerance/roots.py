@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.arrays import BoolArray, FloatArray, IntArray
+from pushplan.tolerance.change_kernel import lost_contacts
 from pushplan.tolerance.changes import Change
 
 SECTIONS = 12
-"""Parts into which an interval is cut: a loss shorter than a twelfth of the first one's size may be missed."""
+"""Parts into which an interval is cut when a root is narrowed down."""
 
-FINE = 1e-9
+CHECKS = 6
+"""Sizes up to the one found at which every moment is asked; a loss that ends again between two of them is missed."""
+
+FINE = 1e-8
 """Share of its size to which a root is found."""
 
 WEAK = 12
 """Moments with the least to spare that bound the size before all are asked."""
+
+Asked = list[tuple[Change, IntArray]]
+"""Changes, and the moments (k,) at which each may lose a contact."""
 
 
 def least_polynomial_root(change: Change) -> float:
@@ -31,37 +40,37 @@ def least_polynomial_root(change: Change) -> float:
     return float(np.min(roots, where=square >= 0.0, initial=np.inf))
 
 
-def first_loss(change: Change, most: float) -> float:
-    """Return the largest size up to `most` before which no contact is lost.
+def first_loss(changes: Sequence[Change], most: float) -> float:
+    """Return the largest size up to `most` before which none of the changes loses a contact."""
+    if not changes:
+        return most
+    order = np.argsort(changes[0].model.slack, kind="stable")
+    found = _narrowed([(change, order[:WEAK]) for change in changes], most, SECTIONS)
+    most, everyone = most if found is None else found, np.arange(len(order))
+    while True:
+        found = _narrowed([(change, everyone) for change in changes], most, CHECKS)
+        if found is None:
+            return most
+        most = found
 
-    Every moment is asked at `SECTIONS` sizes between 0 and the size returned.
-    """
-    order = np.argsort(change.model.slack, kind="stable")
-    for which in (order[:WEAK], np.arange(len(order))):
-        while most > 0.0:
-            found = _narrowed(change, which, most)
-            if found is None:
-                break
-            most = found
-    return most
 
-
-def _narrowed(change: Change, which: IntArray, high: float) -> float | None:
-    """Return the size just below a loss in (0, high], None where no contact is lost at `SECTIONS` sizes in it."""
+def _narrowed(asked: Asked, high: float, sections: int) -> float | None:
+    """Return the size just below the first loss in (0, high], None where no contact is lost at any size tried."""
     low, lost = 0.0, False
     while not lost or high - low > FINE * high:
-        sizes = low + (high - low) * (np.arange(SECTIONS) + 1.0) / SECTIONS
-        bad = _losses(change, sizes, which)
-        if not bad.any():
+        sizes = low + (high - low) * (np.arange(sections) + 1.0) / sections
+        losses = [_losses(change, sizes, which) for change, which in asked]
+        sizes_with = np.any([found.any(axis=1) for found in losses], axis=0)
+        if not sizes_with.any():
             return high if lost else None
-        j = int(np.argmax(bad.any(axis=1)))
-        which, lost = which[bad[j]], True
+        j, sections, lost = int(np.argmax(sizes_with)), SECTIONS, True
+        pairs = zip(asked, losses, strict=True)
+        asked = [(change, which[found[j]]) for (change, which), found in pairs if found[j].any()]
         low, high = (float(sizes[j - 1]) if j else low), float(sizes[j])
     return low
 
 
-def _losses(change: Change, sizes: FloatArray, which: IntArray) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+def _losses(change: Change, sizes: FloatArray, which: IntArray) -> BoolArray:
     """Return whether a contact is lost (q, k) at sizes (q,) and moments (k,)."""
     variants = change.at(sizes)
-    values = change.model.values_of(variants, which).reshape(len(sizes), len(which), -1)
-    return np.asarray((values.min(axis=2) <= 0.0) | (variants.holds <= 0.0)[:, None])
+    return lost_contacts(change.model.values_of(variants, which), variants.holds)

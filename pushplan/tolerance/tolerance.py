@@ -38,6 +38,11 @@ class Tolerance:
     angle: float | None = None
 
     @property
+    def used_up(self) -> bool:
+        """Whether a contact does not hold even as stated."""
+        return self.contact_friction == 1.0 and self.floor_friction == 0.0
+
+    @property
     def known(self) -> bool:
         """Whether it could be worked out."""
         return self.contact_friction is not None
@@ -53,6 +58,8 @@ class Tolerance:
             or self.angle is None
         ):
             return "not known, as the loads on the floor are not"
+        if self.used_up:
+            return "nothing: once inertia counts, a contact does not hold even as stated"
         return (
             f"contact friction down to {_up(self.contact_friction)} of what is stated, "
             f"floor friction of an object off by {_share(self.floor_friction)}, load by {_share(self.load)}, "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -45,19 +45,19 @@ def tolerance_of(chain: Chain, trajectory: Trajectory) -> Tolerance:
 
 
 def tolerance_along(chain: Chain, twists: FloatArray, rates: FloatArray) -> Tolerance:
-    """Return what a motion with body twists (m, 3), none zero, and twist rates (m, 3) can bear; see `tolerance_of`."""
+    """Return what a motion with body twists (m, 3), none zero, and rates (m, 3) can bear; see `tolerance_of`."""
     model = Model(chain, thinned_instants(twists, rates, chain.characteristic_length))
     if not model.values.min() > 0.0:
         return USED_UP
     everyone = range(len(chain.objects))
-    floor = (FloorChange(model, i, sense) for i in everyone for sense in SENSES)
-    lean = (LoadChange(model, i, sense, axis) for i in everyone for axis in (0, 1) for sense in SENSES)
+    floor = [FloorChange(model, i, sense) for i in everyone for sense in SENSES]
+    lean = [LoadChange(model, i, sense, axis) for i in everyone for axis in (0, 1) for sense in SENSES]
     aside = [Shift(model, i, sense) for i in everyone for sense in SENSES]
-    turned = (Turn(model, i, sense) for i in everyone for sense in SENSES)
+    turned = [Turn(model, i, sense) for i in everyone for sense in SENSES]
     return Tolerance(
         contact_friction=_contact_friction(model.values),
         floor_friction=_least(floor, MOST_SHARE),
-        load=_least((change for change in lean if change.lean is not None), MOST_SHARE),
+        load=_least([change for change in lean if change.lean is not None], MOST_SHARE),
         position=_least(aside, max(change.most for change in aside)),
         angle=_least(turned, MOST_ANGLE),
     )
@@ -69,12 +69,11 @@ def _contact_friction(values: FloatArray) -> float:
     return float(np.max(np.abs(above - below) / (above + below)))
 
 
-def _least(changes: Iterable[Change], most: float) -> float:
+def _least(changes: Sequence[Change], most: float) -> float:
     """Return the least size, at most `most`, at which one of the changes loses a contact."""
     for change in changes:
-        most = min(most, change.most)
-        if not change.linear:
-            most = first_loss(change, most)
-        elif change.sense > 0.0:  # both senses at once
-            most = min(most, least_polynomial_root(change))
-    return most
+        if change.linear:
+            most = min(most, change.most)
+            if change.sense > 0.0:  # both senses at once
+                most = min(most, least_polynomial_root(change))
+    return first_loss([change for change in changes if not change.linear], most)
