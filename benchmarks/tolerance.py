@@ -24,6 +24,9 @@ from pushplan.tolerance.tolerance import MOST_ANGLE, MOST_SHARE, Tolerance
 from pushplan.tolerance.work_out import tolerance_of
 from pushplan.trajectory import Trajectory
 
+REPORT = 50
+"""Motions after which the table so far is printed."""
+
 PLANNED = 10
 """One motion in so many is a plan."""
 
@@ -81,6 +84,18 @@ class Tally:
             self._ask(scenario, trajectory, tolerance, kind, seed)
         return True
 
+    def tell(self, taken: int, planned: int) -> None:
+        """Print what came out of `taken` motions, `planned` of them plans."""
+        print(f"\n{taken} motions, {planned} of them plans; {self.used_up} more hold nothing as stated")
+        print("| kind | holds at 0.98 | of | lost at 1.02 | of |\n|---|---|---|---|---|")
+        for kind, c in self.counts.items():
+            print(f"| {kind} | {c['held']} | {c['asked below']} | {c['lost']} | {c['asked above']} |")
+        print(
+            f"CPU of a tolerance: median {np.median(self.whole):.1f} ms, worst {max(self.whole):.0f} ms; "
+            f"{np.median(self.cpu):.2f} ms for a second of motion",
+            flush=True,
+        )
+
     def _ask(
         self, scenario: Scenario, trajectory: Trajectory, tolerance: Tolerance, kind: str, seed: int
     ) -> None:
@@ -124,15 +139,9 @@ def main() -> None:
         trajectory = _motion(scenario, seed) if perturbed.pushable(scenario) else None
         if trajectory is not None and tally.take(scenario, trajectory, seed):
             taken, planned = taken + 1, planned + (seed % PLANNED == 0)
+            if taken % REPORT == 0 or taken == words.plans:
+                tally.tell(taken, planned)
         seed += 1
-    print(f"{taken} motions, {planned} of them plans; {tally.used_up} more hold nothing as stated")
-    print("| kind | holds at 0.98 | of | lost at 1.02 | of |\n|---|---|---|---|---|")
-    for kind, c in tally.counts.items():
-        print(f"| {kind} | {c['held']} | {c['asked below']} | {c['lost']} | {c['asked above']} |")
-    print(
-        f"CPU of a tolerance: median {np.median(tally.whole):.1f} ms, worst {max(tally.whole):.0f} ms; "
-        f"{np.median(tally.cpu):.2f} ms for a second of motion"
-    )
 
 
 if __name__ == "__main__":
