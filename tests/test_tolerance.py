@@ -172,6 +172,11 @@ def test_the_numbers_are_told_in_words_rounded_to_what_holds() -> None:
         "contact friction down to 0.87 of what is stated, floor friction of an object off by 12 %, "
         "load by at least 100 %, an object off by 3.1 mm or 1.2 deg"
     )
+    small = Tolerance(1.0, 0.0099, 5e-324, 0.1279, MOST_ANGLE)
+    assert small.sentence == (
+        "contact friction down to 1.00 of what is stated, floor friction of an object off by 0.99 %, "
+        "load by 0 %, an object off by 120 mm or at least 90 deg"
+    )
 
 
 def _straight() -> Trajectory:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import degrees, pi
+from math import degrees, floor, log10, pi
 
 MOST_SHARE = 1.0
 """Share of a floor friction, or of a load, up to which changes are looked at."""
@@ -63,8 +63,8 @@ class Tolerance:
         return (
             f"contact friction down to {_up(self.contact_friction)} of what is stated, "
             f"floor friction of an object off by {_share(self.floor_friction)}, load by {_share(self.load)}, "
-            f"an object off by {1e3 * self.position:.2g} mm or {_at_least(self.angle, MOST_ANGLE)}"
-            f"{degrees(self.angle):.2g} deg"
+            f"an object off by {_down(1e3 * self.position)} mm or {_at_least(self.angle, MOST_ANGLE)}"
+            f"{_down(degrees(self.angle))} deg"
         )
 
 
@@ -73,8 +73,17 @@ def _up(factor: float) -> str:
     return f"{-(-100.0 * factor // 1.0) / 100.0:.2f}"
 
 
+def _down(value: float) -> str:
+    """Return a number in two digits, never higher than it is but for rounding."""
+    if value < 1e-9:
+        return "0"
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    lower = floor(value / unit * (1.0 + 1e-12)) * unit
+    return f"{lower:.0f}" if lower >= 10.0 else f"{lower:.2g}"
+
+
 def _share(value: float) -> str:
-    return f"{_at_least(value, MOST_SHARE)}{100.0 * value:.2g} %"
+    return f"{_at_least(value, MOST_SHARE)}{_down(100.0 * value)} %"
 
 
 def _at_least(value: float, most: float) -> str:
