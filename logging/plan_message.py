@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import fields
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from pushplan.logging.effort import Effort
 from pushplan.logging.schemas import MessageClass, Plan
 from pushplan.path import PushPath
 from pushplan.result import Diagnosis, PlanResult, ProgressPoint
+from pushplan.tolerance.tolerance import Tolerance
 from pushplan.trajectory import Trajectory
 
 
@@ -37,6 +39,11 @@ def encode(plan: PlanResult) -> MessageClass:
         if path is not None:
             for name in ("start", "twists", "lengths"):
                 getattr(getattr(message, field), name).extend(getattr(path, name).ravel())
+    if plan.tolerance is not None:
+        message.tolerance.SetInParent()
+        for name, value in vars(plan.tolerance).items():
+            if value is not None:
+                setattr(message.tolerance, name, value)
     if plan.trajectory is not None:
         for name in ("start", "breaks", "coefficients", "arc"):
             getattr(message.trajectory, name).extend(getattr(plan.trajectory, name).ravel())
@@ -80,6 +87,7 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, 
         objective=message.objective or "travel",  # the only one that older logs do not name
         margin_asked=_optional(message, "margin_asked"),
         margin=_optional(message, "margin"),
+        tolerance=_tolerance(message.tolerance) if message.HasField("tolerance") else None,
     )
 
 
@@ -104,6 +112,11 @@ def _pair(values: Sequence[float]) -> tuple[float, float] | None:
 
 def _optional(message: MessageClass, field: str) -> float | None:
     return getattr(message, field) if message.HasField(field) else None
+
+
+def _tolerance(message: MessageClass) -> Tolerance:
+    names = [field.name for field in fields(Tolerance)]
+    return Tolerance(**{name: getattr(message, name) if message.HasField(name) else None for name in names})
 
 
 def _path(message: MessageClass) -> PushPath:

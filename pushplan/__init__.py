@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from pushplan.stable_sets.named import stable_set
     from pushplan.stable_sets.robust_set import RobustSet, WorstCase
     from pushplan.stable_sets.stable_set import StableSet
+    from pushplan.tolerance.tolerance import Tolerance
     from pushplan.trajectory import Trajectory
 
     __version__: str
@@ -100,6 +101,7 @@ _HOMES = {
     "stable_sets.named": "stable_set",
     "stable_sets.stable_set": "StableSet",
     "mechanics.support": "FeetSupport PressureMapSupport Support UniformSupport UnknownSupport",
+    "tolerance.tolerance": "Tolerance",
     "trajectory": "Trajectory",
     "drawing.speeds": "plot_admissible_speeds",
     "mechanics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
@@ -154,6 +156,7 @@ __all__ = [
     "Support",
     "SupportError",
     "TimingError",
+    "Tolerance",
     "Trajectory",
     "TurningRadii",
     "Uncertainty",

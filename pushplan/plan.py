@@ -26,6 +26,7 @@ from pushplan.sim.judging import execute_trajectory, planning_set
 from pushplan.sim.kinematic import pose_error
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
+from pushplan.tolerance.work_out import tolerance_of
 from pushplan.trajectory import Trajectory
 
 ROUNDING = 1e-9
@@ -110,7 +111,8 @@ def plan(
         elif path is not None and trajectory is not None and execution is not None:
             reason = verdict(posed, stable, path, trajectory, execution)
         least = session.lower_bound if path is None else lower_bound(posed, path.cost)
-    solved = not reason
+        solved = not reason
+        bears = tolerance_of(scenario.chain, trajectory) if solved and trajectory is not None else None
     return PlanResult(
         solved=solved,
         reason=reason,
@@ -133,6 +135,7 @@ def plan(
         margin_asked=margins[0],
         margin=posed.required_margin,
         execution=execution if solved else None,
+        tolerance=bears,
     )
 
 

@@ -15,6 +15,7 @@ from pushplan.trajectory import Trajectory
 if TYPE_CHECKING:
     from pushplan.scenario import Scenario
     from pushplan.sim.execution import Execution
+    from pushplan.tolerance.tolerance import Tolerance
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,7 @@ class PlanResult:
         margin_asked: What the twists' margins had to exceed at first; None in logs of older versions.
         margin: What they had to exceed in the end: less, where no path was found with `margin_asked`.
         execution: What the kinematic simulator makes of the plan; None when there is none.
+        tolerance: What the plan can bear; None when not solved, and in older logs.
     """
 
     solved: bool
@@ -100,6 +102,7 @@ class PlanResult:
     diagnosis: tuple[Diagnosis, ...] = ()
     approximate_path: PushPath | None = None
     approximate_error: tuple[float, float] | None = None
+    tolerance: Tolerance | None = None
     objective: str = DEFAULT_COST
     margin_asked: float | None = None
     margin: float | None = None

@@ -40,15 +40,15 @@ def simulate(
         inertia_decides: A contact is lost, too, where its margin with inertia is not positive.
     """
     poses = _integrate(trajectory)
-    directions = _directions(trajectory)
-    margins = deciding = judge.contact_margins(directions)
-    dynamic = None if contacts is None else contacts.margins(directions, trajectory.rates_at(trajectory.t))
+    asked = directions(trajectory)
+    margins = deciding = judge.contact_margins(asked)
+    dynamic = None if contacts is None else contacts.margins(asked, trajectory.rates_at(trajectory.t))
     if dynamic is not None and inertia_decides:
         deciding = np.minimum(margins, dynamic)
     lost = np.flatnonzero(deciding.min(axis=1) <= 0.0)
     last = int(lost[0]) + 1 if len(lost) else len(poses)
     loss = _loss(trajectory, poses, deciding, last - 1) if len(lost) else None
-    state = contact_state(judge.chain, directions[:last]) if judge.loads_known else None
+    state = contact_state(judge.chain, asked[:last]) if judge.loads_known else None
     return Execution(
         trajectory.t[:last],
         poses[:last],
@@ -84,7 +84,7 @@ def _integrate(trajectory: Trajectory) -> FloatArray:
     return poses[np.searchsorted(ticks, trajectory.t)]
 
 
-def _directions(trajectory: Trajectory) -> FloatArray:
+def directions(trajectory: Trajectory) -> FloatArray:
     """Twists (m, 3) at the samples; where the pusher rests, the one that comes next (at the end: came last)."""
     nudged = trajectory.t + np.where(trajectory.t + NUDGE < trajectory.duration, NUDGE, -NUDGE)
     resting = np.abs(trajectory.twists).max(axis=1) < RESTING

@@ -30,6 +30,7 @@ from pushplan.scenario import CircleObstacle, Goal, PolygonObstacle, Scenario, W
 from pushplan.sim.kinematic import Execution, simulate
 from pushplan.stable_sets.cor_window import default_window
 from pushplan.stable_sets.named import stable_set
+from pushplan.tolerance.tolerance import Tolerance
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
@@ -86,6 +87,14 @@ def test_a_plan_is_drawn_in_every_form_with_the_same_bytes_each_time(
     first, second = (file.read_bytes() for file in files)
     assert first.startswith(MAGIC[suffix])
     assert first == second
+
+
+def test_a_plan_shows_what_it_bears(
+    scenario: Scenario, plan: PlanResult, execution: Execution, tmp_path: Path
+) -> None:
+    bearing = replace(plan, tolerance=Tolerance(0.5, 0.25, 0.5, 0.01, 0.1))
+    plot_plan(scenario, bearing, execution, tmp_path / "p.svg")
+    assert "<!-- bears contact friction down to 0.50 of what is stated," in (tmp_path / "p.svg").read_text()
 
 
 def test_a_plan_shows_its_name_numbers_and_labels(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from math import degrees, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,6 +61,7 @@ def document(
         "min_dynamic_margin": execution.min_dynamic_margin if execution else None,
         "margin_asked": plan.margin_asked,
         "margin": plan.margin,
+        "tolerance": asdict(plan.tolerance) if plan.tolerance else None,
         "contact_lost": _loss(execution.loss) if execution and execution.loss else None,
         "log": log,
     }
@@ -87,6 +89,8 @@ def rows(
     found.append(("planning", first + spent))
     if execution:
         found += _execution_rows(scenario, execution)
+    if plan.tolerance:
+        found.append(("bears", plan.tolerance.sentence))
     if plan.lowered:
         found.append(("note", plan.lowered))
     return found if log is None else [*found, ("log", str(log))]

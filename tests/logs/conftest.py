@@ -19,6 +19,7 @@ from pushplan.planners.timing import time_path
 from pushplan.result import Diagnosis, PlanResult, ProgressPoint
 from pushplan.scenario import Scenario, scenario_from_text
 from pushplan.sim.kinematic import Execution
+from pushplan.tolerance.tolerance import Tolerance
 
 SCENARIO = """\
 format: pushplan/1
@@ -92,6 +93,7 @@ def _plan() -> PlanResult:
         min_margin=0.1 + 0.2,
         tree=rng.normal(size=(40, 2, 3)),
         lower_bound=0.1 + 0.2,
+        tolerance=Tolerance(0.1 + 0.2, 0.0, 1.0, 5e-324, 1.0 / 3.0),
     )
 
 

@@ -38,6 +38,7 @@ def test_an_old_log_says_what_it_always_said(number: int) -> None:
     assert len(run.execution.t) == 87
     assert run.execution.margins.min() == 0.09680252527684588
     np.testing.assert_allclose(run.execution.poses[-1], [0.10824604, -0.19722482, 0.30023158], atol=1e-8)
+    assert run.plan.tolerance is None
     assert run.outcome == "solved"
 
 
