@@ -15,7 +15,8 @@ from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.sphere import twists_at
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.arc_limits import ROOM, Bounds, arc_limits, contact_limits
+from pushplan.planners.arc_limits import ROOM, arc_limits, contact_limits
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.profile import ArcLimits, rest_to_rest
 from pushplan.planners.section import PASSED, passing_speeds
 from pushplan.planners.timing import time_path
