@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from math import ceil
 
 from pushplan.errors import PushplanError
 from pushplan.sim.feet import DEGREE
@@ -48,3 +49,13 @@ class PhysicsSettings:
             value = getattr(self, field.name)
             if not value > 0:
                 raise PushplanError(f"{field.name} of the physics settings is {value}; it must be > 0")
+
+
+LOOKS = 50.0
+"""Looks per second of a motion that may open a contact and close it again."""
+
+
+def at_rate(duration: float, settings: PhysicsSettings | None = None) -> PhysicsSettings:
+    """Return settings (None stands for the defaults) with which a motion of `duration` (s) is looked at often enough."""
+    chosen = settings or PhysicsSettings()
+    return replace(chosen, samples=max(chosen.samples, ceil(LOOKS * duration)))
