@@ -1,7 +1,7 @@
 """Objects that do not stand where the plan believes: shifted along their contact, or turned.
 
-Places are given as motions (n, 3) of the chain frame that bring every object from where it belongs to where it is. All
-that touched still touches, with a corner at least, and nothing overlaps.
+Places are given as motions (n, 3) of the chain frame that bring every object from where it belongs to where it is.
+All that touched still touches, with a corner at least, and nothing overlaps.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _followed(chain: Chain, moved: FloatArray, index: int) -> FloatArray:
     for child, contact in enumerate(chain.contacts):
         if contact.pusher == index:
             shift = _gap(contact, moved[index]) * contact.normal
-            for carried in _subtree(chain, child):
+            for carried in subtree(chain, child):
                 moved[carried, :2] = shift
     return moved
 
@@ -57,7 +57,8 @@ def _gap(contact: Contact, motion: FloatArray) -> float:
     return float(((transform_points(motion, ends) - ends) @ contact.normal).max())
 
 
-def _subtree(chain: Chain, index: int) -> list[int]:
+def subtree(chain: Chain, index: int) -> list[int]:
+    """Return the indices of an object and of all that it carries."""
     found = [index]
     for child, contact in enumerate(chain.contacts):
         if contact.pusher in found:

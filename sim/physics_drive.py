@@ -96,7 +96,11 @@ def _all_moved(motion: FloatArray, placed: FloatArray | None, bodies: int) -> Fl
 
 
 def _push(
-    model: PhysicsModel, transfer: LoadTransfer, motion: Motion, settings: PhysicsSettings, watch: Watch | None
+    model: PhysicsModel,
+    transfer: LoadTransfer,
+    motion: Motion,
+    settings: PhysicsSettings,
+    watch: Watch | None,
 ) -> Recording:
     """Drive the plate step by step: its joint coordinates are computed beforehand, the loop only hands them over."""
     count, plate = len(motion.poses) - 1, int(model.dofs[-1])

@@ -95,7 +95,7 @@ class PhysicsModel:
 
 
 def joint_coordinates(anchors: FloatArray, motions: FloatArray) -> FloatArray:
-    """Return the joint coordinates (..., 3) of bodies that turn about `anchors` (..., 2) and have moved by `motions`."""
+    """Return joint coordinates (..., 3) of bodies with `anchors` (..., 2) that have moved by `motions` (..., 3)."""
     shift = motions[..., :2] + rotate(motions[..., 2], anchors) - anchors
     turn = np.broadcast_to(motions[..., 2], shift.shape[:-1])
     return np.concatenate([shift, turn[..., None]], axis=-1)

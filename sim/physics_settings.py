@@ -51,11 +51,16 @@ class PhysicsSettings:
                 raise PushplanError(f"{field.name} of the physics settings is {value}; it must be > 0")
 
 
+VERDICT = PhysicsSettings(time_step=1e-3, indentation=5e-6)
+"""For whether contacts hold over a whole trajectory: hard contacts creep least, and a longer time step is enough.
+
+Where contacts slip, these settings make them slip too far.
+"""
+
 LOOKS = 50.0
-"""Looks per second of a motion that may open a contact and close it again."""
+"""Looks per second at a motion, which may open a contact and close it again."""
 
 
-def at_rate(duration: float, settings: PhysicsSettings | None = None) -> PhysicsSettings:
-    """Return settings (None stands for the defaults) with which a motion of `duration` (s) is looked at often enough."""
-    chosen = settings or PhysicsSettings()
-    return replace(chosen, samples=max(chosen.samples, ceil(LOOKS * duration)))
+def for_verdict(duration: float, settings: PhysicsSettings = VERDICT) -> PhysicsSettings:
+    """Return settings with which a trajectory of `duration` (s) is looked at often enough."""
+    return replace(settings, samples=max(settings.samples, ceil(LOOKS * duration)))

@@ -20,7 +20,7 @@ class ContactWatch:
     Attributes:
         placed: (n, 3) how the objects stand off their places at the start, or None.
         base: Number of the look from which slides and gaps count. Objects off their places touch with a corner only
-            and have to close first: the look at which no gap is wider than a tenth of the tolerance. None before that.
+            and have to close first, until no gap is wider than a tenth of the tolerance. None before that.
     """
 
     def __init__(

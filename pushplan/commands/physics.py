@@ -38,8 +38,8 @@ def require_executable(scenario: Scenario) -> None:
     if unknown:
         names = ", ".join(repr(name) for name in unknown)
         raise PhysicsError(
-            f"the physics engine cannot execute a push of {names}: it needs the load on every point of the floor, and "
-            "the scenario leaves open how the load rests there; allowed: support uniform, feet with loads, or a "
+            f"the physics engine cannot execute a push of {names}: it needs the load on every point of the floor, "
+            "and the scenario leaves open how the load rests there; allowed: support uniform, feet with loads, or a "
             "pressure map"
         )
 
@@ -51,12 +51,12 @@ def execute(scenario: Scenario, trajectory: Trajectory | None, console: Console)
         return None
     with console.working(f"executing {trajectory.duration:.1f} s in the physics engine") as progress:
         from pushplan.sim.physics import simulate_trajectory
-        from pushplan.sim.physics_settings import at_rate
+        from pushplan.sim.physics_settings import for_verdict
 
         report = simulate_trajectory(
             scenario.chain,
             trajectory,
-            settings=at_rate(trajectory.duration),
+            settings=for_verdict(trajectory.duration),
             progress=lambda share: progress.tell(f"{100.0 * share:.0f} %"),
         )
     verdict = ("every contact held", "green") if report.kept else ("a contact moved", "red")
