@@ -20,7 +20,7 @@ import json
 import sys
 import time
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -34,7 +34,7 @@ from pushplan.arrays import FloatArray
 from pushplan.bench.generator import generate
 from pushplan.bench.machine import Machine
 from pushplan.bench.on_feet import on_feet
-from pushplan.bench.parameters import DRIVES, GeneratorError, ProblemParameters
+from pushplan.bench.parameters import DRIVES, ProblemParameters
 from pushplan.errors import PushplanError
 from pushplan.examples import example_names, example_text
 from pushplan.kernels import warm_up
@@ -175,17 +175,26 @@ def merged(document: Mapping[str, Any], added: Mapping[str, Any]) -> Document:
     return result
 
 
-def problems(scenarios: list[str], count: int) -> Iterator[tuple[str, Document]]:
+def problems(scenarios: Sequence[str], count: int) -> Iterator[tuple[str, Document]]:
+    """Yield names and documents of packaged scenarios and of random problems that the old way has a path for."""
     for name in scenarios:
         yield name, on_feet(yaml.safe_load(example_text(name)))
     seed = found = 0
     while found < count:
-        try:
-            yield f"random {seed}", on_feet(yaml.safe_load(generate(PARAMETERS, seed)))
+        document = _random(seed)
+        if document is not None:
             found += 1
-        except GeneratorError as error:
-            print(f"random {seed} cannot be made: {error}", file=sys.stderr)
+            yield f"random {seed}", document
         seed += 1
+
+
+def _random(seed: int) -> Document | None:
+    try:
+        document = on_feet(yaml.safe_load(generate(PARAMETERS, seed)))
+        solved = plan(scenario_from_document(merged(document, SETTINGS[FIRST])), first=True).solved
+    except PushplanError:
+        return None
+    return document if solved else None
 
 
 def run_all(arguments: argparse.Namespace) -> list[Document]:
