@@ -155,7 +155,7 @@ def attempt(name: str, document: Document, setting: str, tolerance: bool) -> Doc
             return {**told, "reason": result.reason}
     except PushplanError as error:
         return {**told, "reason": str(error)}
-    worlds = within(result.tolerance, chain) if tolerance else perturbed(name, chain)  # type: ignore[attr-defined]
+    worlds = within(result.tolerance, chain) if tolerance else perturbed(name, chain)
     return {
         **told,
         "objects": len(chain.objects),
@@ -184,6 +184,7 @@ def problems(scenarios: Sequence[str], count: int) -> Iterator[tuple[str, Docume
         document = _random(seed)
         if document is not None:
             found += 1
+            print(f"random {seed} has a path, {found} of {count}", file=sys.stderr, flush=True)
             yield f"random {seed}", document
         seed += 1
 
