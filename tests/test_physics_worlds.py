@@ -96,6 +96,7 @@ def test_a_load_leans_by_the_share_at_its_outermost_foot(chain: Chain, index: in
     leaned = with_loads_shifted(chain, [0.0, 1.0], 0.1, index)
     for i, obj in enumerate(leaned.objects):
         assert isinstance(obj.support, FeetSupport)
+        assert obj.support.fractions is not None
         if index is None or i == index:
             np.testing.assert_allclose(obj.support.fractions, [0.225, 0.225, 0.275, 0.275])
         else:
