@@ -20,6 +20,7 @@ from pushplan.commands.options import (
     seed,
     share,
 )
+from pushplan.commands.physics import add_physics
 from pushplan.names import COSTS, PLANNERS, STABLE_SETS
 
 if TYPE_CHECKING:
@@ -55,15 +56,20 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=seed, metavar="N", help="seed of the random numbers")
     add_plot(parser, "draw the swept chain, its margins and the stable set")
     add_output(parser, "--html", help="write a page that plays the run")
+    add_physics(parser)
 
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
+    from pushplan.commands import physics
+    from pushplan.commands.failure import MISMATCH
     from pushplan.commands.report import document, exit_code, headline, rows
     from pushplan.scenario import load_scenario
 
     check_outputs(args.scenario, args.plot, args.output, args.html)
     scenario = load_scenario(args.scenario)
+    if args.physics:
+        physics.require_executable(scenario)
     done = _run(args, scenario, console)
     if args.plot is not None:
         draw(done.scenario, done.plan, done.execution, args.plot, console)
@@ -73,8 +79,14 @@ def run(args: argparse.Namespace, console: Console) -> int:
         write_html(done, args.html)
     console.say(headline(done.scenario, done.plan, console))
     console.table(rows(done.scenario, done.plan, done.execution, done.log))
-    console.emit(document(done.scenario, done.plan, done.execution, done.log))
-    return exit_code(done.plan, done.execution)
+    told = document(done.scenario, done.plan, done.execution, done.log)
+    code = exit_code(done.plan, done.execution)
+    if args.physics:
+        found = physics.execute(scenario, done.plan.trajectory, console)
+        told["physics"] = physics.document(found)
+        code = MISMATCH if found is not None and not found.kept else code
+    console.emit(told)
+    return code
 
 
 def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:

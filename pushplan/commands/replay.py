@@ -11,6 +11,7 @@ from pushplan.commands.console import Console
 from pushplan.commands.exports import asked_for, declare_exports, write_exports
 from pushplan.commands.failure import DONE, MISMATCH
 from pushplan.commands.options import add_plot, check_outputs
+from pushplan.commands.physics import add_physics
 from pushplan.commands.playing import declare_playing, play
 from pushplan.errors import RunLogError
 
@@ -23,6 +24,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command."""
     parser.add_argument("log", metavar="RUN", help="a log (.mcap), or what a killed run left (.mcap.partial)")
     parser.add_argument("--verify", action="store_true", help="execute the recorded plan again and compare")
+    add_physics(parser)
     add_plot(parser, "draw the swept chain, its margins and the stable set")
     declare_exports(parser)
     declare_playing(parser)
@@ -30,17 +32,25 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
+    from pushplan.commands import physics
     from pushplan.logging.reader import read_run
 
     check_outputs(args.log, args.plot, *asked_for(args).values())
     with console.working(f"reading {args.log}"):
         recorded = read_run(args.log)
+    if args.physics:
+        physics.require_executable(recorded.scenario)
     _tell(recorded, console)
     report = _verify(recorded, console) if args.verify else None
+    found = physics.execute(recorded.scenario, recorded.trajectory, console) if args.physics else None
     _export(recorded, args, console)
     play(recorded, args, console)
-    console.emit(_document(recorded, report))
-    return DONE if report is None or report.matches else MISMATCH
+    told = _document(recorded, report)
+    if args.physics:
+        told["physics"] = physics.document(found)
+    console.emit(told)
+    matches = (report is None or report.matches) and (found is None or found.kept)
+    return DONE if matches else MISMATCH
 
 
 def _tell(recorded: RecordedRun, console: Console) -> None:
