@@ -60,6 +60,7 @@ SETTINGS: dict[str, Document] = {
         "stability": {"margin": 0.0},
         "pusher": {"limits": {"contact": "quasi-static"}},
         "trajectory": "exact",
+        "planner": {"cost": "travel", "arc_price": "2 mm"},
     },
     "margin": {"stability": {"margin": 0.05}, "pusher": {"limits": {"contact": "dynamic"}}},
     "plain": {},

@@ -19,9 +19,9 @@ from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath, cost_rate
 from pushplan.plan import plan
 from pushplan.planners.arc_limits import arc_limits, contact_limits
-from pushplan.planners.bounds import Bounds
 from pushplan.planners.blend_search import Blend
 from pushplan.planners.blending import blend_path
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.checker import find_collision
 from pushplan.planners.joining import corners_of
 from pushplan.planners.profile import ArcLimits, rest_to_rest
