@@ -100,10 +100,7 @@ class Search:
         if scenario.planner.cost != "time" or budget.first:
             return self._run(scenario, budget, earlier)
         by_travel = replace(scenario, planner=replace(scenario.planner, cost="travel"))
-        spent = 0.0 if earlier is None else earlier.elapsed / budget.time_limit
-        limit = budget.time_limit * (spent + TRAVEL_SHARE * (1.0 - spent))
-        most = None if budget.iterations is None else int(TRAVEL_SHARE * budget.iterations)
-        first = self._run(by_travel, replace(budget, time_limit=limit, iterations=most), earlier)
+        first = self._run(by_travel, replace(budget, enough=TRAVEL_SHARE), earlier)
         if first.session.best_path is None:
             return first
         second = self._run(scenario, budget, first.session, first.session.best_path)

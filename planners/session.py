@@ -152,11 +152,12 @@ class Session:
     @property
     def finished(self) -> bool:
         """Whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
-        seconds = self.elapsed
-        if self.budget.is_used_up(seconds, self.iterations):
+        budget = self.budget
+        share = budget.patience if self.best_arcs is None else budget.enough
+        if budget.is_used_up(self.elapsed, self.iterations, share):
             return True
         if self.best_arcs is None:
-            return self.budget.has_lost_patience(seconds, self.iterations) or self._given_up()
+            return self._given_up()
         if self.budget.first or self.horizon <= self.lower_bound * (1.0 + self.budget.gap) + 1e-12:
             return True
         return self.iterations - self._improved_at >= self.budget.stall

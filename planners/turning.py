@@ -20,6 +20,9 @@ from pushplan.stable_sets.stable_set import StableSet
 ROUNDING = 1e-9
 """Headings and directions (rad) that differ by less are the same."""
 
+FEW_MERIDIANS = 128
+"""Meridians for radii that are only told: exact ones take seconds where loads are intervals."""
+
 
 def drive_radii(stable: StableSet, drive: Drive, minimum: float = 0.0) -> TurningRadii:
     """Return the smallest radii at which a drive turns the chain frame's origin, within the set.
@@ -71,10 +74,10 @@ def _too_wide(scenario: Scenario, stable: StableSet, turn: float, radii: Turning
 
 
 def _of_set(scenario: Scenario, stable: StableSet) -> TurningRadii | None:
-    """Radii of the stable set itself, where the drive makes only a part of its turns."""
+    """Radii of the stable set itself, where the drive makes only a part of its turns, to about a per cent."""
     if scenario.chain.pusher.drive.axle is None:
         return None
-    return stable.turning_radii(scenario.required_margin)
+    return _radii(control_segments(stable, Drive(), scenario.required_margin, FEW_MERIDIANS))
 
 
 def _drive_words(scenario: Scenario, of_set: str) -> tuple[str, str]:
