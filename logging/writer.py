@@ -31,7 +31,7 @@ from pushplan.logging.sentences import execution_sentence, plan_sentence
 from pushplan.logging.window import PATH_SPACING, smoothed_times
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
-from pushplan.sim.execution import Execution
+from pushplan.sim.execution import Execution, inertia_warning
 
 _STRETCH = 60
 """Simulated seconds whose messages are made at once: few calls for a short run, little memory for a long one."""
@@ -156,6 +156,9 @@ class RunLogWriter:
         end.timestamp.CopyFrom(channels.stamp)
         channels.send(schemas.EXECUTION_END, end)
         self.log("info" if execution.loss is None else "warning", execution_sentence(execution))
+        warning = inertia_warning(self._scenario, execution)
+        if warning:
+            self.log("warning", warning)
         self._words |= metadata.execution_words(execution)
         channels.flush()
 

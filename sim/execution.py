@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from pushplan.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from pushplan.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -63,3 +67,14 @@ class Execution:
     def min_dynamic_margin(self) -> float | None:
         """Smallest margin of any contact with inertia, None where it was not looked at."""
         return None if self.dynamic_margins is None else float(self.dynamic_margins.min(initial=1.0))
+
+
+def inertia_warning(scenario: Scenario, execution: Execution) -> str:
+    """Return that inertia, which the scenario leaves out, would make a contact slip; empty where it would not."""
+    least = execution.min_dynamic_margin
+    if scenario.chain.pusher.limits.contact == "dynamic" or least is None or least > 0.0:
+        return ""
+    return (
+        f"inertia was left out (limits.contact: quasi-static), and at this speed a contact slips (margin {least:.2g}): "
+        "push more slowly, or use dynamic limits"
+    )

@@ -13,11 +13,7 @@ from pushplan.commands.console import Console
 from pushplan.commands.failure import DONE, MISMATCH, NO_PLAN
 from pushplan.commands.numbers import counted, time_text
 from pushplan.mechanics.chain import Chain
-
-INERTIA_WARNING = (
-    "inertia was left out (limits.contact: quasi-static), and at this speed a contact slips: push more slowly, "
-    "or use dynamic limits"
-)
+from pushplan.sim.execution import inertia_warning
 
 if TYPE_CHECKING:
     from pushplan.arrays import FloatArray
@@ -112,18 +108,13 @@ def _execution_rows(scenario: Scenario, execution: Execution) -> list[tuple[str,
     ]
     if execution.dynamic_margins is not None:
         found.append(("with inertia", _smallest(chain, execution, execution.dynamic_margins)))
-    if slips_by_inertia(scenario, execution):
-        found.append(("warning", INERTIA_WARNING))
+    warning = inertia_warning(scenario, execution)
+    if warning:
+        found.append(("warning", warning))
     if execution.loss:
         place = f"contact {chain.contact_name(execution.loss.contact)}"
         found.append(("stopped", f"at {execution.loss.time:.2f} s: {place} does not hold"))
     return found
-
-
-def slips_by_inertia(scenario: Scenario, execution: Execution) -> bool:
-    """Tell whether inertia, left out by the scenario, would make a contact slip."""
-    least = execution.min_dynamic_margin
-    return scenario.chain.pusher.limits.contact != "dynamic" and least is not None and least <= 0.0
 
 
 def _smallest(chain: Chain, execution: Execution, margins: FloatArray) -> str:
