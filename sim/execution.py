@@ -75,6 +75,6 @@ def inertia_warning(scenario: Scenario, execution: Execution) -> str:
     if scenario.chain.pusher.limits.contact == "dynamic" or least is None or least > 0.0:
         return ""
     return (
-        f"inertia was left out (limits.contact: quasi-static), and at this speed a contact slips (margin {least:.2g}): "
-        "push more slowly, or use dynamic limits"
+        f"inertia was left out (limits.contact: quasi-static), and at this speed a contact slips "
+        f"(margin {least:.2g}): push more slowly, or use dynamic limits"
     )
