@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pushplan.arrays import IntArray
 from pushplan.logging import message_head, opcodes
-from pushplan.logging.stencil import ByteRows
+from pushplan.logging.message_template import ByteRows
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import RunLogError
 from pushplan.logging.batch import Batch
+from pushplan.logging.message_template import ByteRows
 from pushplan.logging.metadata import sealed, version_of
 from pushplan.logging.partial_file import PartialFile
 from pushplan.logging.record_writer import RecordWriter
 from pushplan.logging.schemas import TOPICS, MessageClass, Topic
-from pushplan.logging.stencil import ByteRows
 
 _NANO = 1_000_000_000
 _LATEST = 1 << 33

@@ -13,8 +13,8 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.arrays import FloatArray
+from pushplan.logging.message_template import MessageTemplate
 from pushplan.logging.scene import CHAIN, PUSHER, WORLD
-from pushplan.logging.stencil import Stencil
 from pushplan.mechanics.chain import Chain
 
 
@@ -24,7 +24,7 @@ def placed(poses: FloatArray) -> FloatArray:
     return np.stack([poses[:, 0], poses[:, 1], np.sin(half), np.cos(half)], axis=1)
 
 
-def chain_frames(chain: Chain) -> Stencil:
+def chain_frames(chain: Chain) -> MessageTemplate:
     """Return the transforms of all frames of a chain, to be filled with its place in the world.
 
     Every message carries all of them, so that any one suffices to place everything; those that never change
@@ -38,16 +38,16 @@ def chain_frames(chain: Chain) -> Stencil:
         moving.timestamp.CopyFrom(stamp)
         return FrameTransforms(transforms=[moving, *fixed])
 
-    return Stencil(message, 4)
+    return MessageTemplate(message, 4)
 
 
-def pose_in_world() -> Stencil:
+def pose_in_world() -> MessageTemplate:
     """Return a pose in the world, to be filled with its place."""
 
     def message(stamp: Timestamp, numbers: list[float]) -> PoseInFrame:
         return PoseInFrame(timestamp=stamp, frame_id=WORLD, pose=_pose(*numbers))
 
-    return Stencil(message, 4)
+    return MessageTemplate(message, 4)
 
 
 def poses_in_world(poses: FloatArray) -> bytes:
@@ -56,7 +56,7 @@ def poses_in_world(poses: FloatArray) -> bytes:
     Serialised messages joined to one another are the serialised message of all their entries.
     """
     head = PosesInFrame(timestamp=Timestamp(), frame_id=WORLD).SerializeToString(deterministic=True)
-    one = Stencil(lambda _, numbers: PosesInFrame(poses=[_pose(*numbers)]), 4)
+    one = MessageTemplate(lambda _, numbers: PosesInFrame(poses=[_pose(*numbers)]), 4)
     return head + one.fill(np.zeros(len(poses), dtype=np.int64), placed(poses)).tobytes()
 
 

@@ -15,7 +15,7 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
 from pushplan.arrays import FloatArray
-from pushplan.logging.stencil import Stencil
+from pushplan.logging.message_template import MessageTemplate
 
 CIRCLE_CORNERS = 48
 """Corners of the polygon that is drawn for a circle."""
@@ -73,9 +73,9 @@ def _with_points(primitive: Primitive, points: FloatArray, z: float) -> Primitiv
     return primitive
 
 
-def _one_point(kind: type[LinePrimitive | TriangleListPrimitive]) -> Stencil:
+def _one_point(kind: type[LinePrimitive | TriangleListPrimitive]) -> MessageTemplate:
     """A primitive of one point."""
-    return Stencil(lambda _, place: kind(points=[Point3(x=place[0], y=place[1], z=place[2])]), 3)
+    return MessageTemplate(lambda _, place: kind(points=[Point3(x=place[0], y=place[1], z=place[2])]), 3)
 
 
 _ONE_POINT = {kind: _one_point(kind) for kind in (LinePrimitive, TriangleListPrimitive)}

@@ -14,9 +14,9 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.logging import frames, schemas
+from pushplan.logging.message_template import ByteRows, MessageTemplate
 from pushplan.logging.scene import CHAIN
 from pushplan.logging.schemas import MessageClass, Topic
-from pushplan.logging.stencil import ByteRows, Stencil
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.execution import Execution
 
@@ -49,14 +49,14 @@ def messages(
     }
 
 
-def _twist() -> Stencil:
+def _twist() -> MessageTemplate:
     """A body twist of the pusher, chain frame."""
 
     def message(stamp: Timestamp, numbers: list[float]) -> MessageClass:
         vx, vy, omega = numbers
         return schemas.Twist(timestamp=stamp, frame_id=CHAIN, vx=vx, vy=vy, omega=omega)
 
-    return Stencil(message, 3)
+    return MessageTemplate(message, 3)
 
 
 def _contact_columns(chain: Chain, execution: Execution) -> Iterator[tuple[str, FloatArray]]:
@@ -75,7 +75,7 @@ def _contact_columns(chain: Chain, execution: Execution) -> Iterator[tuple[str, 
             yield f"point.{axis}", right + execution.lambdas * (left - right)
 
 
-def _margins(chain: Chain, fields: list[str]) -> Stencil:
+def _margins(chain: Chain, fields: list[str]) -> MessageTemplate:
     """The state of every contact: the smallest margin, then each of the `fields` of all contacts."""
     contacts = len(chain.contacts)
 
@@ -84,7 +84,7 @@ def _margins(chain: Chain, fields: list[str]) -> Stencil:
         entries = [_contact(chain.contact_name(k), fields, rest[k::contacts]) for k in range(contacts)]
         return schemas.Margins(timestamp=stamp, smallest=smallest, contacts=entries)
 
-    return Stencil(message, 1 + contacts * len(fields))
+    return MessageTemplate(message, 1 + contacts * len(fields))
 
 
 def _contact(name: str, fields: list[str], numbers: list[float]) -> dict[str, Any]:

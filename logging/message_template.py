@@ -27,7 +27,7 @@ _LONGEST = Timestamp(seconds=(1 << 7 * _DIGITS) - 1, nanos=999_999_999)
 _NANO = 1_000_000_000
 
 
-class Stencil:
+class MessageTemplate:
     """A message with holes.
 
     Args:

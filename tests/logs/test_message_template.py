@@ -1,4 +1,4 @@
-"""Messages filled from a stencil say what messages made one by one would say."""
+"""Messages filled from a template say what messages made one by one would say."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pushplan.logging.message_template import MessageTemplate
 from pushplan.logging.schemas import MessageClass, Twist
-from pushplan.logging.stencil import Stencil
 
 
 def twist(stamp: Timestamp, numbers: list[float]) -> MessageClass:
@@ -27,7 +27,7 @@ SAMPLES = st.lists(
 def test_a_filled_message_is_the_message(samples: list[tuple[int, float, float, float]]) -> None:
     times = np.array([time for time, *_ in samples])
     numbers = np.array([values for _, *values in samples])
-    rows = Stencil(twist, 3).fill(times, numbers)
+    rows = MessageTemplate(twist, 3).fill(times, numbers)
     assert len(rows) == len(samples)
     for row, (time, *values) in zip(rows, samples, strict=True):
         stamp = Timestamp(seconds=time // 10**9, nanos=time % 10**9)
@@ -36,11 +36,11 @@ def test_a_filled_message_is_the_message(samples: list[tuple[int, float, float, 
 
 def test_not_a_number_keeps_its_bits() -> None:
     numbers = np.array([[np.nan, np.inf, -0.0]])
-    (row,) = Stencil(twist, 3).fill(np.array([0]), numbers)
+    (row,) = MessageTemplate(twist, 3).fill(np.array([0]), numbers)
     message = Twist.FromString(row.tobytes())
     assert np.array([message.vx, message.vy, message.omega]).tobytes() == numbers.tobytes()
 
 
 def test_a_message_that_drops_a_number_is_refused() -> None:
     with pytest.raises(ValueError, match="a message holds 0 times what it should hold once"):
-        Stencil(lambda stamp, numbers: Twist(timestamp=stamp, vx=numbers[0]), 2)
+        MessageTemplate(lambda stamp, numbers: Twist(timestamp=stamp, vx=numbers[0]), 2)
