@@ -34,7 +34,7 @@ def encoded(record: records.McapRecord) -> bytes:
     """Return a record as it lies in the file."""
     builder = RecordBuilder()
     record.write(builder)
-    return bytes(builder.end())
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
 class RecordWriter:

@@ -15,6 +15,7 @@ from pushplan.logging.playback import Playback, ticks
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import obstacle_outline
 from pushplan.logging.window import Window, window
+from pushplan.printable import printable
 from pushplan.sim.execution import Execution
 
 PERIOD = 0.1
@@ -56,7 +57,7 @@ class TerminalView:
 
     def __init__(self, run: RecordedRun, execution: Execution, columns: int, lines: int) -> None:
         self._chain, self._execution = run.scenario.chain, execution
-        self._names = [self._chain.contact_name(k) for k in range(len(self._chain.contacts))]
+        self._names = [printable(self._chain.contact_name(k)) for k in range(len(self._chain.contacts))]
         shown = min(len(self._names), max(1, lines - 8))
         self._names = self._names[:shown]
         self._canvas = _Canvas(window(run.scenario, run.plan), max(20, columns), max(6, lines - 1 - shown))
