@@ -23,6 +23,9 @@ MEDIA_TYPES = {SCENARIO_FILE: "application/yaml", SCENARIO_JSON: "application/js
 SCENARIO_FOLDER = "scenario/"
 """Beginning of the names of the files that the scenario refers to, such as pressure maps."""
 
+_MEMORY = 5
+"""Bytes of memory for each byte of an attachment: of a pressure map, its numbers as well."""
+
 
 def attachments_of(scenario: Scenario) -> dict[str, bytes]:
     """Return what a log has to keep so that `ScenarioFiles` gives the scenario back."""
@@ -47,6 +50,7 @@ class ScenarioFiles:
         if attachment.name in self._files:
             raise ValueError("a name that was there already")
         if attachment.name in MEDIA_TYPES or attachment.name.startswith(SCENARIO_FOLDER):
+            self._file.budget.keep(_MEMORY * len(attachment.data), attachment.offset)
             self._files[attachment.name] = attachment
 
     def read(self) -> Scenario:

@@ -30,7 +30,7 @@ def decode(message: MessageClass) -> FloatArray:
     Raises:
         ValueError: When the number of bytes does not fit the shape, or the array is empty.
     """
-    shape = tuple(message.shape)
+    shape = tuple(message.shape[:4])
     needed = math.prod(shape) * _WIDTH
     if not 1 <= len(shape) <= 3 or needed == 0 or needed != len(message.planes):
         raise ValueError(f"array {message.name!r} of shape {shape} cannot have {len(message.planes)} bytes")

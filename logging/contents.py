@@ -13,6 +13,13 @@ from pushplan.logging.schemas import MessageClass, Topic
 from pushplan.result import PlanResult
 from pushplan.sim.execution import Execution
 
+TOPICS = (schemas.PROGRESS, schemas.PLAN, schemas.EXECUTION, schemas.EXECUTION_END, schemas.LOG)
+"""What is read back; the other topics are for viewers, and follow from these and the scenario."""
+
+_LINE, _BLOCK = 1 << 10, 12 << 10
+"""Memory, in bytes, charged for a line or an improvement beside its text, and at least for a block of samples: both
+take microseconds to read, so that this bounds the time, too."""
+
 
 class Contents:
     """Gathers plan, execution and lines from messages; other topics are for viewers.
@@ -59,6 +66,12 @@ class Contents:
             raise ValueError(f"it is of type {message.kind!r} instead of {expected}")
         handle(topic.message.FromString(message.data))
 
+    @staticmethod
+    def memory(message: Message) -> int:
+        """Return the bytes that the message may take once it is decoded."""
+        size = len(message.data)
+        return max(size, _BLOCK) if message.topic == schemas.EXECUTION.name else 4 * size + _LINE
+
     @property
     def cut(self) -> bool:
         """Whether there are samples, but not the end of the execution."""
@@ -81,6 +94,8 @@ class Contents:
         self.plan = plan_message.decode(message, self.effort, self._progress)
 
     def _take_samples(self, message: MessageClass) -> None:
+        if self._execution is not None:
+            raise ValueError("the execution has ended already")
         if self._samples is None:
             self._samples = Collector(self.contacts())
         self._samples.add(message)

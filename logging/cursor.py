@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import struct
 
+TEXT_LIMIT = 1 << 20
+"""Longest text and list of words in a record, bytes."""
+
 
 class DamageError(Exception):
     """Bytes that cannot be what they claim; `offset` counts from the beginning of the file."""
@@ -51,14 +54,21 @@ class Cursor:
         """Return the next string, which begins with its length."""
         at = self.offset
         try:
-            return str(self.take(self.number("I")), "utf-8")
+            return str(self._limited(), "utf-8")
         except UnicodeDecodeError as error:
             raise DamageError("a text that is not UTF-8", at) from error
+
+    def _limited(self) -> memoryview:
+        """Return the bytes of a text or a list of words, behind their number."""
+        at, size = self.offset, self.number("I")
+        if TEXT_LIMIT < size <= self.left:
+            raise DamageError(f"a text of {size} bytes; at most {TEXT_LIMIT} are allowed", at)
+        return self.take(size)
 
     def texts(self) -> dict[str, str]:
         """Return the next map of strings, which begins with its length."""
         at = self.offset
-        inner = Cursor(self.take(self.number("I")), at + 4)
+        inner = Cursor(self._limited(), at + 4)
         pairs: dict[str, str] = {}
         while inner.left:
             key = inner.text()

@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Collection
+
 from pushplan.logging import message_head, opcodes
-from pushplan.logging.cursor import DamageError
+from pushplan.logging.budget import Budget
+from pushplan.logging.cursor import TEXT_LIMIT, DamageError
 from pushplan.logging.items import Message
-from pushplan.logging.records import Frame
+from pushplan.logging.records import Frame, Unwanted
+
+_OVERHEAD = 512
+"""Memory of a declaration beside its texts, bytes; of its schema only a hash is kept."""
 
 
 class Declarations:
-    """The schemas and channels of a file by their numbers."""
+    """The schemas and channels of a file by their numbers.
 
-    def __init__(self) -> None:
+    Attributes:
+        unwanted: The channels of topics that nobody asked for.
+    """
+
+    def __init__(self, wanted: Collection[str] | None) -> None:
+        self.unwanted = Unwanted(set())
+        self._wanted = wanted
         self._schemas: dict[int, tuple[str, str, bytes]] = {}
         self._channels: dict[int, tuple[int, str, str]] = {}
 
-    def add(self, frame: Frame) -> None:
+    def add(self, frame: Frame, budget: Budget) -> None:
         """Take note of a schema or channel.
 
         Raises:
             DamageError: When its number stands for another one already, or a channel's schema is missing.
         """
+        budget.keep(_OVERHEAD + min(4 * len(frame.body), TEXT_LIMIT), frame.offset)
         if frame.opcode == opcodes.SCHEMA:
             self._add_schema(frame)
         else:
@@ -29,7 +43,7 @@ class Declarations:
     def _add_schema(self, frame: Frame) -> None:
         cursor = frame.cursor
         number = cursor.number("H")
-        schema = (cursor.text(), cursor.text(), bytes(cursor.take(cursor.number("I"))))
+        schema = (cursor.text(), cursor.text(), hashlib.sha256(cursor.take(cursor.number("I"))).digest())
         if self._schemas.setdefault(number, schema) != schema:
             raise DamageError(f"schema {number} is declared twice", frame.offset)
 
@@ -41,6 +55,8 @@ class Declarations:
             raise DamageError(f"channel {number} has schema {schema}, which is not declared", frame.offset)
         if self._channels.setdefault(number, channel) != channel:
             raise DamageError(f"channel {number} is declared twice", frame.offset)
+        if self._wanted is not None and channel[1] not in self._wanted:
+            self.unwanted.channels.add(number)
 
     def message(self, frame: Frame) -> Message:
         """Return the message in `frame`.

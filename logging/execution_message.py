@@ -55,7 +55,7 @@ class Collector:
     def __init__(self, contacts: int) -> None:
         self.contacts = contacts
         self.samples = 0
-        self._parts: dict[str, list[FloatArray]] = {}
+        self._series: dict[str, bytearray] = {}  # grown in place: joining parts takes the memory twice
 
     def add(self, message: MessageClass) -> None:
         """Take the next `Execution` message.
@@ -63,19 +63,21 @@ class Collector:
         Raises:
             ValueError: When it does not follow the one before, or its arrays do not fit.
         """
+        _require(len(message.arrays) <= len(REQUIRED + OPTIONAL), "a block holds too many arrays")
         arrays = {array.name: blocks.decode(array) for array in message.arrays}
         _require(
             message.first == self.samples, f"a block begins at sample {message.first}, not {self.samples}"
         )
         _require(len(arrays) == len(message.arrays), "a block names an array twice")
         _require(set(REQUIRED) <= set(arrays) <= {*REQUIRED, *OPTIONAL}, f"a block holds {sorted(arrays)}")
-        _require(not self._parts or self._parts.keys() == arrays.keys(), "the blocks hold different arrays")
+        same = not self._series or self._series.keys() == arrays.keys()
+        _require(same, "the blocks hold different arrays")
         count = len(arrays["t"])
         for name, values in arrays.items():
             shape = _shape(name, count, self.contacts)
             _require(values.shape == shape, f"array {name!r} has shape {values.shape}, not {shape}")
         for name, values in arrays.items():
-            self._parts.setdefault(name, []).append(values)
+            self._series.setdefault(name, bytearray()).extend(values.tobytes())
         self.samples += count
 
     def finish(self, end: MessageClass | None) -> Execution:
@@ -91,12 +93,15 @@ class Collector:
         return Execution(**self._joined(), loss=_loss(end), goal_error=error)
 
     def _joined(self) -> dict[str, FloatArray]:
-        empty = {name: [np.zeros(_shape(name, 0, self.contacts))] for name in (*REQUIRED, *OPTIONAL)}
-        parts = self._parts or empty
-        joined = {name: np.concatenate(parts.pop(name)) for name in list(parts)}  # frees as it goes
+        known = self._series or dict.fromkeys((*REQUIRED, *OPTIONAL), bytearray())
+        joined = {name: self._array(name, numbers) for name, numbers in known.items()}
         for values in joined.values():
             values.setflags(write=False)
         return {**dict.fromkeys(OPTIONAL), **joined}  # type: ignore[dict-item]
+
+    def _array(self, name: str, numbers: bytearray) -> FloatArray:
+        flat = np.frombuffer(numbers, dtype=np.float64) if numbers else np.zeros(0)
+        return flat.reshape(_shape(name, self.samples, self.contacts))
 
 
 def _shape(name: str, samples: int, contacts: int) -> tuple[int, ...]:

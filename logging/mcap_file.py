@@ -5,17 +5,21 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from pushplan.errors import RunLogError
 from pushplan.logging import opcodes, records
+from pushplan.logging.budget import WORDS_MEMORY, Budget, ExhaustedError
 from pushplan.logging.cursor import DamageError
 from pushplan.logging.declarations import Declarations
 from pushplan.logging.items import Attachment, Item, Metadata
 from pushplan.logging.records import Frame
 from pushplan.logging.summary import SummaryCheck, repeated_declarations
+
+MOST_LOSSES = 1000
+"""Damaged places behind which a file is read on."""
 
 
 class McapFile:
@@ -25,16 +29,26 @@ class McapFile:
         path: The file.
         recover: Go on behind damage and list it in `losses`, instead of raising an error.
         size: Of the file, bytes; known once reading has begun.
+        budget: What may be read and kept; likewise.
         losses: What could not be read, in words.
     """
 
-    def __init__(self, path: Path, recover: bool = False) -> None:
+    def __init__(self, path: Path, recover: bool = False, topics: Collection[str] | None = None) -> None:
+        """Prepare to read.
+
+        Args:
+            path: The file.
+            recover: See above.
+            topics: The topics whose messages are wanted; None for all.
+        """
         self.path = path
         self.recover = recover
         self.size = 0
+        self.budget = Budget(0)
         self.losses: list[str] = []
-        self._declared = Declarations()
+        self._declared = Declarations(topics)
         self._check = SummaryCheck()
+        self._hopeless = False
 
     def items(self) -> Iterator[Item]:
         """Yield what the file holds.
@@ -45,6 +59,7 @@ class McapFile:
         try:
             with open(_regular(self.path), "rb") as stream:
                 self.size = os.fstat(stream.fileno()).st_size
+                self.budget = Budget(self.size)
                 if self.recover:
                     self._preload(stream)
                 yield from self._walk(stream)
@@ -57,19 +72,16 @@ class McapFile:
                 self._item(frame)
 
     def _walk(self, stream: BinaryIO) -> Iterator[Item]:
-        budget = records.Budget(self.size)
         try:
             for frame in records.frames(stream, self.size):
-                budget.spend(1, 0, frame.offset)
+                self.budget.outer_record(frame.offset)
                 try:
-                    if frame.opcode == opcodes.CHUNK:
-                        yield from self._unpack(frame, budget)
+                    yield from self._items(frame)
                     self._check.note(frame)
-                    item = self._item(frame)
-                    if item is not None:
-                        yield item
                 except DamageError as damage:
                     self.lose(damage, f"{opcodes.PREFIX + len(frame.body)} bytes")
+                if self._hopeless:
+                    return
         except DamageError as damage:
             self.lose(damage, "everything from there on")
 
@@ -81,8 +93,12 @@ class McapFile:
         """
         if not self.recover:
             raise RunLogError(str(self.path), damage.what, damage.offset) from damage
-        self.losses.append(f"{lost} at byte {damage.offset}: {damage.what}")
         self._check.counting = False
+        if self._hopeless:
+            return
+        self._hopeless = isinstance(damage, ExhaustedError) or len(self.losses) >= MOST_LOSSES
+        rest = ", and everything from there on" if self._hopeless else ""
+        self.losses.append(f"{lost}{rest} at byte {damage.offset}: {damage.what}")
 
     def require(self, there: bool, what: str, vital: bool = False) -> None:
         """Note that `what` is missing unless it is `there`.
@@ -95,13 +111,27 @@ class McapFile:
         if not there:
             self.losses.append(what)
 
-    def _unpack(self, chunk: Frame, budget: records.Budget) -> Iterator[Item]:
+    def _items(self, frame: Frame) -> Iterator[Item]:
+        """Yield what a record says to others, or those in a chunk."""
+        if frame.opcode == opcodes.CHUNK:
+            yield from self._unpack(frame)
+        else:
+            item = self._item(frame)
+            if item is not None:
+                yield item
+
+    def _unpack(self, chunk: Frame) -> Iterator[Item]:
         """Yield the items of a chunk."""
-        for record in records.chunk_frames(chunk, budget):
-            self._check.count(record)
+        data, unwanted = records.inflated(chunk, self.budget), self._declared.unwanted
+        before = unwanted.passed
+        for record in records.chunk_frames(data, chunk.offset, self.budget, unwanted):
+            if self._hopeless:
+                return
+            self._check.count(record.opcode)
             item = self._item(record)
             if item is not None:
                 yield item
+        self._check.count(opcodes.MESSAGE, unwanted.passed - before)
 
     def _item(self, frame: Frame) -> Item | None:
         """Return what a record says to others; declarations are kept here, the rest is skipped."""
@@ -111,10 +141,11 @@ class McapFile:
             case opcodes.ATTACHMENT:
                 return Attachment(*records.attachment(frame), frame.offset)
             case opcodes.METADATA:
+                self.budget.keep(WORDS_MEMORY * len(frame.body), frame.offset)
                 cursor = frame.cursor
                 return Metadata(cursor.text(), cursor.texts(), frame.offset)
             case opcodes.SCHEMA | opcodes.CHANNEL:
-                self._declared.add(frame)
+                self._declared.add(frame, self.budget)
         return None
 
 

@@ -15,6 +15,9 @@ from pushplan.path import PushPath
 from pushplan.result import Diagnosis, PlanResult, ProgressPoint
 from pushplan.trajectory import Trajectory
 
+_MOST_REASONS = 1000
+"""Diagnoses of a plan, and numbers in one, at most: there are some ten."""
+
 
 def encode(plan: PlanResult) -> MessageClass:
     """Return the `Plan` message of `plan`, without a time stamp."""
@@ -53,6 +56,10 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, 
         ValueError: When the numbers do not make a plan.
         PushplanError: Likewise.
     """
+    if len(message.diagnosis) > _MOST_REASONS or any(
+        len(found.numbers) > _MOST_REASONS for found in message.diagnosis
+    ):
+        raise ValueError(f"more than {_MOST_REASONS} reasons, or numbers of one")
     if len(progress) != len(effort.progress_s):
         raise ValueError(f"{len(effort.progress_s)} times for {len(progress)} improvements")
     points = zip(effort.progress_s, progress, strict=True)

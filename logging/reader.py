@@ -9,7 +9,8 @@ from google.protobuf.message import DecodeError
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.logging import metadata
 from pushplan.logging.attached import ScenarioFiles
-from pushplan.logging.contents import Contents
+from pushplan.logging.budget import MESSAGE_LIMIT
+from pushplan.logging.contents import TOPICS, Contents
 from pushplan.logging.cursor import DamageError
 from pushplan.logging.effort import Effort
 from pushplan.logging.items import Attachment, Item, Message, Metadata
@@ -35,7 +36,8 @@ def read_run(path: Path | str, *, recover: bool | None = None) -> RecordedRun:
         RunLogError: When the file is damaged (and not to be recovered), no run log, or of a newer format.
     """
     path = Path(path)
-    file = McapFile(path, recover=path.name.endswith(SUFFIX) if recover is None else recover)
+    damaged = path.name.endswith(SUFFIX) if recover is None else recover
+    file = McapFile(path, recover=damaged, topics={topic.name for topic in TOPICS})
     reading = _Reading(file)
     for item in file.items():
         reading.take(item)
@@ -56,16 +58,24 @@ class _Reading:
         try:
             match item:
                 case Message():
-                    self._contents.take(item)
+                    self._take_message(item)
                 case Attachment():
                     self._scenario.take(item)
                 case Metadata():
                     self._take_metadata(item)
         except RunLogError:
             raise
+        except DamageError as damage:
+            self._file.lose(damage, "an item")
         except (DecodeError, KeyError, ValueError, PushplanError) as error:
             what = f"no {error}" if isinstance(error, KeyError) else str(error)
             self._file.lose(DamageError(f"{_name(item)}: {what}", item.offset), "an item")
+
+    def _take_message(self, item: Message) -> None:
+        if len(item.data) > MESSAGE_LIMIT:
+            raise ValueError(f"{len(item.data)} bytes; at most {MESSAGE_LIMIT} are allowed")
+        self._file.budget.keep(self._contents.memory(item), item.offset)
+        self._contents.take(item)
 
     def _take_metadata(self, item: Metadata) -> None:
         if not item.name.startswith(_OURS):

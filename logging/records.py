@@ -9,26 +9,22 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import BinaryIO, NamedTuple
 
+from pushplan.logging.budget import RECORD_LIMIT, Budget
 from pushplan.logging.cursor import Cursor, DamageError
 from pushplan.logging.inflate import inflate
-from pushplan.logging.opcodes import FOOTER, MAGIC, PREFIX
+from pushplan.logging.opcodes import CHANNEL, FOOTER, MAGIC, MESSAGE, PREFIX, SCHEMA
 
 _PREFIX = struct.Struct("<BQ")
 
-RECORD_LIMIT = 16 << 20
-"""Largest record and largest chunk once inflated, bytes; the writer's own stay below 1 MiB."""
+_MESSAGE = struct.Struct("<BQHIQQ")
+"""A record's kind and length, and of a message: channel, number, time of the log, time of publication."""
 
-TOTAL_LIMIT = 2 << 30
-"""Most bytes that all chunks of a file may inflate to."""
+_IN_CHUNKS = (MESSAGE, SCHEMA, CHANNEL)
 
-_FREE_BYTES, _INFLATION = 64 << 20, 300
-"""A file of s bytes may inflate to 64 MiB + 300 s bytes ..."""
-
-_FREE_RECORDS, _BYTES_PER_RECORD = 10_000, 20
-"""... and hold 10,000 + s/20 records (a message's entry in an index takes 16 bytes already), so that reading
-takes time in proportion to the size."""
+_HEAD_SIZE = _MESSAGE.size - _PREFIX.size
 
 
 class Frame(NamedTuple):
@@ -83,27 +79,8 @@ def next_frame(stream: BinaryIO, size: int) -> Frame:
     return Frame(opcode, at, memoryview(body))
 
 
-class Budget:
-    """What is left of the records and inflated bytes that a file of `size` bytes may have."""
-
-    def __init__(self, size: int) -> None:
-        self._records = _FREE_RECORDS + size // _BYTES_PER_RECORD
-        self._bytes = min(TOTAL_LIMIT, _FREE_BYTES + _INFLATION * size)
-
-    def spend(self, records: int, size: int, offset: int) -> None:
-        """Take `records` and `size` bytes for what begins at `offset`.
-
-        Raises:
-            DamageError: When that is more than is left.
-        """
-        self._records -= records
-        self._bytes -= size
-        if self._records < 0 or self._bytes < 0:
-            raise DamageError("the file holds far more data than its size allows", offset)
-
-
-def chunk_frames(chunk: Frame, budget: Budget) -> list[Frame]:
-    """Return the records in `chunk`, each with the offset of the chunk.
+def inflated(chunk: Frame, budget: Budget) -> memoryview:
+    """Return the records in `chunk`, one after another.
 
     Raises:
         DamageError: When it is damaged, larger than allowed, or its checksum does not fit.
@@ -113,28 +90,56 @@ def chunk_frames(chunk: Frame, budget: Budget) -> list[Frame]:
     size, checksum = cursor.number("Q"), cursor.number("I")
     if size > RECORD_LIMIT:
         raise DamageError(f"a chunk claims {size} bytes; at most {RECORD_LIMIT} are allowed", chunk.offset)
-    budget.spend(0, size, chunk.offset)
+    budget.chunk(size, chunk.offset)
     compression = cursor.text()
     data = cursor.take(cursor.number("Q"))
     try:
-        inflated = inflate(data, compression, size)
+        records = inflate(data, compression, size)
     except ValueError as error:
         raise DamageError(str(error), chunk.offset) from error
-    if checksum and zlib.crc32(inflated) != checksum:
+    if checksum and zlib.crc32(records) != checksum:
         raise DamageError("the checksum of a chunk does not fit", chunk.offset)
-    return list(_split(inflated, chunk.offset, budget))
+    return records
 
 
-def _split(data: memoryview, offset: int, budget: Budget) -> Iterator[Frame]:
-    at = 0
-    while at < len(data):
-        budget.spend(1, 0, offset)
+@dataclass
+class Unwanted:
+    """The channels whose messages are passed over, and how many were: hundreds of thousands in a long log."""
+
+    channels: set[int]
+    passed: int = 0
+
+
+def chunk_frames(data: memoryview, offset: int, budget: Budget, unwanted: Unwanted) -> Iterator[Frame]:
+    """Yield the schemas, channels and messages in the chunk at `offset`; other kinds mean nothing there.
+
+    Args:
+        data: What `inflated` returned.
+        offset: Where the chunk begins in the file; the offset of its records.
+        budget: Of the file.
+        unwanted: What is passed over; may grow while the records are taken.
+
+    Raises:
+        DamageError: When a record is cut, or there are too many.
+    """
+    at, count, size, most = 0, 0, len(data), budget.records
+    unpack, channels = _MESSAGE.unpack_from, unwanted.channels
+    while at < size and count <= most:
+        count += 1
+        if at + _MESSAGE.size <= size:
+            opcode, length, channel, *_ = unpack(data, at)
+        else:  # too near to the end for a message
+            opcode, length = _PREFIX.unpack_from(data, at) if at + PREFIX <= size else (0, size)
+            channel = -1
         begin = at + PREFIX
-        opcode, length = _PREFIX.unpack_from(data, at) if begin <= len(data) else (0, len(data))
         at = begin + length
-        if at > len(data):
+        if at > size:
             raise DamageError("a chunk ends inside a record", offset)
-        yield Frame(opcode, offset, data[begin:at])
+        if opcode == MESSAGE and channel in channels and length >= _HEAD_SIZE:
+            unwanted.passed += 1
+        elif opcode in _IN_CHUNKS:
+            yield Frame(opcode, offset, data[begin:at])
+    budget.inner_records(count, offset)
 
 
 def attachment(frame: Frame) -> tuple[str, bytes]:

@@ -8,6 +8,7 @@ from collections import Counter
 from typing import BinaryIO
 
 from pushplan.logging import opcodes, records
+from pushplan.logging.budget import RECORD_LIMIT
 from pushplan.logging.cursor import DamageError
 from pushplan.logging.records import Frame
 
@@ -29,9 +30,9 @@ class SummaryCheck:
         self._seen: Counter[int] = Counter()
         self._checksum: int | None = None
 
-    def count(self, frame: Frame) -> None:
-        """Take the next record of a chunk."""
-        self._seen[frame.opcode] += 1
+    def count(self, opcode: int, number: int = 1) -> None:
+        """Take the next record of a chunk, or a number of them."""
+        self._seen[opcode] += number
 
     def note(self, frame: Frame) -> None:
         """Take the next record of the file.
@@ -40,7 +41,7 @@ class SummaryCheck:
             DamageError: When the summary's counts or checksum do not fit.
         """
         if self._checksum is None:
-            self.count(frame)
+            self.count(frame.opcode)
             if frame.opcode == opcodes.DATA_END:
                 self._checksum = 0
         elif frame.opcode == opcodes.FOOTER:
@@ -80,13 +81,14 @@ def _declarations(stream: BinaryIO, size: int) -> list[Frame]:
     if footer.opcode != opcodes.FOOTER or not 0 < begin < footer.offset:
         return []
     stream.seek(begin)
-    checksum, found, left = 0, [], _MOST_RECORDS
-    while stream.tell() < footer.offset and left:
+    checksum, found, left, room = 0, [], _MOST_RECORDS, RECORD_LIMIT
+    while stream.tell() < footer.offset and left and room > 0:
         frame = records.next_frame(stream, size)
         checksum = zlib.crc32(frame.body, zlib.crc32(_prefix(frame), checksum))
         left -= 1
         if frame.opcode in (opcodes.SCHEMA, opcodes.CHANNEL):
             found.append(frame)
+            room -= len(frame.body)
     _check_footer(footer, checksum)
     return found
 
