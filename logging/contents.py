@@ -31,7 +31,8 @@ class Contents:
         lines: The lines of /log so far.
     """
 
-    def __init__(self, contacts: Callable[[], int]) -> None:
+    def __init__(self, contacts: Callable[[], int], recover: bool = False) -> None:
+        self._recover = recover
         self.effort: Effort | None = None
         self.contacts = contacts
         self.plan: PlanResult | None = None
@@ -73,6 +74,11 @@ class Contents:
         return max(size, _BLOCK) if message.topic == schemas.EXECUTION.name else 4 * size + _LINE
 
     @property
+    def gaps(self) -> list[tuple[int, int]]:
+        """The samples that are missing: the first of each gap and the one behind it."""
+        return [] if self._samples is None else self._samples.gaps
+
+    @property
     def cut(self) -> bool:
         """Whether there are samples, but not the end of the execution."""
         return self._samples is not None and self._execution is None
@@ -97,14 +103,15 @@ class Contents:
         if self._execution is not None:
             raise ValueError("the execution has ended already")
         if self._samples is None:
-            self._samples = Collector(self.contacts())
+            self._samples = Collector(self.contacts(), self._recover)
         self._samples.add(message)
 
     def _take_end(self, message: MessageClass) -> None:
         if self._execution is not None:
             raise ValueError("the execution has ended already")
-        samples = self._samples or Collector(self.contacts())
-        self._execution = samples.finish(message)
+        if self._samples is None:
+            self._samples = Collector(self.contacts(), self._recover)
+        self._execution = self._samples.finish(message)
 
     def _take_line(self, message: MessageClass) -> None:
         if not 1 <= message.level <= len(schemas.LEVELS):

@@ -50,11 +50,15 @@ class Collector:
     Attributes:
         contacts: Number of contacts of the chain.
         samples: Number of samples so far.
+        gaps: The first sample that is missing, and the one behind, for each gap; only where gaps are allowed.
     """
 
-    def __init__(self, contacts: int) -> None:
+    def __init__(self, contacts: int, recover: bool = False) -> None:
         self.contacts = contacts
         self.samples = 0
+        self.gaps: list[tuple[int, int]] = []
+        self._recover = recover
+        self._next = 0
         self._series: dict[str, bytearray] = {}  # grown in place: joining parts takes the memory twice
 
     def add(self, message: MessageClass) -> None:
@@ -65,8 +69,9 @@ class Collector:
         """
         _require(len(message.arrays) <= len(REQUIRED + OPTIONAL), "a block holds too many arrays")
         arrays = {array.name: blocks.decode(array) for array in message.arrays}
+        gap = message.first > self._next and self._recover
         _require(
-            message.first == self.samples, f"a block begins at sample {message.first}, not {self.samples}"
+            message.first == self._next or gap, f"a block begins at sample {message.first}, not {self._next}"
         )
         _require(len(arrays) == len(message.arrays), "a block names an array twice")
         _require(set(REQUIRED) <= set(arrays) <= {*REQUIRED, *OPTIONAL}, f"a block holds {sorted(arrays)}")
@@ -78,7 +83,10 @@ class Collector:
             _require(values.shape == shape, f"array {name!r} has shape {values.shape}, not {shape}")
         for name, values in arrays.items():
             self._series.setdefault(name, bytearray()).extend(values.tobytes())
+        if gap:
+            self.gaps.append((self._next, message.first))
         self.samples += count
+        self._next = message.first + count
 
     def finish(self, end: MessageClass | None) -> Execution:
         """Return the execution, its arrays read-only; without its `end` the goal error is NaN.
@@ -88,7 +96,10 @@ class Collector:
         """
         if end is None:
             return Execution(**self._joined(), loss=None, goal_error=(math.nan, math.nan))
-        _require(end.samples == self.samples, f"there are {self.samples} samples, not {end.samples}")
+        if self._recover and end.samples > self._next:
+            self.gaps.append((self._next, end.samples))
+            self._next = end.samples
+        _require(end.samples == self._next, f"there are {self._next} samples, not {end.samples}")
         error = (end.goal_position_error, end.goal_angle_error)
         return Execution(**self._joined(), loss=_loss(end), goal_error=error)
 

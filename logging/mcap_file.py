@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Generator, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,6 +16,7 @@ from pushplan.logging.cursor import DamageError
 from pushplan.logging.declarations import Declarations
 from pushplan.logging.items import Attachment, Item, Metadata
 from pushplan.logging.records import Frame
+from pushplan.logging.resync import next_sound
 from pushplan.logging.summary import SummaryCheck, repeated_declarations
 
 MOST_LOSSES = 1000
@@ -72,8 +73,15 @@ class McapFile:
                 self._item(frame)
 
     def _walk(self, stream: BinaryIO) -> Iterator[Item]:
+        """Yield the items of the file; in one to be recovered, begin again behind every stretch without records."""
+        begin: int | None = 0
+        while begin is not None:
+            begin = yield from self._stretch(stream, begin)
+
+    def _stretch(self, stream: BinaryIO, begin: int) -> Generator[Item, None, int | None]:
+        """Yield items up to the end or the next damage of the frames; return where to go on, if anywhere."""
         try:
-            for frame in records.frames(stream, self.size):
+            for frame in records.frames(stream, self.size, begin):
                 self.budget.outer_record(frame.offset)
                 try:
                     yield from self._items(frame)
@@ -81,9 +89,20 @@ class McapFile:
                 except DamageError as damage:
                     self.lose(damage, f"{opcodes.PREFIX + len(frame.body)} bytes")
                 if self._hopeless:
-                    return
+                    return None
+            return None
         except DamageError as damage:
-            self.lose(damage, "everything from there on")
+            behind = self._resume(stream, damage)
+            self.lose(
+                damage, "everything from there on" if behind is None else f"{behind - damage.offset} bytes"
+            )
+            return behind
+
+    def _resume(self, stream: BinaryIO, damage: DamageError) -> int | None:
+        """Return where records go on behind the damage of a file to be recovered."""
+        if not self.recover or isinstance(damage, ExhaustedError) or self._hopeless:
+            return None
+        return next_sound(stream, max(damage.offset, len(opcodes.MAGIC)), self.size)
 
     def lose(self, damage: DamageError, lost: str) -> None:
         """Note that because of `damage` something is `lost`.

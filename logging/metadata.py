@@ -25,6 +25,8 @@ FORMAT = 1
 RUN = "pushplan.run"
 PLANNING = "pushplan.planning"
 RESULT = "pushplan.result"
+RECOVERY = "pushplan.recovery"
+"""In logs that were written from a damaged one: its name, and what of it was lost."""
 
 _CHECKSUM = "crc32"
 _DEPENDENCIES = ("numpy", "numba", "scipy", "shapely", "ompl", "ruckig", "mcap", "protobuf")

@@ -51,7 +51,7 @@ class _Reading:
         self._file = file
         self._words: dict[str, dict[str, str]] = {}
         self._scenario = ScenarioFiles(file)
-        self._contents = Contents(lambda: len(self._scenario.read().chain.contacts))
+        self._contents = Contents(lambda: len(self._scenario.read().chain.contacts), file.recover)
 
     def take(self, item: Item) -> None:
         """Take the next item of the file."""
@@ -106,6 +106,8 @@ class _Reading:
         self._scenario.check(self._words.get(metadata.RUN, {}))
         self._file.require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
         self._file.require(not self._contents.cut, "the end of the execution")
+        for first, behind in self._contents.gaps:
+            self._file.require(False, f"samples {first} to {behind - 1} of the execution")
         return RecordedRun(
             path=self._file.path,
             scenario=scenario,

@@ -40,13 +40,19 @@ class Frame(NamedTuple):
         return Cursor(self.body, self.offset + PREFIX)
 
 
-def frames(stream: BinaryIO, size: int) -> Iterator[Frame]:
+def frames(stream: BinaryIO, size: int, begin: int = 0) -> Iterator[Frame]:
     """Yield the records of a file of `size` bytes up to its footer; chunks are yielded whole.
+
+    Args:
+        stream: The file.
+        size: Of it.
+        begin: 0, or where a record begins.
 
     Raises:
         DamageError: Where the file is not MCAP, is cut short, or goes on behind its end.
     """
-    if stream.read(len(MAGIC)) != MAGIC:
+    stream.seek(begin)
+    if begin == 0 and stream.read(len(MAGIC)) != MAGIC:
         raise DamageError("not an MCAP file", 0)
     opcode = 0
     while opcode != FOOTER:

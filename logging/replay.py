@@ -25,4 +25,8 @@ def summary(run: RecordedRun) -> list[tuple[str, str]]:
         rows.append(("samples", f"{len(run.execution.t)} of {contacts} contacts"))
     warnings = [line for line in run.lines if line.level not in ("debug", "info")]
     rows += [(line.level, f"{line.time:.3f} s: {line.text}") for line in warnings]
+    earlier = run.words.get(metadata.RECOVERY, {})
+    rows += [("recovered from", earlier["from"])] if "from" in earlier else []
+    lost = (loss for key, loss in sorted(earlier.items()) if key.startswith("lost_"))
+    rows += [("lost before", loss) for loss in lost]
     return rows + [("lost", loss) for loss in run.losses]

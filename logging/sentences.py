@@ -23,4 +23,6 @@ def execution_sentence(execution: Execution) -> str:
         loss = execution.loss
         return f"contact {loss.contact} is lost at {loss.time:.3f} s (margin {loss.margin:.3g})"
     position, angle = execution.goal_error
+    if math.isnan(position):
+        return f"the record of the execution breaks off behind sample {len(execution.t)}"
     return f"executed; the goal is missed by {1e3 * position:.3g} mm and {math.degrees(angle):.3g} deg"
