@@ -85,7 +85,7 @@ def _verify(recorded: RecordedRun, console: Console) -> VerifyReport:
     elif report.matches:
         console.say(console.paint(f"verified: all {len(report.checks)} comparisons match", "green"))
     else:
-        console.say(console.paint("the execution differs from the record:", "red"))
+        console.say(console.paint("the log differs from what its scenario and its plan lead to:", "red"))
         for check in report.mismatches:
             console.say(f"  {check.text}")
     return report

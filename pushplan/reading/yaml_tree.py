@@ -57,7 +57,7 @@ class _Builder:
     """
 
     def __init__(self, loader: Any) -> None:
-        self.reached = yaml.Mark("", 0, 0, 0, None, None)
+        self.reached = yaml.Mark("", 0, 0, 0, "", 0)
         self._events: Iterator[Any] = self._noting(loader)
         self._nodes = 0
         self.faults: dict[Place, Finding] = {}
