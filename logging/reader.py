@@ -7,15 +7,15 @@ from pathlib import Path
 from google.protobuf.message import DecodeError
 
 from pushplan.errors import PushplanError, RunLogError
-from pushplan.logging import metadata
-from pushplan.logging.attached import ScenarioFiles
-from pushplan.logging.budget import MESSAGE_LIMIT
-from pushplan.logging.contents import TOPICS, Contents
-from pushplan.logging.cursor import DamageError
-from pushplan.logging.effort import Effort
-from pushplan.logging.items import Attachment, Item, Message, Metadata
-from pushplan.logging.mcap_file import McapFile
-from pushplan.logging.partial_file import SUFFIX
+from pushplan.logging.mcap.budget import MESSAGE_LIMIT
+from pushplan.logging.mcap.cursor import DamageError
+from pushplan.logging.mcap.items import Attachment, Item, Message, Metadata
+from pushplan.logging.mcap.mcap_file import McapFile
+from pushplan.logging.mcap.partial_file import SUFFIX
+from pushplan.logging.messages import metadata
+from pushplan.logging.messages.contents import TOPICS, Contents
+from pushplan.logging.messages.effort import Effort
+from pushplan.logging.messages.scenario_files import ScenarioFiles
 from pushplan.logging.recorded import RecordedRun
 
 _OURS = "pushplan."

@@ -7,10 +7,10 @@ import os
 from pathlib import Path
 
 from pushplan.errors import RunLogError
-from pushplan.logging import metadata
+from pushplan.logging.messages import metadata
+from pushplan.logging.messages.sentences import execution_sentence, plan_sentence
 from pushplan.logging.reader import read_run
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.sentences import execution_sentence, plan_sentence
 from pushplan.logging.writer import RunLogWriter
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.logging import metadata
 from pushplan.logging.check import TOLERANCE, Check
+from pushplan.logging.messages import metadata
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify_file import verify_file
 from pushplan.path import PushPath

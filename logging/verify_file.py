@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.logging import metadata, schemas
 from pushplan.logging.check import TOLERANCE, Check
-from pushplan.logging.fields import Value, flattened
-from pushplan.logging.items import Message
-from pushplan.logging.mcap_file import McapFile
+from pushplan.logging.mcap.items import Message
+from pushplan.logging.mcap.mcap_file import McapFile
+from pushplan.logging.messages import metadata, schemas
+from pushplan.logging.messages.fields import Value, flattened
+from pushplan.logging.messages.schemas import Topic
 from pushplan.logging.reader import read_run
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.schemas import Topic
 from pushplan.logging.writer import RunLogWriter
 from pushplan.names import COSTS
 from pushplan.planners.lower_bound import lower_bound

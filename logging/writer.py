@@ -20,15 +20,16 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from pushplan.arrays import IntArray
 from pushplan.errors import RunLogError
-from pushplan.logging import execution_message, metadata, plan_message, schemas, views
-from pushplan.logging.attached import MEDIA_TYPES, attachments_of
-from pushplan.logging.channels import Channels
-from pushplan.logging.effort import Effort, exact
-from pushplan.logging.frames import chain_frames, placed, poses_in_world
-from pushplan.logging.partial_file import PartialFile
-from pushplan.logging.scene import scene, tree
-from pushplan.logging.sentences import execution_sentence, plan_sentence
-from pushplan.logging.window import PATH_SPACING, smoothed_times
+from pushplan.logging.mcap.partial_file import PartialFile
+from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
+from pushplan.logging.messages.channels import Channels
+from pushplan.logging.messages.effort import Effort, exact
+from pushplan.logging.messages.scenario_files import MEDIA_TYPES, attachments_of
+from pushplan.logging.messages.sentences import execution_sentence, plan_sentence
+from pushplan.logging.view import views
+from pushplan.logging.view.frames import chain_frames, placed, poses_in_world
+from pushplan.logging.view.scene import scene, tree
+from pushplan.logging.view.window import PATH_SPACING, smoothed_times
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution

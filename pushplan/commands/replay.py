@@ -63,7 +63,7 @@ def _read(args: argparse.Namespace) -> RecordedRun:
 
 def _tell(recorded: RecordedRun, console: Console) -> None:
     from pushplan.commands.report import headline, rows
-    from pushplan.logging.replay import summary
+    from pushplan.logging.view.summary import summary
 
     if recorded.plan is None:
         console.say(f"{console.paint(recorded.scenario.name, 'bold')}: the log ends before a plan")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pushplan.logging.metadata import FORMAT
+from pushplan.logging.messages.metadata import FORMAT
 from pushplan.logging.reader import read_run
 from pushplan.logging.verify import verify
 

@@ -15,9 +15,9 @@ import pytest
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 
 from pushplan.errors import PushplanError, RunLogError
-from pushplan.logging import metadata, schemas
+from pushplan.logging.messages import metadata, schemas
+from pushplan.logging.messages.schemas import TOPICS, Topic
 from pushplan.logging.reader import read_run
-from pushplan.logging.schemas import TOPICS, Topic
 from pushplan.logging.verify import verify
 from pushplan.logging.verify_file import compare_topic, write_again
 from pushplan.logging.writer import RunLogWriter
