@@ -116,7 +116,7 @@ def test_replay_reports_a_mismatch_with_exit_code_4(
     monkeypatch.setattr("pushplan.logging.verify.execute", shifted)
     assert main(["replay", str(planned["log"]), "--verify"]) == 4
     out = capsys.readouterr().out
-    assert "the execution differs from the record:" in out
+    assert "the log differs from what its scenario and its plan lead to:" in out
     assert "pose: differs by 0.001" in out
 
 

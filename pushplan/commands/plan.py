@@ -74,7 +74,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     if args.plot is not None:
         draw(done.scenario, done.plan, done.execution, args.plot, console)
     if args.html is not None:
-        from pushplan.logging.html import write_html
+        from pushplan.logging.export.html import write_html
 
         write_html(done, args.html)
     console.say(headline(done.scenario, done.plan, console))

@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pushplan.logging import blocks
-from pushplan.logging.effort import Effort, exact
+from pushplan.logging.messages import blocks
+from pushplan.logging.messages.effort import Effort, exact
+from pushplan.logging.messages.schemas import Array
 from pushplan.logging.reader import read_run
-from pushplan.logging.schemas import Array
 from pushplan.logging.writer import RunLogWriter
 from pushplan.sim.kinematic import StabilityLoss
 

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from pushplan.errors import RunLogError
-from pushplan.logging.channels import Channels
-from pushplan.logging.partial_file import PartialFile, write_whole
+from pushplan.logging.mcap.partial_file import PartialFile, write_whole
+from pushplan.logging.messages.channels import Channels
 from pushplan.logging.reader import read_run
 from pushplan.logging.writer import RunLogWriter
 
