@@ -42,7 +42,7 @@ def test_a_good_run_has_no_flaw() -> None:
     assert plan_flaw(exactly(scenario), result) == ""
     assert result.path is not None
     assert result.trajectory is not None
-    assert verdict(scenario, stable_set(scenario.chain), result.path, result.trajectory) == ""
+    assert verdict(scenario, stable_set(scenario.chain), result.path, result.trajectory, execution) == ""
 
 
 def test_an_execution_that_lost_a_contact_solves_nothing() -> None:
@@ -89,12 +89,12 @@ def test_a_body_that_leaves_the_workspace_is_named() -> None:
 
 
 def test_a_path_that_ends_elsewhere_is_refused() -> None:
-    scenario, result, _ = good()
+    scenario, result, execution = good()
     path = result.path
     assert path is not None
     short = PushPath(path.start, path.twists, path.lengths * [*[1.0] * (len(path.lengths) - 1), 0.5])
     assert result.trajectory is not None
-    said = verdict(scenario, stable_set(scenario.chain), short, result.trajectory)
+    said = verdict(scenario, stable_set(scenario.chain), short, result.trajectory, execution)
     assert said.startswith("the path misses the goal by ")
 
 

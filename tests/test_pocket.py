@@ -147,7 +147,7 @@ def test_every_stable_twist_lies_in_the_hull(name: str) -> None:
     problem = build_problem(scenario, stable)
     middle = problem.scene.body_bound[:2]
     hull = push_hull(pocket._extreme_twists(scenario, stable, problem), middle)
-    twists = _boundary(stable, scenario.stability.margin, 30_011)
+    twists = _boundary(stable, scenario.required_margin, 30_011)
     ahead = twists[:, 0] - twists[:, 2] * middle[1]
     points = np.stack([(twists[:, 1] + twists[:, 2] * middle[0]) / ahead, twists[:, 2] / ahead], axis=1)
     assert shapely.contains_xy(hull, points).all()
