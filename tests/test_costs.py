@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from plain import ARC_PRICE, load_plain
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
@@ -22,21 +23,11 @@ from pushplan.result import PlanResult
 from pushplan.scenario import Scenario, load_scenario
 from pushplan.stable_sets.named import stable_set
 
-ARC_PRICE = 0.002
-
 
 def ranked(cost: str, weight: float = 1.0, trajectory: str = "exact") -> Scenario:
-    """Return two-crates ranked so, its contacts quasi-static, its margin 0 and an arc at `ARC_PRICE`."""
-    scenario = load_scenario("two-crates")
-    pusher = scenario.chain.pusher
-    limits = replace(pusher.limits, contact="quasi-static")
-    return replace(
-        scenario,
-        chain=replace(scenario.chain, pusher=replace(pusher, limits=limits)),
-        stability=replace(scenario.stability, margin=0.0),
-        planner=replace(scenario.planner, cost=cost, weight=weight, arc_price=ARC_PRICE),
-        trajectory=trajectory,
-    )
+    scenario = load_plain("two-crates")
+    settings = replace(scenario.planner, cost=cost, weight=weight)
+    return replace(scenario, planner=settings, trajectory=trajectory)
 
 
 @cache
