@@ -154,7 +154,7 @@ def test_all_margins_share_one_time_limit() -> None:
     """No margin helps, nothing proves it, and each of six searches would take as long as it is given."""
     result = plan(u_turn(1.6), time_limit=1.5, planner="rrt")
     assert not result.solved
-    assert result.margin == pytest.approx((result.margin_asked or 0.0) / 2**HALVINGS)
+    assert (result.margin or 1.0) < (result.margin_asked or 0.0)
     assert 1.2 < result.planning_s < 3.0
 
 
