@@ -20,6 +20,7 @@ from pushplan.path import PushPath
 from pushplan.plan import plan
 from pushplan.planners.arc_limits import ArcLimits
 from pushplan.planners.blending import blend_path
+from pushplan.planners.bounds import motion_bounds
 from pushplan.planners.joining import corners_of
 from pushplan.planners.profile import rest_to_rest
 from pushplan.planners.timing import time_path
@@ -43,11 +44,12 @@ def least_time(distance: float, limits: Limits) -> float:
 def line(name: str, scenario: Scenario, path: PushPath) -> tuple[str, float, float]:
     """Time a path both ways and tell what is saved; return the words, and how long exact and blended take, s."""
     limits, stable = scenario.chain.pusher.limits, scenario.stable_set()
-    blend_path(scenario, path, stable)
+    bounds = motion_bounds(scenario, stable)
+    blend_path(scenario, path, stable, bounds)
     begin = time.process_time()
-    blend = blend_path(scenario, path, stable)
+    blend = blend_path(scenario, path, stable, bounds)
     spent = time.process_time() - begin
-    exact = time_path(path, limits).duration
+    exact = time_path(path, bounds).duration
     travel = float(np.hypot(path.twists[:, 0], path.twists[:, 1]) @ path.lengths)
     straight = float(np.hypot(*(path.end - path.start)[:2]))
     times = (blend.trajectory.duration, least_time(travel, limits), least_time(straight, limits))
@@ -69,9 +71,10 @@ def main() -> None:
     exact = blended = 0.0
     for name in example_names():
         scenario = load_scenario(name)
-        path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
-        assert path is not None
-        words, *durations = line(name, with_speed(scenario, speed), path)
+        result = plan(scenario, seed=1, time_limit=60.0, iterations=20_000)
+        assert result.path is not None
+        assert result.margin is not None
+        words, *durations = line(name, with_speed(scenario.with_margin(result.margin), speed), result.path)
         exact, blended = exact + durations[0], blended + durations[1]
         print(words, flush=True)
     print(

@@ -23,6 +23,7 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import cost_rate
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments
+from pushplan.planners.margins import margins_to_try
 from pushplan.planners.ompl_poses import bounds, state_at
 from pushplan.planners.problem import sampling_box
 from pushplan.reading.scenario_file import load_scenario
@@ -62,6 +63,7 @@ def solve(scenario: Scenario, name: str, seconds: float, seed: int) -> PlainResu
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
     stable = scenario.stable_set()
+    scenario = scenario.with_margin(margins_to_try(scenario, stable)[0])
     segments = control_segments(stable, scenario.chain.pusher.drive, scenario.required_margin + MARGIN_FLOOR)
     information, counter = _information(scenario, segments)
     definition = ob.ProblemDefinition(information)

@@ -57,7 +57,8 @@ class Session:
         on_progress: Called with every improvement.
         hopeless: Asked, with the seconds that the search has taken, whether there is no path, as long as none is
             found.
-        before: The search whose time, extensions and iterations count to this one's, if it goes on from there.
+        before: The search whose time, extensions, iterations and nearest path count to this one's, if it goes on from
+            there.
 
     Attributes:
         problem: What to plan.
@@ -103,7 +104,10 @@ class Session:
         self.nodes, self.count = np.zeros((FIRST_CAPACITY, NODE)), 0
         self._held = hold(problem, self.nodes, self._word)
         self._grow = grower(self._held)
-        self.branches = Branches()
+        self.branches = Branches() if before is None else before.branches
+        if before is not None:  # what was stable before is so now: searches go on with lower margins, never higher
+            before.note_approach()
+            self.closest_arcs, self.closest_left = before.closest_arcs, before.closest_left
         self.began: float = time.perf_counter() if before is None else before.began
         self.restart()
 

@@ -74,7 +74,7 @@ def random_trajectory(scenario: Scenario, seed: int) -> Trajectory | None:
 def _stable_twists(rng: np.random.Generator, scenario: Scenario, stable: StableSet) -> FloatArray:
     length = scenario.chain.characteristic_length
     drawn = np.column_stack([np.ones(600), rng.normal(0.0, 0.3, 600), rng.normal(0.0, 0.6, 600) / length])
-    kept = drawn[stable.margin(drawn) > 1.02 * scenario.stability.margin][: int(rng.integers(1, 6))]
+    kept = drawn[stable.margin(drawn) > 1.02 * scenario.required_margin][: int(rng.integers(1, 6))]
     return kept / cost_rate(kept)[:, None]
 
 
@@ -177,6 +177,6 @@ def _turned(chain: Chain, i: int, angle: float) -> Chain:
 def pushable(scenario: Scenario) -> bool:
     """Tell whether the chain can be pushed straight ahead with the margin asked for, no part of it lifting."""
     try:
-        return float(scenario.stable_set().margin([[1.0, 0.0, 0.0]])[0]) > scenario.stability.margin
+        return float(scenario.stable_set().margin([[1.0, 0.0, 0.0]])[0]) > scenario.required_margin
     except SupportError:
         return False

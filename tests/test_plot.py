@@ -24,6 +24,7 @@ from pushplan.drawing.world import draw_by_margin, draw_surroundings, draw_sweep
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain
 from pushplan.path import PushPath, cost_rate
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.timing import time_path
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
@@ -60,7 +61,7 @@ def scenario(chain: Chain, path: PushPath) -> Scenario:
 
 @pytest.fixture(scope="module")
 def plan(chain: Chain, path: PushPath) -> PlanResult:
-    trajectory = time_path(path, chain.pusher.limits)
+    trajectory = time_path(path, Bounds(chain.pusher.limits))
     tree = np.zeros((0, 2, 3))
     return PlanResult(True, "", "rrt", "ecof", 1, path, trajectory, 0.01, 0.5, (), 100, 0.1, tree)
 

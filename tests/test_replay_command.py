@@ -70,7 +70,7 @@ def test_a_run_is_played_on_a_terminal(
     log: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    assert main(["replay", str(log), "--play", "--rate", "100"]) == 0
+    assert main(["replay", str(log), "--play", "--rate", "25"]) == 0
     out = capsys.readouterr().out
     assert out.count("\x1b[H") > 2
     assert out.endswith("\x1b[?25h\n")

@@ -86,7 +86,7 @@ def test_reasons_of_a_failure_name_both_radii(carts: Scenario) -> None:
     stable, drive = stable_set(carts.chain), carts.chain.pusher.drive
     assert carts.workspace is not None
     narrow = replace(carts, workspace=replace(carts.workspace, ymin=-1.0, ymax=7.0))
-    segments = control_segments(stable, drive, carts.stability.margin + MARGIN_FLOOR)
+    segments = control_segments(stable, drive, carts.required_margin + MARGIN_FLOOR)
     (found,) = turning_faults(narrow, stable, segments)
     assert found.text == (
         "perhaps the turns are too wide: the tightest one that the differential drive can make, of radius 4.14 m "

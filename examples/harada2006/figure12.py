@@ -18,6 +18,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.path import PushPath, cost_rate
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.timing import time_path
 from pushplan.scenario import load_scenario
 from pushplan.sim.physics import simulate_trajectory
@@ -50,7 +51,7 @@ def draw(path: Path, tell: Callable[[str], None]) -> None:
     chain, goal = scenario.chain, scenario.goal.pose_chain
     cor = turning_center(goal)
     push = two_arcs(cor, goal)
-    trajectory = time_path(push, chain.pusher.limits)
+    trajectory = time_path(push, Bounds(chain.pusher.limits))
     report = simulate_trajectory(chain, trajectory)
     for sentence in report.sentences():
         tell(f"Fig. 12 {sentence}")

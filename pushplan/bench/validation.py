@@ -9,6 +9,7 @@ import shapely
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry.se2 import rotate
+from pushplan.names import AUTO
 from pushplan.planners.checker import densify, find_collision
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
@@ -46,12 +47,20 @@ def plan_flaw(scenario: Scenario, result: PlanResult) -> str:
     path, trajectory = result.path, result.trajectory
     if path is None or trajectory is None:
         return result.reason
+    scenario = with_margin_of(scenario, result)
     margins = scenario.stable_set(result.stable_set).margin(path.twists)
     fault = _low_margin(scenario, float(margins.min(initial=1.0)))
     for poses in (path.sampled(PATH_SPACING), trajectory.poses):
         fault = fault or _missed_goal(scenario, pose_error(poses[-1], scenario.goal.pose_chain))
         fault = fault or _collision(scenario, poses)
     return fault
+
+
+def with_margin_of(scenario: Scenario, result: PlanResult) -> Scenario:
+    """Return the scenario with the margin that a plan had to exceed in the end, where it states `auto`."""
+    if scenario.stability.margin != AUTO or result.margin is None:
+        return scenario
+    return scenario.with_margin(result.margin)
 
 
 def exactly(scenario: Scenario) -> Scenario:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pushplan.bench.child import resident_megabytes
 from pushplan.bench.outcome import Figures, Task
-from pushplan.bench.validation import clearance, flaw
+from pushplan.bench.validation import clearance, flaw, with_margin_of
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.result import Run
 from pushplan.run import run
@@ -55,7 +55,7 @@ def figures(scenario: Scenario, done: Run, watch: Stopwatch) -> Figures:
     """Check an execution and return all that was measured but the memory."""
     plan, execution = done.plan, done.execution
     with watch("validation"):
-        fault = plan.reason if execution is None else flaw(scenario, execution)
+        fault = plan.reason if execution is None else flaw(with_margin_of(scenario, plan), execution)
         free = None if execution is None else clearance(scenario, execution.poses)
     path = plan.path
     arcs = (

@@ -15,6 +15,7 @@ import pytest
 from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath, cost_rate
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.timing import time_path
 from pushplan.result import Diagnosis, PlanResult, ProgressPoint
 from pushplan.scenario import Scenario, scenario_from_text
@@ -85,7 +86,7 @@ def _plan() -> PlanResult:
         stable_set="ecof",
         seed=5,
         path=path,
-        trajectory=time_path(path, Limits()),
+        trajectory=time_path(path, Bounds(Limits())),
         first_solution_s=0.012345678901234567,
         planning_s=1.9876543210987654,
         progress=(ProgressPoint(0.0123, 3.3, 10), ProgressPoint(0.5, 1.0 / 3.0, 1000)),

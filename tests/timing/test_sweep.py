@@ -12,6 +12,7 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.path import PushPath, cost_rate
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.nudge import nudges
 from pushplan.planners.scene import build_scene
 from pushplan.planners.sweep import Touches, find_touches
@@ -82,7 +83,7 @@ def test_a_thin_wall_between_two_samples_is_not_missed(make_chain: ChainMaker) -
     """A needle that only the corner of the body passes over for a millimetre of the way."""
     chain = make_chain.boxes(1)
     straight = PushPath(np.zeros(3), np.array([[1.0, 0.0, 0.0]]), np.array([1.0]))
-    trajectory = time_path(straight, Limits())
+    trajectory = time_path(straight, Bounds(Limits()))
     needle = np.array([[0.5377, 0.0997], [0.53771, 0.3], [0.53769, 0.3]])
     scene = build_scene(chain, [needle], [], FREE, 1e-4)
     touches = find_touches(scene, trajectory, _reach(chain))
@@ -97,7 +98,7 @@ def test_nudges_move_the_pose_that_touches_by_what_is_missing(make_chain: ChainM
     scene = build_scene(chain, [], [(*path.poses_at([1.1])[0, :2] + [0.05, 0.1475], 0.05)], FREE, CLEARANCE)
 
     def touches_of(lengths: FloatArray) -> tuple[Trajectory, Touches]:
-        trajectory = time_path(PushPath(path.start, path.twists, lengths), Limits())
+        trajectory = time_path(PushPath(path.start, path.twists, lengths), Bounds(Limits()))
         return trajectory, find_touches(scene, trajectory, _reach(chain))
 
     trajectory, touches = touches_of(path.lengths)
