@@ -14,7 +14,6 @@ from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify import verify
 from pushplan.run import execute
 
-
 SERIES = ("t", "poses", "twists", "margins", "dynamic_margins", "friction_margins", "lambdas", "forces")
 
 
