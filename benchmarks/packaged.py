@@ -24,7 +24,9 @@ from pushplan.scenario import Scenario
 
 def failure(scenario: Scenario, result: PlanResult) -> str:
     execution = execute(scenario, result)
-    return result.reason if execution is None else flaw(with_kept_margin(exactly(scenario), result), execution)
+    return (
+        result.reason if execution is None else flaw(with_kept_margin(exactly(scenario), result), execution)
+    )
 
 
 def main() -> int:

@@ -151,7 +151,8 @@ def _read(path: Path, database: sqlite3.Connection) -> Results:
 def _run(row: sqlite3.Row, progress: Sequence[tuple[float, float]], several: bool) -> RunRow:
     known = set(row.keys())  # an older version did not measure everything
     values = {
-        name: math.nan if name not in known or row[name] is None else float(row[name]) for name, _ in ATTRIBUTES
+        name: math.nan if name not in known or row[name] is None else float(row[name])
+        for name, _ in ATTRIBUTES
     }
     return RunRow(
         key=row["key"],
