@@ -267,7 +267,7 @@ def test_results_from_before_margins_with_inertia_are_read_but_not_added_to(data
     found = [run.values for run in read if not math.isnan(run.values["solution_length"])]
     assert {values["min_margin"] for values in found} == {0.1}
     assert all(math.isnan(values[name]) for values in found for name in ("margin", "min_dynamic_margin"))
-    with pytest.raises(StoreError, match="of another version of pushplan, .*; name another folder$"):
+    with pytest.raises(StoreError, match=r"of another version of pushplan, .*; name another folder$"):
         Store(database)
 
 
