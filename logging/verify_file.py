@@ -84,7 +84,9 @@ def _planned_again(run: RecordedRun) -> PlanResult:
     if plan.margin is not None:
         settled = replace(settled, margin_asked=margins[0], margin=margin, objective=scenario.planner.cost)
     scenario = scenario.with_margin(margin)
-    trajectory = make_trajectory(scenario, plan.path, stable, plan.trajectory.rate)
+    trajectory = plan.trajectory
+    if not timed_by_other_rules(scenario, plan):
+        trajectory = make_trajectory(scenario, plan.path, stable, trajectory.rate)
     return replace(
         settled,
         trajectory=trajectory,
@@ -95,6 +97,11 @@ def _planned_again(run: RecordedRun) -> PlanResult:
         approximate_path=None,
         approximate_error=None,
     )
+
+
+def timed_by_other_rules(scenario: Scenario, plan: PlanResult) -> bool:
+    """Tell whether an older version timed a plan with inertia: contacts kept no margin then."""
+    return plan.margin is None and scenario.chain.pusher.limits.contact == "dynamic"
 
 
 def _settled(scenario: Scenario, words: Mapping[str, str]) -> Scenario:

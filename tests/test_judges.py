@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan.bench.validation import EXACT, exactly, flaw, plan_flaw, with_margin_of
+from pushplan.bench.validation import EXACT, exactly, flaw, plan_flaw, with_kept_margin
 from pushplan.path import PushPath
 from pushplan.planners.verdict import flaw as path_flaw
 from pushplan.planners.verdict import verdict
@@ -63,10 +63,10 @@ def test_where_the_scenario_says_auto_the_margin_of_the_plan_is_what_counts() ->
     scenario, result, _ = good()
     assert result.margin is not None
     auto = replace(scenario, stability=replace(scenario.stability, margin="auto"))
-    assert with_margin_of(auto, result) == scenario
+    assert with_kept_margin(auto, result) == scenario
     assert plan_flaw(auto, result) == ""
     stated = scenario.with_margin(0.5)
-    assert with_margin_of(stated, result) == stated
+    assert with_kept_margin(stated, result) == stated
     assert plan_flaw(stated, result).startswith("the smallest margin is ")
 
 

@@ -1,4 +1,7 @@
-"""Logs of every format that was ever released stay readable; `data/format-N.mcap` is one of each."""
+"""Logs of every format that was ever released stay readable; `data/format-N.mcap` is one of each.
+
+`data/before-margins.mcap` is a blended push with dynamic contact limits from before plans kept a margin with inertia.
+"""
 
 from __future__ import annotations
 
@@ -50,3 +53,17 @@ def test_an_old_trajectory_executes_as_it_did() -> None:
     timing = {"duration", "commanded twist", "commanded pose", "/plan/result min_margin"}
     mismatches = verify(read_run(DATA / "format-1.mcap")).mismatches
     assert [check.text for check in mismatches if check.quantity not in timing] == []
+
+
+def test_a_log_from_before_margins_with_inertia_verifies() -> None:
+    """It leaves the defaults of its time open, which its resolved scenario states."""
+    run = read_run(DATA / "before-margins.mcap")
+    assert run.plan is not None
+    assert (run.plan.objective, run.plan.margin_asked, run.plan.margin) == ("travel", None, None)
+    assert run.plan.lowered == ""
+    assert run.execution is not None
+    assert run.execution.dynamic_margins is None
+    assert run.plan.min_dynamic_margin is None
+    assert run.scenario.planner.cost == "travel"
+    assert b"cost" not in run.scenario.source
+    assert [check.text for check in verify(run).mismatches] == []

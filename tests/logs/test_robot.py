@@ -15,13 +15,13 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
 from pushplan.geometry.se2 import transform_points
-from pushplan.logging.export_ros2 import write_ros2
-from pushplan.logging.film_frames import HEIGHT, WIDTH, Film
-from pushplan.logging.html import render
+from pushplan.logging.export.film_frames import HEIGHT, WIDTH, Film
+from pushplan.logging.export.html import render
+from pushplan.logging.export.ros2 import write_ros2
+from pushplan.logging.play.terminal import TerminalView
 from pushplan.logging.reader import read_run
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.terminal import TerminalView
-from pushplan.logging.window import window
+from pushplan.logging.view.window import window
 from pushplan.scenario import scenario_from_document
 
 FOOTPRINT = [
@@ -98,7 +98,7 @@ def test_ros_gets_the_robot_as_markers_of_its_own(recorded: RecordedRun, tmp_pat
 
 def test_rerun_gets_the_robot(recorded: RecordedRun, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
-    from pushplan.logging.export_rrd import write_rrd
+    from pushplan.logging.export.rrd import write_rrd
 
     write_rrd(recorded, tmp_path / "run.rrd")
     assert b"/world/chain/pusher/robot/inside" in (tmp_path / "run.rrd").read_bytes()
