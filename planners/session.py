@@ -104,8 +104,10 @@ class Session:
         self.nodes, self.count = np.zeros((FIRST_CAPACITY, NODE)), 0
         self._held = hold(problem, self.nodes, self._word)
         self._grow = grower(self._held)
-        self.branches = Branches() if before is None else before.branches
-        if before is not None:  # what was stable before is so now: searches go on with lower margins, never higher
+        self.branches: Branches = Branches() if before is None else before.branches
+        if (
+            before is not None
+        ):  # what was stable before is so now: searches go on with lower margins, never higher
             before.note_approach()
             self.closest_arcs, self.closest_left = before.closest_arcs, before.closest_left
         self.began: float = time.perf_counter() if before is None else before.began
