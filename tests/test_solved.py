@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -36,10 +35,9 @@ def too_fast(scenario: Scenario, path: PushPath, stable: StableSet, rate: float 
 
 
 @pytest.fixture
-def hurried(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every path is driven much too fast for its contacts."""
     monkeypatch.setattr(sys.modules["pushplan.plan"], "make_trajectory", too_fast)
-    yield
 
 
 def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
