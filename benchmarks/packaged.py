@@ -37,7 +37,9 @@ def main() -> int:
     parser.add_argument("--planner")
     arguments = parser.parse_args()
     print(f"{Machine.this().words}, seeds 1-{arguments.seeds}; medians, margins: the smallest of all seeds")
-    heads = "solved | first path, ms | slowest | plan, s CPU | way, m | arcs | time, s | margin | with inertia"
+    heads = (
+        "solved | first path, ms | slowest | plan, s CPU | way, m | arcs | time, s | margin | with inertia"
+    )
     print(f"| scenario | {heads} |")
     print("|" + "---|" * 10)
     bad, arcs, duration = 0, 0.0, 0.0
