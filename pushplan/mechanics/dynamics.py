@@ -39,7 +39,7 @@ from pushplan.mechanics.sphere import checked_twists
 class DynamicRows:
     """The contact conditions along one twist: alpha + beta s'' + gamma s'^2 > 0 for every entry, for s'' >= 0.
 
-    Where s'' < 0 it is alpha + beta_down |s''| + gamma s'^2; beta_down = -beta where all masses are numbers.
+    Where s'' < 0 it is alpha - beta_down s'' + gamma s'^2; beta_down = -beta where all masses are numbers.
 
     Attributes:
         alpha: (n, 4) quasi-static part for the contacts' facets, N; see `packed.contact_rows`.
@@ -146,7 +146,7 @@ class ContactDynamics:
         Args:
             twist: In the chain frame.
             margin: The rows are positive only where the contacts' margins exceed this: from g . w > margin |w|
-                with |w| <= |w_0| + |s''| |w_1| + s'^2 |w_2|, so that they stay linear.
+                with the size of w at most the sum of the sizes of its three parts, so that they stay linear.
         """
         xi = checked_twists(np.asarray(twist, dtype=np.float64)[None])
         return DynamicRows(*(rows[0] for rows in self.rows_along(xi, margin)))
