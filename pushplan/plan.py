@@ -14,8 +14,10 @@ from pushplan.planners.budget import Budget
 from pushplan.planners.diagnosis import Doubts
 from pushplan.planners.failure import explain_failure
 from pushplan.planners.lower_bound import lower_bound
+from pushplan.planners.ompl.factories import planner_named
+from pushplan.planners.ompl.search import Factory, search
+from pushplan.planners.ompl.solution import push_path
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.registry import planner_named
 from pushplan.planners.session import Session
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.verdict import EXACT, verdict
@@ -23,6 +25,7 @@ from pushplan.reading.placement import Surroundings, bodies_at, placement_troubl
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import pose_error
+from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
 from pushplan.trajectory import Trajectory
@@ -40,8 +43,8 @@ Planning is done in a fraction of the limit as a rule, and then the same seed gi
 def plan(
     scenario: Scenario,
     *,
-    planner: str | None = None,
-    stable_set: str | None = None,
+    planner: str | Factory | None = None,
+    stable_set: str | type[StableSet] | None = None,
     seed: int | None = None,
     time_limit: float | None = None,
     first: bool = False,
@@ -56,8 +59,10 @@ def plan(
 
     Args:
         scenario: The problem; what the others leave open is taken from it.
-        planner: Name of the planner.
-        stable_set: Name of the stable set that limits the pusher's twists.
+        planner: Name of the planner, `module:attribute`, or what makes an `ompl.base.Planner` from a space
+            information.
+        stable_set: What limits the pusher's twists: the name of a stable set, `module:attribute`, or a subclass of
+            `StableSet`.
         seed: Of the random numbers; the same seed gives the same plan unless the time limit cuts it short.
         time_limit: Wall-clock seconds of planning, at most.
         first: Stop at the first path instead of shortening it.
@@ -77,12 +82,11 @@ def plan(
         EmptyStableSetError: When no pusher twist keeps every contact.
     """
     scenario = _ranked_by(scenario, cost)
-    name = planner or scenario.planner.name
-    search = planner_named(name)
+    name, make = planner_named(planner or scenario.planner.name)
     watch = watch or Stopwatch()
     with watch("posing"):
         warm_up(name, tell)
-        stable = scenario.stable_set(stable_set)
+        stable = scenario.stable_set(stable_set and add_set(stable_set))
         problem = build_problem(scenario, stable)
         _check_ends(scenario)
     used_seed = scenario.planner.seed if seed is None else seed
@@ -94,10 +98,9 @@ def plan(
     with watch("search"):
         if good_enough > 0.0:
             session.raise_lower_bound(lower_bound(scenario))
-        if not session.finished:
-            search(session, sampling_box(scenario), body_reach(scenario))
+        definition = search(session, make, sampling_box(scenario), body_reach(scenario))
     seconds = session.elapsed
-    path = session.best_path
+    path = push_path(definition) if definition.hasExactSolution() else None
     with watch("timing"):
         trajectory, untimed = _timed(scenario, path, stable)
     with watch("checking"):

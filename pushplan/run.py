@@ -7,9 +7,12 @@ from pathlib import Path
 
 from pushplan.errors import PushplanError
 from pushplan.plan import plan
+from pushplan.planners.ompl.factories import planner_named
+from pushplan.planners.ompl.search import Factory
 from pushplan.result import PlanResult, ProgressPoint, Run
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import Execution, simulate
+from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
 
@@ -18,8 +21,8 @@ def run(
     scenario: Scenario,
     *,
     log: Path | str | None = None,
-    planner: str | None = None,
-    stable_set: str | None = None,
+    planner: str | Factory | None = None,
+    stable_set: str | type[StableSet] | None = None,
     seed: int | None = None,
     time_limit: float | None = None,
     first: bool = False,
@@ -73,8 +76,8 @@ def run(
             execution = execute(scenario, result)
         return Run(scenario, result, execution, None, watch.seconds)
     settings = {
-        "planner": planner or scenario.planner.name,
-        "set": stable_set or scenario.stability.set,
+        "planner": planner_named(planner or scenario.planner.name)[0],
+        "set": add_set(stable_set or scenario.stability.set),
         "seed": scenario.planner.seed if seed is None else seed,
         "time_limit": scenario.planner.time_limit if time_limit is None else time_limit,
         "cost": cost or scenario.planner.cost,
