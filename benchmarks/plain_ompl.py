@@ -23,7 +23,7 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import cost_rate
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments
-from pushplan.planners.ompl_poses import bounds, state_at
+from pushplan.planners.ompl.posing import bounds, state_at
 from pushplan.planners.problem import sampling_box
 from pushplan.planners.scene import chain_outlines
 from pushplan.reading.scenario_file import load_scenario

@@ -16,11 +16,11 @@ from pushplan.planners.cell_rounds import CellRounds
 from pushplan.planners.collision import separation
 from pushplan.planners.detours import detour
 from pushplan.planners.guide import find_way, make_guide
-from pushplan.planners.pocket import LEVELS, make_steps, push_hull, reached
-from pushplan.planners.polish import shorten
 from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.factories import PLANNERS, planner_named
 from pushplan.planners.ompl.search import search
+from pushplan.planners.pocket import LEVELS, make_steps, push_hull, reached
+from pushplan.planners.polish import shorten
 from pushplan.planners.prices import travel_prices
 from pushplan.planners.scene import build_scene
 from pushplan.planners.search import Problem

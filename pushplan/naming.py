@@ -9,6 +9,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+from pushplan import names
 from pushplan.errors import PushplanError
 
 PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
@@ -20,14 +21,14 @@ class OpenNames(tuple[str, ...]):
 
     group: str
 
-    def __new__(cls, names: tuple[str, ...], group: str) -> OpenNames:
+    def __new__(cls, built_in: tuple[str, ...], group: str) -> OpenNames:
         """Return the names.
 
         Args:
-            names: What is built in.
+            built_in: What is built in.
             group: Entry points under which installed packages add to it.
         """
-        made = super().__new__(cls, names)
+        made = super().__new__(cls, built_in)
         made.group = group
         return made
 
@@ -35,8 +36,26 @@ class OpenNames(tuple[str, ...]):
         """Return whether this is a name of what is built in or installed, or has the form `module:attribute`."""
         if not isinstance(name, str):
             return False
-        known = super().__contains__(name) or PLACE.fullmatch(name) is not None
-        return known or bool(entry_points(group=self.group, name=name))
+        return super().__contains__(name) or self.adds(name)
+
+    def adds(self, name: str) -> bool:
+        """Return whether this names something that is not built in."""
+        return PLACE.fullmatch(name) is not None or bool(entry_points(group=self.group, name=name))
+
+    @property
+    def words(self) -> str:
+        """All names, for users."""
+        return f"{', '.join(self)}, or module:attribute"
+
+
+def planner_names() -> OpenNames:
+    """Return the names that a planner may have."""
+    return OpenNames(names.PLANNERS, "pushplan.planners")
+
+
+def stable_set_names() -> OpenNames:
+    """Return the names that a stable set may have."""
+    return OpenNames(names.STABLE_SETS, "pushplan.stable_sets")
 
 
 def attribute_named(name: str, group: str) -> Any:

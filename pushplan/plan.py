@@ -86,7 +86,7 @@ def plan(
     watch = watch or Stopwatch()
     with watch("posing"):
         warm_up(name, tell)
-        stable = scenario.stable_set(stable_set and add_set(stable_set))
+        stable = scenario.stable_set(None if stable_set is None else add_set(stable_set))
         problem = build_problem(scenario, stable)
         _check_ends(scenario)
     used_seed = scenario.planner.seed if seed is None else seed

@@ -6,7 +6,6 @@ from abc import abstractmethod
 from typing import Any
 
 from ompl import base as ob
-
 from pushplan.planners.ompl.posing import PushInformation, information_of
 from pushplan.planners.ompl.solution import leave_path
 

@@ -24,7 +24,7 @@ FARTHEST = 1e-9
 
 @compiled
 def arcs_at(problem: Problem, controls: FloatArray) -> FloatArray:
-    """Return the arcs (k, 4), twists and lengths, of controls (k, 4): three coordinates and the units they are kept up."""
+    """Return the arcs (k, 4), twists and lengths, of controls (k, 4): coordinates, and units that they go on for."""
     arcs = np.empty((controls.shape[0], 4))
     for i in range(controls.shape[0]):
         arcs[i, 0], arcs[i, 1], arcs[i, 2] = choose_twist(problem, controls[i, 0], controls[i, 1])
@@ -34,7 +34,7 @@ def arcs_at(problem: Problem, controls: FloatArray) -> FloatArray:
 
 @compiled
 def controls_of(problem: Problem, arcs: FloatArray) -> FloatArray:
-    """Return controls (k, 4) of arcs (k, 4), the inverse of `arcs_at`: units are whole, rows of none are not finite."""
+    """Return controls (k, 4) of arcs (k, 4), with whole units; not finite where a twist is on no segment."""
     controls = np.empty((arcs.shape[0], 4))
     for i in range(arcs.shape[0]):
         segment, share = _place(problem.segments, arcs[i, 0], arcs[i, 1], arcs[i, 2])
@@ -77,7 +77,7 @@ def _span(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> f
 
 @compiled
 def poses_along(problem: Problem, start: FloatArray, arcs: FloatArray) -> tuple[FloatArray, int]:
-    """Return the poses (k + 1, 3) at the ends of arcs (k, 4), and how many arcs are free before the first that is not."""
+    """Return the poses (k + 1, 3) at the ends of arcs (k, 4), and how many arcs come before one that is not free."""
     poses, free = np.empty((arcs.shape[0] + 1, 3)), arcs.shape[0]
     poses[0] = start
     for i in range(arcs.shape[0]):

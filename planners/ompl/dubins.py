@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from ompl import base as ob
 from ompl import geometric as og
-
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
@@ -140,6 +140,7 @@ class OverDubins(AnytimePlanner):
         """
         session = information.session
         car = Car.from_families(session.problem.families)
+        information.admit(car.family[STRAIGHT])
         over_car, words = _space(session, information.box, car)
         definition = ob.ProblemDefinition(over_car)
         ends = (session.start, session.problem.goal)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pushplan.errors import PlanningError
-from pushplan.naming import attribute_named, name_of
+from pushplan.naming import attribute_named, name_of, planner_names
 from pushplan.planners.ompl.search import Factory
 
 PLANNERS = {
@@ -17,9 +17,6 @@ PLANNERS = {
 }
 """Where each of `names.PLANNERS` is."""
 
-GROUP = "pushplan.planners"
-"""Entry points under which installed packages add theirs."""
-
 
 def planner_named(planner: str | Factory) -> tuple[str, Factory]:
     """Return a planner's name and what makes it.
@@ -30,11 +27,15 @@ def planner_named(planner: str | Factory) -> tuple[str, Factory]:
     Raises:
         PlanningError: When nothing is called so, or it cannot be called.
     """
-    found = attribute_named(PLANNERS.get(planner, planner), GROUP) if isinstance(planner, str) else planner
+    found = (
+        attribute_named(PLANNERS.get(planner, planner), planner_names().group)
+        if isinstance(planner, str)
+        else planner
+    )
     if found is None:
         raise PlanningError(
             f"no planner is called {planner!r}; there are {', '.join(PLANNERS)}, those of installed packages, and "
-            "any other one as module:attribute"
+            "any other as module:attribute"
         )
     if not callable(found):
         raise PlanningError(

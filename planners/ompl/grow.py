@@ -122,7 +122,9 @@ def _grow(
     return kept, so_far + cost, promise, node[0], node[1], node[2]
 
 
-Grow = Callable[[Handle, int, int, float, float, float, float], tuple[bool, float, float, float, float, float]]
+Grow = Callable[
+    [Handle, int, int, float, float, float, float], tuple[bool, float, float, float, float, float]
+]
 RoomAt = Callable[[Handle, float, float, float], float]
 
 

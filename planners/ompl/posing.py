@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+
 from ompl import base as ob
 from ompl import control as oc
-
 from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.planners.ompl.propagator import Propagator, wrapped
@@ -55,6 +55,13 @@ class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
         self.setPropagationStepSize(1.0)
         self.setMinMaxControlDuration(1, 1)
         self.setup()
+
+    def admit(self, twist: FloatArray) -> None:
+        """Take a stable twist (3,) that may lie between the segments into the chart, as a segment of its own."""
+        problem = self.session.problem
+        segments = np.vstack([problem.segments, np.tile(twist, 2)])
+        self.session.problem = problem._replace(segments=segments)
+        self.propagator.take_problem()
 
 
 class FreeWords(ob.MotionValidator):  # type: ignore[misc]

@@ -41,11 +41,12 @@ class Propagator:
         self._session, self.bound = session, math.inf
         self._word = np.zeros((3, 4))
         self.nodes = np.zeros((FIRST_CAPACITY, NODE))
-        self._take_hold()
+        self.take_problem()
         self._grow, self._room_at = ready(self._handle)
         self.clear()
 
-    def _take_hold(self) -> None:
+    def take_problem(self) -> None:
+        """Hand the session's problem and the tree over to compiled code."""
         self._handle = make_handle(self._session.problem, self.nodes, self._word)
 
     def clear(self) -> None:
@@ -60,11 +61,11 @@ class Propagator:
         self._distance = math.inf
 
     def propagate(self, state: Any, control: Any, duration: float, result: Any) -> None:
-        """Go on from a state along the arc that three coordinates of the chart stand for, for so many units of time."""
+        """Go on from a state along the arc that the coordinates of a control stand for, for so many units of time."""
         session, node = self._session, self.count
         if node + 1 >= len(self.nodes):
             self.nodes = np.concatenate([self.nodes, np.zeros_like(self.nodes)])
-            self._take_hold()
+            self.take_problem()
         parent = self._rows.get((state.getX(), state.getY(), state.getYaw()), -1)
         known = parent >= 0
         if not known:

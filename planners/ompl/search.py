@@ -8,7 +8,6 @@ from typing import Any
 
 from ompl import base as ob
 from ompl import util as ou
-
 from pushplan.errors import PlanningError
 from pushplan.planners.ompl.posing import Box, PushInformation, free_word, pose_problem
 from pushplan.planners.ompl.solution import arcs_to_goal, leave_path

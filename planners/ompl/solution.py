@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from ompl import control as oc
 
+from ompl import control as oc
 from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.path import PushPath
@@ -37,7 +37,9 @@ def path_control(information: PushInformation, arcs: FloatArray) -> Any:
         raise PlanningError("a twist of the path is on no segment of the stable set")
     poses, _ = poses_along(problem, information.session.start, arcs)
     control = information.allocControl()
-    for pose, (u0, u1, u2, units) in zip(poses, controls.tolist(), strict=False):  # no arc after the last pose
+    for pose, (u0, u1, u2, units) in zip(
+        poses, controls.tolist(), strict=False
+    ):  # no arc after the last pose
         control[0], control[1], control[2] = u0, u1, u2
         path.append(state_at(information, pose), control, units)
     path.append(state_at(information, poses[-1]))
@@ -76,7 +78,9 @@ def push_path(definition: Any) -> PushPath:
 def controlled_arcs(session: Session, path: Any) -> FloatArray:
     """Return the arcs (k, 4) that the controls of OMPL's path stand for."""
     if not isinstance(path, oc.PathControl):
-        raise PlanningError(f"the planner left a {type(path).__name__}; allowed: a path with controls (PathControl)")
+        raise PlanningError(
+            f"the planner left a {type(path).__name__}; allowed: a path with controls (PathControl)"
+        )
     units = path.getControlDurations()
     controls = [[u[0], u[1], u[2], unit] for u, unit in zip(path.getControls(), units, strict=True)]
     return np.asarray(arcs_at(session.problem, np.array(controls).reshape(-1, 4)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.naming import PLACE, attribute_named
+from pushplan.naming import PLACE, attribute_named, stable_set_names
 from pushplan.stable_sets.cof_set import CofSet
 from pushplan.stable_sets.ecof_set import EcofSet
 from pushplan.stable_sets.robust_set import RobustSet
@@ -16,9 +16,6 @@ _SETS: dict[str, type[StableSet]] = {
     kind.name: kind for kind in (EcofSet, CofSet, TranslationSet, StableUnknownSet, RobustSet)
 }
 
-
-GROUP = "pushplan.stable_sets"
-"""Entry points under which installed packages add theirs."""
 
 _OTHERS: dict[str, type[StableSet]] = {}
 """What was handed over to this process: a run log, which names the set it was planned in, loads no code."""
@@ -52,7 +49,7 @@ def add_set(given: str | type[StableSet]) -> str:
     """
     if isinstance(given, str) and (given in _SETS or given in _OTHERS):
         return given
-    kind = attribute_named(given, GROUP) if isinstance(given, str) else given
+    kind = attribute_named(given, stable_set_names().group) if isinstance(given, str) else given
     if kind is None:
         raise PushplanError(_unknown(str(given)))
     if not (isinstance(kind, type) and issubclass(kind, StableSet)):
