@@ -1,8 +1,6 @@
 """Race a planner of your own, an RRT that looks for the nearest of a few nodes only, against pushplan's."""
 
-import random
-
-from ompl import base, control
+from ompl import base, control, util
 
 import pushplan
 
@@ -12,7 +10,7 @@ class LazyRRT(base.Planner):
 
     def __init__(self, information):
         super().__init__(information, "lazy-rrt")
-        self.information, self.tree, self.random = information, [], random.Random(1)
+        self.information, self.tree, self.random = information, [], util.RNG()
 
     def clear(self):
         super().clear()
@@ -25,13 +23,11 @@ class LazyRRT(base.Planner):
             self.tree.append((info.cloneState(self.getPlannerInputStates().nextStart()), ()))
         while not stop():
             states.sampleUniform(sample)
-            state, way = min(
-                self.random.choices(self.tree, k=20), key=lambda node: info.distance(node[0], sample)
-            )
+            few = [self.tree[self.random.uniformInt(0, len(self.tree) - 1)] for _ in range(20)]
+            state, way = min(few, key=lambda node: info.distance(node[0], sample))
             arc, end = info.allocControl(), info.allocState()
             controls.sample(arc)
-            info.propagate(state, arc, 1, end)
-            if info.isValid(end):
+            if info.propagateWhileValid(state, arc, 1, end) == 1:
                 self.tree.append((end, (*way, (state, arc))))
                 if problem.getGoal().isSatisfied(end):  # a word of stable arcs leads from here to the goal
                     path = control.PathControl(info)
