@@ -40,7 +40,4 @@ class LazyRRT(base.Planner):
 
 
 for planner in (LazyRRT, "auto") if __name__ == "__main__" else ():
-    plan = pushplan.plan(pushplan.load_scenario("two-crates"), planner=planner, time_limit=2.0)
-    print(
-        plan.planner, round(plan.first_solution_s, 3), "s to the first path,", round(plan.path.cost, 3), "m"
-    )
+    print(planner, pushplan.plan(pushplan.load_scenario("two-crates"), planner=planner).progress[-1])

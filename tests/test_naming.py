@@ -100,9 +100,7 @@ def test_what_is_no_planner_is_refused(given: str, what: str) -> None:
 
 
 def test_what_is_no_stable_set_is_refused() -> None:
-    with pytest.raises(
-        PushplanError, match="'math:pi' is no stable set; allowed: a subclass of"
-    ):
+    with pytest.raises(PushplanError, match="'math:pi' is no stable set; allowed: a subclass of"):
         add_set("math:pi")
     with pytest.raises(PushplanError, match="no stable set is called 'stabel'; there are ecof, cof"):
         add_set("stabel")

@@ -8,6 +8,7 @@ does that once.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -132,11 +133,14 @@ def ready(handle: Handle) -> tuple[Grow, RoomAt]:
     """Return `grow` and `room_at` for references like this one, without numba's look-up of types at every call."""
     if config.DISABLE_JIT:  # type: ignore[attr-defined]
         return grow, room_at
-    kind, whole, real = typeof(handle), types.int64, types.float64  # type: ignore[no-untyped-call]
-    return _ready(grow, (kind, whole, whole, *[real] * 4)), _ready(room_at, (kind, *[real] * 3))
+    return _ready(typeof(handle))  # type: ignore[no-untyped-call]
 
 
-def _ready(function: Any, kinds: tuple[Any, ...]) -> Any:
-    """Return a compiled function for some types of its arguments."""
-    function.compile(kinds)  # or loads it
-    return function.get_overload(kinds)
+@cache
+def _ready(kind: Any) -> tuple[Grow, RoomAt]:
+    """Return both functions for a type of reference."""
+    whole, real, found = types.int64, types.float64, []
+    for function, kinds in ((grow, (kind, whole, whole, *[real] * 4)), (room_at, (kind, *[real] * 3))):
+        function.compile(kinds)  # or loads it
+        found.append(function.get_overload(kinds))
+    return found[0], found[1]

@@ -19,7 +19,7 @@ from pushplan.planners.session import Session
 OUTSIDE = 1e9
 """First coordinate, m, that marks a state as invalid."""
 
-FIRST_CAPACITY = 4096
+FIRST_CAPACITY = 1024
 """Nodes that a fresh tree has room for; doubled when full."""
 
 FROM_HERE = -1
