@@ -1,11 +1,13 @@
 """What logs cost: the share of a run's time, the size of a file, the memory of reading an hour.
 
-Run `python benchmarks/logs.py [--runs 9]`. For each packaged scenario, with its own settings:
+Run `python benchmarks/logs.py [--runs 9] [--cpu]`. For each packaged scenario, with its own settings:
 
 - *call*: `pushplan.run(scenario, log=FILE)` in a process that has run before, the median of runs. Logging is what the
   run's own watch counts; `more` is how much longer a run takes than one without a log, the two taking turns.
 - *process*: a process from its start to its end that loads the program, plans and logs once, as
   `pushplan plan SCENARIO -o FILE` does; logging includes loading what only logging needs.
+- *CPU*: writing the log of a run that is there already, and loading the writer, seconds of the processor: what to
+  compare between two versions on a machine that is busy otherwise (`--cpu`, alone and fast).
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ import numpy as np
 from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
+from pushplan.logging.reader import read_run
+from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.writer import RunLogWriter
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.run import run
@@ -44,6 +48,13 @@ from pushplan.cli import main
 code = main(sys.argv[1:])
 print(re.search(r"VmHWM:\\s+(\\d+)", pathlib.Path("/proc/self/status").read_text())[1], file=sys.stderr)
 sys.exit(code)
+"""
+
+LOAD_WRITER = """\
+import time, pushplan.run
+before = time.process_time()
+import pushplan.logging.writer
+print(time.process_time() - before)
 """
 
 NINE_BODIES = """\
@@ -108,6 +119,33 @@ def shares(folder: Path, runs: int) -> float:
     return worst
 
 
+def rewrite(run: RecordedRun, log: Path) -> None:
+    assert run.plan is not None
+    assert run.execution is not None
+    with RunLogWriter.create(log, run.scenario, run.words["pushplan.run"]) as writer:
+        writer.plan(run.plan)
+        writer.execution(run.execution)
+        writer.finish(run.outcome)
+
+
+def processor(folder: Path, runs: int) -> None:
+    """Print what writing takes, given the runs, and loading what writes."""
+    for name in ("two-crates", "nine-bodies"):
+        log = folder / f"{name}.mcap"
+        run(scenario_from_text(NINE_BODIES) if name == "nine-bodies" else load_scenario(name), log=log)
+        recorded, spent = read_run(log), []
+        for _ in range(10 * runs):
+            began = time.process_time()
+            rewrite(recorded, log)
+            spent.append(time.process_time() - began)
+        print(f"writing {name}: {1e3 * np.median(spent):.2f} ms CPU, {1e3 * min(spent):.2f} at least")
+    loading = [
+        float(subprocess.run([sys.executable, "-c", LOAD_WRITER], check=True, capture_output=True).stdout)
+        for _ in range(runs)
+    ]
+    print(f"loading the writer: {1e3 * np.median(loading):.1f} ms CPU, {1e3 * min(loading):.1f} at least")
+
+
 def nine_bodies(folder: Path) -> None:
     done = run(scenario_from_text(NINE_BODIES), log=folder / "nine.mcap")
     assert done.execution is not None
@@ -146,9 +184,13 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--runs", type=int, default=9)
+    parser.add_argument("--cpu", action="store_true", help="time the processor only")
     arguments = parser.parse_args()
     print(Machine.this().words)
     with tempfile.TemporaryDirectory() as folder:
+        processor(Path(folder), arguments.runs)
+        if arguments.cpu:
+            return
         worst = shares(Path(folder), arguments.runs)
         print(f"largest share of a process: {worst:.1%} (limit 5 %)")
         nine_bodies(Path(folder))

@@ -12,7 +12,7 @@ import time
 import numpy as np
 
 from pushplan.bench.machine import Machine
-from pushplan.bench.validation import exactly, flaw
+from pushplan.bench.validation import exactly, flaw, with_kept_margin
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
@@ -24,7 +24,9 @@ from pushplan.scenario import Scenario
 
 def failure(scenario: Scenario, result: PlanResult) -> str:
     execution = execute(scenario, result)
-    return result.reason if execution is None else flaw(exactly(scenario), execution)
+    return (
+        result.reason if execution is None else flaw(with_kept_margin(exactly(scenario), result), execution)
+    )
 
 
 def main() -> int:

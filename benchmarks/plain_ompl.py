@@ -23,9 +23,9 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import cost_rate
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments
+from pushplan.planners.margins import margins_to_try
 from pushplan.planners.ompl.posing import bounds, state_at
 from pushplan.planners.problem import sampling_box
-from pushplan.planners.scene import chain_outlines
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import CircleObstacle, Scenario
 
@@ -63,7 +63,8 @@ def solve(scenario: Scenario, name: str, seconds: float, seed: int) -> PlainResu
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
     stable = scenario.stable_set()
-    segments = control_segments(stable, scenario.chain.pusher.drive, scenario.stability.margin + MARGIN_FLOOR)
+    scenario = scenario.with_margin(margins_to_try(scenario, stable)[0])
+    segments = control_segments(stable, scenario.chain.pusher.drive, scenario.required_margin + MARGIN_FLOOR)
     information, counter = _information(scenario, segments)
     definition = ob.ProblemDefinition(information)
     ends = (state_at(information, pose) for pose in (scenario.start, scenario.goal.pose_chain))
@@ -113,7 +114,7 @@ def _propagator(segments: FloatArray, counter: list[int]) -> Any:
 
 
 def _validity(scenario: Scenario, box: tuple[float, float, float, float]) -> Any:
-    body = shapely.union_all([shapely.Polygon(outline) for outline in chain_outlines(scenario.chain)])
+    body = shapely.union_all([shapely.Polygon(moving.outline) for moving in scenario.chain.bodies])
     shapes = [
         shapely.Point(o.center).buffer(o.radius)
         if isinstance(o, CircleObstacle)

@@ -12,8 +12,8 @@ from types import ModuleType
 from typing import Any
 
 import pushplan
-from pushplan.logging.html import write_html
-from pushplan.logging.terminal import TerminalView
+from pushplan.logging.export.html import write_html
+from pushplan.logging.play.terminal import TerminalView
 
 ROOT = Path(__file__).parents[1]
 TIME = 6.0

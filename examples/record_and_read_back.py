@@ -3,8 +3,8 @@
 import numpy as np
 
 import pushplan
-from pushplan.logging.export_csv import write_csv
-from pushplan.logging.html import write_html
+from pushplan.logging.export.csv import write_csv
+from pushplan.logging.export.html import write_html
 
 run = pushplan.run(pushplan.load_scenario("one-box"), log="run.mcap", time_limit=0.5)
 log = pushplan.read_run("run.mcap")

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from google.protobuf.message import DecodeError
 
 from pushplan.errors import PushplanError, RunLogError
-from pushplan.logging import metadata
-from pushplan.logging.attached import ScenarioFiles
-from pushplan.logging.contents import Contents
-from pushplan.logging.cursor import DamageError
-from pushplan.logging.effort import Effort
-from pushplan.logging.items import Attachment, Item, Message, Metadata
-from pushplan.logging.mcap_file import McapFile
-from pushplan.logging.partial_file import SUFFIX
+from pushplan.logging.mcap.budget import MESSAGE_LIMIT
+from pushplan.logging.mcap.cursor import DamageError
+from pushplan.logging.mcap.items import Attachment, Item, Message, Metadata
+from pushplan.logging.mcap.mcap_file import McapFile
+from pushplan.logging.mcap.partial_file import SUFFIX
+from pushplan.logging.messages import metadata
+from pushplan.logging.messages.contents import TOPICS, Contents
+from pushplan.logging.messages.effort import Effort
+from pushplan.logging.messages.scenario_files import ScenarioFiles
 from pushplan.logging.recorded import RecordedRun
 
 _OURS = "pushplan."
@@ -35,7 +37,8 @@ def read_run(path: Path | str, *, recover: bool | None = None) -> RecordedRun:
         RunLogError: When the file is damaged (and not to be recovered), no run log, or of a newer format.
     """
     path = Path(path)
-    file = McapFile(path, recover=path.name.endswith(SUFFIX) if recover is None else recover)
+    damaged = path.name.endswith(SUFFIX) if recover is None else recover
+    file = McapFile(path, recover=damaged, topics={topic.name for topic in TOPICS})
     reading = _Reading(file)
     for item in file.items():
         reading.take(item)
@@ -49,23 +52,31 @@ class _Reading:
         self._file = file
         self._words: dict[str, dict[str, str]] = {}
         self._scenario = ScenarioFiles(file)
-        self._contents = Contents(lambda: len(self._scenario.read().chain.contacts))
+        self._contents = Contents(lambda: len(self._scenario.read().chain.contacts), file.recover)
 
     def take(self, item: Item) -> None:
         """Take the next item of the file."""
         try:
             match item:
                 case Message():
-                    self._contents.take(item)
+                    self._take_message(item)
                 case Attachment():
                     self._scenario.take(item)
                 case Metadata():
                     self._take_metadata(item)
         except RunLogError:
             raise
+        except DamageError as damage:
+            self._file.lose(damage, "an item")
         except (DecodeError, KeyError, ValueError, PushplanError) as error:
             what = f"no {error}" if isinstance(error, KeyError) else str(error)
             self._file.lose(DamageError(f"{_name(item)}: {what}", item.offset), "an item")
+
+    def _take_message(self, item: Message) -> None:
+        if len(item.data) > MESSAGE_LIMIT:
+            raise ValueError(f"{len(item.data)} bytes; at most {MESSAGE_LIMIT} are allowed")
+        self._file.budget.keep(self._contents.memory(item), item.offset)
+        self._contents.take(item)
 
     def _take_metadata(self, item: Metadata) -> None:
         if not item.name.startswith(_OURS):
@@ -96,11 +107,14 @@ class _Reading:
         self._scenario.check(self._words.get(metadata.RUN, {}))
         self._file.require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
         self._file.require(not self._contents.cut, "the end of the execution")
+        for first, behind in self._contents.gaps:
+            self._file.require(False, f"samples {first} to {behind - 1} of the execution")
+        plan, execution = self._contents.plan, self._contents.execution()
         return RecordedRun(
             path=self._file.path,
             scenario=scenario,
-            plan=self._contents.plan,
-            execution=self._contents.execution(),
+            plan=None if plan is None else replace(plan, execution=execution),
+            execution=execution,
             lines=tuple(self._contents.lines),
             words=self._words,
             losses=tuple(self._file.losses),

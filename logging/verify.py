@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.logging.check import TOLERANCE, Check
+from pushplan.logging.messages import metadata
 from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.verify_file import timed_by_other_rules, verify_file
 from pushplan.path import PushPath
 from pushplan.planners.checker import find_collision
 from pushplan.planners.trajectories import make_trajectory
@@ -17,53 +20,19 @@ from pushplan.result import PlanResult
 from pushplan.run import execute
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution
+from pushplan.sim.judging import planning_set
 from pushplan.trajectory import Trajectory
-
-TOLERANCE = 1e-9
-"""Largest difference that counts as rounding, in SI units; of forces, per newton of the largest one."""
 
 _SERIES = {
     "t": "time",
     "poses": "pose",
     "twists": "twist",
     "margins": "margin",
+    "dynamic_margins": "margin with inertia",
     "friction_margins": "friction margin",
     "lambdas": "point of application (lambda)",
     "forces": "contact force",
 }
-
-
-@dataclass(frozen=True)
-class Check:
-    """A comparison of one quantity.
-
-    Attributes:
-        quantity: What was compared.
-        difference: The largest difference found; infinite where one side has nothing to compare.
-        tolerance: What would still pass.
-        time: Simulated time of the largest difference, s; None where the quantity has no time.
-        what: The difference in words, where a number does not say it.
-    """
-
-    quantity: str
-    difference: float
-    tolerance: float = TOLERANCE
-    time: float | None = None
-    what: str = ""
-
-    @property
-    def matches(self) -> bool:
-        """Whether the difference is within the tolerance."""
-        return self.difference <= self.tolerance  # False for NaN
-
-    @property
-    def text(self) -> str:
-        """The outcome in a sentence."""
-        if self.what:
-            return f"{self.quantity}: {self.what}"
-        at = "" if self.time is None else f" at {self.time:.3f} s"
-        sign = "<=" if self.matches else ">"
-        return f"{self.quantity}: differs by {self.difference:.3g}{at} ({sign} {self.tolerance:.3g})"
 
 
 @dataclass(frozen=True)
@@ -87,7 +56,9 @@ def verify(run: RecordedRun) -> VerifyReport:
     """Execute the plan of `run` again and compare.
 
     Compared are the timing of the path, every sample of the execution, the loss of stability, the goal error,
-    and that nothing is touched on the way. Where the log ends early, the samples that it has are compared.
+    that nothing is touched on the way, and every message and word in the file that follows from scenario and plan.
+    Where the log ends early or has gaps, what it has is compared. The timing of
+    paths that older versions timed by other rules is not.
 
     Raises:
         PushplanError: When the recorded plan cannot be executed at all.
@@ -95,17 +66,22 @@ def verify(run: RecordedRun) -> VerifyReport:
     plan = run.plan
     if plan is None or plan.path is None or plan.trajectory is None:
         return VerifyReport(())
-    checks = [*_timing(run.scenario, plan, plan.trajectory, plan.path)]
-    checks.append(_clear_way(run.scenario, plan.trajectory))
-    replayed = execute(run.scenario, plan)
+    scenario = run.scenario if plan.margin is None else run.scenario.with_margin(plan.margin)
+    checks = [*_timing(scenario, plan, plan.trajectory, plan.path)]
+    checks.append(_clear_way(scenario, plan.trajectory))
+    replayed = execute(scenario, plan)
     if run.execution is not None and replayed is not None:
-        checks += _execution(run.execution, replayed)
-    return VerifyReport(tuple(checks))
+        checks += _execution(run.execution, _aligned(run, run.execution, replayed))
+    return VerifyReport((*checks, *verify_file(run.path)))
 
 
 def _timing(scenario: Scenario, plan: PlanResult, trajectory: Trajectory, path: PushPath) -> Iterator[Check]:
     """Compare the trajectory with the path timed again, as the scenario asks for."""
-    stable = scenario.stable_set(plan.stable_set)
+    if timed_by_other_rules(scenario, plan):
+        what = "not compared: when this was recorded, contacts kept no margin with inertia"
+        yield Check("timing", 0.0, 0.0, what=what)
+        return
+    stable = planning_set(scenario, plan.stable_set)
     again = make_trajectory(scenario, path, stable, trajectory.rate)
     yield Check("duration", abs(again.duration - trajectory.duration))
     yield _series("commanded twist", trajectory.t, trajectory.twists, again.twists_at(trajectory.t))
@@ -120,6 +96,16 @@ def _clear_way(scenario: Scenario, trajectory: Trajectory) -> Check:
     return Check("collision", math.inf, 0.0, what=str(hit))
 
 
+def _aligned(run: RecordedRun, recorded: Execution, replayed: Execution) -> Execution:
+    """Return the samples of an execution at the times that a log with gaps has kept."""
+    if not (run.losses or metadata.RECOVERY in run.words) or not len(replayed.t):
+        return replayed
+    places = np.minimum(np.searchsorted(replayed.t, recorded.t - TOLERANCE), len(replayed.t) - 1)
+    series = {name: getattr(replayed, name) for name in _SERIES}
+    kept = {name: None if values is None else values[places] for name, values in series.items()}
+    return replace(replayed, **kept)  # type: ignore[arg-type]
+
+
 def _execution(recorded: Execution, replayed: Execution) -> Iterator[Check]:
     """Compare two executions; the recorded one may have lost its end."""
     cut = math.isnan(recorded.goal_error[0])
@@ -128,6 +114,8 @@ def _execution(recorded: Execution, replayed: Execution) -> Iterator[Check]:
         yield Check("number of samples", abs(len(recorded.t) - len(replayed.t)), 0.0)
     for name, words in _SERIES.items():
         first, second = getattr(recorded, name), getattr(replayed, name)
+        if name == "dynamic_margins" and first is None:  # a log of an older version
+            continue
         if first is None or second is None:
             missing = first is not second
             yield Check(

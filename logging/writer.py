@@ -20,18 +20,19 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from pushplan.arrays import IntArray
 from pushplan.errors import RunLogError
-from pushplan.logging import execution_message, metadata, plan_message, schemas, views
-from pushplan.logging.attached import MEDIA_TYPES, attachments_of
-from pushplan.logging.channels import Channels
-from pushplan.logging.effort import Effort, exact
-from pushplan.logging.frames import chain_frames, placed, poses_in_world
-from pushplan.logging.partial_file import PartialFile
-from pushplan.logging.scene import scene, tree
-from pushplan.logging.sentences import execution_sentence, plan_sentence
-from pushplan.logging.window import PATH_SPACING, smoothed_times
+from pushplan.logging.mcap.partial_file import PartialFile
+from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
+from pushplan.logging.messages.channels import Channels
+from pushplan.logging.messages.effort import Effort, exact
+from pushplan.logging.messages.scenario_files import MEDIA_TYPES, attachments_of
+from pushplan.logging.messages.sentences import execution_sentence, plan_sentence
+from pushplan.logging.view import views
+from pushplan.logging.view.frames import chain_frames, placed, poses_in_world
+from pushplan.logging.view.scene import scene, tree
+from pushplan.logging.view.window import PATH_SPACING, smoothed_times
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
-from pushplan.sim.execution import Execution
+from pushplan.sim.execution import Execution, inertia_warning
 
 _STRETCH = 60
 """Simulated seconds whose messages are made at once: few calls for a short run, little memory for a long one."""
@@ -56,13 +57,20 @@ class RunLogWriter:
         self._finished = False
 
     @classmethod
-    def create(cls, path: Path | str, scenario: Scenario, settings: Mapping[str, object]) -> Self:
+    def create(
+        cls,
+        path: Path | str,
+        scenario: Scenario,
+        settings: Mapping[str, object],
+        words: Mapping[str, str] | None = None,
+    ) -> Self:
         """Begin a log: what the run starts from is written when this returns.
 
         Args:
             path: Final name of the log. A file of that name is replaced when the log is finished, not before.
             scenario: What the run is about.
             settings: Names and values for the metadata `pushplan.run`: planner, set, seed, ...
+            words: The metadata `pushplan.run` of a run that is over; None for one that begins now.
 
         Raises:
             RunLogError: When the file cannot be written.
@@ -70,7 +78,7 @@ class RunLogWriter:
         file = PartialFile(Path(path))
         try:
             log = cls(file, scenario)
-            log._begin(settings)
+            log._begin(metadata.run_words(scenario, settings) if words is None else words)
         except BaseException:
             file.discard()
             raise
@@ -81,9 +89,9 @@ class RunLogWriter:
         """Name of the file until it is finished."""
         return self._file.partial
 
-    def _begin(self, settings: Mapping[str, object]) -> None:
+    def _begin(self, words: Mapping[str, str]) -> None:
         channels, scenario = self._channels, self._scenario
-        channels.note(metadata.RUN, metadata.run_words(scenario, settings))
+        channels.note(metadata.RUN, words)
         for name, data in attachments_of(scenario).items():
             channels.attach(name, MEDIA_TYPES.get(name, "application/octet-stream"), data)
         channels.declare()
@@ -110,6 +118,14 @@ class RunLogWriter:
         stamp = self._channels.stamp
         line = Log(timestamp=stamp, level=number, message=text, name="pushplan")  # type: ignore[arg-type]
         self._channels.send(schemas.LOG, line)
+
+    def note(self, name: str, words: Mapping[str, str]) -> None:
+        """Write metadata under a name that begins with `pushplan.`.
+
+        Raises:
+            RunLogError: When the file cannot be written.
+        """
+        self._channels.note(name, words)
 
     def plan(self, plan: PlanResult) -> None:
         """Write what planning found, and what it took.
@@ -156,6 +172,9 @@ class RunLogWriter:
         end.timestamp.CopyFrom(channels.stamp)
         channels.send(schemas.EXECUTION_END, end)
         self.log("info" if execution.loss is None else "warning", execution_sentence(execution))
+        warning = inertia_warning(self._scenario, execution)
+        if warning:
+            self.log("warning", warning)
         self._words |= metadata.execution_words(execution)
         channels.flush()
 

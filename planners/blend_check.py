@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.checker import find_collision
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
@@ -14,8 +15,10 @@ RESTING = 1e-9
 """Twist components below this (m/s, rad/s) are rest."""
 
 
-def unstable_times(scenario: Scenario, stable: StableSet, trajectory: Trajectory) -> FloatArray:
-    """Return when (k,) the trajectory does not keep more than the scenario's margin, worst first, s.
+def unstable_times(
+    scenario: Scenario, stable: StableSet, trajectory: Trajectory, bounds: Bounds
+) -> FloatArray:
+    """Return when (k,) the trajectory does not keep more than the scenario's margins, worst first, s.
 
     It is looked at its samples, its breaks and half-way between them; where the pusher rests, nothing is asked.
     """
@@ -23,9 +26,13 @@ def unstable_times(scenario: Scenario, stable: StableSet, trajectory: Trajectory
     times = np.unique(np.concatenate([trajectory.t, breaks, 0.5 * (breaks[:-1] + breaks[1:])]))
     twists = trajectory.twists_at(times)
     moving = np.abs(twists).max(axis=1) > RESTING
-    margins = stable.margin(twists[moving])
-    worst = np.argsort(margins, kind="stable")
-    return np.asarray(times[moving][worst][margins[worst] <= scenario.stability.margin])
+    spare = stable.margin(twists[moving]) - scenario.required_margin
+    if bounds.contacts is not None:
+        rates = trajectory.rates_at(times[moving])
+        with_inertia = bounds.contacts.margins(twists[moving], rates).min(axis=1)
+        spare = np.minimum(spare, with_inertia - bounds.margin)
+    worst = np.argsort(spare, kind="stable")
+    return np.asarray(times[moving][worst][spare[worst] <= 0.0])
 
 
 def collision_times(scenario: Scenario, trajectory: Trajectory) -> FloatArray:

@@ -10,8 +10,8 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.path import PushPath
-from pushplan.planners.arc_limits import Bounds
 from pushplan.planners.blend_check import collision_times, unstable_times
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.driven import Driven
 from pushplan.planners.goal_fit import NoFitError
 from pushplan.planners.joining import (
@@ -131,7 +131,7 @@ class BlendSearch:
 
     def _is_stable(self, parts: list[Driven], lengths: FloatArray, trajectory: Trajectory) -> bool:
         """Tell whether the margin is kept; stop at the corner where it is missed most if not."""
-        times = unstable_times(self.scenario, self.stable, trajectory)
+        times = unstable_times(self.scenario, self.stable, trajectory, self.bounds)
         if len(times):
             self._stop(nearest_corners(parts, lengths, times[:1]))
         return not len(times)

@@ -14,10 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath
-from pushplan.planners.arc_limits import Bounds
 from pushplan.planners.blend_search import Blend, BlendSearch
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.inset import inset_path
 from pushplan.planners.joining import corners_of
 from pushplan.planners.timing import time_path
@@ -33,27 +32,25 @@ def blend_path(
     scenario: Scenario,
     path: PushPath,
     stable: StableSet,
+    bounds: Bounds,
     rate: float = SAMPLE_RATE,
-    contacts: ContactDynamics | None = None,
 ) -> Blend:
     """Return the trajectory along a path that stops at few corners and takes no longer than the exact one.
 
     Args:
-        scenario: Limits of the pusher, margin to keep, and what is in the way.
+        scenario: What is in the way, and the margin to keep.
         path: Constant-twist arcs, free of collision and stable.
-        stable: The set whose margin has to exceed `scenario.stability.margin`.
+        stable: The set whose margin has to exceed `scenario.required_margin`.
+        bounds: What limits the motion.
         rate: Samples per second of the trajectory.
-        contacts: The chain, to keep speed and acceleration low enough for its contacts; None leaves inertia
-            out.
 
     Raises:
         TimingError: When an arc cannot be timed.
     """
-    bounds = Bounds(scenario.chain.pusher.limits, contacts)
-    exact = time_path(path, bounds.limits, rate, contacts)
+    exact = time_path(path, bounds, rate)
     if not corners_of(path):
         return Blend(exact, frozenset())
-    inset = inset_path(path, stable, scenario.stability.margin, bounds)
+    inset = inset_path(path, stable, scenario.required_margin, bounds)
 
     def paced(pace: float) -> BlendSearch:
         return BlendSearch(scenario, inset.path, path.end, stable, rate, bounds._replace(pace=pace))

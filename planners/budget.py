@@ -17,6 +17,9 @@ class Budget:
         first: Stop at the first path.
         iterations: Stop after this many iterations, at most; None sets no limit. Unlike the time limit it ends the
             same search at the same place on every machine.
+        patience: Share of the iterations where they are given, else of the time, after which a search without a
+            path is over.
+        enough: Likewise of a search that has a path.
     """
 
     time_limit: float
@@ -24,3 +27,11 @@ class Budget:
     gap: float = 1e-9
     first: bool = False
     iterations: int | None = None
+    patience: float = 1.0
+    enough: float = 1.0
+
+    def is_used_up(self, seconds: float, iterations: int, share: float = 1.0) -> bool:
+        """Tell whether a share of the iterations or of the time is spent, or all of the time."""
+        if self.iterations is None:
+            return seconds >= share * self.time_limit
+        return iterations >= share * self.iterations or seconds >= self.time_limit

@@ -31,7 +31,7 @@ class Collision:
 
     Attributes:
         pose: (x, y, theta) of the chain frame in the world.
-        body: `pusher` or the object's name.
+        body: `robot`, `pusher` or the object's name.
         obstacle: Index of the obstacle, or None for the workspace's walls.
         gap: Distance that is left, m; 0 where they touch or overlap.
     """
@@ -55,7 +55,7 @@ def find_collision(scenario: Scenario, poses: FloatArray) -> Collision | None:
 
     It is one when a body comes nearer to something than the scenario's clearance, less `CLEARANCE_ROOM`.
     """
-    dense = densify(poses, _reach(scenario), SPACING)
+    dense = densify(poses, scenario.chain.reach, SPACING)
     for begin in range(0, len(dense), BATCH):
         found = _first_collision(scenario, dense[begin : begin + BATCH])
         if found is not None:
@@ -87,15 +87,6 @@ def _log(pose: FloatArray) -> FloatArray:
     return np.stack([x, y, pose[:, 2]], axis=1)
 
 
-def _bodies(scenario: Scenario) -> list[tuple[str, FloatArray]]:
-    objects = [(obj.name, obj.outline_chain) for obj in scenario.chain.objects]
-    return [("pusher", scenario.chain.pusher.outline), *objects]
-
-
-def _reach(scenario: Scenario) -> float:
-    return max(float(np.linalg.norm(outline, axis=1).max()) for _, outline in _bodies(scenario))
-
-
 def _obstacles(scenario: Scenario) -> list[shapely.Geometry]:
     grown = 1.0 / np.cos(np.pi / (4 * CIRCLE_SEGMENTS))
     return [
@@ -112,16 +103,16 @@ def _first_collision(scenario: Scenario, poses: FloatArray) -> Collision | None:
     tree = shapely.STRtree(obstacles)
     required = scenario.clearance - CLEARANCE_ROOM
     hits: list[tuple[int, str, int | None, float]] = []
-    for name, outline in _bodies(scenario):
-        corners = poses[:, None, :2] + se2.rotate(poses[:, 2:3], outline[None])
+    for body in scenario.chain.bodies:
+        corners = poses[:, None, :2] + se2.rotate(poses[:, 2:3], body.outline[None])
         placed: ObjectArray = np.asarray(shapely.polygons(corners))
         pairs = tree.query(placed, predicate="dwithin", distance=required)
         gaps = _gaps(scenario, placed[pairs[0]], pairs[1])
         pairs, gaps = pairs[:, gaps < required], gaps[gaps < required]
         if len(gaps):
             first = np.argmin(pairs[0])
-            hits.append((int(pairs[0, first]), name, int(pairs[1, first]), float(gaps[first])))
-        hits += [(i, name, None, max(gap, 0.0)) for i, gap in _outside(scenario, corners, required)]
+            hits.append((int(pairs[0, first]), body.name, int(pairs[1, first]), float(gaps[first])))
+        hits += [(i, body.name, None, max(gap, 0.0)) for i, gap in _outside(scenario, corners, required)]
     if not hits:
         return None
     index, name, obstacle, gap = min(hits, key=lambda hit: hit[0])

@@ -6,7 +6,8 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.planners.arc_limits import ROOM, Bounds
+from pushplan.planners.arc_limits import ROOM
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.motion_bounds import limit_use
 from pushplan.planners.step_sum import Pieces
 
@@ -20,24 +21,26 @@ TINY = 1e-12
 def bounds_use(pieces: Pieces, bounds: Bounds) -> FloatArray:
     """Return the share (q, 4) of its limits that each piece uses: speed, acceleration, jerk, contacts.
 
-    The first three bound the whole piece. The last one looks at its beginning and its middle, how much of the
-    room in the contact conditions (`arc_limits.ROOM` of their quasi-static values) inertia uses up.
+    The first three bound the whole piece. The last one looks at its beginning and its middle, how much inertia
+    uses up of what the contacts have to spare above the margin to keep (`arc_limits.ROOM` of it).
     """
     pusher = limit_use(pieces.durations, pieces.coefficients, bounds.limits)
     held = np.zeros(len(pusher))
     if bounds.contacts is not None:
-        held = np.max([_contact_use(pieces, bounds.contacts, place) for place in (0.0, 0.5)], axis=0)
+        uses = [_contact_use(pieces, bounds.contacts, bounds.margin, place) for place in (0.0, 0.5)]
+        held = np.max(uses, axis=0)
     return np.column_stack([pusher, held])
 
 
-def _contact_use(pieces: Pieces, contacts: ContactDynamics, place: float) -> FloatArray:
+def _contact_use(pieces: Pieces, contacts: ContactDynamics, margin: float, place: float) -> FloatArray:
     """Share (q,) that is used at one place of every piece, 0 where the pusher rests."""
     time = place * pieces.durations[:, None]
     c0, c1, c2 = (pieces.coefficients[:, j] for j in range(3))
     twists, rates = c0 + time * (c1 + time * c2), c1 + 2.0 * time * c2
     moving = np.abs(twists).max(axis=1) > 0.0
-    room: FloatArray = ROOM * contacts.quasi_static_rows(twists[moving])
-    spent = -contacts.inertia_rows(twists[moving], rates[moving])
+    floor, inertia = contacts.quasi_static(twists[moving]), contacts.inertia(twists[moving], rates[moving])
+    room: FloatArray = ROOM * (floor.rows - margin * floor.size[..., None])
+    spent = margin * inertia.size[..., None] - inertia.rows
     shares = np.where(spent > 0.0, spent / np.maximum(room, TINY), 0.0)
     used = np.zeros(len(twists))
     used[moving] = np.max(shares, axis=(1, 2))

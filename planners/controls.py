@@ -72,6 +72,12 @@ def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
     )
 
 
+def best_drive_margin(stable: StableSet, drive: Drive) -> float:
+    """Return the largest margin among the twists at which a wheeled drive's family is scanned."""
+    assert drive.axle is not None
+    return float(stable.margin(_drive_twists(drive.axle, _drive_turns(stable, drive))).max())
+
+
 def segment_ends(segments: FloatArray) -> FloatArray:
     """Return the twists (2 k, 3) at both ends of segments (k, 6)."""
     return np.concatenate([segments[:, :3], segments[:, 3:]])

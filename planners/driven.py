@@ -9,7 +9,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
-from pushplan.planners.arc_limits import Bounds
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.step_sum import Pieces
 from pushplan.planners.timing import time_run
 

@@ -17,7 +17,6 @@ from shapely.geometry.base import BaseGeometry
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
-from pushplan.planners.scene import chain_outlines
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
 
 SEAM = 1e-7
@@ -44,7 +43,7 @@ class Disc(NamedTuple):
 
 def body(chain: Chain) -> BaseGeometry:
     """Return what moves as one shape in the chain frame."""
-    outlines = [shapely.Polygon(outline) for outline in chain_outlines(chain)]
+    outlines = [shapely.Polygon(moving.outline) for moving in chain.bodies]
     return shapely.union_all(outlines).buffer(SEAM, join_style="mitre").buffer(-SEAM, join_style="mitre")
 
 

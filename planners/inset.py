@@ -14,7 +14,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.arc_limits import Bounds
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.section import passing_speeds, step_windows
 from pushplan.stable_sets.stable_set import StableSet
 

@@ -10,7 +10,7 @@ import numpy as np
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
-from pushplan.planners.arc_limits import Bounds
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.driven import Driven
 from pushplan.planners.goal_fit import fit_lengths
 from pushplan.planners.nudge import LengthRows

@@ -98,7 +98,7 @@ def _extreme_twists(scenario: Scenario, stable: StableSet, problem: Problem) -> 
     drive = scenario.chain.pusher.drive
     if drive.axle is not None:
         return segment_ends(problem.segments)
-    return segment_ends(control_segments(stable, drive, scenario.stability.margin, MERIDIANS))
+    return segment_ends(control_segments(stable, drive, scenario.required_margin, MERIDIANS))
 
 
 def push_hull(twists: FloatArray, middle: FloatArray) -> shapely.Polygon:

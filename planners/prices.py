@@ -1,8 +1,8 @@
 """What an arc costs under the scenario's `planner.cost`, as a table over the directions of twists.
 
-- `travel`: its length, and a little for each arc.
+- `travel`: its length, and `planner.arc_price` for each arc.
 - `time`: how long the pusher takes from rest to rest; for a blended trajectory, at full speed, and a share of the
-  time to reach it.
+  time to reach it; and for each arc what `planner.arc_price` takes at the pusher's top speed.
 - `margin`: its length times 1 + weight (1 - m / m_best), m being the twist's margin and m_best the largest there is.
 """
 
@@ -15,11 +15,10 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.compiled import lean
-from pushplan.errors import TimingError
-from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.sphere import angles_of, twists_at
 from pushplan.path import cost_rate
-from pushplan.planners.arc_limits import Bounds, arc_limits, contact_limits
+from pushplan.planners.arc_limits import arc_limits, contact_limits_of
+from pushplan.planners.bounds import Bounds, motion_bounds
 from pushplan.scenario import Scenario
 from pushplan.scratch import scratch
 from pushplan.stable_sets.stable_set import StableSet
@@ -27,14 +26,11 @@ from pushplan.stable_sets.stable_set import StableSet
 TRAVEL, MARGIN, REST_TO_REST, PASSING = 0, 1, 2, 3
 """Kinds of prices."""
 
-ARC_PRICE = 0.002
-"""What an arc costs beside its length, m: every corner costs a stop."""
-
 BLEND_PRICE = 0.02
 """What a blended corner costs, as a share of the time from rest to full speed."""
 
-GRIDS = {"margin": 129, "time": 65, "slow": 13}
-"""Longitudes and latitudes of the table; few of them where every entry takes a while (dynamic contact limits)."""
+GRIDS = {"margin": 129, "time": 33}
+"""Longitudes and latitudes of the table; fewer where an entry takes longer."""
 
 TYPICAL_ARC = 0.3
 """Length (m) of the arcs for which the contacts' limits are looked up."""
@@ -48,7 +44,7 @@ class Prices(NamedTuple):
 
     Attributes:
         kind: `TRAVEL` (no table), `MARGIN` (rate), `REST_TO_REST` or `PASSING` (top s', s'' and s''').
-        per_arc: Price of an arc beside its length; of `PASSING`, a share.
+        per_arc: Price of an arc beside its length.
         lowest: Smallest price of a metre of arc.
         length: Characteristic length of the twist sphere, m.
         box: (4,) first and last longitude, first and last latitude of the table, rad.
@@ -63,9 +59,9 @@ class Prices(NamedTuple):
     table: FloatArray
 
 
-def travel_prices() -> Prices:
-    """Return the default: length alone counts, and a little for each arc."""
-    return Prices(TRAVEL, ARC_PRICE, 1.0, 1.0, np.array([0.0, 1.0, 0.0, 1.0]), np.zeros((2, 2, 3)))
+def travel_prices(per_arc: float) -> Prices:
+    """Return the default: length counts, and `per_arc` (m) for each arc."""
+    return Prices(TRAVEL, per_arc, 1.0, 1.0, np.array([0.0, 1.0, 0.0, 1.0]), np.zeros((2, 2, 3)))
 
 
 def make_prices(scenario: Scenario, stable: StableSet, segments: FloatArray) -> Prices:
@@ -78,22 +74,22 @@ def make_prices(scenario: Scenario, stable: StableSet, segments: FloatArray) -> 
     """
     cost = scenario.planner.cost
     if cost == "travel":
-        return travel_prices()
-    limits = scenario.chain.pusher.limits
-    slow = cost == "time" and limits.contact == "dynamic"
+        return travel_prices(scenario.planner.arc_price)
     length = scenario.chain.characteristic_length
-    box, twists = _grid(segments, length, GRIDS["slow" if slow else cost])
+    box, twists = _grid(segments, length, GRIDS[cost])
     table = np.zeros((*twists.shape[:2], 3))
     if cost == "margin":
         margins = stable.margin(twists.reshape(-1, 3)).reshape(twists.shape[:2])
         table[..., 0] = 1.0 + scenario.planner.weight * (1.0 - margins / margins.max())
-        per_arc = ARC_PRICE * (1.0 + scenario.planner.weight)
+        per_arc = scenario.planner.arc_price * (1.0 + scenario.planner.weight)
         return Prices(MARGIN, per_arc, float(table[..., 0].min()), length, box, table)
-    bounds = Bounds(limits, ContactDynamics(scenario.chain) if slow else None)
-    table[:] = [[_speeds(twist, bounds) for twist in row] for row in twists]
+    bounds = motion_bounds(scenario, stable)
+    table[:] = _speeds(twists.reshape(-1, 3), bounds).reshape(table.shape)
     blended = scenario.trajectory == "blended"
-    kind, per_arc = (PASSING, BLEND_PRICE) if blended else (REST_TO_REST, 0.0)
-    return Prices(kind, per_arc, 1.0 / float(table[..., 0].max()), length, box, table)
+    per_arc = scenario.planner.arc_price / scenario.chain.pusher.limits.speed
+    return Prices(
+        PASSING if blended else REST_TO_REST, per_arc, 1.0 / float(table[..., 0].max()), length, box, table
+    )
 
 
 def _grid(segments: FloatArray, length: float, count: int) -> tuple[FloatArray, FloatArray]:
@@ -106,18 +102,13 @@ def _grid(segments: FloatArray, length: float, count: int) -> tuple[FloatArray, 
     return box, twists / cost_rate(twists)[..., None]
 
 
-def _speeds(twist: FloatArray, bounds: Bounds) -> tuple[float, float, float]:
-    """Largest s', s'' and s''' along a twist (3,)."""
-    try:
-        found = contact_limits(twist, TYPICAL_ARC, bounds)
-    except TimingError:
-        free = arc_limits(twist, bounds.limits)
-        found = free._replace(
-            speed=CREEPING * free.speed,
-            acceleration=CREEPING * free.acceleration,
-            deceleration=CREEPING * free.deceleration,
-        )
-    return found.speed, min(found.acceleration, found.deceleration), found.jerk
+def _speeds(twists: FloatArray, bounds: Bounds) -> FloatArray:
+    """Largest s', s'' and s''' (k, 3) along twists (k, 3)."""
+    found, able = contact_limits_of(twists, np.full(len(twists), TYPICAL_ARC), bounds)
+    free = arc_limits(twists, bounds.limits)
+    speed = np.where(able, found.speed, CREEPING * free.speed)
+    slower = np.minimum(found.acceleration, found.deceleration)
+    return np.stack([speed, np.where(able, slower, CREEPING * free.acceleration), found.jerk], axis=1)
 
 
 @lean
@@ -161,5 +152,6 @@ def arc_price(prices: Prices, vx: float, vy: float, omega: float, length: float)
     if prices.kind == MARGIN:
         return float(length * found[0] + prices.per_arc)
     if prices.kind == REST_TO_REST:
-        return float(rest_to_rest_time(length, found[0], found[1], found[2]))
-    return float(length / found[0] + prices.per_arc * (found[0] / found[1] + found[1] / found[2]))
+        return float(rest_to_rest_time(length, found[0], found[1], found[2]) + prices.per_arc)
+    step = found[0] / found[1] + found[1] / found[2]
+    return float(length / found[0] + BLEND_PRICE * step + prices.per_arc)

@@ -6,12 +6,11 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
 from pushplan.names import CLEARANCE_ROOM
 from pushplan.planners.collision import Scene, separation
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments, steering_families
 from pushplan.planners.prices import make_prices
-from pushplan.planners.scene import build_scene, chain_outlines
+from pushplan.planners.scene import build_scene
 from pushplan.planners.search import Problem
 from pushplan.scenario import CircleObstacle, Scenario
 from pushplan.stable_sets.stable_set import StableSet
@@ -35,7 +34,7 @@ def build_problem(scenario: Scenario, stable: StableSet) -> Problem:
         EmptyStableSetError: When no twist is stable for the pusher's drive.
     """
     drive = scenario.chain.pusher.drive
-    margin = scenario.stability.margin + MARGIN_FLOOR
+    margin = scenario.required_margin + MARGIN_FLOOR
     xmin, ymin, xmax, ymax = sampling_box(scenario)
     segments = control_segments(stable, drive, margin)
     return Problem(
@@ -88,6 +87,5 @@ def sampling_box(scenario: Scenario) -> Box:
 
 
 def body_reach(scenario: Scenario) -> float:
-    """Return the distance from the chain frame's origin to the farthest point of pusher and objects, m."""
-    corners: FloatArray = np.concatenate(chain_outlines(scenario.chain))
-    return float(np.linalg.norm(corners, axis=1).max())
+    """Return the distance from the chain frame's origin to the farthest point of all that moves, m."""
+    return scenario.chain.reach

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError
@@ -16,12 +16,12 @@ SHORTEST_PHASE = 1e-12
 
 
 class ArcLimits(NamedTuple):
-    """Bounds on the derivatives of the arc parameter: s', s'' either way, and |s'''|."""
+    """Bounds on the derivatives of the arc parameter: s', s'' either way, and |s'''|; numbers, or arrays of them."""
 
-    speed: float
-    acceleration: float
-    deceleration: float
-    jerk: float
+    speed: Any
+    acceleration: Any
+    deceleration: Any
+    jerk: Any
 
 
 class Profile(NamedTuple):

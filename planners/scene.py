@@ -69,11 +69,6 @@ def _box(points: FloatArray) -> FloatArray:
     return np.concatenate([points.min(axis=0), points.max(axis=0)])
 
 
-def chain_outlines(chain: Chain) -> list[FloatArray]:
-    """Return the outlines (k, 2) of the pusher and of every object, in the chain frame."""
-    return [chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)]
-
-
 def build_scene(
     chain: Chain,
     polygons: Iterable[FloatArray],
@@ -85,14 +80,14 @@ def build_scene(
     """Return the compiled scene.
 
     Args:
-        chain: What moves, pusher included.
+        chain: What moves, pusher and robot included.
         polygons: Outlines (k, 2) of polygonal obstacles, world frame.
         circles: (x, y, radius) of round obstacles, world frame.
         walls: Workspace (xmin, ymin, xmax, ymax); infinite where there is none.
         clearance: Distance from everything at the poses that are looked at, m, > 0.
         kept: Distance that is proven between them, m, smaller; None stands for half of the clearance.
     """
-    body = [piece for outline in chain_outlines(chain) for piece in convex_pieces(outline)]
+    body = [piece for moving in chain.bodies for piece in convex_pieces(moving.outline)]
     standing = [piece for outline in polygons for piece in convex_pieces(outline)]
     discs = np.array(list(circles), dtype=np.float64).reshape(-1, 3)
     return scene_of(body, standing, discs, np.array(walls, dtype=np.float64), clearance, kept)

@@ -15,7 +15,8 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
-from pushplan.planners.arc_limits import Bounds, contact_limits
+from pushplan.planners.arc_limits import contact_limits
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.contact_use import ORDERS, bounds_use
 from pushplan.planners.driven import Driven, Push
 from pushplan.planners.profile import step_widths
@@ -144,9 +145,9 @@ def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> F
 
 def _passing_speed(twist: FloatArray, length: float, bounds: Bounds) -> float:
     try:
-        return contact_limits(twist, max(length, PASSED), bounds).speed
+        return float(contact_limits(twist, max(length, PASSED), bounds).speed)
     except TimingError:  # at the boundary of the set, only a shorter arc is over soon enough
-        return contact_limits(twist, length, bounds).speed
+        return float(contact_limits(twist, length, bounds).speed)
 
 
 def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:

@@ -14,7 +14,6 @@ from pushplan.path import TURN_WEIGHT, PushPath
 from pushplan.planners.branches import Branches
 from pushplan.planners.budget import Budget
 from pushplan.planners.polish import merged, price, shorten
-from pushplan.planners.prices import TRAVEL
 from pushplan.planners.search import Problem, remaining
 from pushplan.result import ProgressPoint
 
@@ -54,6 +53,8 @@ class Session:
         on_progress: Called with every improvement.
         hopeless: Asked, with the seconds that the search has taken, whether there is no path, as long as none is
             found.
+        before: The search whose time, extensions, iterations and nearest path count to this one's, if it goes on from
+            there.
 
     Attributes:
         problem: What to plan.
@@ -78,6 +79,7 @@ class Session:
         seed: int,
         on_progress: Callable[[ProgressPoint], None] | None = None,
         hopeless: Callable[[float], bool] | None = None,
+        before: Session | None = None,
     ) -> None:
         self.problem = problem
         self.start = np.array(start, dtype=np.float64)
@@ -87,15 +89,17 @@ class Session:
         self.best_arcs: FloatArray | None = None
         self.best_cost = math.inf
         self.closest_arcs, self.closest_left = np.zeros((0, 4)), self.lower_bound_from(self.start)
-        self.progress: list[ProgressPoint] = []
-        self.extensions = 0
-        self.iterations = 0
+        self.progress: list[ProgressPoint] = [] if before is None else list(before.progress)
+        self.extensions: int = 0 if before is None else before.extensions
+        self.iterations: int = 0 if before is None else before.iterations
         self._best_price, self.bound = math.inf, math.inf
-        self._reference, self._improved_at = math.inf, 0
+        self._reference, self._improved_at = math.inf, self.iterations
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
         self._on_progress, self._hopeless = on_progress, hopeless
-        self.branches = Branches()
-        self.began = time.perf_counter()
+        self.branches: Branches = Branches() if before is None else before.branches
+        if before is not None:  # stable then, stable now: searches go on with lower margins, never higher
+            self.closest_arcs, self.closest_left = before.closest_arcs, before.closest_left
+        self.began: float = time.perf_counter() if before is None else before.began
         self.stop: Callable[[], bool] = self.settled
 
     @property
@@ -129,10 +133,10 @@ class Session:
     def horizon(self) -> float:
         """Cost (m) from which on no path can be better than the best one; infinite while there is none.
 
-        That is its own cost when paths are ranked by it, else what its price would buy at the lowest rate.
+        That is what its price would buy at the lowest rate, on a single arc.
         """
         prices = self.problem.prices
-        return self.best_cost if prices.kind == TRAVEL else self._best_price / prices.lowest
+        return (self._best_price - prices.per_arc) / prices.lowest
 
     @property
     def elapsed(self) -> float:
@@ -146,9 +150,9 @@ class Session:
 
     def settled(self) -> bool:
         """Return whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
-        if self.elapsed >= self.budget.time_limit:
-            return True
-        if self.budget.iterations is not None and self.iterations >= self.budget.iterations:
+        budget = self.budget
+        share = budget.patience if self.best_arcs is None else budget.enough
+        if budget.is_used_up(self.elapsed, self.iterations, share):
             return True
         if self.best_arcs is None:
             return self._given_up()

@@ -8,10 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath
-from pushplan.planners.arc_limits import Bounds, contact_limits
+from pushplan.planners.arc_limits import contact_limits
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.profile import rest_to_rest, split
 from pushplan.trajectory import SAMPLE_RATE, Trajectory
 
@@ -19,17 +18,13 @@ SAME = 1e-12
 """Twists that differ by less (m/s, rad/s) are the same motion."""
 
 
-def time_path(
-    path: PushPath, limits: Limits, rate: float = SAMPLE_RATE, contacts: ContactDynamics | None = None
-) -> Trajectory:
+def time_path(path: PushPath, bounds: Bounds, rate: float = SAMPLE_RATE) -> Trajectory:
     """Return the trajectory that stops wherever the path's twist changes.
 
     Args:
         path: Constant-twist arcs.
-        limits: Of the pusher.
+        bounds: What limits the motion.
         rate: Samples per second of the trajectory.
-        contacts: The chain, to keep speed and acceleration low enough for its contacts; None leaves inertia
-            out.
 
     Raises:
         TimingError: When an arc cannot be timed.
@@ -38,7 +33,7 @@ def time_path(
     coefficients: list[FloatArray] = [np.zeros((0, 3, 3))]
     arcs: list[FloatArray] = [np.zeros(0)]
     for run in runs(path):
-        spent, pieces, owner = time_run(path.twists[run[0]], path.lengths[run], Bounds(limits, contacts))
+        spent, pieces, owner = time_run(path.twists[run[0]], path.lengths[run], bounds)
         durations.append(spent)
         coefficients.append(pieces)
         arcs.append(run[owner].astype(np.float64))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.names import KNOWN_LOAD_SETS
 from pushplan.path import PushPath
 from pushplan.planners.blending import blend_path
+from pushplan.planners.bounds import motion_bounds
 from pushplan.planners.timing import time_path
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
@@ -27,14 +26,7 @@ def make_trajectory(
     Raises:
         TimingError: When an arc cannot be timed within the limits.
     """
-    limits = scenario.chain.pusher.limits
-    contacts = contact_dynamics(scenario, stable) if limits.contact == "dynamic" else None
+    bounds = motion_bounds(scenario, stable)
     if scenario.trajectory == "blended":
-        return blend_path(scenario, path, stable, rate, contacts).trajectory
-    return time_path(path, limits, rate, contacts)
-
-
-def contact_dynamics(scenario: Scenario, stable: StableSet) -> ContactDynamics:
-    """Return the contact conditions with inertia, in the worst case over all pressures where the set is for that."""
-    known = stable.loads_known and stable.name in KNOWN_LOAD_SETS
-    return ContactDynamics(scenario.chain, worst_case=not known)
+        return blend_path(scenario, path, stable, bounds, rate).trajectory
+    return time_path(path, bounds, rate)

@@ -3,18 +3,41 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
-from pushplan.planners.controls import segment_ends
+from pushplan.mechanics.chain import Drive
+from pushplan.mechanics.sphere import TurningRadii
+from pushplan.planners.controls import control_segments, segment_ends
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
 ROUNDING = 1e-9
 """Headings and directions (rad) that differ by less are the same."""
+
+FEW_MERIDIANS = 128
+"""Meridians for radii that are only told: exact ones take seconds where loads are intervals."""
+
+
+def drive_radii(stable: StableSet, drive: Drive, minimum: float = 0.0) -> TurningRadii:
+    """Return the smallest radii at which a drive turns the chain frame's origin, within the set.
+
+    Args:
+        stable: The set.
+        drive: Of the robot that carries the plate; an omnidirectional one turns as tightly as the set allows.
+        minimum: Every turn has more than this margin.
+    """
+    if drive.axle is None:
+        return stable.turning_radii(minimum)
+    try:
+        return _radii(control_segments(stable, drive, minimum))
+    except EmptyStableSetError:
+        return TurningRadii(math.inf, math.inf)
 
 
 def turning_faults(scenario: Scenario, stable: StableSet, segments: FloatArray) -> list[Diagnosis]:
@@ -30,18 +53,47 @@ def turning_faults(scenario: Scenario, stable: StableSet, segments: FloatArray) 
     turn = float(se2.wrap_angle(goal[2] - scenario.start[2]))
     if (ends[:, 2] == 0.0).all():
         return _no_turning(scenario, stable, turn)
-    left, right = (_radius(ends[side * ends[:, 2] > 0.0]) for side in (1.0, -1.0))
-    found = _one_sided(scenario, turn, left, right)
-    area = scenario.workspace
-    if area is not None and abs(turn) > ROUNDING:
-        across, radius = min(area.xmax - area.xmin, area.ymax - area.ymin), min(left, right)
-        if 2.0 * radius > across:
-            text = (
-                f"perhaps the turns are too wide: the tightest one, of radius {radius:.3g} m, makes a circle "
-                f"that does not fit into the workspace, {across:.3g} m across"
-            )
-            found.append(Diagnosis("wide turns", text, False, {"radius": radius, "across": across}))
-    return found
+    radii = _radii(segments)
+    return [*_one_sided(scenario, stable, turn, radii), *_too_wide(scenario, stable, turn, radii)]
+
+
+def _too_wide(scenario: Scenario, stable: StableSet, turn: float, radii: TurningRadii) -> Iterator[Diagnosis]:
+    """Yield that the tightest circle does not fit into the workspace, if the goal asks for a turn."""
+    area, radius = scenario.workspace, min(radii)
+    if area is None or abs(turn) <= ROUNDING:
+        return
+    across = min(area.xmax - area.xmin, area.ymax - area.ymin)
+    if 2.0 * radius > across:
+        of_set = _of_set(scenario, stable)
+        made, alone = ("", "") if of_set is None else _drive_words(scenario, f"{min(of_set):.3g} m")
+        text = (
+            f"perhaps the turns are too wide: the tightest one{made}, of radius {radius:.3g} m{alone}, makes a "
+            f"circle that does not fit into the workspace, {across:.3g} m across"
+        )
+        yield Diagnosis("wide turns", text, False, {"radius": radius, "across": across, **_numbers(of_set)})
+
+
+def _of_set(scenario: Scenario, stable: StableSet) -> TurningRadii | None:
+    """Radii of the stable set itself, where the drive makes only a part of its turns, to about a per cent."""
+    if scenario.chain.pusher.drive.axle is None:
+        return None
+    return _radii(control_segments(stable, Drive(), scenario.required_margin, FEW_MERIDIANS))
+
+
+def _drive_words(scenario: Scenario, of_set: str) -> tuple[str, str]:
+    """Return what to say of turns that a drive makes, and of those that the set would allow without it."""
+    return f" that the {scenario.chain.pusher.drive.kind} drive can make", f" (without the drive: {of_set})"
+
+
+def _numbers(of_set: TurningRadii | None) -> dict[str, float]:
+    if of_set is None:
+        return {}
+    return {f"{side}_of_set": r for side, r in of_set._asdict().items() if math.isfinite(r)}
+
+
+def _radii(segments: FloatArray) -> TurningRadii:
+    ends = segment_ends(segments)
+    return TurningRadii(*(_radius(ends[side * ends[:, 2] > 0.0]) for side in (1.0, -1.0)))
 
 
 def _radius(twists: FloatArray) -> float:
@@ -51,13 +103,14 @@ def _radius(twists: FloatArray) -> float:
 
 def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diagnosis]:
     """Without turns the heading stays, and the way lies within the cone of the straight pushes."""
-    set_name = f"no push of the set {stable.name} turns the chain"
+    made = "" if scenario.chain.pusher.drive.axle is None else _drive_words(scenario, "")[0]
+    set_name = f"no push of the set {stable.name}{made} turns the chain"
     if abs(turn) > ROUNDING:
         text = (
             f"the goal cannot be reached: {set_name}, and it asks for a turn by {math.degrees(turn):.4g} deg"
         )
         return [Diagnosis("heading", text, True, {"turn": turn})]
-    cone = stable.translation_cone(scenario.stability.margin)
+    cone = stable.translation_cone(scenario.required_margin)
     if cone is None or scenario.chain.pusher.drive.axle is not None:
         return []
     away = scenario.goal.pose_chain[:2] - scenario.start[:2]
@@ -75,18 +128,25 @@ def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diag
     return [Diagnosis("direction", text, True, numbers)]
 
 
-def _one_sided(scenario: Scenario, turn: float, left: float, right: float) -> list[Diagnosis]:
+def _one_sided(scenario: Scenario, stable: StableSet, turn: float, radii: TurningRadii) -> list[Diagnosis]:
     """The goal asks for a turn, or lies, to the side to which the chain does not turn."""
-    if math.isfinite(left) and math.isfinite(right):
+    if math.isfinite(max(radii)):
         return []
-    able, unable, sign = ("left", "right", -1.0) if math.isfinite(left) else ("right", "left", 1.0)
+    able, unable, sign = ("left", "right", -1.0) if math.isfinite(radii.left) else ("right", "left", 1.0)
     away = scenario.goal.pose_chain[:2] - scenario.start[:2]
     aside = math.cos(scenario.start[2]) * away[1] - math.sin(scenario.start[2]) * away[0]
     if sign * turn <= ROUNDING and sign * aside <= ROUNDING:
         return []
-    radius = min(left, right)
+    radius, of_set = min(radii), _of_set(scenario, stable)
+    made, alone = ("", "") if of_set is None else _drive_words(scenario, _sides(of_set))
     text = (
-        f"perhaps the one-sided turning is the reason: every stable turn goes to the {able}, with a radius of "
-        f"{radius:.3g} m or more, and the goal asks for a way to the {unable}"
+        f"perhaps the one-sided turning is the reason: every stable turn{made} goes to the {able}, with a radius of "
+        f"{radius:.3g} m or more{alone}, and the goal asks for a way to the {unable}"
     )
-    return [Diagnosis("one-sided", text, False, {"radius": radius, "turn": turn, "aside": aside})]
+    numbers = {"radius": radius, "turn": turn, "aside": aside, **_numbers(of_set)}
+    return [Diagnosis("one-sided", text, False, numbers)]
+
+
+def _sides(radii: TurningRadii) -> str:
+    sides = [f"{r:.3g} m to the {side}" for side, r in radii._asdict().items() if math.isfinite(r)]
+    return " and ".join(sides) or "none"

@@ -1,4 +1,4 @@
-"""Compiled local changes of a path: one arc's twist or length, and three arcs' lengths that close the path again.
+"""Compiled local changes of a path: one arc's twist or length, or an arc left out, and three lengths that close it.
 
 Joining poses by words (`polish`) finds a path's form; this finds the best twists and lengths of that form.
 """
@@ -19,6 +19,9 @@ from pushplan.scratch import scratch, scratch_integers
 
 SPLIT_SHARE = 0.2
 """Share of the changes that split an arc first, so that a path may take a new form."""
+
+DROP_SHARE = 0.15
+"""Share of the other changes that leave an arc out: few arcs are what people want to drive."""
 
 LENGTH_SHARE = 0.15
 """Share of the changes that are one of a length alone."""
@@ -239,6 +242,8 @@ def _varied(
     m = path.shape[0]
     k = int(random(state) * m)
     split = m < 3 or random(state) < SPLIT_SHARE
+    if not split and m > 3 and random(state) < DROP_SHARE:
+        return _without(problem, start, path, k, state, trial, poses)
     put_rows(trial, path[: k + 1])
     if split:
         put_rows(trial[k + 1 :], path[k:])
@@ -262,12 +267,52 @@ def _varied(
         trial[k, 3] *= 1.0 + 0.5 * _size(state)
     elif not _change_twist(problem.segments, normals, state, trial[k]):
         return 0
+    return int(m) if _closes(problem, trial, poses, first, last, target, before, state) else 0
+
+
+@lean
+def _without(
+    problem: Problem,
+    start: FloatArray,
+    path: FloatArray,
+    k: int,
+    state: RandomState,
+    trial: FloatArray,
+    poses: FloatArray,
+) -> int:
+    """Fill `trial` with a cheaper path without arc k; return how many arcs it has, 0 when that gains nothing."""
+    m = path.shape[0] - 1
+    first = max(0, k - 1 - int(random(state) * 4.0))
+    last = min(m - 1, k + int(random(state) * 4.0))
+    if last - first < 2:
+        return 0
+    put(poses[0], start)
+    _poses_along(path, 0, last + 1, poses)
+    target = scratch(1, 3)[0]
+    put(target, poses[last + 2] if last < m - 1 else problem.goal)
+    before = _price(problem.prices, path, first, last + 1)
+    put_rows(trial, path[:k])
+    put_rows(trial[k:], path[k + 1 :])
+    _poses_along(trial, first, last, poses)
+    return int(m) if _closes(problem, trial, poses, first, last, target, before, state) else 0
+
+
+@lean
+def _closes(
+    problem: Problem,
+    trial: FloatArray,
+    poses: FloatArray,
+    first: int,
+    last: int,
+    target: FloatArray,
+    before: float,
+    state: RandomState,
+) -> bool:
+    """Change three lengths so that the arcs end at the target; whether they are cheaper than before, and free."""
     chosen = scratch_integers(3)
     _choose(state, first, last, chosen)
     if not _close(trial, poses, first, last, chosen, target):
-        return 0
+        return False
     if _price(problem.prices, trial, first, last) > before - GAIN:
-        return 0
-    if not _free(problem, trial, poses, first, last):
-        return 0
-    return int(m)
+        return False
+    return _free(problem, trial, poses, first, last)

@@ -61,7 +61,10 @@ if TYPE_CHECKING:
         Goal,
         PlannerSettings,
         PolygonObstacle,
+        Snapped,
+        Snapping,
         StabilitySettings,
+        Uncertainty,
         Workspace,
     )
     from pushplan.sim.kinematic import Execution, StabilityLoss, simulate
@@ -70,6 +73,7 @@ if TYPE_CHECKING:
     from pushplan.stable_sets.named import stable_set
     from pushplan.stable_sets.robust_set import RobustSet, WorstCase
     from pushplan.stable_sets.stable_set import StableSet
+    from pushplan.tolerance.tolerance import Tolerance
     from pushplan.trajectory import Trajectory
 
     __version__: str
@@ -90,12 +94,14 @@ _HOMES = {
     "result": "Diagnosis PlanResult ProgressPoint Run",
     "run": "run",
     "scenario": "Scenario check_scenario load_scenario scenario_from_document scenario_from_text",
-    "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle StabilitySettings Workspace",
+    "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle Snapped Snapping StabilitySettings "
+    "Uncertainty Workspace",
     "sim.kinematic": "Execution StabilityLoss simulate",
     "mechanics.sphere": "TurningRadii",
     "stable_sets.named": "stable_set",
     "stable_sets.stable_set": "StableSet",
     "mechanics.support": "FeetSupport PressureMapSupport Support UniformSupport UnknownSupport",
+    "tolerance.tolerance": "Tolerance",
     "trajectory": "Trajectory",
     "drawing.speeds": "plot_admissible_speeds",
     "mechanics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
@@ -141,6 +147,8 @@ __all__ = [
     "RunLogError",
     "Scenario",
     "ScenarioError",
+    "Snapped",
+    "Snapping",
     "SpeedWindow",
     "StabilityLoss",
     "StabilitySettings",
@@ -148,8 +156,10 @@ __all__ = [
     "Support",
     "SupportError",
     "TimingError",
+    "Tolerance",
     "Trajectory",
     "TurningRadii",
+    "Uncertainty",
     "UndefinedEcofError",
     "UniformSupport",
     "UnknownSupport",

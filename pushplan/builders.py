@@ -76,7 +76,8 @@ def build_scenario(
         obstacles: Outlines (v, 2) in the world, m, or the obstacles of another scenario or of a map.
         start: (3,) pose of the chain frame in the world.
         attachments: Contents of the pressure maps that objects name.
-        more: Other keys of a file, e.g. `workspace={"x": [0, 4], "y": [0, 3]}`, `stability={"margin": 0.01}`.
+        more: Other keys of a file, e.g. `workspace={"x": [0, 4], "y": [0, 3]}`, `stability={"margin": 0.01}`,
+            `robot={"footprint": {"box": [0.42, 0.285], "pose": [-0.21, 0, 0]}}`.
 
     Raises:
         ScenarioError: With everything found wrong.

@@ -33,7 +33,8 @@ exit codes:
   1    a failure that is not yours
   2    the input is wrong
   3    no plan: none found within the time limit, or none exists; the run is logged all the same
-  4    a replay or an execution does not match the plan; a benchmark found an invalid solution or a regression
+  4    a replay or an execution does not match the plan, or loses a contact in the physics engine (--physics);
+       a benchmark found an invalid solution or a regression
   130  interrupted
 """
 

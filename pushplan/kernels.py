@@ -27,6 +27,7 @@ from pushplan.planners.search import Problem
 from pushplan.planners.session import Session
 from pushplan.second_compiler import second_compiler
 from pushplan.stable_sets.named import stable_set
+from pushplan.tolerance.work_out import tolerance_along
 
 _BOX = (-2.0, -2.0, 3.0, 4.0)
 """Where the search may look, m: around a start and a goal that a wall keeps apart."""
@@ -64,6 +65,7 @@ def _compile_mechanics() -> None:
     chain = _one_box()
     stable_set(chain, "ecof").meridians(count=8)
     contact_state(chain, np.array([[1.0, 0.0, 0.0]]))
+    tolerance_along(chain, np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3)))
 
 
 def _compile_polish() -> None:
@@ -115,4 +117,4 @@ def _problem(chain: Chain) -> Problem:
     scene = build_scene(chain, [wall], [(9.0, 9.0, 1.0)], (-10.0, -10.0, 10.0, 10.0), 1e-4)
     family = np.array([[[0.8, 0.0, 2.0], [1.0, 0.0, 0.0], [0.8, 0.0, -2.0]]])
     segments = np.array([[0.8, 0.0, 2.0, 0.8, 0.0, -2.0]])
-    return Problem(scene, segments, family, np.array([1.5, 0.0, 0.0]), 0.5, travel_prices())
+    return Problem(scene, segments, family, np.array([1.5, 0.0, 0.0]), 0.5, travel_prices(0.03))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 SCENARIO_FORMAT = "pushplan/1"
 """What `format` says in a scenario file."""
 
@@ -21,19 +23,25 @@ KNOWN_LOAD_SETS = ("ecof", "cof", "translation")
 COSTS = ("travel", "time", "margin")
 """What `planner.cost` may choose to rank paths by."""
 
-DEFAULT_COST = "travel"
+DEFAULT_COST = "time"
+
+AUTO: Final = "auto"
+"""Stands for a margin that planning chooses."""
 
 TRAJECTORIES = ("exact", "blended")
 """Ways of timing a path: with a stop at every corner, or with the corners blended."""
 
-DEFAULT_TRAJECTORY = "exact"
+DEFAULT_TRAJECTORY = "blended"
 
 CONTACT_LIMITS = ("quasi-static", "dynamic")
 """What `pusher.limits.contact` may choose: inertia left out, or speed and acceleration kept low enough for it."""
 
-DEFAULT_CONTACT_LIMITS = "quasi-static"
+DEFAULT_CONTACT_LIMITS = "dynamic"
 
-RESERVED_NAMES = ("world", "chain", "pusher")
+PUSHER, ROBOT = "pusher", "robot"
+"""What the plate, and the robot that carries it, are called in results, logs and messages."""
+
+RESERVED_NAMES = ("world", "chain", PUSHER)
 """Frames of a run log; no object may be called so."""
 
 COLLISION_CLEARANCE = 0.0005

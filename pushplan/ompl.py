@@ -15,11 +15,13 @@ from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.path import PushPath
 from pushplan.planners.budget import Budget
+from pushplan.planners.margins import margins_to_try
 from pushplan.planners.ompl.posing import information_of, pose_problem
 from pushplan.planners.ompl.solution import push_path as path_of
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.session import Session
 from pushplan.scenario import Scenario
+from pushplan.sim.judging import planning_set
 from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
 
@@ -33,7 +35,7 @@ def pose(scenario: Scenario, stable: str | type[StableSet] | StableSet | None = 
     """Return OMPL's space information (`ompl.control.SpaceInformation`) and problem definition of a scenario.
 
     Args:
-        scenario: The problem.
+        scenario: The problem; where its margin is `auto`, the first of those that `plan` tries counts.
         stable: What limits the pusher's twists: the name of a stable set, `module:attribute`, a subclass of
             `StableSet` or an instance; None stands for that of the scenario.
 
@@ -43,7 +45,8 @@ def pose(scenario: Scenario, stable: str | type[StableSet] | StableSet | None = 
     """
     warm_up("rrt")
     if not isinstance(stable, StableSet):
-        stable = scenario.stable_set(None if stable is None else add_set(stable))
+        stable = planning_set(scenario, None if stable is None else add_set(stable))
+    scenario = scenario.with_margin(margins_to_try(scenario, stable)[0])
     session = Session(
         build_problem(scenario, stable), scenario.start, Budget(math.inf, stall=NEVER), scenario.planner.seed
     )

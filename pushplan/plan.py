@@ -5,29 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
 from pushplan.errors import PlanningError, TimingError
 from pushplan.kernels import warm_up
-from pushplan.names import COSTS
+from pushplan.names import AUTO, COSTS
 from pushplan.path import PushPath
+from pushplan.planners.attempts import Attempt, Search
 from pushplan.planners.budget import Budget
-from pushplan.planners.diagnosis import Doubts
 from pushplan.planners.failure import explain_failure
 from pushplan.planners.lower_bound import lower_bound
+from pushplan.planners.margins import margins_to_try
 from pushplan.planners.ompl.factories import planner_named
-from pushplan.planners.ompl.search import Factory, search
-from pushplan.planners.ompl.solution import push_path
-from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.session import Session
+from pushplan.planners.ompl.search import Factory
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.verdict import EXACT, verdict
 from pushplan.reading.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
+from pushplan.sim.judging import execute_trajectory, planning_set
 from pushplan.sim.kinematic import pose_error
 from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
+from pushplan.tolerance.work_out import tolerance_of
 from pushplan.trajectory import Trajectory
 
 ROUNDING = 1e-9
@@ -50,6 +51,7 @@ def plan(
     first: bool = False,
     iterations: int | None = None,
     cost: str | None = None,
+    margin: float | Literal["auto"] | None = None,
     gap: float | None = None,
     progress: Callable[[ProgressPoint], None] | None = None,
     tell: Callable[[str], None] | None = None,
@@ -69,10 +71,11 @@ def plan(
         iterations: Extensions and shortcuts, at most; where they, not the time limit, end the search, the same seed
             gives the same plan on every machine.
         cost: What ranks paths, one of `names.COSTS`.
+        margin: What the twists' margins have to exceed; `auto` as in `StabilitySettings`.
         gap: Share above the lower bound (`planners.lower_bound`) at which a path is good enough to stop.
         progress: Called with every improvement.
         tell: Called with sentences for the user about what takes long.
-        watch: Takes the time of the phases `posing`, `search`, `timing` and `checking`.
+        watch: Takes the time of the phases `posing`, `search`, `timing`, `execution` and `checking`.
 
     Returns:
         The result; `solved` is False, with the reason, when no path was found in time.
@@ -81,36 +84,38 @@ def plan(
         PlanningError: When the problem cannot be posed.
         EmptyStableSetError: When no pusher twist keeps every contact.
     """
-    scenario = _ranked_by(scenario, cost)
+    scenario = _settled(scenario, cost, margin)
     name, make = planner_named(planner or scenario.planner.name)
     watch = watch or Stopwatch()
     with watch("posing"):
         warm_up(name, tell)
-        stable = scenario.stable_set(None if stable_set is None else add_set(stable_set))
-        problem = build_problem(scenario, stable)
+        stable = planning_set(scenario, None if stable_set is None else add_set(stable_set))
         _check_ends(scenario)
+        margins = margins_to_try(scenario, stable)
     used_seed = scenario.planner.seed if seed is None else seed
     limit = scenario.planner.time_limit if time_limit is None else time_limit
     good_enough = scenario.planner.gap if gap is None else gap
     budget = Budget(limit, int(STALL * math.sqrt(limit)), max(good_enough, ROUNDING), first, iterations)
-    doubts = Doubts(scenario, stable, problem)
-    session = Session(problem, scenario.start, budget, used_seed, progress, doubts.settled)
     with watch("search"):
-        if good_enough > 0.0:
-            session.raise_lower_bound(lower_bound(scenario))
-        definition = search(session, make, sampling_box(scenario), body_reach(scenario))
+        attempt = Search(stable, make, budget, used_seed, good_enough, progress).with_margins(
+            scenario, margins
+        )
+    session, posed = attempt.session, attempt.scenario
     seconds = session.elapsed
-    path = push_path(definition) if definition.hasExactSolution() else None
     with watch("timing"):
-        trajectory, untimed = _timed(scenario, path, stable)
+        path, trajectory, reason = _soonest(posed, attempt, stable)
+    with watch("execution"):
+        execution = None if trajectory is None else execute_trajectory(posed, stable.name, trajectory)
     with watch("checking"):
-        failure = None if path is not None else explain_failure(session, scenario, stable, doubts)
-        if path is not None and trajectory is not None:
-            reason = verdict(scenario, stable, path, trajectory)
-        else:
-            reason = failure.reason if failure is not None else untimed
-        least = session.lower_bound if path is None else lower_bound(scenario, path.cost)
-    solved = not reason
+        failure = None
+        if attempt.path is None:
+            failure = explain_failure(session, posed, stable, attempt.doubts)
+            reason = failure.reason
+        elif path is not None and trajectory is not None and execution is not None:
+            reason = verdict(posed, stable, path, trajectory, execution)
+        least = session.lower_bound if path is None else lower_bound(posed, path.cost)
+        solved = not reason
+        bears = tolerance_of(scenario.chain, trajectory) if solved and trajectory is not None else None
     return PlanResult(
         solved=solved,
         reason=reason,
@@ -129,21 +134,54 @@ def plan(
         diagnosis=failure.diagnosis if failure else (),
         approximate_path=failure.nearest if failure else None,
         approximate_error=failure.error if failure else None,
+        objective=scenario.planner.cost,
+        margin_asked=margins[0],
+        margin=posed.required_margin,
+        execution=execution if solved else None,
+        tolerance=bears,
     )
 
 
-def _timed(scenario: Scenario, path: PushPath | None, stable: StableSet) -> tuple[Trajectory | None, str]:
-    """Return the trajectory along a path, or why the path cannot be driven."""
-    if path is None:
-        return None, ""
-    try:
-        return make_trajectory(scenario, path, stable), ""
-    except TimingError as error:
-        return None, f"a path was found that cannot be driven: {error}"
+def _soonest(
+    scenario: Scenario, attempt: Attempt, stable: StableSet
+) -> tuple[PushPath | None, Trajectory | None, str]:
+    """Return the best path with its trajectory, or why none can be driven.
+
+    Where paths are ranked by time, the ones that were best by travel are driven as well, and the soonest counts:
+    prices know a motion only roughly.
+    """
+    if attempt.path is None:
+        return None, None, ""
+    found: list[tuple[float, PushPath, Trajectory]] = []
+    reason = ""
+    for path in (attempt.path, *attempt.others):
+        try:
+            trajectory = make_trajectory(scenario, path, stable)
+        except TimingError as error:
+            reason = reason or f"a path was found that cannot be driven: {error}"
+        else:
+            found.append((trajectory.duration, path, trajectory))
+    if not found:
+        return attempt.path, None, reason
+    _, path, trajectory = min(found, key=lambda item: item[0])
+    return path, trajectory, ""
 
 
-def _ranked_by(scenario: Scenario, cost: str | None) -> Scenario:
-    """Return the scenario with another cost."""
+def _settled(scenario: Scenario, cost: str | None, margin: float | Literal["auto"] | None) -> Scenario:
+    """Return the scenario with another cost and margin.
+
+    Raises:
+        PlanningError: When there is no such cost or margin.
+    """
+    if margin is not None:
+        if margin != AUTO and not 0.0 <= margin < 1.0:
+            raise PlanningError(f"the margin is {margin}; it must be {AUTO!r} or a number from 0 to 1")
+        scenario = replace(scenario, stability=replace(scenario.stability, margin=margin))
+    if scenario.stability.margin == 0.0 and scenario.chain.pusher.limits.contact == "dynamic":
+        raise PlanningError(
+            "a margin of 0 leaves the contacts nothing to spare for inertia; allowed: a margin above 0, or "
+            "pusher.limits.contact: quasi-static"
+        )
     if cost is None:
         return scenario
     if cost not in COSTS:

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pushplan.arrays import FloatArray
+from pushplan.names import DEFAULT_COST
 from pushplan.path import PushPath
 from pushplan.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from pushplan.scenario import Scenario
-    from pushplan.sim.kinematic import Execution
+    from pushplan.sim.execution import Execution
+    from pushplan.tolerance.tolerance import Tolerance
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,11 @@ class PlanResult:
         diagnosis: What kept the planner from finding a path, most certain first; empty when solved.
         approximate_path: Where none was found, the free and stable path that ends nearest to the goal, or None.
         approximate_error: How far (m, rad) from the goal that is, or None.
+        objective: What ranked paths, one of `names.COSTS`.
+        margin_asked: What the twists' margins had to exceed at first; None in logs of older versions.
+        margin: What they had to exceed in the end: less, where no path was found with `margin_asked`.
+        execution: What the kinematic simulator makes of the plan; None when there is none.
+        tolerance: What the plan can bear; None when not solved, and in older logs.
     """
 
     solved: bool
@@ -95,6 +102,23 @@ class PlanResult:
     diagnosis: tuple[Diagnosis, ...] = ()
     approximate_path: PushPath | None = None
     approximate_error: tuple[float, float] | None = None
+    tolerance: Tolerance | None = None
+    objective: str = DEFAULT_COST
+    margin_asked: float | None = None
+    margin: float | None = None
+    execution: Execution | None = None
+
+    @property
+    def min_dynamic_margin(self) -> float | None:
+        """Smallest margin of any contact with inertia during the execution; None where there is none."""
+        return None if self.execution is None else self.execution.min_dynamic_margin
+
+    @property
+    def lowered(self) -> str:
+        """That the margin was lowered, in a sentence; empty if it was not."""
+        if self.margin is None or self.margin_asked is None or self.margin >= self.margin_asked:
+            return ""
+        return f"margin {self.margin:.2g} instead of {self.margin_asked:.2g}: no path was found with more"
 
     @property
     def gap(self) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 from pushplan.errors import PushplanError
 from pushplan.plan import plan
@@ -11,7 +12,8 @@ from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.search import Factory
 from pushplan.result import PlanResult, ProgressPoint, Run
 from pushplan.scenario import Scenario
-from pushplan.sim.kinematic import Execution, simulate
+from pushplan.sim.execution import Execution
+from pushplan.sim.judging import execute_trajectory
 from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
@@ -28,6 +30,7 @@ def run(
     first: bool = False,
     iterations: int | None = None,
     cost: str | None = None,
+    margin: float | Literal["auto"] | None = None,
     gap: float | None = None,
     progress: Callable[[ProgressPoint], None] | None = None,
     tell: Callable[[str], None] | None = None,
@@ -45,6 +48,7 @@ def run(
         first: See `plan`.
         iterations: See `plan`.
         cost: See `plan`.
+        margin: See `plan`.
         gap: See `plan`.
         progress: See `plan`.
         tell: See `plan`.
@@ -64,6 +68,7 @@ def run(
             first=first,
             iterations=iterations,
             cost=cost,
+            margin=margin,
             gap=gap,
             progress=progress,
             tell=tell,
@@ -72,15 +77,14 @@ def run(
 
     if log is None:
         result = planned()
-        with watch("execution"):
-            execution = execute(scenario, result)
-        return Run(scenario, result, execution, None, watch.seconds)
+        return Run(scenario, result, result.execution, None, watch.seconds)
     settings = {
         "planner": planner_named(planner or scenario.planner.name)[0],
         "set": add_set(stable_set or scenario.stability.set),
         "seed": scenario.planner.seed if seed is None else seed,
         "time_limit": scenario.planner.time_limit if time_limit is None else time_limit,
         "cost": cost or scenario.planner.cost,
+        "margin": scenario.stability.margin if margin is None else margin,
         "gap": scenario.planner.gap if gap is None else gap,
     }
     with watch("logging"):
@@ -96,24 +100,14 @@ def run(
             raise
         with watch("logging"):
             writer.plan(result)
-        with watch("execution"):
-            execution = execute(scenario, result)
-        with watch("logging"):
-            if execution is not None:
-                writer.execution(execution)
+            if result.execution is not None:
+                writer.execution(result.execution)
             writer.finish("solved" if result.solved else "unsolved", watch.seconds)
-    return Run(scenario, result, execution, Path(log), watch.seconds)
+    return Run(scenario, result, result.execution, Path(log), watch.seconds)
 
 
 def execute(scenario: Scenario, result: PlanResult) -> Execution | None:
-    """Return what the kinematic simulator makes of a plan, None where there is no trajectory."""
+    """Return what the kinematic simulator makes of a plan, executed anew; None where there is no trajectory."""
     if result.trajectory is None:
         return None
-    judge = judging_set(scenario, result.stable_set)
-    return simulate(result.trajectory, judge, scenario.goal.pose_chain)
-
-
-def judging_set(scenario: Scenario, planned: str) -> StableSet:
-    """Return the set that judges an execution: the exact one where loads are known numbers, else the planned one."""
-    known = scenario.interval is None and all(obj.support.known for obj in scenario.chain.objects)
-    return scenario.stable_set("ecof" if known else planned)
+    return execute_trajectory(scenario, result.stable_set, result.trajectory)

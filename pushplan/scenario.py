@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pushplan import names
 from pushplan.arrays import FloatArray, frozen
-from pushplan.errors import Finding
+from pushplan.errors import Finding, PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.interval_chain import IntervalChain
 from pushplan.scenario_parts import (
@@ -21,7 +21,10 @@ from pushplan.scenario_parts import (
     Obstacle,
     PlannerSettings,
     PolygonObstacle,
+    Snapped,
+    Snapping,
     StabilitySettings,
+    Uncertainty,
     Workspace,
 )
 
@@ -35,7 +38,10 @@ __all__ = [
     "PlannerSettings",
     "PolygonObstacle",
     "Scenario",
+    "Snapped",
+    "Snapping",
     "StabilitySettings",
+    "Uncertainty",
     "Workspace",
     "check_scenario",
     "load_scenario",
@@ -66,6 +72,9 @@ class Scenario:
         attachments: Bytes of the files that the scenario refers to, by the name that it uses.
         bodies: What the file states of objects, contacts and pusher, with all defaults filled in.
         interval: The chain with the intervals of masses, loads and floor frictions; None when all are numbers.
+        uncertainty: The shares that made intervals of stated numbers; `interval` and `chain` hold these.
+        contact_friction: (n, 2) least and largest coefficient of every contact; None stands for the chain's.
+        snapping: How measured poses were moved onto their contacts; None when the file does not ask for it.
     """
 
     name: str
@@ -84,6 +93,9 @@ class Scenario:
     attachments: Mapping[str, bytes] = field(default_factory=dict)
     bodies: Mapping[str, Any] = field(default_factory=dict)
     interval: IntervalChain | None = None
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    contact_friction: FloatArray | None = None
+    snapping: Snapping | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", frozen(self.start, (3,), "start"))
@@ -107,6 +119,21 @@ class Scenario:
             else stable_set_over(self.interval, wanted)
         )
 
+    @property
+    def required_margin(self) -> float:
+        """The margin that planned twists have to exceed.
+
+        Raises:
+            PushplanError: When it is `auto`, which is no number yet; planning makes it one (`with_margin`).
+        """
+        if self.stability.margin == "auto":
+            raise PushplanError("stability.margin is 'auto', and no number was chosen for it yet")
+        return self.stability.margin
+
+    def with_margin(self, margin: float) -> Scenario:
+        """Return the scenario with a number for `stability.margin`."""
+        return dataclasses.replace(self, stability=dataclasses.replace(self.stability, margin=margin))
+
     def resolved(self) -> dict[str, Any]:
         """Return the scenario as plain data in the form of a scenario file, nothing left open.
 
@@ -116,6 +143,7 @@ class Scenario:
             "format": names.SCENARIO_FORMAT,
             "name": self.name,
             "floor": {"friction": self.floor_friction},
+            **_resolved_uncertainty(self.uncertainty),
             **deepcopy(dict(self.bodies)),
             "start": self.start.tolist(),
             "goal": _resolved_goal(self.goal),
@@ -138,6 +166,12 @@ class Scenario:
 
     def __hash__(self) -> int:
         return hash((self.name, self.floor_friction))
+
+
+def _resolved_uncertainty(uncertainty: Uncertainty) -> dict[str, Any]:
+    """Return the shares as the file has them; what they stand for is made of them again when it is read."""
+    shares = dataclasses.asdict(uncertainty)
+    return {"uncertainty": shares} if any(shares.values()) else {}
 
 
 def _resolved_goal(goal: Goal) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from pushplan import names
 from pushplan.arrays import FloatArray, frozen
@@ -41,6 +42,36 @@ class Workspace:
     ymax: float
 
 
+@dataclass(frozen=True)
+class Snapped:
+    """How an object was moved.
+
+    Attributes:
+        name: Of the object.
+        onto: What messages call the body whose edge it lies on now.
+        gap: Distance along the edge's normal that it was moved towards that body, m; < 0 away from it.
+        turn: Angle by which it was turned about its outline's centroid, rad.
+    """
+
+    name: str
+    onto: str
+    gap: float
+    turn: float
+
+
+@dataclass(frozen=True)
+class Snapping:
+    """What became of measured poses.
+
+    Attributes:
+        objects: How each object with a stated pose was moved.
+        sideways: y of the first contact's midpoint in the stated poses, which is the chain frame's origin now, m.
+    """
+
+    objects: tuple[Snapped, ...]
+    sideways: float
+
+
 @dataclass(frozen=True, eq=False)
 class PolygonObstacle:
     """A simple polygon that stands still.
@@ -75,11 +106,32 @@ Obstacle = PolygonObstacle | CircleObstacle
 
 
 @dataclass(frozen=True)
+class Uncertainty:
+    """Shares of the stated values by which these may be off, as the file's one line has them.
+
+    Attributes:
+        contact_friction: Of all coefficients between plate and objects.
+        floor_friction: Of all coefficients between objects and floor.
+        load: Of the load on each foot, or of the pressure at every place, of each object; its weight stays.
+    """
+
+    contact_friction: float = 0.0
+    floor_friction: float = 0.0
+    load: float = 0.0
+
+
+@dataclass(frozen=True)
 class StabilitySettings:
-    """The stable set that limits the pusher's twists, and the margin that they keep inside it."""
+    """The stable set that limits the pusher's twists, and the margin that they keep inside it.
+
+    Attributes:
+        set: One of `names.STABLE_SETS`.
+        margin: The twists' margins exceed this number; `auto` stands for min(0.05, half of the largest margin
+            there is), lowered where no path is found with it.
+    """
 
     set: str = names.DEFAULT_STABLE_SET
-    margin: float = 0.0
+    margin: float | Literal["auto"] = "auto"
 
 
 @dataclass(frozen=True)
@@ -94,6 +146,7 @@ class PlannerSettings:
         weight: Of the margin in `cost: margin`: what a metre at the set's boundary costs more than one at the safest
             twist, as a share.
         gap: Share above the lower bound at which a path is good enough to stop.
+        arc_price: What an arc counts beside its length when paths are ranked, m.
     """
 
     name: str = names.DEFAULT_PLANNER
@@ -102,3 +155,4 @@ class PlannerSettings:
     cost: str = names.DEFAULT_COST
     weight: float = 1.0
     gap: float = 0.0
+    arc_price: float = 0.03

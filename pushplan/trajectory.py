@@ -121,6 +121,15 @@ class Trajectory:
         piece = self.piece_at(t)
         return _polynomial(self.coefficients[piece], t - self.breaks[piece])
 
+    def rates_at(self, t: ArrayLike) -> FloatArray:
+        """Return the time derivatives (m, 3) of the commanded twists at times (m,), clipped to the trajectory."""
+        t = np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
+        if len(self.coefficients) == 0:
+            return np.zeros((*t.shape, 3))
+        piece = self.piece_at(t)
+        c1, c2 = self.coefficients[piece, 1], self.coefficients[piece, 2]
+        return np.asarray(c1 + 2.0 * (t - self.breaks[piece])[:, None] * c2)
+
     def poses_at(self, t: ArrayLike) -> FloatArray:
         """Return the poses (m, 3) in the world at times (m,), clipped to the trajectory."""
         t = np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)

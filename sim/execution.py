@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from pushplan.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from pushplan.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,7 @@ class Execution:
         forces: (m, n, 2) contact force on the pushed object, chain frame, N.
         loss: The first loss of stability, or None.
         goal_error: (position m, angle rad) of the final pose against the goal.
+        dynamic_margins: (m, n) margin of each contact with inertia; None where it was not looked at.
     """
 
     t: FloatArray
@@ -51,3 +56,25 @@ class Execution:
     forces: FloatArray | None
     loss: StabilityLoss | None
     goal_error: tuple[float, float]
+    dynamic_margins: FloatArray | None = None
+
+    @property
+    def min_margin(self) -> float:
+        """Smallest margin of any contact, without inertia; 1 where nothing was executed."""
+        return float(self.margins.min(initial=1.0))
+
+    @property
+    def min_dynamic_margin(self) -> float | None:
+        """Smallest margin of any contact with inertia, None where it was not looked at."""
+        return None if self.dynamic_margins is None else float(self.dynamic_margins.min(initial=1.0))
+
+
+def inertia_warning(scenario: Scenario, execution: Execution) -> str:
+    """Return that inertia, which the scenario leaves out, would make a contact slip; empty where it would not."""
+    least = execution.min_dynamic_margin
+    if scenario.chain.pusher.limits.contact == "dynamic" or least is None or least > 0.0:
+        return ""
+    return (
+        f"inertia was left out (limits.contact: quasi-static), and at this speed a contact slips "
+        f"(margin {least:.2g}): push more slowly, or use dynamic limits"
+    )

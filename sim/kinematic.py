@@ -7,6 +7,7 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.contact_state import contact_state
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.sim.execution import Execution as Execution
 from pushplan.sim.execution import StabilityLoss as StabilityLoss
 from pushplan.stable_sets.stable_set import StableSet
@@ -19,7 +20,13 @@ NUDGE = 1e-4
 """How far from a sample at rest the direction of motion is looked up, s."""
 
 
-def simulate(trajectory: Trajectory, judge: StableSet, goal: FloatArray) -> Execution:
+def simulate(
+    trajectory: Trajectory,
+    judge: StableSet,
+    goal: FloatArray,
+    contacts: ContactDynamics | None = None,
+    inertia_decides: bool = True,
+) -> Execution:
     """Execute a trajectory: integrate the commanded twist exactly and watch every contact.
 
     The integration does not use the trajectory's own poses. It stops at the first sample at which a
@@ -29,14 +36,19 @@ def simulate(trajectory: Trajectory, judge: StableSet, goal: FloatArray) -> Exec
         trajectory: What is commanded.
         judge: The stable set whose margins decide; the exact one (`ecof`) where the loads are known.
         goal: (3,) pose of the chain frame in the world, for the error at the end.
+        contacts: The contact conditions with inertia; None leaves inertia out.
+        inertia_decides: A contact is lost, too, where its margin with inertia is not positive.
     """
     poses = _integrate(trajectory)
-    directions = _directions(trajectory)
-    margins = judge.contact_margins(directions)
-    lost = np.flatnonzero(margins.min(axis=1) <= 0.0)
+    asked = directions(trajectory)
+    margins = deciding = judge.contact_margins(asked)
+    dynamic = None if contacts is None else contacts.margins(asked, trajectory.rates_at(trajectory.t))
+    if dynamic is not None and inertia_decides:
+        deciding = np.minimum(margins, dynamic)
+    lost = np.flatnonzero(deciding.min(axis=1) <= 0.0)
     last = int(lost[0]) + 1 if len(lost) else len(poses)
-    loss = _loss(trajectory, poses, margins, last - 1) if len(lost) else None
-    state = contact_state(judge.chain, directions[:last]) if judge.loads_known else None
+    loss = _loss(trajectory, poses, deciding, last - 1) if len(lost) else None
+    state = contact_state(judge.chain, asked[:last]) if judge.loads_known else None
     return Execution(
         trajectory.t[:last],
         poses[:last],
@@ -47,6 +59,7 @@ def simulate(trajectory: Trajectory, judge: StableSet, goal: FloatArray) -> Exec
         None if state is None else state.forces,
         loss,
         pose_error(poses[last - 1], goal),
+        None if dynamic is None else dynamic[:last],
     )
 
 
@@ -71,7 +84,7 @@ def _integrate(trajectory: Trajectory) -> FloatArray:
     return poses[np.searchsorted(ticks, trajectory.t)]
 
 
-def _directions(trajectory: Trajectory) -> FloatArray:
+def directions(trajectory: Trajectory) -> FloatArray:
     """Twists (m, 3) at the samples; where the pusher rests, the one that comes next (at the end: came last)."""
     nudged = trajectory.t + np.where(trajectory.t + NUDGE < trajectory.duration, NUDGE, -NUDGE)
     resting = np.abs(trajectory.twists).max(axis=1) < RESTING

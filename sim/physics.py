@@ -6,6 +6,7 @@ friction, and moves the plate. What it cannot know either is a load on the floor
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
 
@@ -21,6 +22,7 @@ from pushplan.sim.physics_drive import Motion, drive
 from pushplan.sim.physics_engine import PhysicsError
 from pushplan.sim.physics_report import PhysicsReport, contact_motion
 from pushplan.sim.physics_settings import PhysicsSettings
+from pushplan.sim.physics_watch import ContactWatch
 from pushplan.trajectory import Trajectory
 
 DEFAULTS = PhysicsSettings()
@@ -55,11 +57,19 @@ def simulate_twist(
     way = travel * _soft_start(int(np.ceil(travel / (settings.step * length))), settings.run_in)
     dt = float(way[-1] - way[-2]) / _creep(chain, settings)
     motion = _counted(chain, Motion(dt, se2.exp(direction * way[:, None])), settings)
-    return _simulate(chain, np.zeros(3), motion, dt, settings)
+    watch = ContactWatch(chain, settings.tolerance, motion.base / (len(motion.poses) - 1))
+    return _simulate(chain, np.zeros(3), motion, dt, settings, watch)
 
 
 def simulate_trajectory(
-    chain: Chain, trajectory: Trajectory, quasi_static: bool = False, settings: PhysicsSettings = DEFAULTS
+    chain: Chain,
+    trajectory: Trajectory,
+    quasi_static: bool = False,
+    settings: PhysicsSettings = DEFAULTS,
+    *,
+    placed: FloatArray | None = None,
+    until_moved: bool = False,
+    progress: Callable[[float], None] | None = None,
 ) -> PhysicsReport:
     """Push a chain along a trajectory, at full speed with all inertia.
 
@@ -68,6 +78,10 @@ def simulate_trajectory(
         trajectory: What the plate is made to do.
         quasi_static: Follow it so slowly instead that inertia does not matter; times are reported as planned.
         settings: See there.
+        placed: (n, 3) how the objects stand off their places (see `sim.misplaced`); slides and gaps then count from
+            the moment on in which all contacts are closed. None for not at all.
+        until_moved: End as soon as a contact counts as moved.
+        progress: Called now and then with the share of the trajectory that is done.
 
     Raises:
         MissingEngineError: When the engine is not installed.
@@ -86,29 +100,31 @@ def simulate_trajectory(
         motion = _counted(chain, Motion(dt * peak / _creep(chain, settings), poses), settings)
     else:
         motion = Motion(dt, poses)
-    return _simulate(chain, trajectory.start, motion, dt, settings)
+    watch = ContactWatch(chain, settings.tolerance, motion.base / steps, placed, until_moved, progress)
+    return _simulate(chain, trajectory.start, motion, dt, settings, watch)
 
 
 def _simulate(
-    chain: Chain, start: FloatArray, motion: Motion, dt: float, settings: PhysicsSettings
+    chain: Chain, start: FloatArray, motion: Motion, dt: float, settings: PhysicsSettings, watch: ContactWatch
 ) -> PhysicsReport:
     """Return the report of a motion from `start`; one of its steps counts as `dt`."""
     begin = perf_counter()
-    recording = drive(chain, motion, settings)
+    recording = drive(chain, motion, settings, watch.placed, watch)
     seconds = perf_counter() - begin
-    base = int(np.searchsorted(recording.steps, motion.base))
-    slide, opening, rotation = contact_motion(chain, recording.motions, base)
+    slide, opening, rotation = contact_motion(chain, recording.motions, watch.base)
+    t = np.asarray(dt * recording.steps, dtype=np.float64)
     objects = np.array([obj.pose_chain for obj in chain.objects])
     return PhysicsReport(
         chain=chain,
-        t=np.asarray(dt * recording.steps, dtype=np.float64),
+        t=t,
         poses=se2.compose(start, recording.motions[:, -1]),
-        object_poses=se2.compose(start, se2.compose(recording.motions[:, :-1], objects)),
+        object_poses=se2.compose(start[None], se2.compose(recording.motions[:, :-1], objects)),
         slide=slide,
         opening=opening,
         rotation=rotation,
         tolerance=settings.tolerance,
         seconds=seconds,
+        counted_from=0.0 if watch.base is None else float(t[watch.base]),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,15 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.load_transfer import LoadTransfer
-from pushplan.sim.physics_model import PhysicsModel, build_model
+from pushplan.sim.physics_engine import engine
+from pushplan.sim.physics_model import PhysicsModel, build_model, joint_coordinates
 from pushplan.sim.physics_settings import PhysicsSettings
 
 _BARELY = 1e-9
 """Least sliding speed that the feet are made for, m/s."""
+
+Watch = Callable[[float, FloatArray], bool]
+"""Called at every look with the share of the motion that is done and the motions (n + 1, 3); True ends the drive."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +50,23 @@ class Recording:
     motions: FloatArray
 
 
-def drive(chain: Chain, motion: Motion, settings: PhysicsSettings) -> Recording:
+def drive(
+    chain: Chain,
+    motion: Motion,
+    settings: PhysicsSettings,
+    placed: FloatArray | None = None,
+    watch: Watch | None = None,
+) -> Recording:
     """Push a chain with the plate along a motion.
 
     First everything is carried along as one for a few steps, so that the feet settle; then only the plate is.
+
+    Args:
+        chain: The chain.
+        motion: What the plate is made to do.
+        settings: See there.
+        placed: (n, 3) how the objects stand off their places, as motions of the chain frame; None for not at all.
+        watch: See there.
 
     Raises:
         MissingEngineError: When the engine is not installed.
@@ -58,33 +76,51 @@ def drive(chain: Chain, motion: Motion, settings: PhysicsSettings) -> Recording:
     transfer = LoadTransfer(chain)
     model = build_model(chain, motion.dt, max(_sliding_speed(chain, motion), _BARELY), settings)
     bodies = np.arange(len(model.dofs))
+    begin, end = (_all_moved(pose, placed, len(bodies)) for pose in motion.poses[:2])
     model.carry(True)
     for _ in range(settings.run_in):
-        model.drive(bodies, motion.poses[0], motion.poses[1])
+        model.drive(bodies, begin, end)
         model.step()
         transfer.follow(model)
     model.carry(False)
-    model.drive(bodies, motion.poses[0], motion.poses[1])
-    return _push(model, transfer, motion, settings)
+    model.drive(bodies, begin, end)
+    return _push(model, transfer, motion, settings, watch)
+
+
+def _all_moved(motion: FloatArray, placed: FloatArray | None, bodies: int) -> FloatArray:
+    """Return how all bodies have moved (n + 1, 3) when they follow the plate as they were placed."""
+    moved = np.tile(motion, (bodies, 1))
+    if placed is not None:
+        moved[:-1] = se2.compose(motion, placed)
+    return moved
 
 
 def _push(
-    model: PhysicsModel, transfer: LoadTransfer, motion: Motion, settings: PhysicsSettings
+    model: PhysicsModel,
+    transfer: LoadTransfer,
+    motion: Motion,
+    settings: PhysicsSettings,
+    watch: Watch | None,
 ) -> Recording:
-    count = len(motion.poses) - 1
-    plate = np.array([len(model.dofs) - 1])
+    """Drive the plate step by step: its joint coordinates are computed beforehand, the loop only hands them over."""
+    count, plate = len(motion.poses) - 1, int(model.dofs[-1])
+    ways = joint_coordinates(model.anchors[-1], motion.poses)
+    speeds = np.diff(ways, axis=0) / motion.dt
     looks = np.union1d(np.linspace(0, count, settings.samples + 1).astype(np.int64), motion.base)
-    motions: list[FloatArray] = []
+    position, velocity = model.data.qpos[plate : plate + 3], model.data.qvel[plate : plate + 3]  # views
+    step, motions = engine().mj_step, list[FloatArray]()
     for i in range(count + 1):
+        position[:] = ways[i]
         if i == looks[len(motions)]:
-            model.drive(plate, motion.poses[i], motion.poses[i])
             motions.append(model.motions())
+            if watch is not None and watch(i / count, motions[-1]):
+                break
         if i < count:
-            model.drive(plate, motion.poses[i], motion.poses[i + 1])
-            model.step()
+            velocity[:] = speeds[i]
+            step(model.model, model.data)
             transfer.follow(model)
     model.require_sound()
-    return Recording(looks, np.array(motions))
+    return Recording(looks[: len(motions)], np.array(motions))
 
 
 def _sliding_speed(chain: Chain, motion: Motion) -> float:

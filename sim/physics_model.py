@@ -61,8 +61,15 @@ class PhysicsModel:
         self.model.dof_armature[places] = _CARRIED if carried else 0.0
 
     def drive(self, bodies: IntArray, begin: FloatArray, end: FloatArray) -> None:
-        """Set bodies on their way from one motion (3,) of the chain frame to another within one time step."""
-        before, after = (self._coordinates(bodies, motion) for motion in (begin, end))
+        """Set bodies on their way from one motion to another within one time step.
+
+        Args:
+            bodies: (k,) their indices.
+            begin: (3,) or (k, 3) how they have moved (see `motions`).
+            end: Likewise, after the step.
+        """
+        anchors = self.anchors[bodies]
+        before, after = joint_coordinates(anchors, begin), joint_coordinates(anchors, end)
         places = self.dofs[bodies, None] + np.arange(3)
         self.data.qpos[places] = before
         self.data.qvel[places] = (after - before) / self.model.opt.timestep
@@ -86,11 +93,12 @@ class PhysicsModel:
         np.add.at(total, np.searchsorted(model.dof_bodyid[self.dofs], roots), pushes)
         return total
 
-    def _coordinates(self, bodies: IntArray, motion: FloatArray) -> FloatArray:
-        """Joint coordinates (k, 3) of bodies that have moved as the chain frame has, by `motion` (3,)."""
-        anchors = self.anchors[bodies]
-        shift = motion[:2] + rotate(motion[2], anchors) - anchors
-        return np.column_stack([shift, np.full(len(bodies), motion[2])])
+
+def joint_coordinates(anchors: FloatArray, motions: FloatArray) -> FloatArray:
+    """Return joint coordinates (..., 3) of bodies with `anchors` (..., 2) that have moved by `motions` (..., 3)."""
+    shift = motions[..., :2] + rotate(motions[..., 2], anchors) - anchors
+    turn = np.broadcast_to(motions[..., 2], shift.shape[:-1])
+    return np.concatenate([shift, turn[..., None]], axis=-1)
 
 
 def build_model(chain: Chain, dt: float, sliding: float, settings: PhysicsSettings) -> PhysicsModel:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray, frozen
-from pushplan.geometry.se2 import relative, transform_points
+from pushplan.geometry.se2 import compose, relative, rotate, wrap_angle
 from pushplan.mechanics.chain import Chain
 
 
@@ -26,6 +26,7 @@ class PhysicsReport:
         rotation: (m, n) turn of the pushed against the pushing body, rad.
         tolerance: Slide or opening over the length of the segment at which a contact counts as moved.
         seconds: Wall-clock time of the simulation.
+        counted_from: Time from which slides and gaps are counted, s.
     """
 
     chain: Chain
@@ -37,6 +38,7 @@ class PhysicsReport:
     rotation: FloatArray
     tolerance: float
     seconds: float
+    counted_from: float = 0.0
 
     def __post_init__(self) -> None:
         m, n = len(self.t), len(self.chain.contacts)
@@ -73,6 +75,13 @@ class PhysicsReport:
         over = self.displacement > self.tolerance
         return np.where(over.any(axis=0), self.t[over.argmax(axis=0)], np.inf)
 
+    @property
+    def object_errors(self) -> FloatArray:
+        """(n, 2) how far (m) and by what angle (rad) each object ends off the place that the plate wants it at."""
+        planned = compose(self.poses[-1], np.array([obj.pose_chain for obj in self.chain.objects]))
+        off = self.object_poses[-1] - planned
+        return np.column_stack([np.hypot(off[:, 0], off[:, 1]), np.abs(wrap_angle(off[:, 2]))])
+
     def sentences(self) -> tuple[str, ...]:
         """Return for each contact what it did, for people."""
         return tuple(self._sentence(k) for k in range(len(self.chain.contacts)))
@@ -88,7 +97,7 @@ class PhysicsReport:
 
 
 def contact_motion(
-    chain: Chain, motions: FloatArray, base: int = 0
+    chain: Chain, motions: FloatArray, base: int | None = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return slide, opening and rotation (m, n) of the contacts, counted from sample `base` on and 0 before.
 
@@ -96,16 +105,23 @@ def contact_motion(
         chain: The chain.
         motions: (m, n + 1, 3) how the objects and, last, the plate have moved, as poses of frames that began as the
             chain frame.
-        base: Number of a sample.
+        base: Number of a sample; None counts against the contacts as the chain has them.
     """
     shape = (len(motions), len(chain.contacts))
     slide, opening, rotation = np.empty(shape), np.empty(shape), np.empty(shape)
     for k, contact in enumerate(chain.contacts):
         moved = relative(motions[:, contact.pusher], motions[:, contact.pushed])
         ends = np.stack([contact.right, contact.left])
-        shifts = np.array([transform_points(pose, ends) for pose in moved]) - ends
-        shifts = np.where(np.arange(len(shifts))[:, None, None] < base, 0.0, shifts - shifts[base])
+        shifts = moved[:, None, :2] + rotate(moved[:, None, 2], ends) - ends
+        if base is not None:
+            moved, shifts = _since(moved, base), _since(shifts, base)
         slide[:, k] = shifts.mean(axis=1) @ contact.tangent
         opening[:, k] = (shifts @ contact.normal).max(axis=1)
-        rotation[:, k] = np.where(np.arange(len(moved)) < base, 0.0, moved[:, 2] - moved[base, 2])
+        rotation[:, k] = moved[:, 2]
     return slide, opening, rotation
+
+
+def _since(values: FloatArray, base: int) -> FloatArray:
+    """Return what has been added to values (m, ...) since sample `base`, 0 before."""
+    before = (np.arange(len(values)) < base).reshape(-1, *[1] * (values.ndim - 1))
+    return np.where(before, 0.0, values - values[base])

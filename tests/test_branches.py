@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from plain import load_plain
 
 import pushplan
 from pushplan.names import PLANNERS
@@ -24,7 +25,7 @@ obstacles: [{polygon: [[1.2, -1.0], [1.4, -1.0], [1.4, 1.0], [1.2, 1.0]]}]
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_a_search_leaves_branches(planner: str) -> None:
-    scenario = pushplan.load_scenario("narrow-gap")
+    scenario = load_plain("narrow-gap")
     tree = pushplan.plan(scenario, planner=planner, iterations=60, time_limit=20.0, seed=3).tree
     assert 0 < len(tree) <= MOST
     assert np.isfinite(tree).all()

@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+from plain import load_plain
 
 from pushplan.geometry import se2
 from pushplan.planners import cell_rounds
@@ -18,7 +19,6 @@ from pushplan.planners.collision import sweep_is_free
 from pushplan.planners.problem import build_problem, sampling_box
 from pushplan.planners.search import NODE, Problem
 from pushplan.planners.session import Session
-from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
 
 SIDE_M, HEADINGS = 0.2, 24
@@ -26,7 +26,7 @@ SIDE_M, HEADINGS = 0.2, 24
 
 @pytest.fixture(scope="module")
 def scenario() -> Scenario:
-    return load_scenario("three-boxes-clutter")
+    return load_plain("three-boxes-clutter")
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ obstacles:
 
 def smallest_gap(scenario: Scenario, poses: np.ndarray) -> float:
     """Distance to the nearest obstacle along poses (m, 3), m."""
-    outlines = [scenario.chain.pusher.outline, *(obj.outline_chain for obj in scenario.chain.objects)]
+    outlines = [body.outline for body in scenario.chain.bodies]
     gaps = []
     for outline in outlines:
         placed = shapely.polygons(poses[:, None, :2] + se2.rotate(poses[:, 2:3], outline[None]))

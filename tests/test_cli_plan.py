@@ -69,6 +69,8 @@ def test_plan_tells_all_numbers_and_they_fit_together(planned: Mapping[str, Any]
     assert 0.0 <= found["goal_error"]["angle"] <= 1e-6
     assert found["min_margin"] > 0.0
     assert found["duration_s"] > 1.0
+    assert set(found["tolerance"]) == {"contact_friction", "floor_friction", "load", "position", "angle"}
+    assert "  bears            " in planned["err"]
     assert Path(found["log"]) == planned["log"]
 
 
@@ -95,7 +97,7 @@ def test_replay_verifies_and_exports_a_log(
     assert found["verification"]["matches"] is True
     assert len(found["verification"]["checks"]) > 5
     assert found["outcome"] == "solved"
-    for key in ("path_cost", "arcs", "goal_error", "min_margin", "duration_s", "seed"):
+    for key in ("path_cost", "arcs", "goal_error", "min_margin", "duration_s", "seed", "tolerance"):
         assert found[key] == recorded[key]
     assert (tmp_path / "r.csv").read_text().startswith("t,x,y,theta,vx,vy,omega,")
     assert (tmp_path / "r.svg").read_bytes() == planned["plot"].read_bytes()
@@ -114,7 +116,7 @@ def test_replay_reports_a_mismatch_with_exit_code_4(
     monkeypatch.setattr("pushplan.logging.verify.execute", shifted)
     assert main(["replay", str(planned["log"]), "--verify"]) == 4
     out = capsys.readouterr().out
-    assert "the execution differs from the record:" in out
+    assert "the log differs from what its scenario and its plan lead to:" in out
     assert "pose: differs by 0.001" in out
 
 

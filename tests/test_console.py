@@ -208,3 +208,38 @@ def test_a_folder_that_nobody_may_write_in_is_found_before_the_work(
 def test_numbers_read_well() -> None:
     assert [time_text(t) for t in (0.00042, 0.0123, 0.5, 12.0)] == ["0.42 ms", "12.3 ms", "500 ms", "12.00 s"]
     assert [counted(n, "arc") for n in (0, 1, 2)] == ["0 arcs", "1 arc", "2 arcs"]
+
+
+EVIL = "\x1b]0;owned\x07\x1b[31m\u202e\x9b2J"
+SHOWN = r"\x1b]0;owned\x07\x1b[31m\u202e\x9b2J"
+
+
+def test_what_files_say_never_reaches_the_terminal_as_a_command(
+    capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pushplan.commands.console.takes_colour", lambda _: True)
+    console = Console()
+    console.say(f"{console.paint(EVIL, 'bold')}: {EVIL}")
+    console.note(EVIL)
+    console.table([(EVIL, EVIL), ("two\nlines", "two\nlines")])
+    out, err = capsys.readouterr()
+    first, second, third = out.splitlines()
+    assert first == f"\x1b[1m{SHOWN}\x1b[0m: {SHOWN}"
+    assert second == f"  \x1b[2m{SHOWN}\x1b[0m  {SHOWN}"
+    assert third.endswith("\x1b[0m  two\\nlines")
+    assert r"two\nlines" in third.removesuffix("two\\nlines")
+    assert err == f"{SHOWN}\n"
+
+
+def test_progress_escapes_what_it_tells(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress_module, "DELAY", 0.02)
+    stream = Terminal()
+    with Progress(f"reading {EVIL}", stream, live=False) as progress:
+        progress.announce(EVIL)
+        _wait_for(lambda: "reading" in stream.getvalue())
+    assert stream.getvalue().startswith(f"{SHOWN}\nreading {SHOWN} ...")
+
+
+def test_json_says_exactly_what_files_say(capsys: Captured) -> None:
+    Console(json=True).emit({"text": EVIL})
+    assert json.loads(capsys.readouterr().out) == {"text": EVIL}

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from plain import load_plain
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
@@ -18,7 +19,6 @@ from pushplan.planners.ompl.search import search
 from pushplan.planners.polish import locate, price, shorten
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.session import Session
-from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
 
 NAMES = ["two-crates", "narrow-gap", "three-boxes-clutter"]
@@ -26,7 +26,7 @@ NAMES = ["two-crates", "narrow-gap", "three-boxes-clutter"]
 
 def _solved(name: str, seed: int) -> tuple[Scenario, Session]:
     """A session that has its first path, and time for more."""
-    scenario = load_scenario(name)
+    scenario = load_plain(name)
     problem = build_problem(scenario, scenario.stable_set())
     session = Session(problem, scenario.start, Budget(3600.0, first=True), seed)
     search(session, Auto, sampling_box(scenario), body_reach(scenario))
@@ -100,7 +100,7 @@ def test_detours_never_make_the_best_path_dearer_and_are_counted(name: str) -> N
 
 
 def test_without_a_path_nothing_happens() -> None:
-    scenario = load_scenario("two-crates")
+    scenario = load_plain("two-crates")
     problem = build_problem(scenario, scenario.stable_set())
     session = Session(problem, scenario.start, Budget(3600.0), seed=1)
     assert session.best_arcs is None

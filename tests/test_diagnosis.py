@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plain import load_plain, plain
 
 from pushplan.arrays import FloatArray
 from pushplan.cli import main
@@ -28,7 +29,7 @@ from pushplan.planners.problem import build_problem
 from pushplan.planners.search import Problem
 from pushplan.result import CAUSES, Diagnosis, PlanResult
 from pushplan.run import run
-from pushplan.scenario import PolygonObstacle, Scenario, load_scenario, scenario_from_text
+from pushplan.scenario import PolygonObstacle, Scenario, scenario_from_text
 from pushplan.sim.kinematic import pose_error
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
@@ -40,12 +41,12 @@ obstacles:
   - {box: [1.0, 0.05], pose: [0.1, 0.5, 0.0]}
   - {box: [1.0, 0.05], pose: [0.1, -0.5, 0.0]}
 """
-WALLED_IN = scenario_from_text(example_text("free-space") + ROOM, "walled-in.yaml")
+WALLED_IN = plain(scenario_from_text(example_text("free-space") + ROOM, "walled-in.yaml"))
 
 
 def gap(top: float) -> Scenario:
     """The example narrow-gap, whose gap begins at y = 1.07, with another end of it."""
-    return scenario_from_text(example_text("narrow-gap").replace("1.33", f"{top}"), "gap.yaml")
+    return plain(scenario_from_text(example_text("narrow-gap").replace("1.33", f"{top}"), "gap.yaml"))
 
 
 def short(scenario: Scenario, planner: str = "auto") -> PlanResult:
@@ -100,7 +101,7 @@ def test_a_gap_narrower_than_the_plate_is_perhaps_too_narrow() -> None:
 
 def test_a_passage_that_is_used_is_never_called_too_narrow() -> None:
     for name in example_names():
-        assert [item for item in faults(load_scenario(name)) if item.proven] == []
+        assert [item for item in faults(load_plain(name)) if item.proven] == []
     scenario = gap(1.29)
     result = plan(scenario, time_limit=60.0, first=True)
     assert result.solved
@@ -116,7 +117,7 @@ def test_a_clearance_can_close_a_gap() -> None:
 
 
 def test_no_turning_and_another_heading_is_proven() -> None:
-    scenario = load_scenario("narrow-gap")
+    scenario = load_plain("narrow-gap")
     (found,) = diagnosed(scenario, np.array([[1.0, 0.1, 0.0, 1.0, -0.1, 0.0]]))
     assert (found.cause, found.proven) == ("heading", True)
     assert found.text == (
@@ -125,7 +126,7 @@ def test_no_turning_and_another_heading_is_proven() -> None:
 
 
 def test_no_turning_and_a_goal_beside_the_straight_pushes_is_proven() -> None:
-    scenario = load_scenario("narrow-gap")
+    scenario = load_plain("narrow-gap")
     cone = stable_set(scenario.chain).translation_cone(0.0)
     assert cone is not None
     edge = float(np.arctan2(cone[1, 1], cone[1, 0]))
@@ -147,7 +148,7 @@ def test_no_turning_and_a_goal_beside_the_straight_pushes_is_proven() -> None:
 
 
 def test_turns_to_the_wrong_side_only_are_perhaps_the_reason() -> None:
-    scenario = replace(load_scenario("narrow-gap"), obstacles=())
+    scenario = replace(load_plain("narrow-gap"), obstacles=())
     lefts = np.array([[1.0, 0.0, 2.0, 1.0, 0.0, 0.0]])
     one_sided, time = diagnosed(scenario, lefts)
     assert (one_sided.cause, one_sided.proven, time.cause) == ("one-sided", False, "time")
@@ -161,7 +162,7 @@ def test_turns_to_the_wrong_side_only_are_perhaps_the_reason() -> None:
 
 
 def test_turns_wider_than_the_workspace_are_perhaps_the_reason() -> None:
-    scenario = replace(load_scenario("narrow-gap"), obstacles=())
+    scenario = replace(load_plain("narrow-gap"), obstacles=())
     wide, _ = diagnosed(scenario, np.array([[1.0, 0.0, 0.5, 1.0, 0.0, -0.5]]))
     assert wide.text == (
         "perhaps the turns are too wide: the tightest one, of radius 2 m, makes a circle that does not fit "
@@ -177,7 +178,7 @@ def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
     end: str, x: float, text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A bar before the front box at the start; a bar behind the plate at the goal; proven, if looked at closely."""
-    scenario = load_scenario("narrow-gap")
+    scenario = load_plain("narrow-gap")
     pose = scenario.start if end == "start" else scenario.goal.pose_chain
     bar = np.array([[x, -0.3], [x + 0.02, -0.3], [x + 0.02, 0.3], [x, 0.3]])
     c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -195,7 +196,7 @@ def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
 
 
 def test_a_search_cut_short_says_how_far_it_came_and_claims_nothing() -> None:
-    result = plan(load_scenario("three-boxes-clutter"), planner="rrt", time_limit=60.0, iterations=1)
+    result = plan(load_plain("three-boxes-clutter"), planner="rrt", time_limit=60.0, iterations=1)
     assert not result.solved
     (found,) = result.diagnosis
     assert (found.cause, found.proven) == ("time", False)
@@ -320,7 +321,7 @@ def test_an_empty_set_tells_the_contact_that_empties_it_and_what_would_help() ->
 
 
 def test_a_margin_that_no_push_has_is_told_with_the_largest() -> None:
-    scenario = load_scenario("narrow-gap")
+    scenario = load_plain("narrow-gap")
     with pytest.raises(EmptyStableSetError) as caught:
         plan(replace(scenario, stability=replace(scenario.stability, margin=0.9)), time_limit=0.1)
     assert str(caught.value).startswith("no push has a margin above 0.9; the largest is 0.")

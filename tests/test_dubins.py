@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from ompl import base as ob
+from plain import load_plain
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
@@ -16,7 +17,6 @@ from pushplan.plan import plan
 from pushplan.planners.controls import control_segments, steering_families
 from pushplan.planners.ompl.dubins import Car
 from pushplan.planners.steering import MAX_WORDS, find_words
-from pushplan.reading.scenario_file import load_scenario
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 
@@ -91,7 +91,7 @@ def test_the_shortest_of_our_words_is_as_long_as_ompl_says(stable: StableSet, dr
 
 @pytest.mark.parametrize("planner", ["rrt-dubins", "bitstar-dubins"])
 def test_only_the_turns_and_the_push_of_the_car_are_used_before_polishing(planner: str) -> None:
-    scenario = load_scenario("two-crates")
+    scenario = load_plain("two-crates")
     result = plan(scenario, planner=planner, time_limit=30.0, first=True)
     assert result.path is not None
     stable = stable_set(scenario.chain)
@@ -120,7 +120,7 @@ def test_turns_whose_straight_push_is_not_stable_are_refused(stable: StableSet) 
 
 
 def test_the_same_seed_gives_the_same_path_and_another_one_another() -> None:
-    scenario = load_scenario("narrow-gap")
+    scenario = load_plain("narrow-gap")
     results = [plan(scenario, planner="rrt-dubins", seed=s, time_limit=30.0, first=True) for s in (1, 1, 2)]
     paths = [result.path for result in results]
     assert paths[0] is not None

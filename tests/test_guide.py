@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain import load_plain, plain
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -13,7 +14,7 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.planners.guide import BARE, Guide, find_way, make_guide
 from pushplan.planners.problem import build_problem, sampling_box
-from pushplan.reading.scenario_file import load_scenario, scenario_from_text
+from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import stable_set
 
@@ -64,14 +65,14 @@ def _shortest(guide: Guide, way: FloatArray) -> float:
 
 @pytest.mark.parametrize("name", ["three-boxes-clutter", "narrow-gap", "two-crates"])
 def test_on_a_flat_floor_the_way_is_the_shortest(name: str) -> None:
-    guide = _guide(load_scenario(name))
+    guide = _guide(load_plain(name))
     way = _way(guide, 0.0, 0.0, 1)
     length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
     assert length == pytest.approx(_shortest(guide, way), rel=1e-9)
 
 
 def test_a_way_leads_the_middle_of_the_body_from_start_to_goal_past_the_obstacles() -> None:
-    scenario = load_scenario("three-boxes-clutter")
+    scenario = load_plain("three-boxes-clutter")
     guide = _guide(scenario)
     for seed in range(20):
         way = _way(guide, 1.5, 0.1, seed)
@@ -84,7 +85,7 @@ def test_a_way_leads_the_middle_of_the_body_from_start_to_goal_past_the_obstacle
 
 
 def test_every_passage_has_its_turn() -> None:
-    guide = _guide(scenario_from_text(TWO_PASSAGES, "two-passages.yaml"))
+    guide = _guide(plain(scenario_from_text(TWO_PASSAGES, "two-passages.yaml")))
     sides = [float(np.sign(way[np.argmin(np.abs(way[:, 0] - 1.5)), 1])) for way in
              (_way(guide, 0.5, 0.0, seed) for seed in range(12))]  # fmt: skip
     assert 3 <= sides.count(1.0) <= 9
@@ -92,4 +93,4 @@ def test_every_passage_has_its_turn() -> None:
 
 def test_without_a_way_there_is_none() -> None:
     walled = TWO_PASSAGES.replace("[0.5, 2.0]", "[0.5, 2.98]")
-    assert len(_way(_guide(scenario_from_text(walled, "walled.yaml")), 0.5, 0.0, 1)) == 0
+    assert len(_way(_guide(plain(scenario_from_text(walled, "walled.yaml"))), 0.5, 0.0, 1)) == 0

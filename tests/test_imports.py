@@ -15,7 +15,7 @@ from PIL import Image
 
 from pushplan.builders import box, build_scenario, plate
 from pushplan.errors import ImportedFileError
-from pushplan.logging.extras import MissingExtraError
+from pushplan.extras import MissingExtraError
 from pushplan.reading.hole_free import covering, hole_free
 from pushplan.reading.import_outlines import read_csv_outlines, read_svg_outlines
 from pushplan.reading.import_ros_map import read_ros_map

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan.bench.validation import EXACT, exactly, flaw, plan_flaw
+from pushplan.bench.validation import EXACT, exactly, flaw, plan_flaw, with_kept_margin
 from pushplan.path import PushPath
 from pushplan.planners.verdict import flaw as path_flaw
 from pushplan.planners.verdict import verdict
@@ -24,7 +24,8 @@ def good() -> tuple[Scenario, PlanResult, Execution]:
     run = pushplan.run(pushplan.load_scenario("free-space"), time_limit=5.0, first=True)
     assert run.plan.solved
     assert run.execution is not None
-    return run.scenario, run.plan, run.execution
+    assert run.plan.margin is not None
+    return run.scenario.with_margin(run.plan.margin), run.plan, run.execution
 
 
 def obstacle_on_the_way() -> PolygonObstacle:
@@ -42,13 +43,31 @@ def test_a_good_run_has_no_flaw() -> None:
     assert plan_flaw(exactly(scenario), result) == ""
     assert result.path is not None
     assert result.trajectory is not None
-    assert verdict(scenario, stable_set(scenario.chain), result.path, result.trajectory) == ""
+    assert verdict(scenario, stable_set(scenario.chain), result.path, result.trajectory, execution) == ""
 
 
 def test_an_execution_that_lost_a_contact_solves_nothing() -> None:
-    scenario, _, execution = good()
+    scenario, result, execution = good()
     lost = replace(execution, loss=StabilityLoss(1.5, 0, -0.25, (0.0, 0.0, 0.0)))
     assert flaw(scenario, lost) == "contact 0 is lost after 1.500 s with a margin of -0.25"
+    assert result.path is not None
+    assert result.trajectory is not None
+    said = verdict(scenario, stable_set(scenario.chain), result.path, result.trajectory, lost)
+    name = scenario.chain.contact_name(0)
+    assert said == (
+        f"the plan does not hold when it is executed: contact {name} is lost after 1.50 s, with a margin of -0.25"
+    )
+
+
+def test_where_the_scenario_says_auto_the_margin_of_the_plan_is_what_counts() -> None:
+    scenario, result, _ = good()
+    assert result.margin is not None
+    auto = replace(scenario, stability=replace(scenario.stability, margin="auto"))
+    assert with_kept_margin(auto, result) == scenario
+    assert plan_flaw(auto, result) == ""
+    stated = scenario.with_margin(0.5)
+    assert with_kept_margin(stated, result) == stated
+    assert plan_flaw(stated, result).startswith("the smallest margin is ")
 
 
 def test_a_margin_at_what_the_scenario_asks_for_is_too_small() -> None:
@@ -89,12 +108,12 @@ def test_a_body_that_leaves_the_workspace_is_named() -> None:
 
 
 def test_a_path_that_ends_elsewhere_is_refused() -> None:
-    scenario, result, _ = good()
+    scenario, result, execution = good()
     path = result.path
     assert path is not None
     short = PushPath(path.start, path.twists, path.lengths * [*[1.0] * (len(path.lengths) - 1), 0.5])
     assert result.trajectory is not None
-    said = verdict(scenario, stable_set(scenario.chain), short, result.trajectory)
+    said = verdict(scenario, stable_set(scenario.chain), short, result.trajectory, execution)
     assert said.startswith("the path misses the goal by ")
 
 

@@ -12,6 +12,7 @@ from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.contact_state import contact_state
 from pushplan.path import PushPath, cost_rate
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.timing import time_path
 from pushplan.sim.kinematic import pose_error, simulate
 from pushplan.stable_sets.named import stable_set
@@ -35,7 +36,7 @@ STABLE_ARCS = [(1.0, 0.0, 0.0, 0.4), (1.0, -0.1, 0.8, 0.3), (1.0, 0.1, -0.8, 0.3
 
 
 def test_execution_integrates_what_was_commanded(stable: StableSet) -> None:
-    trajectory = time_path(_path(*STABLE_ARCS), Limits())
+    trajectory = time_path(_path(*STABLE_ARCS), Bounds(Limits()))
 
     def rate(t: float, pose: FloatArray) -> FloatArray:
         vx, vy, omega = trajectory.twists_at(np.array([t]))[0]
@@ -57,7 +58,7 @@ def test_execution_integrates_what_was_commanded(stable: StableSet) -> None:
 
 
 def test_a_stable_push_keeps_every_contact_and_reports_its_forces(stable: StableSet) -> None:
-    execution = simulate(time_path(_path(*STABLE_ARCS), Limits()), stable, np.zeros(3))
+    execution = simulate(time_path(_path(*STABLE_ARCS), Bounds(Limits())), stable, np.zeros(3))
     assert execution.loss is None
     assert execution.margins.shape == (len(execution.t), 2)
     assert execution.margins.min() > 0.0
@@ -73,7 +74,7 @@ def test_a_stable_push_keeps_every_contact_and_reports_its_forces(stable: Stable
 
 def test_the_margin_at_rest_is_that_of_the_motion_beside_it(stable: StableSet) -> None:
     path = _path(*STABLE_ARCS)
-    execution = simulate(time_path(path, Limits()), stable, np.zeros(3))
+    execution = simulate(time_path(path, Bounds(Limits())), stable, np.zeros(3))
     expected = stable.contact_margins(path.twists)
     np.testing.assert_allclose(execution.margins[0], expected[0], atol=1e-9)
     np.testing.assert_allclose(execution.margins[-1], expected[-1], atol=1e-9)
@@ -83,13 +84,13 @@ def test_the_margin_at_rest_is_that_of_the_motion_beside_it(stable: StableSet) -
 def test_rounding_at_the_final_rest_never_reverses_the_motion(stable: StableSet, seed: int) -> None:
     rng = np.random.default_rng(seed)
     arcs = [(*STABLE_ARCS[int(rng.integers(3))][:3], float(rng.uniform(0.01, 2.0))) for _ in range(12)]
-    assert simulate(time_path(_path(*arcs), Limits()), stable, np.zeros(3)).loss is None
+    assert simulate(time_path(_path(*arcs), Bounds(Limits())), stable, np.zeros(3)).loss is None
 
 
 def test_the_loss_of_a_contact_is_reported_and_nothing_after_it(stable: StableSet) -> None:
     arcs = [(1.0, 0.0, 0.0, 0.3), (0.2, 1.0, 0.0, 0.3), (1.0, 0.0, 0.0, 0.3)]
     path = _path(*arcs)
-    trajectory = time_path(path, Limits())
+    trajectory = time_path(path, Bounds(Limits()))
     execution = simulate(trajectory, stable, trajectory.poses[-1])
     loss = execution.loss
     assert loss is not None
@@ -126,7 +127,7 @@ def test_a_sample_just_before_the_final_rest_keeps_its_direction(stable: StableS
     """The last sample but one lies microseconds before the end: looking ahead would only see rounding."""
     for tail in np.linspace(0.0, 3e-4, 31):
         length = 0.2 * (1.0 + tail)
-        trajectory = time_path(_path((1.0, -0.1, 0.8, length)), Limits())
+        trajectory = time_path(_path((1.0, -0.1, 0.8, length)), Bounds(Limits()))
         rate = 10.0 / (trajectory.duration - 1e-5 * (1.0 + tail))
         sampled = Trajectory(
             trajectory.start, trajectory.breaks, trajectory.coefficients, trajectory.arc, float(rate)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain import load_plain
 
 from pushplan.arrays import FloatArray
 from pushplan.examples import example_names
@@ -14,7 +15,7 @@ from pushplan.path import TURN_WEIGHT
 from pushplan.plan import plan
 from pushplan.planners.free_space import body, disc_at, largest_disc
 from pushplan.planners.lower_bound import lower_bound
-from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario, load_scenario, scenario_from_text
+from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario, scenario_from_text
 
 AHEAD = """
 format: pushplan/1
@@ -64,7 +65,7 @@ def test_a_known_path_speeds_the_bound_up_and_changes_nothing() -> None:
 
 @pytest.mark.parametrize("name", example_names())
 def test_no_path_beats_the_bound(name: str) -> None:
-    scenario = load_scenario(name)
+    scenario = load_plain(name)
     for seed in (1, 2):
         result = plan(scenario, seed=seed, time_limit=60.0, iterations=25_000)
         assert result.path is not None
@@ -97,7 +98,7 @@ def test_the_largest_disc_lies_inside_the_chain() -> None:
 
 
 def test_a_gap_that_is_good_enough_ends_the_search() -> None:
-    scenario = load_scenario("narrow-gap")
+    scenario = load_plain("narrow-gap")
     patient = plan(scenario, time_limit=60.0, iterations=20_000)
     hasty = plan(scenario, time_limit=60.0, iterations=20_000, gap=0.15)
     assert hasty.gap is not None

@@ -21,6 +21,7 @@ from pushplan.mechanics.friction import friction_wrench
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UniformSupport, UnknownSupport
 from pushplan.path import PushPath, cost_rate
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.timing import time_path
 from pushplan.sim.agreement import Agreement, compare, under_objects
 from pushplan.sim.load_transfer import LoadTransfer
@@ -115,8 +116,8 @@ def test_limits_from_the_contacts_keep_inertia_from_moving_them(
     limits = Limits(0.5, 4.0, 100.0, 3.0, 20.0, 500.0)
     direction = np.array([twist]) / cost_rate([twist])[:, None]
     path = PushPath(np.zeros(3), direction, np.array([0.4]))
-    assert not simulate_trajectory(chain, time_path(path, limits)).kept
-    assert simulate_trajectory(chain, time_path(path, limits, contacts=ContactDynamics(chain))).kept
+    assert not simulate_trajectory(chain, time_path(path, Bounds(limits))).kept
+    assert simulate_trajectory(chain, time_path(path, Bounds(limits, ContactDynamics(chain)))).kept
 
 
 @needs_engine

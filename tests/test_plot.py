@@ -24,12 +24,14 @@ from pushplan.drawing.world import draw_by_margin, draw_surroundings, draw_sweep
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain
 from pushplan.path import PushPath, cost_rate
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.timing import time_path
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
 from pushplan.sim.kinematic import Execution, simulate
 from pushplan.stable_sets.cor_window import default_window
 from pushplan.stable_sets.named import stable_set
+from pushplan.tolerance.tolerance import Tolerance
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
@@ -59,7 +61,7 @@ def scenario(chain: Chain, path: PushPath) -> Scenario:
 
 @pytest.fixture(scope="module")
 def plan(chain: Chain, path: PushPath) -> PlanResult:
-    trajectory = time_path(path, chain.pusher.limits)
+    trajectory = time_path(path, Bounds(chain.pusher.limits))
     tree = np.zeros((0, 2, 3))
     return PlanResult(True, "", "rrt", "ecof", 1, path, trajectory, 0.01, 0.5, (), 100, 0.1, tree)
 
@@ -86,6 +88,14 @@ def test_a_plan_is_drawn_in_every_form_with_the_same_bytes_each_time(
     first, second = (file.read_bytes() for file in files)
     assert first.startswith(MAGIC[suffix])
     assert first == second
+
+
+def test_a_plan_shows_what_it_bears(
+    scenario: Scenario, plan: PlanResult, execution: Execution, tmp_path: Path
+) -> None:
+    bearing = replace(plan, tolerance=Tolerance(0.5, 0.25, 0.5, 0.01, 0.1))
+    plot_plan(scenario, bearing, execution, tmp_path / "p.svg")
+    assert "<!-- bears contact friction down to 0.50 of what is stated," in (tmp_path / "p.svg").read_text()
 
 
 def test_a_plan_shows_its_name_numbers_and_labels(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from plain import load_plain, plain
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.bench.generator import generate
@@ -22,7 +23,7 @@ from pushplan.planners.pocket import LEVELS, Pocket, find_pocket, make_steps, pu
 from pushplan.planners.pocket_kernel import CLOSED, MET, OPEN, ORIGIN, Steps
 from pushplan.planners.problem import build_problem
 from pushplan.planners.search import Problem
-from pushplan.scenario import PolygonObstacle, Scenario, load_scenario, scenario_from_text
+from pushplan.scenario import PolygonObstacle, Scenario, scenario_from_text
 from pushplan.stable_sets.stable_set import StableSet
 
 RANDOM = ProblemParameters(objects=(1, 5), obstacles=(0, 30), drives=DRIVES)
@@ -33,7 +34,7 @@ SOLVABLE = (0, 1, 2, 3, 4, 75, 114, 137, 189, 199)
 
 
 def _random(seed: int) -> tuple[Scenario, StableSet, Problem]:
-    scenario = scenario_from_text(generate(RANDOM, seed), f"random {seed}")
+    scenario = plain(scenario_from_text(generate(RANDOM, seed), f"random {seed}"))
     stable = scenario.stable_set()
     return scenario, stable, build_problem(scenario, stable)
 
@@ -50,7 +51,7 @@ def few_looks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", [*example_names()])
 def test_packaged_scenarios_are_not_boxed_in(name: str, few_looks: None) -> None:
-    scenario = load_scenario(name)
+    scenario = load_plain(name)
     stable = scenario.stable_set()
     assert _found(scenario, stable, build_problem(scenario, stable)) is None
 
@@ -142,12 +143,12 @@ def test_random_pushes_stay_within_the_cells(is_goal: bool, seed: int) -> None:
 @pytest.mark.parametrize("name", ["asymmetric", "five-objects", "narrow-gap", "two-crates"])
 def test_every_stable_twist_lies_in_the_hull(name: str) -> None:
     """Those between the meridians that it is made of, too."""
-    scenario = load_scenario(name)
+    scenario = load_plain(name)
     stable = scenario.stable_set()
     problem = build_problem(scenario, stable)
     middle = problem.scene.body_bound[:2]
     hull = push_hull(pocket._extreme_twists(scenario, stable, problem), middle)
-    twists = _boundary(stable, scenario.stability.margin, 30_011)
+    twists = _boundary(stable, scenario.required_margin, 30_011)
     ahead = twists[:, 0] - twists[:, 2] * middle[1]
     points = np.stack([(twists[:, 1] + twists[:, 2] * middle[0]) / ahead, twists[:, 2] / ahead], axis=1)
     assert shapely.contains_xy(hull, points).all()
@@ -165,7 +166,7 @@ def _boundary(stable: StableSet, margin: float, count: int) -> FloatArray:
 
 def test_a_bar_in_the_way_boxes_in() -> None:
     """A bar before the front box at the start, from wall to wall, is no gap for the disc to pass."""
-    scenario = replace(load_scenario("narrow-gap"), obstacles=())
+    scenario = replace(load_plain("narrow-gap"), obstacles=())
     bar = np.array([[0.221, -1.2], [0.3, -1.2], [0.3, 1.2], [0.221, 1.2]])
     barred = replace(scenario, obstacles=(PolygonObstacle(se2.transform_points(scenario.start, bar)),))
     stable = barred.stable_set()
@@ -183,7 +184,7 @@ def test_without_a_common_direction_nothing_is_proven() -> None:
 
 
 def test_a_search_ends_near_the_other_pose_or_without_room() -> None:
-    scenario = load_scenario("free-space")
+    scenario = load_plain("free-space")
     problem = build_problem(scenario, scenario.stable_set())
     hull = push_hull(segment_ends(problem.segments), problem.scene.body_bound[:2])
     steps = make_steps(problem.scene, hull, LEVELS[0], 0.0, back=False)

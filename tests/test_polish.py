@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.optimize
+from plain import load_plain
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
@@ -19,7 +20,6 @@ from pushplan.planners.problem import build_problem
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Session
 from pushplan.planners.varying import normals_of, vary
-from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import stable_set
 
@@ -27,7 +27,7 @@ NAMES = ["free-space", "two-crates", "carts", "narrow-gap"]
 
 
 def _posed(name: str) -> tuple[Scenario, Problem]:
-    scenario = load_scenario(name)
+    scenario = load_plain(name).with_margin(0.02 if name == "carts" else 0.0)
     return scenario, build_problem(scenario, stable_set(scenario.chain, scenario.stability.set))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import pytest
 
 from pushplan.cli import main
 from pushplan.commands.exports import WRITERS
+from pushplan.logging.writer import RunLogWriter
+from pushplan.reading.scenario_file import load_scenario
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +70,7 @@ def test_a_run_is_played_on_a_terminal(
     log: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    assert main(["replay", str(log), "--play", "--rate", "100"]) == 0
+    assert main(["replay", str(log), "--play", "--rate", "25"]) == 0
     out = capsys.readouterr().out
     assert out.count("\x1b[H") > 2
     assert out.endswith("\x1b[?25h\n")
@@ -80,3 +83,21 @@ def test_a_run_is_served_until_it_ends(
     monkeypatch.setattr("pushplan.commands.playing.LINGER", 0.05)
     assert main(["replay", str(log), "--serve", "0", "--rate", "100"]) == 0
     assert re.search(r"playing to ws://localhost:[1-9]\d*; Ctrl-C ends it", capsys.readouterr().err)
+
+
+def test_what_a_log_says_is_shown_escaped_and_told_exactly(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    evil = "\x1b]0;owned\x07 \u202eno plan"
+    path = tmp_path / "run.mcap"
+    with RunLogWriter.create(path, load_scenario("free-space"), {}) as writer:
+        writer.log("warning", evil)
+        writer.finish(evil)
+    assert main(["replay", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert out.count(r"\x1b]0;owned\x07 \u202eno plan") == 2
+    assert not {"\x1b", "\x07", "\u202e"} & set(out)
+    assert main(["replay", str(path), "--json"]) == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)["outcome"] == evil
+    assert not {"\x1b", "\x07", "\u202e"} & set(told.err)

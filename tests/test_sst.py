@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from ompl import base as ob
+from plain import load_plain
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
@@ -27,7 +28,6 @@ from pushplan.planners.sst_kernel import (
     SparseTree,
     grow_sparse,
 )
-from pushplan.reading.scenario_file import load_scenario
 from pushplan.stable_sets.named import stable_set
 
 HEADING_LENGTH = 0.4
@@ -36,12 +36,12 @@ RADII = np.array([HEADING_LENGTH, 0.5, 0.25])
 
 @pytest.fixture(scope="module")
 def problem() -> Problem:
-    scenario = load_scenario("three-boxes-clutter")
+    scenario = load_plain("three-boxes-clutter")
     return build_problem(scenario, stable_set(scenario.chain))
 
 
 def _session(problem: Problem, iterations: int) -> Session:
-    start = load_scenario("three-boxes-clutter").start
+    start = load_plain("three-boxes-clutter").start
     return Session(problem, start, Budget(60.0, iterations=iterations), seed=1)
 
 
@@ -49,7 +49,7 @@ def _session(problem: Problem, iterations: int) -> Session:
 def tree(problem: Problem) -> SparseTree:
     """Return a tree grown with 4,000 extensions, its connections to the goal left unused."""
     session = _session(problem, 1)
-    box = sampling_box(load_scenario("three-boxes-clutter"))
+    box = sampling_box(load_plain("three-boxes-clutter"))
     tree = planted(session, np.array(box), RADII)
     while len(tree.nodes) < 4000:
         tree = doubled(tree)
@@ -107,7 +107,7 @@ def test_nothing_is_kept_that_leads_nowhere(tree: SparseTree) -> None:
 
 
 def test_longer_rounds_find_shorter_paths(problem: Problem) -> None:
-    scenario = load_scenario("three-boxes-clutter")
+    scenario = load_plain("three-boxes-clutter")
     costs = []
     for iterations in (3_000, 60_000):
         session = _session(problem, iterations)
@@ -119,7 +119,7 @@ def test_longer_rounds_find_shorter_paths(problem: Problem) -> None:
 
 
 def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(problem: Problem) -> None:
-    scenario = load_scenario("three-boxes-clutter")
+    scenario = load_plain("three-boxes-clutter")
     session = Session(problem, scenario.start, Budget(60.0, first=True), seed=3)
     information, definition = pose_problem(session, sampling_box(scenario), body_reach(scenario))
     planner = StableSparseRRT(information)
@@ -135,7 +135,7 @@ def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(problem: Problem)
 
 
 def test_no_time_is_a_timeout(problem: Problem) -> None:
-    scenario = load_scenario("three-boxes-clutter")
+    scenario = load_plain("three-boxes-clutter")
     session = Session(problem, scenario.start, Budget(0.0), seed=3)
     information, definition = pose_problem(session, sampling_box(scenario), body_reach(scenario))
     planner = StableSparseRRT(information)

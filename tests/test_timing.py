@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.arc_limits import arc_limits
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.profile import rest_to_rest
 from pushplan.planners.timing import time_path
 from pushplan.trajectory import Trajectory
@@ -28,7 +29,7 @@ def _within(values: np.ndarray, limit: float) -> bool:
 @pytest.mark.parametrize("seed", range(5))
 def test_speed_acceleration_and_jerk_in_the_world_stay_within_the_limits(seed: int) -> None:
     limits = Limits()
-    trajectory = time_path(_path(np.random.default_rng(seed), 6), limits)
+    trajectory = time_path(_path(np.random.default_rng(seed), 6), Bounds(limits))
     h = 1e-3
     for begin, end in zip(trajectory.breaks[:-1], trajectory.breaks[1:], strict=True):
         if end - begin < 5 * h:
@@ -47,7 +48,7 @@ def test_speed_acceleration_and_jerk_in_the_world_stay_within_the_limits(seed: i
 @pytest.mark.parametrize("seed", range(5))
 def test_a_timed_path_ends_where_the_path_ends_and_stops_at_every_corner(seed: int) -> None:
     path = _path(np.random.default_rng(seed), 7)
-    trajectory = time_path(path, Limits())
+    trajectory = time_path(path, Bounds(Limits()))
     np.testing.assert_allclose(trajectory.poses[-1], path.end, atol=1e-11)
     corners = trajectory.breaks[np.flatnonzero(np.diff(trajectory.arc)) + 1]
     assert len(corners) == 6
@@ -58,7 +59,9 @@ def test_a_timed_path_ends_where_the_path_ends_and_stops_at_every_corner(seed: i
 def test_a_long_straight_push_takes_the_time_of_the_textbook() -> None:
     """Length/v + v/a + a/j for a profile that reaches its speed and its acceleration."""
     path = PushPath(np.zeros(3), np.array([[1.0, 0.0, 0.0]]), np.array([2.0]))
-    assert time_path(path, Limits()).duration == pytest.approx(2.0 / 0.2 + 0.2 / 0.5 + 0.5 / 5.0, abs=1e-9)
+    assert time_path(path, Bounds(Limits())).duration == pytest.approx(
+        2.0 / 0.2 + 0.2 / 0.5 + 0.5 / 5.0, abs=1e-9
+    )
 
 
 def test_one_limit_is_always_reached() -> None:
@@ -91,6 +94,6 @@ def test_poses_of_a_twist_that_changes_direction_agree_with_an_ode_solver() -> N
 
 def test_a_path_of_no_arcs_takes_no_time() -> None:
     path = PushPath(np.ones(3), np.zeros((0, 3)), np.zeros(0))
-    trajectory = time_path(path, Limits())
+    trajectory = time_path(path, Bounds(Limits()))
     assert trajectory.duration == 0.0
     np.testing.assert_array_equal(trajectory.poses, np.ones((1, 3)))

@@ -18,6 +18,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.path import PushPath, cost_rate
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.timing import time_path
 from pushplan.scenario import load_scenario
 from pushplan.sim.physics import simulate_trajectory
@@ -50,7 +51,7 @@ def draw(path: Path, tell: Callable[[str], None]) -> None:
     chain, goal = scenario.chain, scenario.goal.pose_chain
     cor = turning_center(goal)
     push = two_arcs(cor, goal)
-    trajectory = time_path(push, chain.pusher.limits)
+    trajectory = time_path(push, Bounds(chain.pusher.limits))
     report = simulate_trajectory(chain, trajectory)
     for sentence in report.sentences():
         tell(f"Fig. 12 {sentence}")
@@ -102,8 +103,10 @@ def _draw_snapshot(axes: Axes, report: PhysicsReport, time: float, goal: FloatAr
     axes.set_aspect("equal")
     axes.set(xlim=(VIEW[0], VIEW[2]), ylim=(VIEW[1], VIEW[3]), xticks=[], yticks=[])
     axes.spines[:].set_color(FAINT)
-    for outline in (chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)):
-        axes.fill(*se2.transform_points(goal, outline).T, fill=False, edgecolor=FAINT, linestyle="dotted")
+    for body in chain.bodies:
+        axes.fill(
+            *se2.transform_points(goal, body.outline).T, fill=False, edgecolor=FAINT, linestyle="dotted"
+        )
     axes.plot(*report.poses[: i + 1, :2].T, color=INK, linewidth=0.8, zorder=2.0)
     draw_body(axes, report.poses[i], chain.pusher.outline, PLATE_COLOUR)
     for obj, pose in zip(chain.objects, report.object_poses[i], strict=True):

@@ -139,8 +139,13 @@ def ready(handle: Handle) -> tuple[Grow, RoomAt]:
 @cache
 def _ready(kind: Any) -> tuple[Grow, RoomAt]:
     """Return both functions for a type of reference."""
-    whole, real, found = types.int64, types.float64, []
-    for function, kinds in ((grow, (kind, whole, whole, *[real] * 4)), (room_at, (kind, *[real] * 3))):
-        function.compile(kinds)  # or loads it
-        found.append(function.get_overload(kinds))
-    return found[0], found[1]
+    whole, real = types.int64, types.float64
+    return (
+        _for_types(grow, (kind, whole, whole, real, real, real, real)),
+        _for_types(room_at, (kind, real, real, real)),
+    )
+
+
+def _for_types(function: Any, kinds: tuple[Any, ...]) -> Any:
+    function.compile(kinds)  # or loads it
+    return function.get_overload(kinds)

@@ -63,7 +63,7 @@ class Figures:
     Attributes:
         reason: Why there is no plan, or why it is not valid; empty if it is.
         found: The planner claims a path to the goal.
-        valid: The executed trajectory stands up to the checks of collision, margin and goal.
+        valid: The executed trajectory stands up to the checks of collision, margins and goal.
         first_solution_s: Time to the first path.
         seconds: Wall-clock time by phase: `loading` of the scenario, those of `pushplan.result.Run`, and
             `validation` of the execution.
@@ -73,7 +73,9 @@ class Figures:
         clearance: Smallest distance of the moving bodies from anything, m.
         goal_position_error: After execution, m.
         goal_angle_error: After execution, rad.
+        margin: What the margins of the path had to exceed in the end, which `auto` may lower.
         min_margin: Smallest margin during execution.
+        min_dynamic_margin: The same with inertia.
         duration: Of the trajectory, s.
         extensions: Arcs propagated.
         memory: Most that the process has taken on top of the code and kernels that it starts with, MB.
@@ -91,7 +93,9 @@ class Figures:
     clearance: float | None = None
     goal_position_error: float | None = None
     goal_angle_error: float | None = None
+    margin: float | None = None
     min_margin: float | None = None
+    min_dynamic_margin: float | None = None
     duration: float | None = None
     extensions: int | None = None
     memory: float | None = None

@@ -74,7 +74,7 @@ def random_world(rng: np.random.Generator, chain: Chain, parameters: ProblemPara
         GeneratorError: When start and goal find no place.
     """
     side = rounded(rng.uniform(*parameters.workspace))
-    body = np.concatenate([chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)])
+    body = np.concatenate([moving.outline for moving in chain.bodies])
     wall = None if parameters.gap is None else _wall(rng, body, side, parameters)
     start, goal = _ends(rng, body, side, wall, parameters.room)
     kept = [

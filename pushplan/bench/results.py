@@ -149,7 +149,11 @@ def _read(path: Path, database: sqlite3.Connection) -> Results:
 
 
 def _run(row: sqlite3.Row, progress: Sequence[tuple[float, float]], several: bool) -> RunRow:
-    values = {name: math.nan if row[name] is None else float(row[name]) for name, _ in ATTRIBUTES}
+    known = set(row.keys())  # an older version did not measure everything
+    values = {
+        name: math.nan if name not in known or row[name] is None else float(row[name])
+        for name, _ in ATTRIBUTES
+    }
     return RunRow(
         key=row["key"],
         problem=row["problem"],

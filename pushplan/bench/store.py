@@ -57,6 +57,12 @@ class Store:
             for statement in (arena.TABLES + arena.VIEWS + arena.OWN).split(";"):
                 run(statement)
             self._database.executemany("INSERT OR IGNORE INTO enums VALUES (?, ?, ?)", arena.STATUS_ROWS)
+        columns = [row[1] for row in run("PRAGMA table_info(runs)")]
+        if columns != [name for name, _ in arena.RUNS + arena.ATTRIBUTES]:
+            self._database.close()
+            raise StoreError(
+                f"{self.path} is of another version of pushplan, which measured other things; name another folder"
+            )
 
     def close(self) -> None:
         """Close the file, whole in itself again: without a write-ahead log beside it.
@@ -219,7 +225,9 @@ def _attributes(run: RunSpec, result: Outcome) -> tuple[object, ...]:
         "solution_clearance": figures.clearance,
         "solution_difference": figures.goal_position_error,
         "goal_angle_error": figures.goal_angle_error,
+        "margin": figures.margin,
         "min_margin": figures.min_margin,
+        "min_dynamic_margin": figures.min_dynamic_margin,
         "duration": figures.duration,
         "extensions": figures.extensions,
         "memory": figures.memory,

@@ -1,4 +1,4 @@
-"""What executions and plans are judged by: collision, margin and goal, whatever the planner claims."""
+"""What executions and plans are judged by: collision, margins and goal, whatever the planner claims."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import shapely
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry.se2 import rotate
+from pushplan.names import AUTO
 from pushplan.planners.checker import densify, find_collision
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
@@ -30,12 +31,13 @@ COARSE = 16
 
 
 def flaw(scenario: Scenario, execution: Execution) -> str:
-    """Return why an execution does not solve a scenario, empty if it does."""
+    """Return why an execution does not solve a scenario, whose margin is a number, empty if it does."""
     if execution.loss is not None:
         loss = execution.loss
         return f"contact {loss.contact} is lost after {loss.time:.3f} s with a margin of {loss.margin:.3g}"
     return (
-        _low_margin(scenario, float(execution.margins.min()))
+        _low_margin(scenario, execution.min_margin)
+        or _slips_with_inertia(scenario, execution)
         or _missed_goal(scenario, execution.goal_error)
         or _collision(scenario, execution.poses)
     )
@@ -46,6 +48,7 @@ def plan_flaw(scenario: Scenario, result: PlanResult) -> str:
     path, trajectory = result.path, result.trajectory
     if path is None or trajectory is None:
         return result.reason
+    scenario = with_kept_margin(scenario, result)
     margins = scenario.stable_set(result.stable_set).margin(path.twists)
     fault = _low_margin(scenario, float(margins.min(initial=1.0)))
     for poses in (path.sampled(PATH_SPACING), trajectory.poses):
@@ -59,10 +62,27 @@ def exactly(scenario: Scenario) -> Scenario:
     return replace(scenario, goal=replace(scenario.goal, position_tolerance=EXACT, angle_tolerance=EXACT))
 
 
-def _low_margin(scenario: Scenario, margin: float) -> str:
-    if margin > scenario.stability.margin:
+def with_kept_margin(scenario: Scenario, result: PlanResult) -> Scenario:
+    """Return a scenario that asks for the margin that a plan says it kept, unless it states a number itself."""
+    if scenario.stability.margin != AUTO or result.margin is None:
+        return scenario
+    return scenario.with_margin(result.margin)
+
+
+def _slips_with_inertia(scenario: Scenario, execution: Execution) -> str:
+    """Return why a contact is not known to hold with inertia; nothing where the scenario leaves inertia out."""
+    if scenario.chain.pusher.limits.contact != "dynamic":
         return ""
-    return f"the smallest margin is {margin:.3g}; it must be above {scenario.stability.margin:g}"
+    smallest = execution.min_dynamic_margin
+    if smallest is None:
+        return "nobody looked at the margins with inertia"
+    return "" if smallest > 0.0 else f"the smallest margin with inertia is {smallest:.3g}; it must be above 0"
+
+
+def _low_margin(scenario: Scenario, margin: float) -> str:
+    if margin > scenario.required_margin:
+        return ""
+    return f"the smallest margin is {margin:.3g}; it must be above {scenario.required_margin:g}"
 
 
 def _missed_goal(scenario: Scenario, error: tuple[float, float]) -> str:
@@ -86,8 +106,8 @@ def clearance(scenario: Scenario, poses: FloatArray) -> float | None:
     None where there is nothing to keep clear of. Measured at poses `CLEARANCE_SPACING` apart, so the true one may be
     smaller by half of that at most.
     """
-    outlines = [scenario.chain.pusher.outline, *(obj.outline_chain for obj in scenario.chain.objects)]
-    reach = max(float(np.linalg.norm(outline, axis=1).max()) for outline in outlines)
+    outlines = [body.outline for body in scenario.chain.bodies]
+    reach = scenario.chain.reach
     some = densify(_thinned(poses, reach), reach, CLEARANCE_SPACING)
     found = [_to_obstacles(scenario, outline, some) for outline in outlines]
     found += [_to_walls(scenario, outline, some) for outline in outlines]

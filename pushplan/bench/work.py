@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pushplan.bench.child import resident_megabytes
 from pushplan.bench.outcome import Figures, Task
-from pushplan.bench.validation import clearance, flaw
+from pushplan.bench.validation import clearance, flaw, with_kept_margin
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.result import Run
 from pushplan.run import run
@@ -55,7 +55,7 @@ def figures(scenario: Scenario, done: Run, watch: Stopwatch) -> Figures:
     """Check an execution and return all that was measured but the memory."""
     plan, execution = done.plan, done.execution
     with watch("validation"):
-        fault = plan.reason if execution is None else flaw(scenario, execution)
+        fault = plan.reason if execution is None else flaw(with_kept_margin(scenario, plan), execution)
         free = None if execution is None else clearance(scenario, execution.poses)
     path = plan.path
     arcs = (
@@ -76,7 +76,9 @@ def figures(scenario: Scenario, done: Run, watch: Stopwatch) -> Figures:
         clearance=free,
         goal_position_error=error[0],
         goal_angle_error=error[1],
-        min_margin=None if execution is None else float(execution.margins.min()),
+        margin=plan.margin,
+        min_margin=None if execution is None else execution.min_margin,
+        min_dynamic_margin=None if execution is None else execution.min_dynamic_margin,
         duration=None if plan.trajectory is None else plan.trajectory.duration,
         extensions=plan.extensions,
         progress=tuple((point.seconds, point.cost, point.iterations) for point in plan.progress),

@@ -1,4 +1,8 @@
-"""Where a command's words go: results to stdout, remarks and progress to stderr, colours to terminals."""
+"""Where a command's words go: results to stdout, remarks and progress to stderr, colours to terminals.
+
+Everything that people read passes here, and whatever a terminal would obey in it (names, reasons and lines come from
+files of other hands) is escaped; JSON stays exact.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,10 @@ from pathlib import Path
 from typing import TextIO
 
 from pushplan.commands.progress import Progress
+from pushplan.printable import printable
+
+_MARK = f"\x1b{os.urandom(8).hex()}"
+"""Begins a style in text to be written. Drawn anew in each process, so that no file can hold it."""
 
 _CODES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33"}
 
@@ -41,16 +49,17 @@ class Console:
         listed = list(rows)
         width = max((len(label) for label, _ in listed), default=0)
         for label, value in listed:
-            self.say(f"  {self.paint(label.ljust(width), 'dim')}  {value}".rstrip())
+            self.say(f"  {self.paint(label.ljust(width), 'dim')}  {_escaped(value)}".rstrip())
 
     def emit(self, document: Mapping[str, object]) -> None:
         """Write the JSON object, in JSON mode only."""
         if self.json:
-            _write_line(sys.stdout, json.dumps(document, allow_nan=False, default=_plain))
+            sys.stdout.write(json.dumps(document, allow_nan=False, default=_plain) + "\n")
 
     def paint(self, text: str, style: str) -> str:
         """Return `text` in a style of `_CODES` when the result goes to a terminal."""
-        return f"\x1b[{_CODES[style]}m{text}\x1b[0m" if takes_colour(self._people) else text
+        plain = _escaped(text)
+        return f"{_MARK}{_CODES[style]}m{plain}{_MARK}0m" if takes_colour(self._people) else plain
 
     @contextmanager
     def working(self, what: str) -> Iterator[Progress]:
@@ -77,8 +86,13 @@ def takes_colour(stream: TextIO) -> bool:
     return stream.isatty() and os.environ.get("TERM") != "dumb" and not os.environ.get("NO_COLOR")
 
 
+def _escaped(text: str, keep: str = "") -> str:
+    """Return `text` with what a terminal would obey escaped, but for styles and what is to be kept."""
+    return _MARK.join(printable(piece, keep) for piece in text.split(_MARK))
+
+
 def _write_line(stream: TextIO, text: str) -> None:
-    stream.write(text + "\n")
+    stream.write(_escaped(text, "\n\t").replace(_MARK, "\x1b[") + "\n")
 
 
 def _plain(value: object) -> object:

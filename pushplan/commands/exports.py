@@ -14,13 +14,17 @@ if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
 
 WRITERS = {
-    "html": ("html", "write_html", "write a page that plays the run"),
-    "csv": ("export_csv", "write_csv", "write the executed samples as a table"),
-    "parquet": ("export_parquet", "write_parquet", "write the executed samples as a Parquet table"),
-    "mp4": ("export_mp4", "write_mp4", "write a film of the run"),
-    "rrd": ("export_rrd", "write_rrd", "write a recording for Rerun"),
-    "ros2": ("export_ros2", "write_ros2", "write a bag that `ros2 bag play` takes (MCAP, CDR)"),
-    "layout": ("layout", "write_layout", "write a layout that makes Foxglove and Lichtblick show the run"),
+    "html": ("export.html", "write_html", "write a page that plays the run"),
+    "csv": ("export.csv", "write_csv", "write the executed samples as a table"),
+    "parquet": ("export.parquet", "write_parquet", "write the executed samples as a Parquet table"),
+    "mp4": ("export.mp4", "write_mp4", "write a film of the run"),
+    "rrd": ("export.rrd", "write_rrd", "write a recording for Rerun"),
+    "ros2": ("export.ros2", "write_ros2", "write a bag that `ros2 bag play` takes (MCAP, CDR)"),
+    "layout": (
+        "view.layout",
+        "write_layout",
+        "write a layout that makes Foxglove and Lichtblick show the run",
+    ),
 }
 """Module in `pushplan.logging`, function and help of each option."""
 

@@ -6,9 +6,11 @@ import argparse
 import os
 from math import isfinite
 from pathlib import Path
+from typing import Literal
 
 from pushplan.drawing.format import check_picture_path
 from pushplan.errors import PushplanError
+from pushplan.names import AUTO
 
 
 class OutputError(PushplanError, ValueError):
@@ -51,6 +53,16 @@ def share(text: str) -> float:
     value = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
     if not (isfinite(value) and value >= 0.0):
         raise argparse.ArgumentTypeError(f"{text} is no share; it must be at least 0 and finite")
+    return value
+
+
+def margin(text: str) -> float | Literal["auto"]:
+    """Return a margin, or `auto`; argparse's `type`."""
+    if text == AUTO:
+        return AUTO
+    value = float(text)
+    if not 0.0 <= value <= 0.99:
+        raise argparse.ArgumentTypeError(f"{text} is no margin; it must be {AUTO} or from 0 to 0.99")
     return value
 
 

@@ -15,10 +15,12 @@ from pushplan.commands.options import (
     add_scenario,
     check_outputs,
     count,
+    margin,
     seconds,
     seed,
     share,
 )
+from pushplan.commands.physics import add_physics
 from pushplan.names import COSTS
 from pushplan.naming import planner_names, stable_set_names
 
@@ -47,40 +49,59 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="stop at a path that costs at most this share more than a lower bound",
     )
     parser.add_argument("--cost", choices=COSTS, metavar="NAME", help=f"rank paths by {', '.join(COSTS)}")
+    parser.add_argument(
+        "--margin",
+        type=margin,
+        metavar="X",
+        help="margin that contacts keep: a number, or auto (0.05 as a rule)",
+    )
     parser.add_argument("--seed", type=seed, metavar="N", help="seed of the random numbers")
     add_plot(parser, "draw the swept chain, its margins and the stable set")
     add_output(parser, "--html", help="write a page that plays the run")
+    add_physics(parser)
 
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
+    from pushplan.commands import physics
+    from pushplan.commands.failure import MISMATCH
     from pushplan.commands.report import document, exit_code, headline, rows
     from pushplan.scenario import load_scenario
 
     check_outputs(args.scenario, args.plot, args.output, args.html)
     scenario = load_scenario(args.scenario)
+    if args.physics:
+        physics.require_executable(scenario)
     done = _run(args, scenario, console)
     if args.plot is not None:
         draw(done.scenario, done.plan, done.execution, args.plot, console)
     if args.html is not None:
-        from pushplan.logging.html import write_html
+        from pushplan.logging.export.html import write_html
 
         write_html(done, args.html)
     console.say(headline(done.scenario, done.plan, console))
     console.table(rows(done.scenario, done.plan, done.execution, done.log))
-    console.emit(document(done.scenario, done.plan, done.execution, done.log))
-    return exit_code(done.plan, done.execution)
+    told = document(done.scenario, done.plan, done.execution, done.log)
+    code = exit_code(done.plan, done.execution)
+    if args.physics:
+        found = physics.execute(scenario, done.plan.trajectory, console)
+        told["physics"] = physics.document(found)
+        code = MISMATCH if found is not None and not found.kept else code
+    console.emit(told)
+    return code
 
 
 def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
     with console.computing("loading the planner"):
         from pushplan.kernels import warm_up
         from pushplan.run import run as run_push
+        from pushplan.scenario import StabilitySettings
         from pushplan.stable_sets.named import add_set
 
         warm_up(args.planner or scenario.planner.name)
         chosen = add_set(args.set or scenario.stability.set)
-        require_pushable(replace(scenario, stability=replace(scenario.stability, set=chosen)))
+        kept = scenario.stability.margin if args.margin is None else args.margin
+        require_pushable(replace(scenario, stability=StabilitySettings(chosen, kept)))
     limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit
     with console.working(f"planning, up to {limit:g} s") as progress:
 
@@ -97,6 +118,7 @@ def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
             iterations=args.iterations,
             first=args.first,
             cost=args.cost,
+            margin=args.margin,
             gap=args.gap,
             progress=improved,
         )

@@ -10,7 +10,7 @@ from pushplan.commands.console import Console
 from pushplan.errors import PushplanError
 
 if TYPE_CHECKING:
-    from pushplan.logging.playback import Playback
+    from pushplan.logging.play.playback import Playback
     from pushplan.logging.recorded import RecordedRun
 
 LINGER = 2.0
@@ -45,7 +45,7 @@ def play(recorded: RecordedRun, args: argparse.Namespace, console: Console) -> N
     Raises:
         PushplanError: When there is nothing to play, no terminal, or the port cannot be had.
     """
-    from pushplan.logging.playback import Playback
+    from pushplan.logging.play.playback import Playback
 
     how = Playback(args.rate, args.start_offset, args.duration, args.loop)
     if args.serve is not None:
@@ -55,13 +55,13 @@ def play(recorded: RecordedRun, args: argparse.Namespace, console: Console) -> N
             raise PushplanError(
                 "--play draws on a terminal, but the output goes elsewhere; use --html or --mp4"
             )
-        from pushplan.logging.terminal import play_in_terminal
+        from pushplan.logging.play.terminal import play_in_terminal
 
         play_in_terminal(recorded, sys.stdout, how)
 
 
 def _serve(recorded: RecordedRun, port: int, how: Playback, console: Console) -> None:
-    from pushplan.logging.live import LiveServer
+    from pushplan.logging.play.live import LiveServer
 
     server = LiveServer(recorded.scenario.name, port=port)
     try:

@@ -7,6 +7,8 @@ from time import monotonic
 from types import TracebackType
 from typing import TextIO
 
+from pushplan.printable import printable
+
 DELAY = 1.0
 """Seconds of silence before the first line."""
 _PERIOD_LIVE, _PERIOD_PLAIN = 0.2, 10.0
@@ -36,7 +38,7 @@ class Progress:
         """Write a sentence of its own, at once."""
         with self._lock:
             self._wipe()
-            self._write(f"{sentence}\n")
+            self._write(f"{printable(sentence)}\n")
 
     def __enter__(self) -> Progress:
         self._thread.start()
@@ -60,7 +62,8 @@ class Progress:
 
     def _line(self) -> str:
         spent = f"{monotonic() - self._begin:.1f} s"
-        return "  ".join(part for part in (f"{self._what} ...", spent, self._news) if part)
+        line = "  ".join(part for part in (f"{self._what} ...", spent, self._news) if part)
+        return printable(line)
 
     def _wipe(self) -> None:
         if self._shown:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from pushplan.commands.console import Console
 from pushplan.commands.exports import asked_for, declare_exports, write_exports
 from pushplan.commands.failure import DONE, MISMATCH
-from pushplan.commands.options import add_plot, check_outputs
+from pushplan.commands.options import OutputError, add_plot, check_outputs
+from pushplan.commands.physics import add_physics
 from pushplan.commands.playing import declare_playing, play
 from pushplan.errors import RunLogError
 
@@ -22,7 +23,14 @@ if TYPE_CHECKING:
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command."""
     parser.add_argument("log", metavar="RUN", help="a log (.mcap), or what a killed run left (.mcap.partial)")
+    parser.add_argument(
+        "recovered", metavar="OUT", nargs="?", type=Path, help="with --recover: the clean log, a new file"
+    )
+    parser.add_argument(
+        "--recover", action="store_true", help="write what is whole of a damaged log as a clean one: IN OUT"
+    )
     parser.add_argument("--verify", action="store_true", help="execute the recorded plan again and compare")
+    add_physics(parser)
     add_plot(parser, "draw the swept chain, its margins and the stable set")
     declare_exports(parser)
     declare_playing(parser)
@@ -30,22 +38,43 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    from pushplan.logging.reader import read_run
+    from pushplan.commands import physics
 
-    check_outputs(args.log, args.plot, *asked_for(args).values())
+    if args.recover != (args.recovered is not None):
+        raise OutputError("--recover needs two names, of the damaged log and of the new one; others take one")
+    check_outputs(args.log, args.plot, args.recovered, *asked_for(args).values())
     with console.working(f"reading {args.log}"):
-        recorded = read_run(args.log)
+        recorded = _read(args)
+    if args.physics:
+        physics.require_executable(recorded.scenario)
     _tell(recorded, console)
+    if args.recover:
+        console.say(f"{args.recovered}: a clean log of what is whole")
     report = _verify(recorded, console) if args.verify else None
+    found = physics.execute(recorded.scenario, recorded.trajectory, console) if args.physics else None
     _export(recorded, args, console)
     play(recorded, args, console)
-    console.emit(_document(recorded, report))
-    return DONE if report is None or report.matches else MISMATCH
+    told = _document(recorded, report, args.recovered)
+    if args.physics:
+        told["physics"] = physics.document(found)
+    console.emit(told)
+    matches = (report is None or report.matches) and (found is None or found.kept)
+    return DONE if matches else MISMATCH
+
+
+def _read(args: argparse.Namespace) -> RecordedRun:
+    if args.recover:
+        from pushplan.logging.recover import recover
+
+        return recover(args.log, args.recovered)
+    from pushplan.logging.reader import read_run
+
+    return read_run(args.log)
 
 
 def _tell(recorded: RecordedRun, console: Console) -> None:
     from pushplan.commands.report import headline, rows
-    from pushplan.logging.replay import summary
+    from pushplan.logging.view.summary import summary
 
     if recorded.plan is None:
         console.say(f"{console.paint(recorded.scenario.name, 'bold')}: the log ends before a plan")
@@ -67,7 +96,7 @@ def _verify(recorded: RecordedRun, console: Console) -> VerifyReport:
     elif report.matches:
         console.say(console.paint(f"verified: all {len(report.checks)} comparisons match", "green"))
     else:
-        console.say(console.paint("the execution differs from the record:", "red"))
+        console.say(console.paint("the log differs from what its scenario and its plan lead to:", "red"))
         for check in report.mismatches:
             console.say(f"  {check.text}")
     return report
@@ -87,7 +116,9 @@ def _draw(recorded: RecordedRun, path: Path, console: Console) -> None:
     draw(recorded.scenario, recorded.plan, recorded.execution, path, console)
 
 
-def _document(recorded: RecordedRun, report: VerifyReport | None) -> dict[str, object]:
+def _document(
+    recorded: RecordedRun, report: VerifyReport | None, recovered: Path | None
+) -> dict[str, object]:
     from pushplan.commands.report import document
 
     plan = recorded.plan
@@ -98,6 +129,7 @@ def _document(recorded: RecordedRun, report: VerifyReport | None) -> dict[str, o
         **about,
         "outcome": recorded.outcome,
         "lost": recorded.losses,
+        "recovered": recovered,
         "verification": None if report is None else _verification(report),
     }
 

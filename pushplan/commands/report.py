@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from math import degrees, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,8 +13,10 @@ from pushplan.commands.console import Console
 from pushplan.commands.failure import DONE, MISMATCH, NO_PLAN
 from pushplan.commands.numbers import counted, time_text
 from pushplan.mechanics.chain import Chain
+from pushplan.sim.execution import inertia_warning
 
 if TYPE_CHECKING:
+    from pushplan.arrays import FloatArray
     from pushplan.path import PushPath
     from pushplan.result import PlanResult
     from pushplan.scenario import Scenario
@@ -36,6 +39,7 @@ def document(
         "solved": plan.solved,
         "reason": plan.reason,
         "planner": plan.planner,
+        "objective": plan.objective,
         "set": plan.stable_set,
         "seed": plan.seed,
         "first_solution_s": plan.first_solution_s,
@@ -49,7 +53,11 @@ def document(
         "arcs": _arcs(plan.path) if plan.path else [],
         "duration_s": plan.trajectory.duration if plan.trajectory else None,
         "goal_error": _goal_error(execution) if execution else None,
-        "min_margin": execution.margins.min() if execution else plan.min_margin,
+        "min_margin": execution.min_margin if execution else plan.min_margin,
+        "min_dynamic_margin": execution.min_dynamic_margin if execution else None,
+        "margin_asked": plan.margin_asked,
+        "margin": plan.margin,
+        "tolerance": asdict(plan.tolerance) if plan.tolerance else None,
         "contact_lost": _loss(execution.loss) if execution and execution.loss else None,
         "log": log,
     }
@@ -76,7 +84,11 @@ def rows(
     )
     found.append(("planning", first + spent))
     if execution:
-        found += _execution_rows(scenario.chain, execution)
+        found += _execution_rows(scenario, execution)
+    if plan.tolerance:
+        found.append(("bears", plan.tolerance.sentence))
+    if plan.lowered:
+        found.append(("note", plan.lowered))
     return found if log is None else [*found, ("log", str(log))]
 
 
@@ -87,18 +99,29 @@ def headline(scenario: Scenario, plan: PlanResult, console: Console) -> str:
     return f"{console.paint(scenario.name, 'bold')}: {state}  {how}"
 
 
-def _execution_rows(chain: Chain, execution: Execution) -> list[tuple[str, str]]:
+def _execution_rows(scenario: Scenario, execution: Execution) -> list[tuple[str, str]]:
+    chain = scenario.chain
     position, angle = execution.goal_error
-    sample, contact = np.unravel_index(int(np.argmin(execution.margins)), execution.margins.shape)
-    margin, time = execution.margins[sample, contact], execution.t[sample]
     found = [
         ("goal error", f"{position:.1e} m, {degrees(angle):.1e} deg after execution"),
-        ("smallest margin", f"{margin:.2g} at {time:.2f} s, contact {chain.contact_name(int(contact))}"),
+        ("smallest margin", _smallest(chain, execution, execution.margins)),
     ]
+    if execution.dynamic_margins is not None:
+        found.append(("with inertia", _smallest(chain, execution, execution.dynamic_margins)))
+    warning = inertia_warning(scenario, execution)
+    if warning:
+        found.append(("warning", warning))
     if execution.loss:
         place = f"contact {chain.contact_name(execution.loss.contact)}"
         found.append(("stopped", f"at {execution.loss.time:.2f} s: {place} does not hold"))
     return found
+
+
+def _smallest(chain: Chain, execution: Execution, margins: FloatArray) -> str:
+    """The smallest of margins (m, n), when and where."""
+    sample, contact = np.unravel_index(int(np.argmin(margins)), margins.shape)
+    at, name = execution.t[sample], chain.contact_name(int(contact))
+    return f"{margins[sample, contact]:.2g} at {at:.2f} s, contact {name}"
 
 
 def _arcs(path: PushPath) -> list[dict[str, object]]:

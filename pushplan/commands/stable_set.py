@@ -16,6 +16,7 @@ from pushplan.commands.options import add_plot, add_scenario, check_outputs
 from pushplan.naming import stable_set_names
 
 if TYPE_CHECKING:
+    from pushplan.mechanics.sphere import TurningRadii
     from pushplan.scenario import Scenario
     from pushplan.stable_sets.cor_region import Window
     from pushplan.stable_sets.stable_set import StableSet
@@ -28,15 +29,17 @@ class Described:
     Attributes:
         stable: The set.
         cone: Its stable translations, right-most and left-most unit vector, or None.
-        left: Smallest radius of a left turn, m; None when no left turn is stable.
-        right: Likewise to the right.
+        radii: Smallest radii of stable turns, m.
+        drive: Kind of the robot's drive.
+        drive_radii: Smallest radii of those that the drive can make, m.
         seconds: Time that computing all of it took.
     """
 
     stable: StableSet
     cone: list[list[float]] | None
-    left: float | None
-    right: float | None
+    radii: TurningRadii
+    drive: str
+    drive_radii: TurningRadii
     seconds: float
 
 
@@ -79,14 +82,17 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
 def describe(scenario: Scenario, name: str) -> Described:
     """Compute a stable set and what is said about it."""
-    begin = perf_counter()
+    from pushplan.planners.turning import drive_radii
+
+    begin, drive = perf_counter(), scenario.chain.pusher.drive
     stable = scenario.stable_set(name)
-    cone, radii = stable.translation_cone(), stable.turning_radii()
+    cone = stable.translation_cone()
     return Described(
         stable,
         None if cone is None else cone.tolist(),
-        radii.left if isfinite(radii.left) else None,
-        radii.right if isfinite(radii.right) else None,
+        stable.turning_radii(),
+        drive.kind,
+        drive_radii(stable, drive),
         perf_counter() - begin,
     )
 
@@ -99,8 +105,7 @@ def rows(described: Described) -> list[tuple[str, str]]:
         cone = f"{degrees(low):+.1f} to {degrees(high):+.1f} deg from the push normal"
     return [
         ("translations", cone),
-        ("tightest left turn", _radius(described.left)),
-        ("tightest right turn", _radius(described.right)),
+        *((f"tightest {side} turn", _radius_text(described, side)) for side in ("left", "right")),
         ("computed in", time_text(described.seconds)),
     ]
 
@@ -109,13 +114,26 @@ def document(described: Described) -> dict[str, object]:
     """Return the numbers of a set as an object for JSON."""
     return {
         "translation_cone": described.cone,
-        "min_turning_radius": {"left": described.left, "right": described.right},
+        "min_turning_radius": _radii_document(described.radii),
+        "min_turning_radius_with_drive": _radii_document(described.drive_radii),
         "seconds": described.seconds,
     }
 
 
-def _radius(radius: float | None) -> str:
-    return "none is stable" if radius is None else f"radius {radius:.3f} m of the contact midpoint"
+def _radii_document(radii: TurningRadii) -> dict[str, float | None]:
+    return {side: radius if isfinite(radius) else None for side, radius in radii._asdict().items()}
+
+
+def _radius_text(described: Described, side: str) -> str:
+    """Return the set's radius, and where it is another one, that with the drive."""
+    radius, driven = (getattr(each, side) for each in (described.radii, described.drive_radii))
+    if not isfinite(radius):
+        return "none is stable"
+    text = f"radius {radius:.3f} m of the contact midpoint"
+    if f"{driven:.3f}" == f"{radius:.3f}":
+        return text
+    words = f"{driven:.3f} m" if isfinite(driven) else "none"
+    return f"{text}; with the {described.drive} drive {words}"
 
 
 def _document(scenario: Scenario, found: dict[str, Described], window: Window) -> dict[str, object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from math import atan, degrees, isfinite
 
 import numpy as np
@@ -12,7 +13,8 @@ from pushplan.commands.numbers import counted
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
-from pushplan.scenario import CircleObstacle, Obstacle, Scenario
+from pushplan.names import KNOWN_LOAD_SETS
+from pushplan.scenario import CircleObstacle, Obstacle, Scenario, Snapping
 
 
 def rows(scenario: Scenario) -> list[tuple[str, str]]:
@@ -26,14 +28,17 @@ def rows(scenario: Scenario) -> list[tuple[str, str]]:
     return [
         ("file", str(scenario.path)),
         ("pusher", pusher_text(chain.pusher)),
+        ("robot", robot_text(chain.pusher)),
         *(row for i in range(len(chain.objects)) for row in _object_rows(scenario, i)),
         *(
             (
                 f"contact {chain.contact_name(k)}",
-                f"{contact.length:.3f} m long, {friction_text(contact.friction)}",
+                f"{contact.length:.3f} m long, {friction_text(*_frictions(scenario, k))}",
             )
             for k, contact in enumerate(chain.contacts)
         ),
+        *_uncounted(scenario),
+        *_snapped_rows(scenario.snapping),
         ("workspace", f"{space}, {counted(len(scenario.obstacles), 'obstacle')}"),
         ("start", _place_text(scenario, scenario.start)),
         ("goal", _place_text(scenario, scenario.goal.pose_chain)),
@@ -45,6 +50,7 @@ def document(scenario: Scenario) -> dict[str, object]:
     chain = scenario.chain
     return {
         "scenario": scenario.name,
+        "robot": {"footprint": chain.pusher.footprint, "drive": chain.pusher.drive.kind},
         "objects": [
             {
                 "name": obj.name,
@@ -52,6 +58,7 @@ def document(scenario: Scenario) -> dict[str, object]:
                 "weight": _stated(scenario, i, "mass", GRAVITY),
                 "floor_friction": _stated(scenario, i, "floor_friction"),
                 "support": support_text(obj),
+                "pressure_off_by": _pressure_share(scenario, i),
                 "pose": obj.pose_chain,
             }
             for i, obj in enumerate(chain.objects)
@@ -61,13 +68,20 @@ def document(scenario: Scenario) -> dict[str, object]:
                 "pushed": chain.objects[contact.pushed].name,
                 "pusher": None if contact.pusher == PLATE else chain.objects[contact.pusher].name,
                 "length": contact.length,
-                "friction": contact.friction,
+                "friction": _one_or_two(_frictions(scenario, k)),
             }
-            for contact in chain.contacts
+            for k, contact in enumerate(chain.contacts)
         ],
+        "uncertainty": asdict(scenario.uncertainty),
+        "snapped": None if scenario.snapping is None else asdict(scenario.snapping),
         "start": _place(scenario, scenario.start),
         "goal": _place(scenario, scenario.goal.pose_chain),
     }
+
+
+def _one_or_two(ends: tuple[float, float]) -> float | list[float]:
+    """Return a number, or the ends of an interval."""
+    return ends[0] if ends[0] == ends[1] else list(ends)
 
 
 def pusher_text(pusher: Pusher) -> str:
@@ -77,6 +91,17 @@ def pusher_text(pusher: Pusher) -> str:
     return f"{width:.3f} m wide, {thickness:.3f} m thick, drive {pusher.drive.kind}{height}"
 
 
+def robot_text(pusher: Pusher) -> str:
+    """Return the robot's body in words, or that it is not known."""
+    if not pusher.footprint:
+        return "no footprint stated: the robot behind the plate is not looked at"
+    points = np.concatenate(pusher.footprint)
+    length, width = np.ptp(points, axis=0)
+    behind = -float(points[:, 0].min())
+    parts = counted(len(pusher.footprint), "part")
+    return f"{length:.3f} x {width:.3f} m in {parts}, up to {behind:.3f} m behind the plate's front"
+
+
 def _stated(scenario: Scenario, i: int, name: str, factor: float = 1.0) -> float | list[float]:
     """Return a number of object i times a factor, or its lowest and highest value."""
     if scenario.interval is not None:
@@ -84,6 +109,50 @@ def _stated(scenario: Scenario, i: int, name: str, factor: float = 1.0) -> float
         if low < high:
             return [float(low), float(high)]
     return factor * float(getattr(scenario.chain.objects[i], name))
+
+
+def _frictions(scenario: Scenario, k: int) -> tuple[float, float]:
+    """Return the least and largest friction of contact k."""
+    if scenario.contact_friction is None:
+        return (scenario.chain.contacts[k].friction,) * 2
+    low, high = scenario.contact_friction[k]
+    return float(low), float(high)
+
+
+def _pressure_share(scenario: Scenario, i: int) -> float:
+    """Return the share by which the pressure under object i may be off, 0 where none is stated."""
+    return 0.0 if scenario.interval is None else scenario.interval.pressures.get(i, 0.0)
+
+
+def _uncounted(scenario: Scenario) -> list[tuple[str, str]]:
+    """Return what to know of `uncertainty` where the stable set does not go by the load."""
+    chosen = scenario.stability.set
+    if scenario.uncertainty.load == 0.0 or chosen in KNOWN_LOAD_SETS:
+        return []
+    return [
+        (
+            "uncertainty",
+            f"load is not counted: the set {chosen!r} holds for every pressure with the stated centre, "
+            "and takes that centre as it is",
+        )
+    ]
+
+
+def _snapped_rows(snapping: Snapping | None) -> list[tuple[str, str]]:
+    """Return how each object with a measured pose was moved."""
+    if snapping is None:
+        return []
+    rows = [
+        (
+            f"snapped {moved.name}",
+            f"by {1e3 * moved.gap:.3g} mm and {degrees(moved.turn):.3g} deg onto {moved.onto}",
+        )
+        for moved in snapping.objects
+    ]
+    if snapping.sideways:
+        what = f"moved by {1e3 * snapping.sideways:.3g} mm sideways, to the middle of the plate's contact"
+        rows.append(("chain frame", what))
+    return rows
 
 
 def _range_text(value: float | list[float], form: str) -> str:
@@ -100,6 +169,8 @@ def _object_rows(scenario: Scenario, i: int) -> list[tuple[str, str]]:
     load = support_text(obj)
     if scenario.interval is not None and i in scenario.interval.fractions:
         load = load.replace("known loads", "loads in intervals")
+    if share := _pressure_share(scenario, i):
+        load += f", pressure off by up to {100.0 * share:.3g} %"
     return [(f"object {obj.name}", f"{shape}, {mass} kg ({weight} N), floor friction {friction}"), ("", load)]
 
 
@@ -121,15 +192,16 @@ def support_text(obj: PushedObject) -> str:
     return f"load unknown, {center}"
 
 
-def friction_text(friction: float) -> str:
-    """Return a friction coefficient and its angle."""
-    return f"friction {friction:.3g} ({degrees(atan(friction)):.1f} deg)"
+def friction_text(lowest: float, highest: float | None = None) -> str:
+    """Return a friction coefficient, or the ends of its interval, and its angle."""
+    ends = [lowest] if highest is None or highest == lowest else [lowest, highest]
+    angles = " to ".join(f"{degrees(atan(friction)):.1f}" for friction in ends)
+    return f"friction {' to '.join(f'{friction:.3g}' for friction in ends)} ({angles} deg)"
 
 
 def room(scenario: Scenario, pose: FloatArray) -> float:
     """Return the distance of the chain at `pose` to the nearest obstacle or wall, m; infinite without any."""
-    outlines = [scenario.chain.pusher.outline, *(obj.outline_chain for obj in scenario.chain.objects)]
-    corners = [transform_points(pose, outline) for outline in outlines]
+    corners = [transform_points(pose, body.outline) for body in scenario.chain.bodies]
     bodies = shapely.MultiPolygon([shapely.Polygon(outline) for outline in corners])
     distances = [_distance(bodies, obstacle) for obstacle in scenario.obstacles]
     area = scenario.workspace

@@ -1,8 +1,6 @@
-"""The chain as people draw it: plate, objects, contact segments and their friction cones."""
+"""The chain as people draw it: robot, plate, objects, contact segments and their friction cones."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,26 +9,27 @@ from matplotlib.patches import Polygon
 from pushplan.arrays import FloatArray
 from pushplan.drawing.figure import INK
 from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain, Contact
 
 PLATE_COLOUR = "#59616b"
+ROBOT_COLOUR = "#8da2be"
 OBJECT_COLOUR = "#efe6d2"
 GOAL_COLOUR = "#e3b04b"
 CONE_COLOUR = "#4f8a5b"
 ORIGIN = np.zeros(3)
+_CARRYING = {BodyKind.ROBOT: ROBOT_COLOUR, BodyKind.PLATE: PLATE_COLOUR}
 
 
-def outlines(chain: Chain, pose: FloatArray = ORIGIN) -> Iterator[tuple[FloatArray, bool]]:
-    """Yield the outlines (v, 2) with the chain frame at `pose`, and whether each is the plate's."""
-    yield transform_points(pose, chain.pusher.outline), True
-    for obj in chain.objects:
-        yield transform_points(pose, obj.outline_chain), False
+def outlines(chain: Chain, pose: FloatArray = ORIGIN) -> list[FloatArray]:
+    """Return the outlines (v, 2) of all bodies with the chain frame at `pose`."""
+    return [transform_points(pose, body.outline) for body in chain.bodies]
 
 
 def draw_chain(axes: Axes, chain: Chain, pose: FloatArray = ORIGIN, *, fill: str = OBJECT_COLOUR) -> None:
-    """Draw plate and objects, filled and outlined."""
-    for outline, is_plate in outlines(chain, pose):
-        colour = PLATE_COLOUR if is_plate else fill
+    """Draw robot, plate and objects, filled and outlined."""
+    for body, outline in zip(chain.bodies, outlines(chain, pose), strict=True):
+        colour = _CARRYING.get(body.kind, fill)
         axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=INK, linewidth=0.9, zorder=3.0))
 
 

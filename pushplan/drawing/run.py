@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -36,8 +37,9 @@ if TYPE_CHECKING:
     from pushplan.sim.kinematic import Execution
 
 # The layout, in inches.
-_LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 0.62, 0.86, 0.34, 0.2, 0.72
+_LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 0.62, 0.92, 0.34, 0.2, 0.72
 _FLOOR_HEIGHT, _SIDE_WIDTH, _MARGIN_HEIGHT = 4.0, 1.75, 0.95
+_SENTENCE, _SMALL = 0.26, 5.0  # height above the lower edge; size of letters in points
 _LEGEND = {"ncols": 6, "handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
 
 
@@ -67,7 +69,15 @@ def plot_plan(scenario: Scenario, plan: PlanResult, execution: Execution | None,
             bar = axes_at(figure, side + _SIDE_WIDTH + 0.05, _BOTTOM, 0.07, _MARGIN_HEIGHT)
             _draw_margins(floor, curve, bar, execution)
         corner = (_LEFT / figure.get_figwidth(), 0.04 / figure.get_figheight())
+        if plan.tolerance is not None:
+            _tell_tolerance(figure, plan.tolerance.sentence)
         figure.legend(handles=_legend(plan), loc="lower left", bbox_to_anchor=corner, **_LEGEND)
+
+
+def _tell_tolerance(figure: Figure, sentence: str) -> None:
+    """Write what the plan bears above the legend."""
+    x, y = _LEFT / figure.get_figwidth(), _SENTENCE / figure.get_figheight()
+    figure.text(x, y, f"bears {sentence}", fontsize=_SMALL, color=INK, va="bottom", wrap=True)
 
 
 def _draw_floor(axes: Axes, scenario: Scenario, plan: PlanResult, view: Box) -> None:

@@ -11,19 +11,20 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from pushplan.arrays import FloatArray
-from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, draw_chain
+from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, ROBOT_COLOUR, draw_chain
 from pushplan.drawing.cor import SENSE_NAMES, SENSES
 from pushplan.drawing.figure import INK, axes_at, equal_ticks, figure_for
 from pushplan.drawing.run import draw_set
 from pushplan.drawing.world import OBSTACLE_COLOUR, OBSTACLE_EDGE, draw_surroundings, view_box
 from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import Chain
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
 # The layout, in inches.
 _LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 0.62, 0.86, 0.34, 0.2, 0.72
 _HEIGHT, _SIDE_WIDTH = 4.0, 2.6
-_LEGEND = {"ncols": 6, "handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
+_LEGEND = {"ncols": 7, "handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
 _HALO = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
 
 
@@ -53,7 +54,7 @@ def plot_scenario(scenario: Scenario, stable: StableSet, path: str | Path) -> No
         draw_set(chain, scenario.chain, stable)
         _draw_names(chain, scenario)
         corner = (_LEFT / figure.get_figwidth(), 0.04 / figure.get_figheight())
-        figure.legend(handles=_legend(), loc="lower left", bbox_to_anchor=corner, **_LEGEND)
+        figure.legend(handles=_legend(scenario.chain), loc="lower left", bbox_to_anchor=corner, **_LEGEND)
 
 
 def _draw_names(axes: Axes, scenario: Scenario) -> None:
@@ -76,8 +77,10 @@ def _write(axes: Axes, place: FloatArray, text: str, turned: float) -> None:
     axes.text(float(place[0]), float(place[1]), text, rotation=turned, color=INK, zorder=8.0, **style)
 
 
-def _legend() -> list[Patch]:
+def _legend(chain: Chain) -> list[Patch]:
+    robot = [Patch(facecolor=ROBOT_COLOUR, edgecolor=INK, label="robot")] if chain.pusher.footprint else []
     return [
+        *robot,
         Patch(facecolor=PLATE_COLOUR, edgecolor=INK, label="pusher"),
         Patch(facecolor=OBJECT_COLOUR, edgecolor=INK, label="start"),
         Patch(facecolor=GOAL_COLOUR, edgecolor=INK, label="goal"),

@@ -69,15 +69,13 @@ def draw_surroundings(axes: Axes, scenario: Scenario) -> None:
 def draw_sweep(axes: Axes, chain: Chain, path: PushPath) -> None:
     """Fill everything that the chain passes over, and outline it faintly at even distances."""
     bodies = [
-        shapely.Polygon(outline)
-        for pose in path.sampled(_SWEEP_SPACING)
-        for outline, _ in outlines(chain, pose)
+        shapely.Polygon(outline) for pose in path.sampled(_SWEEP_SPACING) for outline in outlines(chain, pose)
     ]
     for patch in polygon_patches(shapely.union_all(bodies)):
         patch.set(facecolor=SWEPT_COLOUR, edgecolor="none", zorder=1.0)
         axes.add_patch(patch)
     for pose in path.poses_at(np.linspace(0.0, path.cost, _GHOSTS + 2)[1:-1]):
-        for outline, _ in outlines(chain, pose):
+        for outline in outlines(chain, pose):
             axes.add_patch(Polygon(outline, fill=False, edgecolor=INK, alpha=0.22, linewidth=0.6, zorder=1.5))
 
 
@@ -121,7 +119,7 @@ def _patch(obstacle: Obstacle) -> Patch:
 def _extent(scenario: Scenario, path: PushPath | None) -> tuple[FloatArray, FloatArray]:
     """Return the corners of a box around everything that is drawn, with some air."""
     poses = [scenario.start, scenario.goal.pose_chain, *([] if path is None else path.sampled(0.05))]
-    points = [outline for pose in poses for outline, _ in outlines(scenario.chain, pose)]
+    points = [outline for pose in poses for outline in outlines(scenario.chain, pose)]
     points += [_corners(obstacle) for obstacle in scenario.obstacles]
     low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
     air = _PAD * float((high - low).max())

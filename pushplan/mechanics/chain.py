@@ -15,8 +15,9 @@ import numpy as np
 from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import ChainError
 from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.body import Body, BodyKind
 from pushplan.mechanics.support import Support
-from pushplan.names import DEFAULT_CONTACT_LIMITS
+from pushplan.names import DEFAULT_CONTACT_LIMITS, PUSHER, ROBOT
 
 GRAVITY = 9.80665
 """Standard gravity, m/s^2."""
@@ -149,6 +150,8 @@ class Pusher:
         contact_height: Height of the contact forces above the floor, m.
         drive: What twists the robot can make.
         limits: What its motion may not exceed.
+        footprint: Outlines (v, 2) of the robot's parts in the chain frame, m, counter-clockwise; none where the robot
+            is not stated. They may overlap the plate and one another.
     """
 
     outline: FloatArray
@@ -156,9 +159,12 @@ class Pusher:
     contact_height: float = 0.0
     drive: Drive = field(default_factory=Drive)
     limits: Limits = field(default_factory=Limits)
+    footprint: tuple[FloatArray, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "outline", frozen(self.outline, (None, 2), "outline of the pusher"))
+        parts = tuple(frozen(part, (None, 2), "footprint of the robot") for part in self.footprint)
+        object.__setattr__(self, "footprint", parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,6 +197,20 @@ class Chain:
                 )
 
     @cached_property
+    def bodies(self) -> tuple[Body, ...]:
+        """All that moves with the chain, from behind to the front: the robot's parts, the plate, the objects."""
+        return (
+            *(Body(ROBOT, BodyKind.ROBOT, part) for part in self.pusher.footprint),
+            Body(PUSHER, BodyKind.PLATE, self.pusher.outline),
+            *(Body(obj.name, BodyKind.OBJECT, obj.outline_chain) for obj in self.objects),
+        )
+
+    @cached_property
+    def reach(self) -> float:
+        """Distance from the chain frame's origin to the farthest point of any body, m."""
+        return max(float(np.linalg.norm(body.outline, axis=1).max()) for body in self.bodies)
+
+    @cached_property
     def characteristic_length(self) -> float:
         """Distance from the chain frame's origin to the farthest point of any object, m.
 
@@ -203,7 +223,7 @@ class Chain:
     def contact_name(self, k: int) -> str:
         """Return a name for contact `k`: who pushes, and whom."""
         contact = self.contacts[k]
-        pushing = "pusher" if contact.pusher == PLATE else self.objects[contact.pusher].name
+        pushing = PUSHER if contact.pusher == PLATE else self.objects[contact.pusher].name
         return f"{pushing}-{self.objects[contact.pushed].name}"
 
     def index_of(self, name: str) -> int:

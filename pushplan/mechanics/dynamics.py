@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +26,9 @@ from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contact_kernel import contact_margins_of, wrenches_of
-from pushplan.mechanics.inertia import InertiaTable, inertia_table
+from pushplan.mechanics.inertia import InertiaTable, inertia_per_object, inertia_table, summed_over_carried
+from pushplan.mechanics.interval_chain import IntervalChain
+from pushplan.mechanics.interval_rows import IntervalRows
 from pushplan.mechanics.packed import PackedChain, contact_rows, pack_chain
 from pushplan.mechanics.packed_areas import pack_areas
 from pushplan.mechanics.robust_kernel import PackedAreas, robust_rows_of
@@ -34,25 +37,30 @@ from pushplan.mechanics.sphere import checked_twists
 
 @dataclass(frozen=True, eq=False)
 class DynamicRows:
-    """The contact conditions along one twist: alpha + beta s'' + gamma s'^2 > 0 for every entry.
+    """The contact conditions along one twist: alpha + beta s'' + gamma s'^2 > 0 for every entry, for s'' >= 0.
+
+    Where s'' < 0 it is alpha + beta_down |s''| + gamma s'^2; beta_down = -beta where all masses are numbers.
 
     Attributes:
         alpha: (n, 4) quasi-static part for the contacts' facets, N; see `packed.contact_rows`.
         beta: (n, 4) per unit of s''.
         gamma: (n, 4) per unit of s'^2.
+        beta_down: (n, 4) per unit of -s''.
     """
 
     alpha: FloatArray
     beta: FloatArray
     gamma: FloatArray
+    beta_down: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("alpha", "beta", "gamma"):
+        for name in ("alpha", "beta", "gamma", "beta_down"):
             object.__setattr__(self, name, frozen(getattr(self, name), (None, 4), name))
 
     def values(self, speed: float, acceleration: float) -> FloatArray:
         """Return the rows (n, 4), N, at s' = `speed` and s'' = `acceleration`."""
-        return np.asarray(self.alpha + self.beta * acceleration + self.gamma * speed**2)
+        beta = self.beta if acceleration >= 0.0 else self.beta_down
+        return np.asarray(self.alpha + beta * abs(acceleration) + self.gamma * speed**2)
 
     @property
     def steady_speed(self) -> float:
@@ -63,6 +71,18 @@ class DynamicRows:
         return float(np.sqrt(np.min(self.alpha[falling] / -self.gamma[falling], initial=np.inf)))
 
 
+class Wrenches(NamedTuple):
+    """What is known of the wrenches of n contacts at m instants.
+
+    Attributes:
+        rows: (m, n, 4) least value g . w of every facet, N.
+        size: (m, n) largest |w|, moments divided by the chain's characteristic length, N.
+    """
+
+    rows: FloatArray
+    size: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class ContactDynamics:
     """A chain's contact conditions with inertia, ready to be asked many times.
@@ -71,6 +91,8 @@ class ContactDynamics:
         chain: Objects and contacts.
         worst_case: Take every quasi-static row as the least over all pressures with the centres of the loads
             (see the stable set `robust`), so that loads need not be known.
+        interval: The chain whose masses, loads and floor frictions are intervals; every row is then the least
+            for any of them. None where they are numbers.
 
     Raises:
         SupportError: When a load is not known, unless the worst case is asked for.
@@ -78,9 +100,15 @@ class ContactDynamics:
 
     chain: Chain
     worst_case: bool = False
+    interval: IntervalChain | None = None
 
     def __post_init__(self) -> None:
-        _ = self._areas if self.worst_case else self.packed  # raise where loads are not known or tip
+        if self.worst_case:
+            _ = self._areas
+        elif self.interval is not None:
+            _ = self._interval_rows
+        else:
+            _ = self.packed  # raise where loads are not known or tip
 
     @cached_property
     def packed(self) -> PackedChain:
@@ -100,24 +128,53 @@ class ContactDynamics:
 
     @cached_property
     def _areas(self) -> PackedAreas:
-        return pack_areas(self.chain)
+        return pack_areas(self.chain, None if self.interval is None else self.interval.loads)
 
-    def rows(self, twist: ArrayLike) -> DynamicRows:
-        """Return the rows along a constant body twist (3,) per unit of s."""
+    @cached_property
+    def _interval_rows(self) -> IntervalRows:
+        assert self.interval is not None
+        return IntervalRows(self.interval)
+
+    @cached_property
+    def _exact(self) -> bool:
+        """Whether wrenches are known, not only bounds of them."""
+        return not self.worst_case and self.interval is None
+
+    def rows(self, twist: ArrayLike, margin: float = 0.0) -> DynamicRows:
+        """Return the rows along a constant body twist (3,) per unit of s.
+
+        Args:
+            twist: In the chain frame.
+            margin: The rows are positive only where the contacts' margins exceed this: from g . w > margin |w|
+                with |w| <= |w_0| + |s''| |w_1| + s'^2 |w_2|, so that they stay linear.
+        """
         xi = checked_twists(np.asarray(twist, dtype=np.float64)[None])
-        still = np.zeros_like(xi)
-        beta, gamma = self.inertia_rows(still, xi)[0], self.inertia_rows(xi, still)[0]
-        return DynamicRows(self.quasi_static_rows(xi)[0], beta, gamma)
+        return DynamicRows(*(rows[0] for rows in self.rows_along(xi, margin)))
 
-    def quasi_static_rows(self, twists: FloatArray) -> FloatArray:
-        """Return the facets' values (m, n, 4), N, without inertia, at body twists (m, 3)."""
+    def rows_along(self, twists: FloatArray, margin: float = 0.0) -> tuple[FloatArray, ...]:
+        """Return the arrays (m, n, 4) of `rows`, in the order of its attributes, along checked twists (m, 3)."""
+        still = np.zeros_like(twists)
+        parts = (
+            self.quasi_static(twists),
+            self.inertia(still, twists),
+            self.inertia(twists, still),
+            self.inertia(still, -twists),
+        )
+        return tuple(part.rows - margin * part.size[..., None] for part in parts)
+
+    def quasi_static(self, twists: FloatArray) -> Wrenches:
+        """Return what the contacts transmit without inertia at body twists (m, 3)."""
         if self.worst_case:
-            return robust_rows_of(self._areas, np.ascontiguousarray(twists))
-        return self._facet_values(wrenches_of(self.packed, twists))
+            return Wrenches(*robust_rows_of(self._areas, np.ascontiguousarray(twists)))
+        if self.interval is not None:
+            return Wrenches(*self._interval_rows.least(twists))
+        return self._exactly(wrenches_of(self.packed, twists))
 
-    def inertia_rows(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
-        """Return what inertia adds to the facets' values (m, n, 4), N; see `inertia_wrenches`."""
-        return self._facet_values(self.inertia_wrenches(twists, rates))
+    def inertia(self, twists: FloatArray, rates: FloatArray) -> Wrenches:
+        """Return what inertia adds to the contacts' wrenches; see `inertia_wrenches`."""
+        if self.interval is None:
+            return self._exactly(self.inertia_wrenches(twists, rates))
+        return Wrenches(*self._interval_rows.inertia(twists, rates))
 
     def inertia_wrenches(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
         """Return what inertia adds to the wrench of each contact (m, n, 3), about the chain frame's origin.
@@ -126,28 +183,18 @@ class ContactDynamics:
             twists: (m, 3) body twists V.
             rates: (m, 3) their time derivatives dV/dt.
         """
-        mass, center, moment = self.table
-        v, omega = twists[:, None, :2], twists[:, None, 2:]
-        dv, domega = rates[:, None, :2], rates[:, None, 2:]
-        force = mass[:, None] * (dv + domega * _turned(center) + omega * _turned(v) - omega**2 * center[None])
-        about = moment * domega[..., 0] + center[:, 0] * force[..., 1] - center[:, 1] * force[..., 0]
-        carried = np.concatenate([force, about[..., None]], axis=-1)
-        for k in reversed(range(len(self.chain.contacts))):
-            pusher = self.chain.contacts[k].pusher
-            if pusher >= 0:
-                carried[:, pusher] += carried[:, k]
-        return carried
+        return summed_over_carried(self.chain, inertia_per_object(self.table, twists, rates))
 
-    def _facet_values(self, wrenches: FloatArray) -> FloatArray:
-        """G . w (m, n, 4) of transmitted wrenches (m, n, 3) for the contacts' unit facets g."""
+    def _exactly(self, wrenches: FloatArray) -> Wrenches:
+        """Facet values G . w of transmitted wrenches (m, n, 3), and their sizes."""
         scaled = wrenches / np.array([1.0, 1.0, self.chain.characteristic_length])
-        return np.asarray(np.einsum("kjc,mkc->mkj", self.facets, scaled), dtype=np.float64)
+        rows = np.einsum("kjc,mkc->mkj", self.facets, scaled)
+        return Wrenches(np.asarray(rows, dtype=np.float64), np.linalg.norm(scaled, axis=2))
 
     def margins(self, twists: ArrayLike, rates: ArrayLike) -> FloatArray:
         """Return the margin (m, n) of each contact while the chain moves and accelerates; see `dynamic_margins`.
 
-        Raises:
-            SupportError: When a load is not known.
+        Where loads are not known or intervals, it is a lower bound of the margin for all that they may be.
         """
         v = checked_twists(twists)
         dv = np.ascontiguousarray(rates, dtype=np.float64)
@@ -155,7 +202,12 @@ class ContactDynamics:
             raise PushplanError(
                 f"rates have shape {dv.shape}; they must be finite and like twists: {v.shape}"
             )
-        return contact_margins_of(self.packed, wrenches_of(self.packed, v) + self.inertia_wrenches(v, dv))
+        if self._exact:
+            return contact_margins_of(self.packed, wrenches_of(self.packed, v) + self.inertia_wrenches(v, dv))
+        floor, inertia = self.quasi_static(v), self.inertia(v, dv)
+        size = floor.size + inertia.size
+        least = (floor.rows + inertia.rows).min(axis=2)
+        return np.where(size > 0.0, least / np.where(size > 0.0, size, 1.0), 0.0)
 
 
 def dynamic_rows(chain: Chain, twist: ArrayLike) -> DynamicRows:
@@ -188,8 +240,3 @@ def dynamic_margins(chain: Chain, twists: ArrayLike, rates: ArrayLike) -> FloatA
         SupportError: When a load is not known.
     """
     return ContactDynamics(chain).margins(twists, rates)
-
-
-def _turned(vectors: FloatArray) -> FloatArray:
-    """J x: vectors (..., 2) turned by a quarter turn counter-clockwise."""
-    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)

@@ -47,3 +47,38 @@ def inertia_table(chain: Chain) -> InertiaTable:
         np.array([part.center for part in parts]),
         np.array([part.moment for part in parts]),
     )
+
+
+def inertia_per_object(table: InertiaTable, twists: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return the wrench (m, n, 3) that each object's inertia asks for, about the chain frame's origin.
+
+    By Newton and Euler (m a(c), I domega/dt + c x m a(c)) with the acceleration of the centre of mass
+
+        a(c) = dv/dt + domega/dt J c + omega J (v + omega J c).
+
+    Args:
+        table: Mass properties.
+        twists: (m, 3) body twists V in the chain frame.
+        rates: (m, 3) their time derivatives dV/dt.
+    """
+    mass, center, moment = table
+    v, omega = twists[:, None, :2], twists[:, None, 2:]
+    dv, domega = rates[:, None, :2], rates[:, None, 2:]
+    force = mass[:, None] * (dv + domega * _turned(center) + omega * _turned(v) - omega**2 * center[None])
+    about = moment * domega[..., 0] + center[:, 0] * force[..., 1] - center[:, 1] * force[..., 0]
+    return np.concatenate([force, about[..., None]], axis=-1)
+
+
+def summed_over_carried(chain: Chain, per_object: FloatArray) -> FloatArray:
+    """Return, for each contact (m, n, ...), the sum over the objects that it carries."""
+    carried = per_object.copy()
+    for k in reversed(range(len(chain.contacts))):
+        pusher = chain.contacts[k].pusher
+        if pusher >= 0:
+            carried[:, pusher] += carried[:, k]
+    return carried
+
+
+def _turned(vectors: FloatArray) -> FloatArray:
+    """J x: vectors (..., 2) turned by a quarter turn counter-clockwise."""
+    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)

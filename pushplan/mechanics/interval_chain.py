@@ -25,12 +25,14 @@ class IntervalChain:
         mass: (n, 2) least and largest mass of every object, kg.
         floor_friction: (n, 2) least and largest coefficient between every object and the floor.
         fractions: (k, 2) least and largest part of the weight on each foot, by the object's index.
+        pressures: Share by which a known pressure may be off at any place, its total kept, by the object's index.
     """
 
     chain: Chain
     mass: FloatArray
     floor_friction: FloatArray
     fractions: Mapping[int, FloatArray]
+    pressures: Mapping[int, float]
 
     @classmethod
     def from_ranges(
@@ -40,6 +42,7 @@ class IntervalChain:
         floor_friction: Mapping[str, Range] | None = None,
         contact_friction: Mapping[str, Range] | None = None,
         fractions: Mapping[str, Sequence[Range]] | None = None,
+        pressures: Mapping[str, float] | None = None,
     ) -> IntervalChain:
         """Return `chain` with intervals for some of its numbers, each by the object's name.
 
@@ -49,12 +52,13 @@ class IntervalChain:
             floor_friction: >= 0.
             contact_friction: >= 0; of the contact through which the object is pushed.
             fractions: One interval for each foot, with numbers between 0 and 1.
+            pressures: From 0 to 1; of objects whose load is known, and not on feet.
 
         Raises:
             ChainError: When no object has a name.
             PushplanError: On an interval that is empty or outside what is allowed.
             SupportError: On fractions for an object without feet, for another number of feet, or that cannot
-                sum to 1.
+                sum to 1, and on a pressure's share for feet or an unknown load.
         """
         masses = [[obj.mass, obj.mass] for obj in chain.objects]
         frictions = [[obj.floor_friction, obj.floor_friction] for obj in chain.objects]
@@ -68,12 +72,16 @@ class IntervalChain:
         }
         contacts = tuple(replace(c, friction=lowest.get(k, c.friction)) for k, c in enumerate(chain.contacts))
         parts = {chain.index_of(name): _fractions(chain, name, s) for name, s in (fractions or {}).items()}
+        shares = {
+            chain.index_of(name): _share(chain, name, share) for name, share in (pressures or {}).items()
+        }
         n = len(chain.objects)
         return cls(
             replace(chain, contacts=contacts),
             frozen(masses, (n, 2), "masses"),
             frozen(frictions, (n, 2), "floor frictions"),
             parts,
+            shares,
         )
 
     @property
@@ -118,6 +126,18 @@ def _fractions(chain: Chain, name: str, spans: Sequence[Range]) -> FloatArray:
     values = np.array([_span(span, f"load fraction {j} of {name!r}") for j, span in enumerate(spans)])
     fractions_within(values, f" of {name!r}")
     return frozen(values, (None, 2), "load fractions")
+
+
+def _share(chain: Chain, name: str, share: float) -> float:
+    """Return the share by which the pressure under an object may be off."""
+    support = chain.objects[chain.index_of(name)].support
+    if isinstance(support, FeetSupport) or not support.known:
+        raise SupportError(f"{name!r} has no known pressure that could be off; feet have load fractions")
+    if not 0.0 <= share <= 1.0:
+        raise PushplanError(
+            f"the pressure under {name!r} is off by {share:.6g}; allowed: a share from 0 to 1"
+        )
+    return float(share)
 
 
 def fractions_within(spans: FloatArray, whose: str = "") -> FloatArray:

@@ -261,13 +261,16 @@ def robust_contact_margins_of(areas: PackedAreas, twists: FloatArray) -> FloatAr
 
 
 @compiled
-def robust_rows_of(areas: PackedAreas, twists: FloatArray) -> FloatArray:
-    """Return the least of the rows (m, n, 4), N, over all pressures at twists (m, 3), none of them 0."""
+def robust_rows_of(areas: PackedAreas, twists: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least of the rows (m, n, 4) over all pressures at twists (m, 3), none of them 0, N.
+
+    The second array (m, n) bounds the contacts' wrenches for all of them, N; see `_largest_wrench`.
+    """
     n = len(areas.tables)
-    central, sizes, out = np.empty((n, 7)), np.empty(n), np.empty((len(twists), n, 4))
+    central, sizes, out = np.empty((n, 7)), np.empty((len(twists), n)), np.empty((len(twists), n, 4))
     for t in range(len(twists)):
-        _begin(areas, twists, t, central, sizes)
+        _begin(areas, twists, t, central, sizes[t])
         for k in range(n):
             for j in range(4):
                 out[t, k, j] = worst_row(areas, k, j, central, math.inf)
-    return out
+    return out, sizes

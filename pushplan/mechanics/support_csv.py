@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from array import array
 
 import numpy as np
 
@@ -24,15 +25,19 @@ def parse_pressure_map(data: bytes, path: str) -> FloatArray:
     """
     try:
         reader = csv.reader(io.StringIO(data.decode("utf-8"), newline=""))
-        lines = [(reader.line_num, row) for row in reader if row]
+        header = [cell.strip().lower() for cell in next(filter(None, reader), [])]
     except (UnicodeDecodeError, csv.Error) as error:
         raise SupportError(f"{path}: cannot read the pressure map: {error}") from error
-    header = [cell.strip().lower() for cell in lines[0][1]] if lines else []
     if sorted(header) != ["pressure", "x", "y"]:
         raise SupportError(f"{path}:1: the header is {','.join(header)!r}; it must name x, y and pressure")
     order = [header.index(name) for name in ("x", "y", "pressure")]
-    rows = [_map_row(path, number, cells, order) for number, cells in lines[1:]]
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+    numbers = array("d")  # not a list of lists: a map of 16 MB would take 600
+    try:
+        for cells in filter(None, reader):
+            numbers.extend(_map_row(path, reader.line_num, cells, order))
+    except csv.Error as error:
+        raise SupportError(f"{path}: cannot read the pressure map: {error}") from error
+    return np.array(numbers, dtype=np.float64).reshape(-1, 3)
 
 
 def _map_row(path: str, number: int, cells: list[str], order: list[int]) -> list[float]:

@@ -10,8 +10,9 @@ import shapely
 from pushplan.arrays import FloatArray
 from pushplan.geometry.contact_segments import TOUCH, find_touch
 from pushplan.mechanics.chain import PLATE, Contact
+from pushplan.reading.interval import Span, lowest
 from pushplan.reading.layout import Layout, Part
-from pushplan.reading.meeting import describe_gap, describe_overlap
+from pushplan.reading.meeting import NEARLY, describe_gap, describe_nearness, describe_overlap
 from pushplan.reading.report import Report
 
 Segments = dict[tuple[int, int], FloatArray]
@@ -29,9 +30,20 @@ def find_segments(parts: Sequence[Part], layout: Layout, report: Report) -> Segm
         if trouble is not None:
             report.add(("objects", i), trouble)
             continue
+        for j, gap in _nearly_touching(i, layout):
+            report.add(("objects", i), describe_nearness(body_name(i, parts), body_name(j, parts), gap))
         ((pusher, segments),) = touching.items()
         found[pusher, i] = segments[0]
     return found
+
+
+def _nearly_touching(i: int, layout: Layout) -> Iterator[tuple[int, float]]:
+    """Yield the earlier bodies that object i does not touch but nearly, and the gap, m."""
+    own = shapely.Polygon(layout.outlines[i])
+    for j, outline in _near(i, layout, NEARLY):
+        gap = float(shapely.distance(own, shapely.Polygon(outline)))
+        if TOUCH < gap < NEARLY - TOUCH:
+            yield j, gap
 
 
 def body_name(index: int, parts: Sequence[Part]) -> str:
@@ -55,9 +67,9 @@ def _touching(i: int, parts: Sequence[Part], layout: Layout, report: Report) -> 
     return None if overlaps else touching
 
 
-def _near(i: int, layout: Layout) -> Iterator[tuple[int, FloatArray]]:
-    """Yield the earlier bodies whose bounding boxes reach that of object i, the plate first."""
-    low, high = layout.outlines[i].min(axis=0) - TOUCH, layout.outlines[i].max(axis=0) + TOUCH
+def _near(i: int, layout: Layout, reach: float = TOUCH) -> Iterator[tuple[int, FloatArray]]:
+    """Yield the earlier bodies whose bounding boxes come nearer to that of object i than `reach`, the plate first."""
+    low, high = layout.outlines[i].min(axis=0) - reach, layout.outlines[i].max(axis=0) + reach
     for j, outline in enumerate((layout.plate, *layout.outlines[:i]), start=PLATE):
         if (outline.min(axis=0) <= high).all() and (outline.max(axis=0) >= low).all():
             yield j, outline
@@ -94,10 +106,12 @@ def _nearest(i: int, touching: Mapping[int, FloatArray], layout: Layout) -> int:
     return PLATE + int(np.argmin([shapely.distance(own, body) for body in bodies]))
 
 
-def make_contacts(segments: Segments, frictions: Mapping[tuple[int, int], float]) -> tuple[Contact, ...]:
-    """Return the contacts in the order of the objects that they push."""
+def make_contacts(
+    segments: Segments, frictions: Mapping[tuple[int, int], float | Span]
+) -> tuple[Contact, ...]:
+    """Return the contacts in the order of the objects that they push, with their lowest frictions."""
     pairs = sorted(segments, key=lambda pair: pair[1])
     return tuple(
-        Contact(segments[pair][0], segments[pair][1], frictions[pair], pushed=pair[1], pusher=pair[0])
+        Contact(segments[pair][0], segments[pair][1], lowest(frictions[pair]), pushed=pair[1], pusher=pair[0])
         for pair in pairs
     )

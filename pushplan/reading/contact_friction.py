@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from pushplan.mechanics.chain import PLATE
-from pushplan.reading.interval import Span, lowest
+from pushplan.reading.interval import Span
 from pushplan.reading.report import Report
 from pushplan.reading.scenario_schema import ScenarioFile
 from pushplan.reading.schema_findings import nearest
@@ -17,11 +17,11 @@ PUSHER = "pusher"
 Pair = tuple[int, int]
 
 
-def contact_frictions(file: ScenarioFile, pairs: Iterable[Pair], report: Report) -> dict[Pair, float]:
-    """Return the lowest friction of each pair (pushing, pushed) of bodies that touch; what is missing is reported."""
+def contact_frictions(file: ScenarioFile, pairs: Iterable[Pair], report: Report) -> dict[Pair, float | Span]:
+    """Return the friction of each pair (pushing, pushed) of bodies that touch; what is missing is reported."""
     names = [obj.name for obj in file.objects]
     stated = _stated(file, names, report)
-    frictions: dict[Pair, float] = {}
+    frictions: dict[Pair, float | Span] = {}
     touching = set()
     for pair in pairs:
         key = frozenset(PUSHER if i == PLATE else names[i] for i in pair)
@@ -32,7 +32,7 @@ def contact_frictions(file: ScenarioFile, pairs: Iterable[Pair], report: Report)
             what = f"is missing, and '{first}' and '{second}' touch; needed: a friction coefficient"
             report.add(("contacts", "friction"), what)
         else:
-            frictions[pair] = lowest(value)
+            frictions[pair] = value
     complete = len(frictions) == len(names)
     for i, entry in enumerate(file.contacts.between):
         if complete and frozenset(entry.objects) in set(stated) - touching:

@@ -13,8 +13,8 @@ import shapely
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import ImportedFileError
+from pushplan.extras import optional
 from pushplan.geometry.polygon import simple_polygon
-from pushplan.logging.extras import optional
 
 MOST_BYTES = 16 << 20
 """Size up to which a file is read."""

@@ -60,6 +60,11 @@ def lowest(value: float | Span) -> float:
     return value[0] if isinstance(value, tuple) else value
 
 
+def highest(value: float | Span) -> float:
+    """Return a number, or the upper end of an interval."""
+    return value[1] if isinstance(value, tuple) else value
+
+
 def middle(value: float | Span) -> float:
     """Return a number, or the middle of an interval."""
     return 0.5 * (value[0] + value[1]) if isinstance(value, tuple) else value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -15,7 +16,20 @@ from pushplan.geometry.penetration import exit_distance, overlap_depth
 Named = tuple[str, FloatArray]
 """What a message calls a body, and its outline (v, 2) in the chain frame."""
 
-_WAYS = (("x >=", 0, 1.0), ("y >=", 1, 1.0), ("y <=", 1, -1.0))
+Way = tuple[str, int, float]
+"""How a message asks for a coordinate of a pose, its index, and the sense in which it is moved."""
+
+AWAY: tuple[Way, ...] = (("x >=", 0, 1.0), ("y >=", 1, 1.0), ("y <=", 1, -1.0))
+BACK: tuple[Way, ...] = (("x <=", 0, -1.0),)
+"""The ways out of an overlap for what is pushed, and for what pushes."""
+
+NEARLY = 1e-3
+"""Gap below which bodies that do not touch are too near to be told apart from bodies that do, m."""
+
+_SNAPS = (5, 10, 20)
+"""Tolerances that messages propose, mm: the least that is well above the gap."""
+
+_SNAP_TURN = math.radians(2.0)
 
 
 def millimetres(length: float) -> str:
@@ -24,19 +38,17 @@ def millimetres(length: float) -> str:
     return f"{value:.3g} mm" if abs(value) < 1000.0 else f"{value:.0f} mm"
 
 
-def describe_overlap(fixed: Named, moving: Named, pose: FloatArray) -> str | None:
+def describe_overlap(fixed: Named, moving: Named, pose: FloatArray, ways: Sequence[Way] = AWAY) -> str | None:
     """Return how far `moving`, at `pose` (3,), overlaps `fixed` and where it would not; None when it does not."""
     depth = overlap_depth(fixed[1], moving[1])
     if depth == 0.0:
         return None
-    shifts = [exit_distance(fixed[1], moving[1], sign * np.eye(2)[axis]) for _, axis, sign in _WAYS]
+    shifts = [exit_distance(fixed[1], moving[1], sign * np.eye(2)[axis]) for _, axis, sign in ways]
     best = int(np.argmin(shifts))
-    sign, axis = _WAYS[best][2], _WAYS[best][1]
+    words, axis, sign = ways[best]
     # Rounded outward to whole micrometres, within which bodies still touch.
     limit = sign * math.ceil((sign * pose[axis] + shifts[best]) * 1e6 - 1e-3) * 1e-6
-    return (
-        f"'{moving[0]}' overlaps {fixed[0]} by {millimetres(depth)}; move it to {_WAYS[best][0]} {limit:.6g}"
-    )
+    return f"'{moving[0]}' overlaps {fixed[0]} by {millimetres(depth)}; move it to {words} {limit:.6g}"
 
 
 def describe_gap(fixed: Named, moving: Named, pose: FloatArray) -> str:
@@ -50,11 +62,26 @@ def describe_gap(fixed: Named, moving: Named, pose: FloatArray) -> str:
     touch = find_touch(fixed[1], moving[1] + step)
     if touch is not None and len(touch.segments):
         x, y, theta = pose + np.append(step, 0.0)
-        return f"{text}; write pose: [{x:.6g}, {y:.6g}, {theta:.6g}]"
+        return f"{text}; write pose: [{x:.6g}, {y:.6g}, {theta:.6g}]{_or_snap(gap)}"
     turn = _smallest_turn(fixed[1], moving[1])
     if abs(turn) > 1e-9:
-        return f"{text}; turn it by {math.degrees(turn):.3g} deg so that an edge lies on an edge"
+        return f"{text}; turn it by {math.degrees(turn):.3g} deg so that an edge lies on an edge{_or_snap(gap, turn)}"
     return f"{text}; move it until an edge lies on an edge"
+
+
+def describe_nearness(first: str, second: str, gap: float) -> str:
+    """Return what is wrong with two bodies that nearly touch, and that each touch something else."""
+    return (
+        f"{first} and {second} do not touch, but are only {millimetres(gap)} apart: the least error makes a contact "
+        f"of it; allowed: at least {millimetres(NEARLY)}, or a contact, onto which snap moves measured poses"
+    )
+
+
+def _or_snap(gap: float, turn: float = 0.0) -> str:
+    """Return the proposal to snap what is not far (m, rad) from a contact."""
+    enough = [size for size in _SNAPS if 2.5e3 * gap <= size]
+    near = enough and abs(turn) <= _SNAP_TURN and (gap > TOUCH or turn != 0.0)
+    return f", or state snap: {enough[0]} mm" if near else ""
 
 
 def _smallest_turn(fixed: FloatArray, moving: FloatArray) -> float:

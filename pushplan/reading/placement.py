@@ -1,4 +1,4 @@
-"""Check that pusher and objects are free at start and goal."""
+"""Check that robot, pusher and objects are free at start and goal."""
 
 from __future__ import annotations
 
@@ -47,9 +47,8 @@ def placement_troubles(
 
 
 def bodies_at(chain: Chain, pose: FloatArray) -> list[tuple[str, FloatArray]]:
-    """Return names and world outlines of pusher and objects with the chain frame at `pose` (3,)."""
-    local = [("pusher", chain.pusher.outline), *((obj.name, obj.outline_chain) for obj in chain.objects)]
-    return [(name, se2.transform_points(pose, outline)) for name, outline in local]
+    """Return names and world outlines of robot, pusher and objects with the chain frame at `pose` (3,)."""
+    return [(body.name, se2.transform_points(pose, body.outline)) for body in chain.bodies]
 
 
 def _geometry(obstacle: Obstacle) -> shapely.Polygon:

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from pushplan.names import MOST_FRICTION
+from pushplan.names import AUTO, MOST_FRICTION
 from pushplan.reading.units import ANGLE, NUMBER_PATTERN, dimension_of, split_unit
 from pushplan.reading.yaml_node import shorten
 
@@ -122,6 +122,33 @@ class Quantity:
         units = "|".join(unit.replace("^", r"\^") for unit in self.units)
         text = {"type": "string", "pattern": rf"^\s*{NUMBER_PATTERN}\s*({units})\s*$"}
         return {"anyOf": [number, text]}
+
+
+@dataclass(frozen=True)
+class OrAuto:
+    """A quantity, or the word `auto`; put beside `float | Literal["auto"]` in an annotation."""
+
+    number: Quantity
+
+    def read(self, value: object) -> object:
+        """Return the number in SI, or the word.
+
+        Raises:
+            PydanticCustomError: When `value` is neither.
+        """
+        if value == AUTO:
+            return value
+        if isinstance(value, str):
+            raise fault(show(value), f"{AUTO}, or {self.number.allowed}")
+        return self.number.read(value)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [{"const": AUTO}, self.number.__get_pydantic_json_schema__(schema, handler)]}
 
 
 def friction(low: float) -> Quantity:

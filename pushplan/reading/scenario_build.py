@@ -10,11 +10,12 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.reading.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.reading.report import Report
-from pushplan.reading.scenario_chain import Bodies, build_bodies, outline_of
+from pushplan.reading.scenario_chain import Bodies, build_bodies
 from pushplan.reading.scenario_files import Attachments
 from pushplan.reading.scenario_salvage import salvage
 from pushplan.reading.scenario_schema import ScenarioFile
 from pushplan.reading.schema_findings import nearest, validate
+from pushplan.reading.shapes import outline_of
 from pushplan.reading.yaml_node import Document, shorten
 from pushplan.scenario import Scenario
 from pushplan.scenario_parts import (
@@ -24,6 +25,7 @@ from pushplan.scenario_parts import (
     PlannerSettings,
     PolygonObstacle,
     StabilitySettings,
+    Uncertainty,
     Workspace,
 )
 
@@ -78,8 +80,8 @@ def _check_room_for_inertia(file: ScenarioFile, report: Report) -> None:
     if file.pusher.limits.contact == "dynamic" and file.stability.margin == 0.0:
         report.add(
             ("pusher", "limits", "contact"),
-            "'dynamic' needs a stability.margin above 0, for a contact at its limit has nothing to spare for "
-            "inertia; allowed: a stability.margin such as 0.05, or quasi-static",
+            "'dynamic', the default, needs a stability.margin above 0, for a contact at its limit has nothing to "
+            "spare for inertia; allowed: a stability.margin such as auto or 0.05, or quasi-static",
         )
 
 
@@ -118,6 +120,9 @@ def _scenario(
         attachments=attachments.contents,
         bodies=bodies.stated,
         interval=bodies.interval,
+        uncertainty=Uncertainty(**file.uncertainty.model_dump()),
+        contact_friction=bodies.contact_friction,
+        snapping=bodies.snapping,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pushplan.errors import Finding, PushplanError
 from pushplan.mechanics.chain import PLATE
-from pushplan.names import KNOWN_LOAD_SETS, STABLE_SETS
+from pushplan.names import AUTO, KNOWN_LOAD_SETS, STABLE_SETS
 from pushplan.reading.report import Report
 from pushplan.reading.yaml_tree import read_document
 from pushplan.scenario import Scenario
@@ -19,9 +19,14 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
     if unknown and scenario.stability.set in KNOWN_LOAD_SETS:
         report.add(("stability", "set"), _needs_loads(scenario.stability.set, unknown))
         return report.findings
+    needed = _numbers_needed(scenario)
+    if needed:
+        report.add(("uncertainty",), needed)
+        return report.findings
     try:
         stable = scenario.stable_set()
-        _check_not_empty(stable, scenario.stability.margin, report)
+        margin = scenario.stability.margin
+        _check_not_empty(stable, 0.0 if margin == AUTO else margin, report)
     except PushplanError as error:
         report.add(("stability", "set"), str(error))
     return report.findings
@@ -33,6 +38,23 @@ def _needs_loads(name: str, unknown: list[str]) -> str:
     return (
         f"'{name}' needs to know how loads rest on the floor, which is not stated for {objects}; "
         f"allowed: {others}, or a support with known loads"
+    )
+
+
+def _numbers_needed(scenario: Scenario) -> str:
+    """Return why `uncertainty` does not go with a push above the floor, or nothing when it does."""
+    height, name = scenario.chain.pusher.contact_height, scenario.stability.set
+    shares = {"floor_friction": scenario.uncertainty.floor_friction} if name in ("ecof", "robust") else {}
+    if name == "ecof":
+        shares["load"] = scenario.uncertainty.load
+    barred = [key for key, share in shares.items() if share > 0.0]
+    if height == 0.0 or not barred:
+        return ""
+    return (
+        f"pusher.contact_height is {height:.6g} m, and a push above the floor shifts the loads by their floor "
+        f"friction: the set '{name}' needs numbers for {' and '.join(barred)}; "
+        f"leave {'it' if len(barred) == 1 else 'them'} out "
+        "(contact_friction may stay) and ask for a larger stability.margin, or set contact_height: 0"
     )
 
 

@@ -5,29 +5,27 @@ from __future__ import annotations
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.interval_chain import IntervalChain
 from pushplan.reading.interval import Span
-from pushplan.reading.report import Report
 from pushplan.reading.scenario_schema import ScenarioFile
 from pushplan.reading.schema_objects import Object, PlacedSupport
+from pushplan.reading.uncertainty import pressure_shares, widened
 
 
-def make_interval_chain(file: ScenarioFile, chain: Chain, report: Report) -> IntervalChain | None:
+def make_interval_chain(file: ScenarioFile, chain: Chain) -> IntervalChain | None:
     """Return the chain with the intervals of a file, None when loads and floor frictions are numbers.
+
+    They are those that it states and those that its `uncertainty` stands for.
 
     Intervals of contact friction are not looked at: the chain has their lowest values, and these decide.
     """
+    pressures = pressure_shares(file)
+    file = widened(file)
     masses = {obj.name: obj.mass for obj in file.objects if isinstance(obj.mass, tuple)}
     stated = {obj.name: stated_floor_friction(obj, file) for obj in file.objects}
     frictions = {name: value for name, value in stated.items() if isinstance(value, tuple)}
     fractions = {obj.name: spans for obj in file.objects if (spans := foot_spans(obj.support)) is not None}
-    if not (masses or frictions or fractions):
+    if not (masses or frictions or fractions or pressures):
         return None
-    if chain.pusher.limits.contact == "dynamic":
-        report.add(
-            ("pusher", "limits", "contact"),
-            f"is dynamic, but masses, floor frictions or loads of {_listed({**masses, **frictions, **fractions})} "
-            "are intervals; allowed: quasi-static, or numbers for all of these",
-        )
-    return IntervalChain.from_ranges(chain, masses, frictions, None, fractions)
+    return IntervalChain.from_ranges(chain, masses, frictions, None, fractions, pressures)
 
 
 def stated_floor_friction(obj: Object, file: ScenarioFile) -> float | Span:
@@ -43,7 +41,3 @@ def foot_spans(support: object) -> list[Span] | None:
     if not any(isinstance(load, tuple) for load in loads):
         return None
     return [load if isinstance(load, tuple) else (load, load) for load in loads]
-
-
-def _listed(names: dict[str, object]) -> str:
-    return ", ".join(f"'{name}'" for name in names)

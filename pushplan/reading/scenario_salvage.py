@@ -55,8 +55,10 @@ def salvage(data: Any, wrong: Iterable[Place]) -> tuple[ScenarioFile, set[str]] 
 
 
 def _mend(data: dict[str, Any], place: Place) -> bool:
-    """Put a stand-in at a wrong place; tell whether that was possible."""
+    """Put a stand-in at a wrong place; tell whether that was possible: not where geometry depends on it."""
     section = place[0]
+    if section == "snap":
+        return False
     if section not in ("objects", "pusher"):
         return _replace(data, str(section), _SECTIONS)
     body: Any = data

@@ -5,16 +5,36 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from pushplan import names
 from pushplan.reading import schema_types as t
 from pushplan.reading.quantity import fault
 from pushplan.reading.schema_objects import FRICTION, NAME, POLYGON, Contacts, Object, Plate
+from pushplan.reading.schema_robot import Robot
 
 
 def _one_of(words: tuple[str, ...]) -> str:
     return f"one of {', '.join(words)}"
+
+
+_SHARE = "a share from 0 to 0.9, e.g. 20 %"
+_SNAP = "a length in m, e.g. 5 mm, or {position: 5 mm, angle: 2 deg}"
+
+
+class Uncertainty(t.Strict):
+    """By what share of the stated value coefficients and loads may be off; explicit intervals come before it."""
+
+    contact_friction: t.Share = Field(default=0.0, description=_SHARE)
+    floor_friction: t.Share = Field(default=0.0, description=_SHARE)
+    load: t.Share = Field(default=0.0, description=_SHARE)
+
+
+class Snap(t.Strict):
+    """How far objects with a stated pose may be from the contact that they are moved onto."""
+
+    position: t.SnapDistance = Field(description="a length in m")
+    angle: t.SnapAngle = Field(default=math.radians(2.0), description="an angle in rad")
 
 
 class Floor(t.Strict):
@@ -41,7 +61,7 @@ class GoalPose(t.Strict):
 
 
 class Area(t.Strict):
-    """The rectangle in which pusher and objects stay."""
+    """The rectangle in which robot, pusher and objects stay."""
 
     x: t.Interval = Field(description="[min, max] in m")
     y: t.Interval = Field(description="[min, max] in m")
@@ -84,7 +104,7 @@ class StabilityChoice(t.Strict):
     set: Literal[names.STABLE_SETS] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_STABLE_SET, description=_one_of(names.STABLE_SETS)
     )
-    margin: t.Margin = Field(default=0.0, description="a margin from 0 to 0.99")
+    margin: t.Margin = Field(default=names.AUTO, description="auto, or a margin from 0 to 0.99")
 
 
 class PlannerChoice(t.Strict):
@@ -100,6 +120,13 @@ class PlannerChoice(t.Strict):
     )
     weight: t.Weight = Field(default=1.0, description="a weight from 0 to 1000")
     gap: t.Gap = Field(default=0.0, description="a share from 0 to 100")
+    arc_price: t.ArcPrice = Field(default=0.03, description="a length in m")
+
+
+SnapChoice = Annotated[
+    Annotated[t.SnapDistance, Tag("<length>")] | Annotated[Snap, Tag("<mapping>")],
+    Discriminator(lambda value: "<mapping>" if isinstance(value, dict | t.Strict) else "<length>"),
+]
 
 
 class ScenarioFile(t.Strict):
@@ -108,11 +135,16 @@ class ScenarioFile(t.Strict):
     format: Literal["pushplan/1"] = Field(description=names.SCENARIO_FORMAT)
     name: t.Name | None = Field(default=None, description=NAME)
     floor: Floor = Field(description="{friction: ...}")
+    uncertainty: Uncertainty = Field(
+        default_factory=Uncertainty, description="{contact_friction: ..., floor_friction: ..., load: ...}"
+    )
+    snap: SnapChoice | None = Field(default=None, description=_SNAP)
     objects: Annotated[tuple[Object, ...], t.Several(1, 200)] = Field(
         description="a list of 1 to 200 objects, from the pusher outward"
     )
     contacts: Contacts = Field(default_factory=Contacts, description="{friction: ..., between: [...]}")
     pusher: Plate = Field(description="{width: ..., friction: ..., ...}")
+    robot: Robot = Field(default_factory=Robot, description="{footprint: ..., drive: ...}")
     start: t.Pose = Field(
         default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world"
     )

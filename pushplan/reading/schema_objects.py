@@ -1,4 +1,4 @@
-"""Objects, contacts and pusher in a scenario file; a description is what messages name as allowed."""
+"""Objects, contacts, pusher and robot in a scenario file; a description is what messages name as allowed."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ NAME = "a name of up to 64 letters, digits, blanks, '.', '_' and '-' that begins
 FRICTION = 'a friction coefficient, or a friction angle, e.g. "14 deg"'
 POLYGON = f"a list of 3 to {t.MOST_CORNERS} corners [x, y]"
 _SUPPORT = "uniform, unknown, {feet: [[x, y], ...]}, {feet: [[x, y, load], ...]} or {pressure_map: file.csv}"
-_DRIVE = "omnidirectional, {differential: {axle: [x, y, theta]}} or {car: {axle: ..., min_radius: ...}}"
-_AXLE = "[x, y, theta] of the axle's middle in the chain frame"
+DRIVE = "omnidirectional, {differential: {axle: [x, y, theta]}} or {car: {axle: ..., min_radius: ...}}"
+_AXLE = (
+    "[x, y, theta] of the axle's middle, in the chain frame in pusher.drive, in the plate's in robot.drive"
+)
 _LIMITS = Limits()
 
 
@@ -162,7 +164,7 @@ class Plate(t.Strict):
     thickness: t.Size = Field(default=0.03, description="a length in m")
     friction: t.Friction = Field(description=FRICTION)
     contact_height: t.Height = Field(default=0.0, description="a height in m")
-    drive: Drive = Field(default="omnidirectional", description=_DRIVE)
+    drive: Drive = Field(default="omnidirectional", description=DRIVE)
     limits: MotionLimits = Field(
         default_factory=MotionLimits,
         description="{speed: ..., acceleration: ..., jerk: ..., ...}",

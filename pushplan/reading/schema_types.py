@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
@@ -26,11 +26,11 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from pushplan.geometry.simple import find_flaw
 from pushplan.reading import units
 from pushplan.reading.interval import OrInterval, Span
-from pushplan.reading.quantity import DESCRIBED_FAULT, Quantity, fault, friction, show
+from pushplan.reading.quantity import DESCRIBED_FAULT, OrAuto, Quantity, fault, friction, show
 
 MOST_CORNERS = 500
 
-ALTERNATIVES = frozenset({"<word>", "<mapping>", "<bare>", "<loaded>"})
+ALTERNATIVES = frozenset({"<word>", "<mapping>", "<list>", "<bare>", "<loaded>", "<length>"})
 """Names of the alternatives that a value's form decides between; they stand in pydantic's locations."""
 
 Coordinate = Annotated[float, Quantity("a coordinate", units.LENGTH, -1e4, 1e4, "5 mm")]
@@ -46,9 +46,11 @@ Friction = Annotated[float | Span, OrInterval(friction(0.0))]
 FloorFriction = Annotated[float | Span, OrInterval(friction(1e-3))]
 _LOAD = Quantity("a part of the load", units.FRACTION, 1e-6, 1.0, "25 %")
 LoadFraction = Annotated[float | Span, OrInterval(_LOAD, replace(_LOAD, low=0.0))]
-Margin = Annotated[float, Quantity("a margin", {}, 0.0, 0.99)]
+Margin = Annotated[float | Literal["auto"], OrAuto(Quantity("a margin", {}, 0.0, 0.99))]
+ArcPrice = Annotated[float, Quantity("a length", units.LENGTH, 0.0, 100.0, "30 mm")]
 Weight = Annotated[float, Quantity("a weight", {}, 0.0, 1000.0)]
 Gap = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 100.0, "1 %")]
+Share = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 0.9, "20 %")]
 Seed = Annotated[int, Quantity("a whole number", {}, 0, 2**31 - 1, whole=True)]
 Speed = Annotated[float, Quantity("a speed", units.SPEED, 1e-4, 100.0, "0.2 m/s")]
 Acceleration = Annotated[float, Quantity("an acceleration", units.ACCELERATION, 1e-4, 1e3, "0.5 m/s^2")]
@@ -59,6 +61,8 @@ AngularAcceleration = Annotated[
 ]
 AngularJerk = Annotated[float, Quantity("an angular jerk", units.ANGULAR_JERK, 1e-4, 1e5, "900 deg/s^3")]
 PositionTolerance = Annotated[float, Quantity("a length", units.LENGTH, 1e-9, 1.0, "2 mm")]
+SnapDistance = Annotated[float, Quantity("a length", units.LENGTH, 1e-6, 0.1, "5 mm")]
+SnapAngle = Annotated[float, Quantity("an angle", units.ANGLE, 0.0, math.radians(20.0), "2 deg")]
 AngleTolerance = Annotated[float, Quantity("an angle", units.ANGLE, 1e-9, math.pi, "0.2 deg")]
 
 

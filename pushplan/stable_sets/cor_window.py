@@ -20,7 +20,7 @@ _PAD = 0.04
 
 def default_window(chain: Chain, sets: Iterable[StableSet]) -> Window:
     """Return a window that holds the whole chain and the tightest turns to both sides of all `sets`."""
-    points = np.concatenate([chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)])
+    points = np.concatenate([body.outline for body in chain.bodies])
     low, high = points.min(axis=0), points.max(axis=0)
     radii = [each.turning_radii() for each in sets]
     top = max(high[1], *(_SHOWN_RADII * r.left for r in radii if isfinite(r.left)), 0.0)

@@ -1,8 +1,10 @@
 """Stable sets that hold for all loads and frictions in given intervals.
 
 Rows of contact conditions are linear in the friction load of every object, so that the vertices of the intervals
-decide (see `interval_ecof_set`); the worst case over all pressures keeps that, object by object. At a push height
-h > 0 a load's shift depends on mu itself, and not linearly: then floor friction has to be known.
+decide (see `interval_ecof_set`); the worst case over all pressures keeps that, object by object. The sets that
+cover all pressures with given centres, `stable` and `robust`, take the centres as stated: pressures that may be
+off by a share do not enter there. At a push height h > 0 a load's shift depends on mu itself, and not linearly:
+then floor friction has to be known.
 """
 
 from __future__ import annotations
@@ -23,9 +25,9 @@ from pushplan.stable_sets.translation_set import TranslationSet
 def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
     """Return a set of twists that are stable for all values in the intervals.
 
-    Exact for `ecof`, `translation` and `robust`; for `stable`, the rule for a centre of friction anywhere in
-    the region that the loads allow. The set `cof` has no such form: its centre moves with the loads, and its
-    conditions are not linear in them.
+    Exact for `ecof`, `translation` and `robust`, but on the safe side for pressures that may be off (see
+    `pressure_error`); for `stable`, the rule for a centre of friction anywhere in the region that the loads allow.
+    The set `cof` has no such form: its centre moves with the loads, and its conditions are not linear in them.
 
     Raises:
         PushplanError: On an unknown name, or `cof`.
@@ -65,7 +67,7 @@ def _require_numbers(interval: IntervalChain, name: str) -> None:
     if interval.chain.pusher.contact_height == 0.0 or name in ("stable", "translation"):
         return
     for i, (obj, (low, high)) in enumerate(zip(objects, interval.floor_friction, strict=True)):
-        if low < high or i in interval.fractions:
+        if low < high or (name == "ecof" and (i in interval.fractions or interval.pressures.get(i))):
             raise SupportError(
                 f"a push above the floor shifts the load of {obj.name!r} by its floor friction; the set {name!r} "
                 f"needs that friction and the load fractions as numbers, or a contact height of 0"

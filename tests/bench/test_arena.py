@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import os
 import sqlite3
 import subprocess
@@ -76,7 +77,9 @@ def _outcome(task: Task) -> Outcome:
         seconds=seconds,
         path_cost=1.0 + task.seed,
         arcs=((1.0, 0.0, 0.0, 1.0 + task.seed),),
+        margin=0.05,
         min_margin=0.1,
+        min_dynamic_margin=0.03,
         memory=150.0,
         progress=((0.01, 2.0, 5), (0.02, 1.5, 9), (0.02, 1.4, 9), (0.1, 1.0 + task.seed, 20)),
     )
@@ -252,6 +255,20 @@ def test_what_is_no_database_is_refused(tmp_path: Path) -> None:
     path.write_text("this is no database, and long enough to be taken for one by its size " * 20)
     with pytest.raises(StoreError, match=r"results\.db is no file of results: file is not a database"):
         Store(path)
+
+
+def test_results_from_before_margins_with_inertia_are_read_but_not_added_to(database: Path) -> None:
+    ours = sqlite3.connect(database)
+    for column in ("margin", "min_dynamic_margin"):
+        ours.execute(f"ALTER TABLE runs DROP COLUMN {column}")
+    ours.commit()
+    ours.close()
+    read = import_module("pushplan.bench.results").read_results(database).runs
+    found = [run.values for run in read if not math.isnan(run.values["solution_length"])]
+    assert {values["min_margin"] for values in found} == {0.1}
+    assert all(math.isnan(values[name]) for values in found for name in ("margin", "min_dynamic_margin"))
+    with pytest.raises(StoreError, match=r"of another version of pushplan, .*; name another folder$"):
+        Store(database)
 
 
 def test_a_run_in_the_middle_of_being_written_is_not_there(database: Path) -> None:

@@ -80,6 +80,12 @@ def test_a_real_run_comes_back_with_its_log_and_figures(make_task: MakeTask, tmp
     assert figures.clearance > 0.0
     assert figures.memory is not None
     assert 1.0 < figures.memory < 150.0
+    assert figures.margin is not None
+    assert 0.0 < figures.margin <= 0.05
+    assert figures.min_margin is not None
+    assert figures.min_margin > figures.margin
+    assert figures.min_dynamic_margin is not None
+    assert figures.min_dynamic_margin > 0.5 * figures.margin
     phases = {"loading", "posing", "search", "timing", "checking", "execution", "logging", "validation"}
     assert set(figures.seconds) == phases
     assert sum(figures.seconds.values()) < outcome.seconds

@@ -15,10 +15,12 @@ import pytest
 from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath, cost_rate
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.timing import time_path
 from pushplan.result import Diagnosis, PlanResult, ProgressPoint
 from pushplan.scenario import Scenario, scenario_from_text
 from pushplan.sim.kinematic import Execution
+from pushplan.tolerance.tolerance import Tolerance
 
 SCENARIO = """\
 format: pushplan/1
@@ -30,8 +32,10 @@ objects:
     shape: {polygon: [[-0.05, -0.04], [0.05, -0.04], [0.01, 0.0], [0.05, 0.04], [-0.05, 0.04]]}
     mass: 0.8
 contacts: {friction: 0.25}
-pusher: {width: 0.20, thickness: 0.03, friction: 0.55}
+pusher: {width: 0.20, thickness: 0.03, friction: 0.55, limits: {contact: quasi-static}}
 goal: {pose: [1.2, 0.8, 90 deg], of: far}
+stability: {margin: 0.0}
+trajectory: exact
 workspace: {x: [-0.5, 2.0], y: [-0.5, 2.0]}
 obstacles:
   - {polygon: [[0.5, 0.2], [0.7, 0.2], [0.6, 0.5]]}
@@ -46,6 +50,11 @@ class Case:
     scenario: Scenario
     plan: PlanResult
     execution: Execution
+
+    @property
+    def result(self) -> PlanResult:
+        """What planning returned: the plan with its execution."""
+        return replace(self.plan, execution=self.execution)
 
     def write(self, path: Path, outcome: str = "solved") -> Path:
         """Write the log of the run."""
@@ -84,7 +93,7 @@ def _plan() -> PlanResult:
         stable_set="ecof",
         seed=5,
         path=path,
-        trajectory=time_path(path, Limits()),
+        trajectory=time_path(path, Bounds(Limits())),
         first_solution_s=0.012345678901234567,
         planning_s=1.9876543210987654,
         progress=(ProgressPoint(0.0123, 3.3, 10), ProgressPoint(0.5, 1.0 / 3.0, 1000)),
@@ -92,6 +101,10 @@ def _plan() -> PlanResult:
         min_margin=0.1 + 0.2,
         tree=rng.normal(size=(40, 2, 3)),
         lower_bound=0.1 + 0.2,
+        objective="margin",
+        margin_asked=1.0 / 3.0,
+        margin=0.1 + 0.2,
+        tolerance=Tolerance(0.1 + 0.2, 0.0, 1.0, 5e-324, 1.0 / 3.0),
     )
 
 
@@ -113,6 +126,7 @@ def _execution(plan: PlanResult) -> Execution:
         forces=forces,
         loss=None,
         goal_error=(1e-9, 1e-17),
+        dynamic_margins=rng.uniform(-0.1, 0.4, size=(len(t), 2)),
     )
 
 

@@ -13,18 +13,18 @@ import pytest
 from PIL import ImageDraw
 
 from pushplan.errors import PushplanError
+from pushplan.extras import MissingExtraError, optional
 from pushplan.geometry.se2 import transform_points
-from pushplan.logging.cdr import encode
-from pushplan.logging.export_csv import table, write_csv
-from pushplan.logging.export_mp4 import write_mp4
-from pushplan.logging.export_parquet import write_parquet
-from pushplan.logging.export_ros2 import write_ros2
-from pushplan.logging.extras import MissingExtraError, optional
-from pushplan.logging.film_frames import Film
+from pushplan.logging.export.cdr import encode
+from pushplan.logging.export.csv import table, write_csv
+from pushplan.logging.export.film_frames import Film
+from pushplan.logging.export.mp4 import write_mp4
+from pushplan.logging.export.parquet import write_parquet
+from pushplan.logging.export.ros2 import write_ros2
+from pushplan.logging.export.ros2_messages import TYPES, definition
 from pushplan.logging.reader import read_run
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.ros2_messages import TYPES, definition
-from pushplan.logging.window import window
+from pushplan.logging.view.window import window
 from pushplan.logging.writer import RunLogWriter
 
 
@@ -199,7 +199,7 @@ def columns_of(path: Path) -> dict[str, dict[str, np.ndarray[Any, Any]]]:
 
 def test_rerun_reads_the_recording(recorded: RecordedRun, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
-    from pushplan.logging.export_rrd import write_rrd
+    from pushplan.logging.export.rrd import write_rrd
 
     write_rrd(recorded, tmp_path / "run.rrd")
     found = columns_of(tmp_path / "run.rrd")
@@ -224,7 +224,7 @@ def test_rerun_reads_the_recording(recorded: RecordedRun, tmp_path: Path) -> Non
 
 def test_an_unsolved_run_becomes_a_recording(unsolved: RecordedRun, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
-    from pushplan.logging.export_rrd import write_rrd
+    from pushplan.logging.export.rrd import write_rrd
 
     write_rrd(unsolved, tmp_path / "run.rrd")
     assert "/world/chain" in columns_of(tmp_path / "run.rrd")

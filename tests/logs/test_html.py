@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from pushplan.errors import RunLogError
-from pushplan.logging.html import MOST_SAMPLES, render, write_html
+from pushplan.logging.export.html import MOST_SAMPLES, render, write_html
 from pushplan.logging.reader import read_run
 from pushplan.result import Run
 

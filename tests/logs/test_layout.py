@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from pushplan.logging.layout import layout, write_layout
+from pushplan.logging.messages.schemas import TOPICS
 from pushplan.logging.reader import read_run
-from pushplan.logging.schemas import TOPICS
-from pushplan.logging.window import window
+from pushplan.logging.view.layout import layout, write_layout
+from pushplan.logging.view.window import window
 
 
 @pytest.fixture(scope="module")

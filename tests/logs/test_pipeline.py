@@ -45,6 +45,47 @@ def test_a_run_is_recorded_read_and_verified(
     assert [check.text for check in report.mismatches] == []
 
 
+@pytest.mark.parametrize(
+    ("settings", "stated"),
+    [
+        ("uncertainty: {contact_friction: 10 %, floor_friction: 10 %, load: 10 %}", "mass: 1.0"),
+        ("stability: {set: robust}", "mass: [0.9, 1.2]"),
+    ],
+)
+def test_a_push_of_uncertain_loads_is_recorded_read_and_verified(
+    settings: str, stated: str, tmp_path: Path, assert_same: Callable[[Any, Any], None]
+) -> None:
+    """With all defaults, so that inertia counts for every value of the intervals."""
+    scenario = scenario_from_text(f"""\
+format: pushplan/1
+floor: {{friction: 0.3}}
+objects: [{{name: a, shape: {{box: [0.1, 0.2]}}, {stated}}}]
+contacts: {{friction: 0.4}}
+pusher: {{width: 0.2, friction: 0.5}}
+goal: {{pose: [0.5, 0.05, 10 deg]}}
+{settings}
+""")
+    assert scenario.interval is not None
+    assert scenario.chain.pusher.limits.contact == "dynamic"
+    done = pushplan.run(scenario, log=tmp_path / "run.mcap", first=True)
+    assert done.plan.solved
+    assert done.execution is not None
+    assert done.execution.min_dynamic_margin is not None
+    assert done.plan.margin is not None
+    assert done.execution.min_dynamic_margin > 0.5 * done.plan.margin > 0.0
+    recorded = read_run(tmp_path / "run.mcap")
+    assert_same(recorded.plan, done.plan)
+    words = recorded.words["pushplan.result"]
+    assert (float(words["margin_asked"]), float(words["margin"])) == (
+        done.plan.margin_asked,
+        done.plan.margin,
+    )
+    assert float(words["min_dynamic_margin"]) == done.execution.min_dynamic_margin
+    report = verify(recorded)
+    assert "margin with inertia" in {check.quantity for check in report.checks}
+    assert [check.text for check in report.mismatches] == []
+
+
 def test_the_same_seed_gives_the_same_bytes(
     tmp_path: Path, differing: Callable[[bytes, bytes], set[str]]
 ) -> None:

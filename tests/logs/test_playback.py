@@ -17,12 +17,12 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
 from pushplan.errors import PushplanError
-from pushplan.logging import schemas
-from pushplan.logging.live import LiveServer
-from pushplan.logging.playback import Pace, Playback, ticks
+from pushplan.logging.messages import schemas
+from pushplan.logging.play.live import LiveServer
+from pushplan.logging.play.playback import Pace, Playback, ticks
+from pushplan.logging.play.terminal import TerminalView, play_in_terminal
 from pushplan.logging.reader import read_run
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.terminal import TerminalView, play_in_terminal
 
 
 class FakeClock:

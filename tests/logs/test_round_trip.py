@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pushplan.logging import blocks
-from pushplan.logging.effort import Effort, exact
+from pushplan.logging.messages import blocks
+from pushplan.logging.messages.effort import Effort, exact
+from pushplan.logging.messages.schemas import Array
 from pushplan.logging.reader import read_run
-from pushplan.logging.schemas import Array
 from pushplan.logging.writer import RunLogWriter
 from pushplan.sim.kinematic import StabilityLoss
 
@@ -31,7 +31,7 @@ def test_a_run_comes_back_bit_for_bit(
         loss = StabilityLoss(time=1.0 / 3.0, contact=1, margin=-1e-17, pose=(0.1, 0.2, 0.3))
         case = dataclasses.replace(case, execution=dataclasses.replace(case.execution, loss=loss))
     run = read_run(case.write(tmp_path / "run.mcap"))
-    assert_same(run.plan, case.plan)
+    assert_same(run.plan, case.result)
     assert_same(run.execution, case.execution)
     assert run.scenario == case.scenario
     assert run.scenario.source == case.scenario.source
@@ -67,7 +67,16 @@ def test_times_of_the_phases_are_kept(case: Any, tmp_path: Path) -> None:
 def test_arrays_that_were_read_cannot_be_changed(case: Any, tmp_path: Path) -> None:
     run = read_run(case.write(tmp_path / "run.mcap"))
     assert run.execution is not None
-    for name in ("t", "poses", "twists", "margins", "friction_margins", "lambdas", "forces"):
+    for name in (
+        "t",
+        "poses",
+        "twists",
+        "margins",
+        "friction_margins",
+        "lambdas",
+        "forces",
+        "dynamic_margins",
+    ):
         assert not getattr(run.execution, name).flags.writeable
 
 

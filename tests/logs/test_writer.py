@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from pushplan.errors import RunLogError
-from pushplan.logging.channels import Channels
-from pushplan.logging.partial_file import PartialFile, write_whole
+from pushplan.logging.mcap.partial_file import PartialFile, write_whole
+from pushplan.logging.messages.channels import Channels
 from pushplan.logging.reader import read_run
 from pushplan.logging.writer import RunLogWriter
 
@@ -213,7 +213,7 @@ def _check_recovered(case: Any, partial: Path, count: int, assert_same: Callable
     run = read_run(partial)
     assert run.scenario == case.scenario
     if count >= 2:
-        assert_same(run.plan, case.plan)
+        assert_same(dataclasses.replace(run.plan, execution=None), case.plan)
     if count >= 3:
         assert run.execution is not None
         samples = len(run.execution.t)

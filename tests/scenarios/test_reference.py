@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from pushplan import names
 from pushplan.names import CLEARANCE_ROOM
-from pushplan.reading import scenario_schema, schema_objects
+from pushplan.reading import scenario_schema, schema_objects, schema_robot
 from pushplan.reading.scenario_schema import ScenarioFile
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
@@ -19,6 +19,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "`objects`": schema_objects.Object,
     "`contacts`": schema_objects.Contacts,
     "`pusher`": schema_objects.Plate,
+    "`robot`": schema_robot.Robot,
     "`goal`": scenario_schema.GoalPose,
     "`stability`": scenario_schema.StabilityChoice,
     "`planner`": scenario_schema.PlannerChoice,

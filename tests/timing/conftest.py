@@ -1,4 +1,4 @@
-"""Packaged scenarios planned once, for the tests of timing."""
+"""Packaged scenarios planned once, by travel, without a margin and without inertia, for the tests of timing."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Callable
 from functools import cache
 
 import pytest
+from plain import load_plain
 
 from pushplan.path import PushPath
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
 
 Planned = Callable[[str], tuple[Scenario, PushPath]]
@@ -17,7 +17,7 @@ Planned = Callable[[str], tuple[Scenario, PushPath]]
 
 @cache
 def _planned(name: str) -> tuple[Scenario, PushPath]:
-    scenario = load_scenario(name)
+    scenario = load_plain(name)
     path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
     assert path is not None
     return scenario, path

@@ -15,11 +15,11 @@ from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.sphere import twists_at
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.arc_limits import ROOM, Bounds, arc_limits, contact_limits
+from pushplan.planners.arc_limits import ROOM, arc_limits, contact_limits
+from pushplan.planners.bounds import Bounds, contact_dynamics
 from pushplan.planners.profile import ArcLimits, rest_to_rest
 from pushplan.planners.section import PASSED, passing_speeds
 from pushplan.planners.timing import time_path
-from pushplan.planners.trajectories import contact_dynamics
 from pushplan.reading.scenario_file import load_scenario
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def test_a_fast_pusher_makes_contacts_slip_unless_they_limit_it(make_chain: Chai
     path = PushPath(np.zeros(3), _stable_twists(contacts, 3, 5), np.full(5, 0.6))
     least = []
     for used in (None, contacts):
-        trajectory = time_path(path, FAST, contacts=used)
+        trajectory = time_path(path, Bounds(FAST, used))
         times = np.linspace(1e-3, trajectory.duration - 1e-3, 4000)
         rates = (trajectory.twists_at(times + 1e-6) - trajectory.twists_at(times - 1e-6)) / 2e-6
         moving = np.abs(trajectory.twists_at(times)).max(axis=1) > 1e-6
@@ -119,7 +119,7 @@ def test_a_twist_without_room_is_refused_with_the_way_out(make_chain: ChainMaker
     inside, outside = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 20.0])
     for _ in range(60):
         middle = 0.5 * (inside + outside)
-        held = contacts.quasi_static_rows(middle[None]).min() > 0.0
+        held = contacts.quasi_static(middle[None]).rows.min() > 0.0
         inside, outside = (middle, outside) if held else (inside, middle)
     with pytest.raises(TimingError, match=r"no room for inertia.*raise stability\.margin"):
         contact_limits(inside / cost_rate(inside), 1.0, Bounds(Limits(), contacts))
@@ -128,7 +128,7 @@ def test_a_twist_without_room_is_refused_with_the_way_out(make_chain: ChainMaker
 def test_an_arc_too_long_for_its_room_is_passed_at_the_speed_of_its_own_length() -> None:
     scenario = load_scenario("two-crates")
     stable, length = scenario.stable_set(), scenario.chain.characteristic_length
-    bounds = Bounds(scenario.chain.pusher.limits, contact_dynamics(scenario, stable))
+    bounds = Bounds(scenario.chain.pusher.limits, contact_dynamics(scenario, stable.name))
     meridians = stable.meridians(1e-6)
     upper = meridians.upper[:1] - 0.005 * 0.5 * (meridians.upper[:1] - meridians.lower[:1])
     twist = twists_at(meridians.longitude[:1], upper, length)

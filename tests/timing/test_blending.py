@@ -18,9 +18,10 @@ from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath, cost_rate
 from pushplan.plan import plan
-from pushplan.planners.arc_limits import Bounds, arc_limits, contact_limits
+from pushplan.planners.arc_limits import arc_limits, contact_limits
 from pushplan.planners.blend_search import Blend
 from pushplan.planners.blending import blend_path
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.checker import find_collision
 from pushplan.planners.joining import corners_of
 from pushplan.planners.profile import ArcLimits, rest_to_rest
@@ -46,6 +47,11 @@ def _with_limits(scenario: Scenario, limits: Limits) -> Scenario:
     return replace(scenario, chain=replace(scenario.chain, pusher=pusher))
 
 
+def _blend(scenario: Scenario, path: PushPath, contacts: ContactDynamics | None = None) -> Blend:
+    """The blend within the limits of the pusher and, where they are given, of the contacts."""
+    return blend_path(scenario, path, _set(scenario), Bounds(scenario.chain.pusher.limits, contacts))
+
+
 def _use_by_differences(trajectory: Trajectory, limits: Limits, h: float = 2e-3) -> FloatArray:
     """Largest share (3,) of the limits on speed, acceleration and jerk in the world.
 
@@ -67,7 +73,7 @@ def _check(scenario: Scenario, path: PushPath, stable: StableSet, blend: Blend) 
     np.testing.assert_allclose(trajectory.poses[-1], path.end, atol=1e-9)
     execution = simulate(trajectory, stable, path.end)
     assert execution.loss is None
-    assert execution.margins.min() > scenario.stability.margin
+    assert execution.margins.min() > scenario.required_margin
     assert max(execution.goal_error) < 1e-8
     assert find_collision(scenario, trajectory.poses_at(np.arange(0.0, trajectory.duration, 2e-3))) is None
     stopped = trajectory.breaks[np.abs(trajectory.twists_at(trajectory.breaks)).max(axis=1) < 1e-9]
@@ -80,9 +86,9 @@ def test_packaged_scenarios_are_driven_in_nearly_the_time_of_no_stop_at_all(
 ) -> None:
     scenario, path = planned(name)
     limits, stable = scenario.chain.pusher.limits, _set(scenario)
-    blend = blend_path(scenario, path, stable)
+    blend = _blend(scenario, path)
     _check(scenario, path, stable, blend)
-    exact = time_path(path, limits)
+    exact = time_path(path, Bounds(limits))
     flow = sum(s / arc_limits(t, limits).speed for t, s in zip(path.twists, path.lengths, strict=True))
     per_stop = (exact.duration - flow) / (len(corners_of(path)) + 1.0)
     assert blend.trajectory.duration < flow + (2.0 + len(blend.stops)) * per_stop + 0.03 * flow
@@ -103,8 +109,8 @@ def test_a_fifth_of_the_time_is_saved_or_nearly_all_that_can_be(planned: Planned
     """Where few corners lie on a long way, even driving all of it at full speed saves less than a fifth."""
     scenario, path = planned(name)
     limits = scenario.chain.pusher.limits
-    blended = blend_path(scenario, path, _set(scenario)).trajectory.duration
-    exact = time_path(path, limits).duration
+    blended = _blend(scenario, path).trajectory.duration
+    exact = time_path(path, Bounds(limits)).duration
     travel = float(np.hypot(path.twists[:, 0], path.twists[:, 1]) @ path.lengths)
     possible = 1.0 - _least_time(travel, limits) / exact
     assert 1.0 - blended / exact > min(0.2, 0.95 * possible)
@@ -117,8 +123,8 @@ def test_blending_saves_a_quarter_of_the_time_at_higher_speed(planned: Planned) 
     for name in example_names():
         scenario, path = planned(name)
         faster = replace(scenario.chain.pusher.limits, speed=max(0.3, scenario.chain.pusher.limits.speed))
-        blend = blend_path(_with_limits(scenario, faster), path, _set(scenario))
-        saved.append(1.0 - blend.trajectory.duration / time_path(path, faster).duration)
+        blend = _blend(_with_limits(scenario, faster), path)
+        saved.append(1.0 - blend.trajectory.duration / time_path(path, Bounds(faster)).duration)
     assert np.mean(saved) > 0.25
 
 
@@ -129,7 +135,7 @@ def test_a_faster_pusher_takes_no_longer(planned: Planned, name: str) -> None:
     durations = []
     for speed in (0.2, 0.3, 0.6):
         faster = _with_limits(scenario, Limits(speed=speed))
-        blend = blend_path(faster, path, _set(scenario))
+        blend = _blend(faster, path)
         _check(faster, path, _set(scenario), blend)
         durations.append(blend.trajectory.duration)
     assert durations[0] > durations[1] > durations[2]
@@ -152,7 +158,7 @@ TURNS = [(1.0, 0.0, 0.0, 0.4), (1.0, -0.1, 0.8, 0.3), (1.0, 0.1, -0.8, 0.3), (1.
 def test_the_twist_moves_straight_from_one_arc_to_the_next(make_chain: ChainMaker, planned: Planned) -> None:
     """Arcs long enough for their steps not to overlap: the phase-synchronised blend between two twists."""
     scenario, path = _free(make_chain, planned("one-box")[0], *TURNS)
-    blend = blend_path(scenario, path, _set(scenario))
+    blend = _blend(scenario, path)
     assert not blend.stops
     twists = blend.trajectory.twists_at(np.linspace(0.0, blend.trajectory.duration, 3000))
     levels = [t * arc_limits(t, Limits()).speed for t in path.twists]
@@ -168,24 +174,24 @@ def test_two_arcs_cannot_be_blended_onto_the_goal_and_keep_their_stop(
     make_chain: ChainMaker, planned: Planned
 ) -> None:
     scenario, path = _free(make_chain, planned("one-box")[0], *TURNS[:2])
-    blend = blend_path(scenario, path, _set(scenario))
+    blend = _blend(scenario, path)
     assert blend.stops == {0}
-    assert blend.trajectory.duration == time_path(path, Limits()).duration
+    assert blend.trajectory.duration == time_path(path, Bounds(Limits())).duration
 
 
 def test_translations_commute_and_need_no_third_arc(make_chain: ChainMaker, planned: Planned) -> None:
     scenario, path = _free(make_chain, planned("one-box")[0], (1.0, 0.1, 0.0, 0.4), (1.0, -0.1, 0.0, 0.4))
-    blend = blend_path(scenario, path, _set(scenario))
+    blend = _blend(scenario, path)
     assert not blend.stops
     _check(scenario, path, _set(scenario), blend)
 
 
 def _blended(scenario: Scenario, path: PushPath) -> Trajectory:
-    return blend_path(scenario, path, _set(scenario)).trajectory
+    return _blend(scenario, path).trajectory
 
 
 def _exact(scenario: Scenario, path: PushPath) -> Trajectory:
-    return time_path(path, scenario.chain.pusher.limits)
+    return time_path(path, Bounds(scenario.chain.pusher.limits))
 
 
 def test_arcs_of_the_same_twist_are_driven_on_without_slowing_down(
@@ -215,18 +221,18 @@ def test_short_arcs_are_passed_as_fast_as_long_ones_with_dynamic_limits(
     scenario, contacts = _with_limits(scenario, limits), ContactDynamics(scenario.chain)
     alone = [contact_limits(cut.twists[2], length, Bounds(limits, contacts)).speed for length in (0.02, 0.3)]
     assert alone[0] < 0.5 * alone[1]
-    a, b = (blend_path(scenario, path, _set(scenario), contacts=contacts) for path in (whole, cut))
+    a, b = (_blend(scenario, path, contacts) for path in (whole, cut))
     assert not a.stops | b.stops
     assert b.trajectory.duration == pytest.approx(a.trajectory.duration, abs=0.01)
 
 
 def test_a_path_without_corners_is_timed_exactly(make_chain: ChainMaker, planned: Planned) -> None:
     scenario, path = _free(make_chain, planned("one-box")[0], TURNS[0])
-    blend = blend_path(scenario, path, _set(scenario))
+    blend = _blend(scenario, path)
     assert blend.stops == frozenset()
-    assert blend.trajectory.duration == time_path(path, Limits()).duration
+    assert blend.trajectory.duration == time_path(path, Bounds(Limits())).duration
     empty = PushPath(path.start, np.zeros((0, 3)), np.zeros(0))
-    assert blend_path(scenario, empty, _set(scenario)).trajectory.duration == 0.0
+    assert _blend(scenario, empty).trajectory.duration == 0.0
 
 
 def test_needles_in_the_way_of_the_cut_corners_move_the_way_or_make_a_stop(
@@ -236,8 +242,8 @@ def test_needles_in_the_way_of_the_cut_corners_move_the_way_or_make_a_stop(
     scenario, path = _free(make_chain, planned("one-box")[0], *TURNS, *TURNS[2:0:-1], *TURNS)
     scenario = _with_limits(scenario, Limits(speed=0.4, angular_speed=2.0))
     stable, limits = _set(scenario), scenario.chain.pusher.limits
-    plain = blend_path(scenario, path, stable).trajectory
-    exact = time_path(path, limits)
+    plain = _blend(scenario, path).trajectory
+    exact = time_path(path, Bounds(limits))
     only_blended = shapely.difference(_swept(plain), shapely.buffer(_swept(exact), 7e-4))
     places = [part.representative_point() for part in shapely.get_parts(only_blended) if part.area > 1e-7]
     assert len(places) >= 2
@@ -246,7 +252,7 @@ def test_needles_in_the_way_of_the_cut_corners_move_the_way_or_make_a_stop(
         blocked = replace(scenario, obstacles=tuple(_needle(place) for place in some))
         assert find_collision(blocked, plain.poses) is not None
         assert find_collision(blocked, exact.poses) is None
-        blend = blend_path(blocked, path, stable)
+        blend = _blend(blocked, path)
         _check(blocked, path, stable, blend)
         assert blend.trajectory.duration < exact.duration
         stops.append(len(blend.stops))
@@ -278,19 +284,19 @@ def test_blends_keep_contacts_that_inertia_would_open(planned: Planned) -> None:
     contacts, stable = ContactDynamics(scenario.chain), _set(scenario)
     least = []
     for used in (None, contacts):
-        blend = blend_path(scenario, path, stable, contacts=used)
+        blend = _blend(scenario, path, used)
         _check(scenario, path, stable, blend)
         trajectory = blend.trajectory
         times = np.linspace(1e-3, trajectory.duration - 1e-3, 5000)
         rates = (trajectory.twists_at(times + 1e-6) - trajectory.twists_at(times - 1e-6)) / 2e-6
         moving = np.abs(trajectory.twists_at(times)).max(axis=1) > 1e-6
         least.append(contacts.margins(trajectory.twists_at(times)[moving], rates[moving]).min())
-        assert trajectory.duration <= time_path(path, fast, contacts=used).duration
+        assert trajectory.duration <= time_path(path, Bounds(fast, used)).duration
     assert least[0] < 0.0 < least[1]
 
 
 def test_the_same_path_gives_the_same_trajectory(planned: Planned) -> None:
     scenario, path = planned("narrow-gap")
-    first, second = (blend_path(scenario, path, _set(scenario)).trajectory for _ in range(2))
+    first, second = (_blend(scenario, path).trajectory for _ in range(2))
     np.testing.assert_array_equal(first.breaks, second.breaks)
     np.testing.assert_array_equal(first.coefficients, second.coefficients)

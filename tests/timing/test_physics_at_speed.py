@@ -14,6 +14,7 @@ from pushplan.mechanics.chain import Chain, Limits
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.blending import blend_path
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.timing import time_path
 from pushplan.scenario import Scenario
 from pushplan.sim.physics import simulate_trajectory
@@ -66,9 +67,9 @@ def test_the_engine_sees_what_the_dynamic_rows_say(
     scenario = _scenario(planned("one-box")[0], chain, path)
     kept = []
     for used in (None, contacts):
-        trajectory = time_path(path, FAST, contacts=used)
+        trajectory = time_path(path, Bounds(FAST, used))
         if blended:
-            blend = blend_path(scenario, path, stable, contacts=used)
+            blend = blend_path(scenario, path, stable, Bounds(FAST, used))
             assert len(blend.stops) < 2
             trajectory = blend.trajectory
         times = np.linspace(1e-3, trajectory.duration - 1e-3, 3000)

@@ -72,7 +72,7 @@ def test_no_module_uses_what_ruckig_computes_in_the_cloud() -> None:
     """Ruckig's community edition sends any intermediate positions to a server."""
     root = Path(pushplan.__file__).parent
     folders = [root, root / "planners", root / "sim", root / "logging", root / "commands", root / "bench"]
-    sources = [path for folder in folders for path in folder.glob("*.py")]
+    sources = [path for folder in folders for path in folder.rglob("*.py")]
     assert len(sources) > 100
     for path in sources:
         found = re.search(r"intermediate_positions|per_section|\bcloud\b", path.read_text(encoding="utf-8"))

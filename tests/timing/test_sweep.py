@@ -12,8 +12,9 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.path import PushPath, cost_rate
+from pushplan.planners.bounds import Bounds
 from pushplan.planners.nudge import nudges
-from pushplan.planners.scene import build_scene, chain_outlines
+from pushplan.planners.scene import build_scene
 from pushplan.planners.sweep import Touches, find_touches
 from pushplan.planners.timing import time_path
 from pushplan.trajectory import Trajectory
@@ -26,7 +27,7 @@ CLEARANCE = 1e-3
 
 
 def _reach(chain: Chain) -> float:
-    return float(max(np.linalg.norm(outline, axis=1).max() for outline in chain_outlines(chain)))
+    return chain.reach
 
 
 def _motion(seed: int) -> Trajectory:
@@ -37,7 +38,7 @@ def _motion(seed: int) -> Trajectory:
 
 def _distances(chain: Chain, discs: FloatArray, trajectory: Trajectory, times: FloatArray) -> FloatArray:
     """Distance (m,) of the chain from the discs at times."""
-    body = shapely.union_all([shapely.Polygon(outline) for outline in chain_outlines(chain)])
+    body = shapely.union_all([shapely.Polygon(moving.outline) for moving in chain.bodies])
     corners = shapely.get_coordinates(body)
     poses = trajectory.poses_at(times)
     placed = shapely.polygons(poses[:, None, :2] + se2.rotate(poses[:, 2:3], corners[None]))
@@ -82,7 +83,7 @@ def test_a_thin_wall_between_two_samples_is_not_missed(make_chain: ChainMaker) -
     """A needle that only the corner of the body passes over for a millimetre of the way."""
     chain = make_chain.boxes(1)
     straight = PushPath(np.zeros(3), np.array([[1.0, 0.0, 0.0]]), np.array([1.0]))
-    trajectory = time_path(straight, Limits())
+    trajectory = time_path(straight, Bounds(Limits()))
     needle = np.array([[0.5377, 0.0997], [0.53771, 0.3], [0.53769, 0.3]])
     scene = build_scene(chain, [needle], [], FREE, 1e-4)
     touches = find_touches(scene, trajectory, _reach(chain))
@@ -97,7 +98,7 @@ def test_nudges_move_the_pose_that_touches_by_what_is_missing(make_chain: ChainM
     scene = build_scene(chain, [], [(*path.poses_at([1.1])[0, :2] + [0.05, 0.1475], 0.05)], FREE, CLEARANCE)
 
     def touches_of(lengths: FloatArray) -> tuple[Trajectory, Touches]:
-        trajectory = time_path(PushPath(path.start, path.twists, lengths), Limits())
+        trajectory = time_path(PushPath(path.start, path.twists, lengths), Bounds(Limits()))
         return trajectory, find_touches(scene, trajectory, _reach(chain))
 
     trajectory, touches = touches_of(path.lengths)

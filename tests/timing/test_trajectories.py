@@ -13,8 +13,9 @@ from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.path import PushPath
 from pushplan.plan import plan
 from pushplan.planners.blending import blend_path
+from pushplan.planners.bounds import Bounds, contact_dynamics
 from pushplan.planners.timing import time_path
-from pushplan.planners.trajectories import contact_dynamics, make_trajectory
+from pushplan.planners.trajectories import make_trajectory
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import stable_set
 
@@ -32,8 +33,9 @@ def test_the_word_chooses(planned: Planned, word: str) -> None:
     scenario, path = planned("two-crates")
     scenario, stable = replace(scenario, trajectory=word), stable_set(scenario.chain, "ecof")
     found = make_trajectory(scenario, path, stable, 50.0)
-    exact = time_path(path, scenario.chain.pusher.limits, 50.0)
-    wanted = exact if word == "exact" else blend_path(scenario, path, stable, 50.0).trajectory
+    bounds = Bounds(scenario.chain.pusher.limits)
+    exact = time_path(path, bounds, 50.0)
+    wanted = exact if word == "exact" else blend_path(scenario, path, stable, bounds, 50.0).trajectory
     np.testing.assert_array_equal(found.coefficients, wanted.coefficients)
     np.testing.assert_array_equal(found.breaks, wanted.breaks)
     assert found.rate == 50.0
@@ -70,7 +72,7 @@ def test_without_a_margin_dynamic_limits_are_refused(planned: Planned) -> None:
 @pytest.mark.parametrize(("name", "worst"), [("ecof", False), ("robust", True), ("stable", True)])
 def test_a_set_for_unknown_loads_asks_for_the_worst_case(planned: Planned, name: str, worst: bool) -> None:
     scenario, _ = planned("two-crates")
-    assert contact_dynamics(scenario, stable_set(scenario.chain, name)).worst_case == worst
+    assert contact_dynamics(scenario, name).worst_case == worst
 
 
 def test_dynamic_limits_of_unknown_loads_hold_for_known_ones(planned: Planned) -> None:

@@ -1,0 +1,69 @@
+"""The samples of an execution as a table, one row a sample, every number in full precision."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.errors import PushplanError
+from pushplan.logging.mcap.partial_file import write_pieces
+from pushplan.logging.recorded import RecordedRun
+
+_AT_ONCE = 10_000
+"""Rows that exist as text in memory."""
+
+
+def write_csv(run: RecordedRun, path: Path | str) -> None:
+    """Write the columns of `table` as CSV: a line of names, then a line a sample.
+
+    Raises:
+        PushplanError: When nothing was executed.
+        RunLogError: When the file cannot be written.
+    """
+    columns = table(run)
+    rows = np.column_stack(list(columns.values()))
+    parts = (rows[begin : begin + _AT_ONCE].tolist() for begin in range(0, len(rows), _AT_ONCE))
+    write_pieces(Path(path), map(_lines, chain([[list(columns)]], parts)))
+
+
+def _lines(rows: Iterable[Iterable[object]]) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()
+
+
+def table(run: RecordedRun) -> dict[str, FloatArray]:
+    """Return the columns (m,) by name; SI units, radians.
+
+    `t`; `x`, `y`, `theta` of the chain frame in the world; `vx`, `vy`, `omega` of the body twist in the chain
+    frame; then for each contact C `C.margin` and, where the loads are known, `C.friction_margin`, `C.lambda`,
+    `C.force_x`, `C.force_y` (chain frame).
+
+    Raises:
+        PushplanError: When nothing was executed.
+    """
+    execution = run.execution
+    if execution is None:
+        raise PushplanError(f"{run.path}: nothing was executed, so there is no table to write")
+    columns = {
+        "t": execution.t,
+        **dict(zip(("x", "y", "theta"), execution.poses.T, strict=True)),
+        **dict(zip(("vx", "vy", "omega"), execution.twists.T, strict=True)),
+    }
+    for k in range(execution.margins.shape[1]):
+        name = run.scenario.chain.contact_name(k)
+        columns[f"{name}.margin"] = execution.margins[:, k]
+        if execution.friction_margins is not None:
+            columns[f"{name}.friction_margin"] = execution.friction_margins[:, k]
+        if execution.lambdas is not None:
+            columns[f"{name}.lambda"] = execution.lambdas[:, k]
+        if execution.forces is not None:
+            columns[f"{name}.force_x"] = execution.forces[:, k, 0]
+            columns[f"{name}.force_y"] = execution.forces[:, k, 1]
+    return columns

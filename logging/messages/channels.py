@@ -1,0 +1,96 @@
+"""The channels of a run log in the making: messages in, records of an MCAP file out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from pushplan.arrays import FloatArray, IntArray
+from pushplan.errors import RunLogError
+from pushplan.logging.mcap.batch import Batch
+from pushplan.logging.mcap.partial_file import PartialFile
+from pushplan.logging.mcap.record_writer import RecordWriter
+from pushplan.logging.messages.message_template import ByteRows
+from pushplan.logging.messages.metadata import sealed, version_of
+from pushplan.logging.messages.schemas import TOPICS, MessageClass, Topic
+
+_NANO = 1_000_000_000
+_LATEST = 1 << 33
+"""Simulated time has to be before this, s."""
+
+
+class Channels:
+    """Writes messages on all `TOPICS` to a file; the time stands still or goes on, but never back."""
+
+    def __init__(self, file: PartialFile) -> None:
+        self._file = file
+        self._writer = RecordWriter(file, f"pushplan {version_of('pushplan')}")
+        self._now = 0
+        self._channels: dict[Topic, int] = {}
+
+    def declare(self) -> None:
+        """Write the schemas and channels."""
+        schemas: dict[str, int] = {}
+        for topic in TOPICS:
+            if topic.kind not in schemas:
+                schemas[topic.kind] = self._writer.add_schema(topic.kind, topic.schema)
+            self._channels[topic] = self._writer.add_channel(topic.name, schemas[topic.kind])
+
+    def instants(self, times: FloatArray) -> IntArray:
+        """Return simulated times (n,), s, of messages to come in ns.
+
+        Raises:
+            RunLogError: When one is before the last, or not a number: such a time would spoil the file.
+        """
+        before = np.append(self._now / _NANO, times[:-1])
+        wrong = np.flatnonzero(~((times >= before) & (times < _LATEST)))
+        if len(wrong):
+            time, last = times[wrong[0]], before[wrong[0]]
+            raise RunLogError(str(self._file.final), f"time {time} s cannot follow {last} s")
+        return np.rint(times * _NANO).astype(np.int64)
+
+    @property
+    def stamp(self) -> Timestamp:
+        """The simulated time of the messages to come."""
+        return Timestamp(seconds=self._now // _NANO, nanos=self._now % _NANO)
+
+    def send(self, topic: Topic, message: MessageClass | bytes) -> None:
+        """Write `message` at the current simulated time."""
+        data = message if isinstance(message, bytes) else message.SerializeToString(deterministic=True)
+        self._writer.add_message(self._channels[topic], self._now, data)
+
+    def prepare(self, rows: Mapping[Topic, ByteRows], instants: IntArray) -> Batch:
+        """Return messages of several topics at each of the `instants` (n,), ns, for `send_batch`.
+
+        Args:
+            rows: (n, bytes) for each topic; nothing else may be sent on them before all of these are.
+            instants: As `instants` returned them.
+        """
+        return self._writer.prepare({self._channels[topic]: data for topic, data in rows.items()}, instants)
+
+    def send_batch(self, batch: Batch, begin: int = 0, end: int | None = None) -> None:
+        """Write the messages at the instants from `begin` to `end`, excluded."""
+        self._writer.add_batch(batch, begin, len(batch.times) if end is None else end)
+
+    def advance(self, instant: int) -> Timestamp:
+        """Set the simulated time, ns, for the messages to come, and return it as a time stamp."""
+        self._now = instant
+        return self.stamp
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Write an attachment."""
+        self._writer.add_attachment(self._now, name, media_type, data)
+
+    def note(self, name: str, words: Mapping[str, str]) -> None:
+        """Write metadata."""
+        self._writer.add_metadata(name, sealed(words))
+
+    def flush(self) -> None:
+        """Hand everything written so far to the operating system, where a killed process cannot lose it."""
+        self._writer.flush()
+
+    def finish(self) -> None:
+        """Write the end of the file."""
+        self._writer.finish()

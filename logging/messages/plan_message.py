@@ -1,0 +1,147 @@
+"""A plan as one protobuf message, every number bit for bit; `effort` keeps what it took."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from pushplan.arrays import FloatArray, frozen
+from pushplan.logging.messages import schemas
+from pushplan.logging.messages.effort import Effort
+from pushplan.logging.messages.schemas import MessageClass, Plan
+from pushplan.path import PushPath
+from pushplan.result import Diagnosis, PlanResult, ProgressPoint
+from pushplan.tolerance.tolerance import Tolerance
+from pushplan.trajectory import Trajectory
+
+_MOST_REASONS = 1000
+"""Diagnoses of a plan, and numbers in one, at most: there are some ten."""
+
+
+def encode(plan: PlanResult) -> MessageClass:
+    """Return the `Plan` message of `plan`, without a time stamp."""
+    message = Plan(
+        solved=plan.solved,
+        reason=plan.reason,
+        planner=plan.planner,
+        stable_set=plan.stable_set,
+        seed=plan.seed,
+        min_margin=plan.min_margin,
+        tree=plan.tree.ravel(),
+        lower_bound=plan.lower_bound,
+        diagnosis=[_diagnosis_message(found) for found in plan.diagnosis],
+        approximate_error=plan.approximate_error or (),
+        objective=plan.objective,
+        margin_asked=plan.margin_asked,
+        margin=plan.margin,
+    )
+    for field, path in (("path", plan.path), ("approximate_path", plan.approximate_path)):
+        if path is not None:
+            for name in ("start", "twists", "lengths"):
+                getattr(getattr(message, field), name).extend(getattr(path, name).ravel())
+    if plan.tolerance is not None:
+        message.tolerance.SetInParent()
+        for name, value in vars(plan.tolerance).items():
+            if value is not None:
+                setattr(message.tolerance, name, value)
+    if plan.trajectory is not None:
+        for name in ("start", "breaks", "coefficients", "arc"):
+            getattr(message.trajectory, name).extend(getattr(plan.trajectory, name).ravel())
+        message.trajectory.rate = plan.trajectory.rate
+    return message
+
+
+def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, float]]) -> PlanResult:
+    """Return the plan that `message` holds.
+
+    Args:
+        message: A `Plan` message.
+        effort: What it took.
+        progress: (iterations, cost) of each improvement, as many as `effort.progress_s`.
+
+    Raises:
+        ValueError: When the numbers do not make a plan.
+        PushplanError: Likewise.
+    """
+    if len(message.diagnosis) > _MOST_REASONS or any(
+        len(found.numbers) > _MOST_REASONS for found in message.diagnosis
+    ):
+        raise ValueError(f"more than {_MOST_REASONS} reasons, or numbers of one")
+    if len(progress) != len(effort.progress_s):
+        raise ValueError(f"{len(effort.progress_s)} times for {len(progress)} improvements")
+    points = zip(effort.progress_s, progress, strict=True)
+    return PlanResult(
+        solved=message.solved,
+        reason=message.reason,
+        planner=message.planner,
+        stable_set=message.stable_set,
+        seed=message.seed,
+        path=_path(message.path) if message.HasField("path") else None,
+        trajectory=_trajectory(message.trajectory) if message.HasField("trajectory") else None,
+        first_solution_s=effort.first_solution_s,
+        planning_s=effort.planning_s,
+        progress=tuple(ProgressPoint(seconds, cost, iterations) for seconds, (iterations, cost) in points),
+        extensions=effort.extensions,
+        min_margin=_optional(message, "min_margin"),
+        tree=frozen(_array(message.tree, (-1, 2, 3)), (None, 2, 3), "tree"),
+        lower_bound=_optional(message, "lower_bound"),
+        diagnosis=tuple(map(_diagnosis, message.diagnosis)),
+        approximate_path=_path(message.approximate_path) if message.HasField("approximate_path") else None,
+        approximate_error=_pair(message.approximate_error),
+        objective=message.objective or "travel",  # the only one that older logs do not name
+        margin_asked=_optional(message, "margin_asked"),
+        margin=_optional(message, "margin"),
+        tolerance=_tolerance(message.tolerance) if message.HasField("tolerance") else None,
+    )
+
+
+def _diagnosis_message(diagnosis: Diagnosis) -> MessageClass:
+    numbers = [{"name": name, "value": value} for name, value in diagnosis.numbers.items()]
+    return schemas.Diagnosis(
+        cause=diagnosis.cause, text=diagnosis.text, proven=diagnosis.proven, numbers=numbers
+    )
+
+
+def _diagnosis(message: MessageClass) -> Diagnosis:
+    numbers = {number.name: number.value for number in message.numbers}
+    return Diagnosis(message.cause, message.text, message.proven, numbers)
+
+
+def _pair(values: Sequence[float]) -> tuple[float, float] | None:
+    if not values:
+        return None
+    first, second = values
+    return first, second
+
+
+def _optional(message: MessageClass, field: str) -> float | None:
+    return getattr(message, field) if message.HasField(field) else None
+
+
+def _tolerance(message: MessageClass) -> Tolerance:
+    names = [field.name for field in fields(Tolerance)]
+    return Tolerance(**{name: getattr(message, name) if message.HasField(name) else None for name in names})
+
+
+def _path(message: MessageClass) -> PushPath:
+    return PushPath(_array(message.start), _array(message.twists, (-1, 3)), _array(message.lengths))
+
+
+def _trajectory(message: MessageClass) -> Trajectory:
+    return Trajectory(
+        start=_array(message.start),
+        breaks=_array(message.breaks),
+        coefficients=_array(message.coefficients, (-1, 3, 3)),
+        arc=_array(message.arc),
+        rate=message.rate,
+    )
+
+
+def _array(values: Sequence[float], shape: tuple[int, ...] = (-1,)) -> FloatArray:
+    row = math.prod(shape[1:])
+    if len(values) % row:
+        raise ValueError(f"{len(values)} numbers do not fill rows of {row}")
+    return np.array(values, dtype=np.float64).reshape(shape)

@@ -1,0 +1,75 @@
+"""Poses and frames as messages: the chain moves in the world, everything else is fixed to the chain."""
+
+from __future__ import annotations
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from pushplan.arrays import FloatArray
+from pushplan.logging.messages.message_template import MessageTemplate
+from pushplan.logging.view.scene import CHAIN, WORLD
+from pushplan.mechanics.chain import Chain
+from pushplan.names import PUSHER
+
+
+def placed(poses: FloatArray) -> FloatArray:
+    """Return what messages say of poses (k, 3) in the plane: x, y, and a quaternion's z and w, (k, 4)."""
+    half = 0.5 * poses[:, 2]
+    return np.stack([poses[:, 0], poses[:, 1], np.sin(half), np.cos(half)], axis=1)
+
+
+def chain_frames(chain: Chain) -> MessageTemplate:
+    """Return the transforms of all frames of a chain, to be filled with its place in the world.
+
+    Every message carries all of them, so that any one suffices to place everything; those that never change
+    keep the time stamp 0 and cost next to nothing once compressed.
+    """
+    bodies = {PUSHER: np.zeros(3), **{obj.name: obj.pose_chain for obj in chain.objects}}
+    fixed = [_transform(CHAIN, name, *placed(pose[None])[0].tolist()) for name, pose in bodies.items()]
+
+    def message(stamp: Timestamp, numbers: list[float]) -> FrameTransforms:
+        moving = _transform(WORLD, CHAIN, *numbers)
+        moving.timestamp.CopyFrom(stamp)
+        return FrameTransforms(transforms=[moving, *fixed])
+
+    return MessageTemplate(message, 4)
+
+
+def pose_in_world() -> MessageTemplate:
+    """Return a pose in the world, to be filled with its place."""
+
+    def message(stamp: Timestamp, numbers: list[float]) -> PoseInFrame:
+        return PoseInFrame(timestamp=stamp, frame_id=WORLD, pose=_pose(*numbers))
+
+    return MessageTemplate(message, 4)
+
+
+def poses_in_world(poses: FloatArray) -> bytes:
+    """Return poses (k, 3) in the world, at time 0, as a serialised `PosesInFrame`.
+
+    Serialised messages joined to one another are the serialised message of all their entries.
+    """
+    head = PosesInFrame(timestamp=Timestamp(), frame_id=WORLD).SerializeToString(deterministic=True)
+    one = MessageTemplate(lambda _, numbers: PosesInFrame(poses=[_pose(*numbers)]), 4)
+    return head + one.fill(np.zeros(len(poses), dtype=np.int64), placed(poses)).tobytes()
+
+
+def _pose(x: float, y: float, z: float, w: float) -> Pose:
+    return Pose(position=Vector3(x=x, y=y), orientation=Quaternion(z=z, w=w))
+
+
+def _transform(parent: str, child: str, x: float, y: float, z: float, w: float) -> FrameTransform:
+    return FrameTransform(
+        timestamp=Timestamp(),
+        parent_frame_id=parent,
+        child_frame_id=child,
+        translation=Vector3(x=x, y=y),
+        rotation=Quaternion(z=z, w=w),
+    )

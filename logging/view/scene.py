@@ -1,0 +1,122 @@
+"""The world of a run as a viewer draws it: every shape once, fixed to its frame; `/tf` moves the frames.
+
+Layers are a millimetre or less apart in height, so that they do not flicker.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import cycle
+
+import numpy as np
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
+from pushplan.logging.view.shapes import Paint, circle, filled, line, loop
+from pushplan.mechanics.chain import Chain
+from pushplan.names import PUSHER, ROBOT
+from pushplan.scenario import CircleObstacle, Obstacle, Scenario
+
+WORLD, CHAIN = "world", "chain"
+"""Frames of every run, beside the plate's, `PUSHER`; each object adds one of its own name."""
+
+_Z_WORKSPACE, _Z_TREE, _Z_GHOST, _Z_OBSTACLE, _Z_ROBOT, _Z_BODY, _Z_CONTACT = (
+    0.0, 0.0002, 0.0004, 0.001, 0.0015, 0.002, 0.003,
+)  # fmt: skip
+
+_WALL = Paint(0.55, 0.57, 0.60)
+_OBSTACLE = Paint(0.36, 0.38, 0.42)
+_ROBOT, _PLATE = Paint(0.50, 0.56, 0.64), Paint(0.16, 0.17, 0.20)
+_START, _GOAL = Paint(0.55, 0.57, 0.60, 0.9), Paint(0.10, 0.60, 0.33, 0.9)
+_CONTACT = Paint(0.90, 0.20, 0.18)
+_TREE = Paint(0.25, 0.45, 0.85, 0.35)
+_OBJECTS = (
+    Paint(0.98, 0.72, 0.30),
+    Paint(0.45, 0.70, 0.90),
+    Paint(0.60, 0.80, 0.45),
+    Paint(0.85, 0.60, 0.80),
+)
+_EDGE = Paint(0.10, 0.10, 0.12)
+
+
+def scene(scenario: Scenario) -> SceneUpdate:
+    """Return everything that a viewer has to draw for the scenario."""
+    return SceneUpdate(entities=[*_standing(scenario), *_moving(scenario.chain)])
+
+
+def tree(branches: FloatArray) -> SceneUpdate:
+    """Return the search tree, branches (q, 2, 3) in the world frame, as lines."""
+    entity = _entity("tree", WORLD)
+    entity.lines.append(line(branches[:, :, :2].reshape(-1, 2), _Z_TREE, _TREE, LinePrimitive.LINE_LIST))
+    return SceneUpdate(entities=[entity])
+
+
+def _standing(scenario: Scenario) -> Iterator[SceneEntity]:
+    if scenario.workspace is not None:
+        area = scenario.workspace
+        x, y = [area.xmin, area.xmax, area.xmax, area.xmin], [area.ymin, area.ymin, area.ymax, area.ymax]
+        yield _outlined("workspace", WORLD, np.stack([x, y], axis=1), _Z_WORKSPACE, _WALL)
+    for i, obstacle in enumerate(scenario.obstacles):
+        yield _body(f"obstacle/{i}", WORLD, obstacle_outline(obstacle), _Z_OBSTACLE, _OBSTACLE)
+    for name, pose, paint in (
+        ("start", scenario.start, _START),
+        ("goal", scenario.goal.pose_chain, _GOAL),
+    ):
+        yield _ghost(name, scenario.chain, np.asarray(pose), paint)
+
+
+def obstacle_outline(obstacle: Obstacle) -> FloatArray:
+    """Return the polygon (v, 2), world frame, that stands for an obstacle in pictures."""
+    if isinstance(obstacle, CircleObstacle):
+        return circle(obstacle.center, obstacle.radius)
+    return obstacle.outline
+
+
+def _moving(chain: Chain) -> Iterator[SceneEntity]:
+    if chain.pusher.footprint:
+        robot = _entity(ROBOT, PUSHER)
+        for part in chain.pusher.footprint:
+            _add_body(robot, part, _Z_ROBOT, _ROBOT)
+        yield robot
+    yield _body("pusher", PUSHER, chain.pusher.outline, _Z_BODY, _PLATE)
+    for obj, paint in zip(chain.objects, cycle(_OBJECTS), strict=False):
+        yield _body(f"object/{obj.name}", obj.name, obj.outline, _Z_BODY, paint)
+    contacts = _entity("contacts", CHAIN)
+    for contact in chain.contacts:
+        contacts.lines.append(line(np.stack([contact.right, contact.left]), _Z_CONTACT, _CONTACT))
+    yield contacts
+
+
+def _ghost(name: str, chain: Chain, pose: FloatArray, paint: Paint) -> SceneEntity:
+    """Outlines of all bodies at `pose` (3,) of the chain frame in the world."""
+    entity = _entity(name, WORLD)
+    for body in chain.bodies:
+        entity.lines.append(loop(se2.transform_points(pose, body.outline), _Z_GHOST, paint))
+    return entity
+
+
+def _body(name: str, frame: str, outline: FloatArray, z: float, paint: Paint) -> SceneEntity:
+    entity = _entity(name, frame)
+    _add_body(entity, outline, z, paint)
+    return entity
+
+
+def _add_body(entity: SceneEntity, outline: FloatArray, z: float, paint: Paint) -> None:
+    """Add a filled outline with its edge."""
+    entity.lines.append(loop(outline, z, _EDGE))
+    entity.triangles.append(filled(outline, z, paint))
+
+
+def _outlined(name: str, frame: str, outline: FloatArray, z: float, paint: Paint) -> SceneEntity:
+    entity = _entity(name, frame)
+    entity.lines.append(loop(outline, z, paint))
+    return entity
+
+
+def _entity(name: str, frame: str) -> SceneEntity:
+    """Return an entity that stays until the end and moves with `frame`."""
+    return SceneEntity(id=name, frame_id=frame, frame_locked=True, timestamp=Timestamp())

@@ -1,0 +1,65 @@
+"""The rectangle of the floor that a picture of a run has to show."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
+from pushplan.logging.view.scene import obstacle_outline
+from pushplan.result import PlanResult
+from pushplan.scenario import Scenario
+from pushplan.trajectory import Trajectory
+
+RIM = 0.03
+"""Free rim around everything, as a share of the longer side."""
+
+PATH_SPACING = 0.02
+"""Distance of the points of a path in pictures, m of path cost."""
+
+SMOOTHED_RATE = 10.0
+"""Poses per second of a timed path in pictures."""
+
+
+class Window(NamedTuple):
+    """Sides of a rectangle in the world, m."""
+
+    xmin: float
+    ymin: float
+    xmax: float
+    ymax: float
+
+
+def path_points(plan: PlanResult | None) -> FloatArray:
+    """Return points (k, 2) of the planned path in the world, none where there is no path."""
+    if plan is None or plan.path is None:
+        return np.zeros((0, 2))
+    return plan.path.sampled(PATH_SPACING)[:, :2]
+
+
+def smoothed_times(trajectory: Trajectory) -> FloatArray:
+    """Return the times (m,) at which a timed path is drawn, its end included, s."""
+    return np.append(np.arange(0.0, trajectory.duration, 1.0 / SMOOTHED_RATE), trajectory.duration)
+
+
+def window(scenario: Scenario, plan: PlanResult | None) -> Window:
+    """Return the rectangle around workspace, obstacles, start, goal and everything that the chain passes."""
+    chain = scenario.chain
+    way = path_points(plan)
+    points = [se2.transform_points(end, body.outline) for end in _ends(scenario) for body in chain.bodies]
+    points += [obstacle_outline(obstacle) for obstacle in scenario.obstacles]
+    points += [way - chain.reach, way + chain.reach]
+    if scenario.workspace is not None:
+        area = scenario.workspace
+        points.append(np.array([[area.xmin, area.ymin], [area.xmax, area.ymax]]))
+    every = np.concatenate(points)
+    low, high = every.min(axis=0), every.max(axis=0)
+    rim = RIM * float((high - low).max())
+    (xmin, ymin), (xmax, ymax) = low - rim, high + rim
+    return Window(float(xmin), float(ymin), float(xmax), float(ymax))
+
+
+def _ends(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
+    return scenario.start, scenario.goal.pose_chain

@@ -1,0 +1,130 @@
+"""The searches of one plan: with one margin after the other until there is a path, by travel before by time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pushplan.path import PushPath
+from pushplan.planners.budget import Budget
+from pushplan.planners.diagnosis import Doubts
+from pushplan.planners.lower_bound import lower_bound
+from pushplan.planners.ompl.search import Factory, search
+from pushplan.planners.ompl.solution import push_path
+from pushplan.planners.prices import make_prices
+from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.session import Session
+from pushplan.result import ProgressPoint
+from pushplan.scenario import Scenario
+from pushplan.stable_sets.stable_set import StableSet
+
+PATIENCE = 0.5
+"""Share of what is left of the budget that a margin may take without a path, before a lower one is tried."""
+
+TRAVEL_SHARE = 0.5
+"""Share of the budget, at most, in which paths are ranked by travel before they are ranked by time.
+
+Fewest metres in few arcs make a good start: a path found by time alone is not always the faster one.
+"""
+
+MARGIN_FREE = "gap"
+"""Cause of failures that no other margin could mend."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """A search and what it was posed from.
+
+    Attributes:
+        scenario: The problem, its margin a number.
+        session: The search, over.
+        doubts: What may have kept it from a path.
+        path: The best path, as the planner left it in OMPL's form; None without any.
+        others: Further paths that were best by another objective.
+    """
+
+    scenario: Scenario
+    session: Session
+    doubts: Doubts
+    path: PushPath | None
+    others: tuple[PushPath, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """How every search of a plan is made.
+
+    Attributes:
+        stable: The set of the plan.
+        make: What makes the planner.
+        budget: Of all searches together.
+        seed: Of the random numbers.
+        good_enough: Share above the lower bound at which a path is good enough; 0 asks for the best.
+        progress: Called with every improvement.
+    """
+
+    stable: StableSet
+    make: Factory
+    budget: Budget
+    seed: int
+    good_enough: float = 0.0
+    progress: Callable[[ProgressPoint], None] | None = None
+
+    def with_margins(self, scenario: Scenario, margins: Sequence[float]) -> Attempt:
+        """Search with one margin after the other; return the first attempt with a path, or the last.
+
+        Args:
+            scenario: The problem.
+            margins: To try, largest first.
+
+        Raises:
+            EmptyStableSetError: When no twist that the drive can make has the first margin.
+        """
+        share, attempt = 0.0, None
+        for k, margin in enumerate(margins):
+            share = 1.0 if k == len(margins) - 1 else share + PATIENCE * (1.0 - share)
+            budget = replace(self.budget, patience=share)
+            attempt = self._attempt(scenario.with_margin(margin), budget, attempt)
+            if attempt.path is not None or self._is_over(attempt):
+                break
+        assert attempt is not None
+        return attempt
+
+    def _is_over(self, attempt: Attempt) -> bool:
+        """Whether no lower margin has time left, or could help."""
+        session = attempt.session
+        proven = any(fault.cause == MARGIN_FREE for fault in attempt.doubts.proven)
+        return proven or self.budget.is_used_up(session.elapsed, session.iterations)
+
+    def _attempt(self, scenario: Scenario, budget: Budget, before: Attempt | None) -> Attempt:
+        """Search with the scenario's margin; by travel first where paths are ranked by time."""
+        earlier = None if before is None else before.session
+        if scenario.planner.cost != "time" or budget.first:
+            return self._run(scenario, budget, earlier)
+        by_travel = replace(scenario, planner=replace(scenario.planner, cost="travel"))
+        first = self._run(by_travel, replace(budget, enough=TRAVEL_SHARE), earlier)
+        if first.path is None:
+            return first
+        second = self._run(scenario, budget, first.session, first.path)
+        return replace(second, others=(first.path,))
+
+    def _run(
+        self, scenario: Scenario, budget: Budget, before: Session | None, known: PushPath | None = None
+    ) -> Attempt:
+        """Search once, from a path known to the search before if there is one: only the prices are others then."""
+        if before is None or known is None:
+            problem = build_problem(scenario, self.stable)
+        else:
+            prices = make_prices(scenario, self.stable, before.problem.segments)
+            problem = before.problem._replace(prices=prices)
+        doubts = Doubts(scenario, self.stable, problem)
+        session = Session(problem, scenario.start, budget, self.seed, self.progress, doubts.settled, before)
+        if known is not None:
+            session.offer(np.column_stack([known.twists, known.lengths]))
+        if self.good_enough > 0.0:
+            session.raise_lower_bound(lower_bound(scenario))
+        definition = search(session, self.make, sampling_box(scenario), body_reach(scenario))
+        path = push_path(definition) if definition.hasExactSolution() else None
+        return Attempt(scenario, session, doubts, path)

@@ -1,0 +1,90 @@
+"""What a plan can bear, as numbers and in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import degrees, floor, log10, pi
+
+MOST_SHARE = 1.0
+"""Share of a floor friction, or of a load, up to which changes are looked at."""
+
+MOST_ANGLE = pi / 2
+"""Angle up to which turned objects are looked at, rad."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far single numbers of the chain may be off before a contact's margin with inertia is used up on the way.
+
+    Each alone, all others as stated; None where the loads on the floor are not known. A plan on which a contact
+    does not hold even as stated bears nothing: 1 for the contact friction, 0 for the others.
+
+    Attributes:
+        contact_friction: Smallest factor, in [0, 1], of all contact frictions together, the plate's included.
+        floor_friction: Largest share by which the floor friction of any single object may be higher or lower; at
+            `MOST_SHARE` it may be more.
+        load: Largest share by which the outermost load of any single object may be higher or lower when its load
+            leans to either side, the front or the back, its centre of mass with it; at `MOST_SHARE` it may be more.
+        position: How far any single object may stand aside along its contact, what it carries staying in
+            place, m.
+        angle: How far any single object may be turned about the middle of its contact, with all that it carries,
+            rad; at `MOST_ANGLE` it may be more.
+    """
+
+    contact_friction: float | None = None
+    floor_friction: float | None = None
+    load: float | None = None
+    position: float | None = None
+    angle: float | None = None
+
+    @property
+    def used_up(self) -> bool:
+        """Whether a contact does not hold even as stated."""
+        return self.contact_friction == 1.0 and self.floor_friction == 0.0
+
+    @property
+    def known(self) -> bool:
+        """Whether it could be worked out."""
+        return self.contact_friction is not None
+
+    @property
+    def sentence(self) -> str:
+        """The numbers for people; bounds are rounded towards what holds."""
+        if (
+            self.contact_friction is None
+            or self.floor_friction is None
+            or self.load is None
+            or self.position is None
+            or self.angle is None
+        ):
+            return "not known, as the loads on the floor are not"
+        if self.used_up:
+            return "nothing: once inertia counts, a contact does not hold even as stated"
+        return (
+            f"contact friction down to {_up(self.contact_friction)} of what is stated, "
+            f"floor friction of an object off by {_share(self.floor_friction)}, load by {_share(self.load)}, "
+            f"an object off by {_down(1e3 * self.position)} mm or {_at_least(self.angle, MOST_ANGLE)}"
+            f"{_down(degrees(self.angle))} deg"
+        )
+
+
+def _up(factor: float) -> str:
+    """Return a factor in two decimals, never lower than it is."""
+    return f"{-(-100.0 * factor // 1.0) / 100.0:.2f}"
+
+
+def _down(value: float) -> str:
+    """Return a number in two digits, never higher than it is but for rounding."""
+    if value < 1e-9:
+        return "0"
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    lower = floor(value / unit * (1.0 + 1e-12)) * unit
+    return f"{lower:.0f}" if lower >= 10.0 else f"{lower:.2g}"
+
+
+def _share(value: float) -> str:
+    return f"{_at_least(value, MOST_SHARE)}{_down(100.0 * value)} %"
+
+
+def _at_least(value: float, most: float) -> str:
+    return "at least " if value >= most else ""

@@ -1,0 +1,40 @@
+"""Who judges an execution: the exact set where loads are known, with inertia unless the scenario leaves it out."""
+
+from __future__ import annotations
+
+from pushplan.names import KNOWN_LOAD_SETS
+from pushplan.planners.bounds import contact_dynamics
+from pushplan.scenario import Scenario
+from pushplan.sim.kinematic import Execution, simulate
+from pushplan.stable_sets.intersection_set import IntersectionSet
+from pushplan.stable_sets.stable_set import StableSet
+from pushplan.trajectory import Trajectory
+
+
+def execute_trajectory(scenario: Scenario, planned: str, trajectory: Trajectory) -> Execution:
+    """Return what the kinematic simulator makes of a trajectory planned in the set `planned`."""
+    judge = judging_set(scenario, planned)
+    dynamic = scenario.chain.pusher.limits.contact == "dynamic"
+    contacts = contact_dynamics(scenario, judge.name)
+    return simulate(trajectory, judge, scenario.goal.pose_chain, contacts, inertia_decides=dynamic)
+
+
+def judging_set(scenario: Scenario, planned: str) -> StableSet:
+    """Return the set that judges an execution: the exact one where loads are known numbers, else the planned one."""
+    known = scenario.interval is None and all(obj.support.known for obj in scenario.chain.objects)
+    return scenario.stable_set("ecof" if known else planned)
+
+
+def planning_set(scenario: Scenario, name: str | None = None) -> StableSet:
+    """Return the set to plan in: the one called `name`, cut down to what the judge of the execution accepts.
+
+    Only `cof` may reach beyond its judge: it takes friction to act at a point that does not move with the COR.
+
+    Raises:
+        PushplanError: See `Scenario.stable_set`.
+    """
+    stable = scenario.stable_set(name)
+    if stable.name != "cof":
+        return stable
+    assert stable.name in KNOWN_LOAD_SETS
+    return IntersectionSet(stable, judging_set(scenario, stable.name))

@@ -1,0 +1,179 @@
+"""The robot in a scenario file: where its parts are, what it may not meet, and its drive."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import pytest
+import shapely
+
+from pushplan.geometry import se2
+from pushplan.mechanics.body import BodyKind
+from pushplan.scenario import Scenario, scenario_from_document
+
+
+class Changed(Protocol):
+    """The fixture `valid`."""
+
+    def scenario(self, *changes: tuple[str, str]) -> Scenario: ...
+
+    def findings(self, *changes: tuple[str, str]) -> list[str]: ...
+
+
+ROOMY = "  - {circle: 0.1, center: [1.0, 0.2]}\n", ""
+"""The change that leaves room for a robot at the goal."""
+
+
+def with_robot(stated: str) -> tuple[str, str]:
+    return "start: [0.0, 0.0, 0.0]", f"robot: {stated}\nstart: [0.0, 0.0, 0.0]"
+
+
+def test_a_box_stands_behind_the_front_edge_of_the_plate(valid: Changed) -> None:
+    chain = valid.scenario(with_robot("{footprint: {box: [0.42, 0.285], pose: [-0.21, 0, 0]}}"), ROOMY).chain
+    (part,) = chain.pusher.footprint
+    low, high = part.min(axis=0), part.max(axis=0)
+    np.testing.assert_allclose([*low, *high], [-0.42, -0.1425, 0.0, 0.1425], atol=1e-15)
+    assert [(body.name, body.kind) for body in chain.bodies] == [
+        ("robot", BodyKind.ROBOT),
+        ("pusher", BodyKind.PLATE),
+        ("near", BodyKind.OBJECT),
+        ("far", BodyKind.OBJECT),
+    ]
+    assert valid.scenario().chain.pusher.footprint == ()
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.07, -0.055])
+def test_poses_are_in_the_frame_of_the_plate_wherever_that_touches(valid: Changed, offset: float) -> None:
+    """Moved along the plate, the first object takes the chain frame with it; plate and robot stay together."""
+    stated = (
+        "{footprint: [{polygon: [[0, 0], [0.2, 0], [0, 0.1]], pose: [-0.3, 0.02, 90 deg]}], "
+        "drive: {car: {axle: [-0.3, 0.01, 5 deg], min_radius: 1.0}}}"
+    )
+    changes = (
+        ("    support: uniform\n", f"    support: uniform\n    offset: {offset}\n"),
+        ("  drive: omnidirectional\n", ""),
+    )
+    pusher = valid.scenario(with_robot(stated), ROOMY, *changes).chain.pusher
+    front = np.array([pusher.outline[:, 0].max(), pusher.outline[:, 1].mean()])
+    assert abs(front[1] + offset) < 0.5 * 0.08 + 1e-12
+    expected = shapely.Polygon([(-0.3, 0.02), (-0.3, 0.22), (-0.4, 0.02)])
+    assert shapely.Polygon(pusher.footprint[0] - front).symmetric_difference(expected).area < 1e-15
+    assert (pusher.drive.kind, pusher.drive.min_radius) == ("car", 1.0)
+    assert pusher.drive.axle is not None
+    np.testing.assert_allclose(
+        pusher.drive.axle, [front[0] - 0.3, front[1] + 0.01, np.radians(5.0)], atol=1e-15
+    )
+
+
+def test_both_ways_to_state_a_drive_agree_where_the_frames_do(valid: Changed) -> None:
+    drive = "{differential: {axle: [-0.3, 0.0, 0.0]}}"
+    new = valid.scenario(with_robot(f"{{drive: {drive}}}"), ("  drive: omnidirectional\n", ""))
+    old = valid.scenario(("drive: omnidirectional", f"drive: {drive}"))
+    assert new.chain.pusher.drive.kind == old.chain.pusher.drive.kind == "differential"
+    np.testing.assert_array_equal(new.chain.pusher.drive.axle, old.chain.pusher.drive.axle)
+
+
+@pytest.mark.parametrize("stated", [
+    "{footprint: {box: [0.42, 0.285], pose: [-0.21, 0, 0]}}",
+    "{footprint: [{polygon: [[-0.03, -0.1], [-0.3, -0.1], [-0.2, 0], [-0.3, 0.1], [-0.03, 0.1]]}, "
+    "{box: [0.1, 0.1], pose: [-0.4, 0, 0.3]}], drive: {differential: {axle: [-0.3, 0, 0]}}}",
+    "{drive: omnidirectional}",
+    "{}",
+])  # fmt: skip
+def test_what_is_resolved_is_the_same_scenario(valid: Changed, stated: str) -> None:
+    scenario = valid.scenario(with_robot(stated), ROOMY, ("  drive: omnidirectional\n", ""))
+    again = scenario_from_document(scenario.resolved())
+    assert again == scenario
+    for one, other in zip(scenario.chain.bodies, again.chain.bodies, strict=True):
+        np.testing.assert_allclose(one.outline, other.outline, atol=1e-12)
+
+
+def test_a_scenario_without_a_robot_resolves_as_it_always_has(valid: Changed) -> None:
+    assert "robot" not in valid.scenario().resolved()
+    assert valid.scenario().resolved()["pusher"]["drive"] == "omnidirectional"
+
+
+@pytest.mark.parametrize(("stated", "finding"), [
+    (
+        "{footprint: {box: [0.42, 0.285], pose: [-0.2, 0, 0]}}",
+        "f.yaml:21:20: robot.footprint: 'robot' overlaps 'near' by 10 mm; move it to x <= -0.21",
+    ),
+    (
+        "{footprint: [{box: [0.1, 0.1], pose: [-0.1, 0, 0]}, {polygon: [[0, 0.1], [0.15, 0.03], [0.15, 0.1]]}]}",
+        "f.yaml:21:60: robot.footprint[1]: 'robot' overlaps 'far' by 20 mm; move it to x <= -0.05",
+    ),
+    (
+        "{footprint: {polygon: [[-0.2, -0.1], [0, -0.1], [0, -0.04], [0.1, -0.04], [0.1, -0.15], [-0.2, -0.15]]}}",
+        "f.yaml:21:20: robot.footprint: 'robot' touches 'near' beside the plate, which alone may push; move it to "
+        "x <= -0.001",
+    ),
+    (
+        "{footprint: {box: [0.42, 0.285]}, base: [0, 0, 0]}",
+        "f.yaml:21:42: robot.base: unknown key; allowed: footprint, drive",
+    ),
+    (
+        "{start: [0.5, 0.5, 0.0]}",
+        "f.yaml:21:9: robot.start: unknown key; allowed: footprint, drive",
+    ),
+    (
+        "{footprint: {box: [0.4, 0.2], polygon: [[0, 0], [1, 0], [0, 1]]}}",
+        "f.yaml:21:20: robot.footprint: has box and polygon; allowed: exactly one of box, polygon",
+    ),
+    (
+        "{footprint: [{box: [0.4, 0.2], pose: [-0.2, 0, 0]}, {box: [0.4, -1]}]}",
+        "f.yaml:21:72: robot.footprint[1].box[1]: is -1; allowed: a length in m from 0.001 to 1000, or with a unit, "
+        'e.g. "5 mm"',
+    ),
+    (
+        "{footprint: []}",
+        "f.yaml:21:20: robot.footprint: is a list of 0; allowed: {box: [length, width], pose: [x, y, theta]}, "
+        "{polygon: [[x, y], ...]} or a list of 1 to 50 of these",
+    ),
+    (
+        "{drive: omnidirectional}",
+        "f.yaml:21:9: robot.drive: is stated in pusher.drive, too; keep one of them",
+    ),
+    (
+        "{footprint: {box: [0.55, 0.285], pose: [-0.275, 0, 0]}}",
+        "f.yaml:22:8: start: at the start, 'robot' leaves the workspace (x >= -0.5) by 50 mm",
+    ),
+    (
+        "{footprint: {box: [0.1, 0.1], pose: [-0.15, -1.15, 0]}}",
+        "f.yaml:24:9: goal.pose: at the goal, 'robot' leaves the workspace (x <= 2) by 410 mm",
+    ),
+])  # fmt: skip
+def test_findings_name_the_place_and_what_helps(valid: Changed, stated: str, finding: str) -> None:
+    assert finding in valid.findings(with_robot(stated))
+
+
+def test_where_a_finding_sends_the_robot_it_is_free(valid: Changed) -> None:
+    def stated(x: str) -> tuple[str, str]:
+        return with_robot(f"{{footprint: {{box: [0.1, 0.285], pose: [{x}, 0, 0.1]}}}}")
+
+    (found,) = valid.findings(stated("-0.04"))
+    assert found.startswith("f.yaml:21:20: robot.footprint: 'robot' overlaps 'near' by ")
+    limit = found.rpartition(" x <= ")[2]
+    chain = valid.scenario(stated(limit)).chain
+    robot = shapely.Polygon(chain.pusher.footprint[0])
+    assert robot.distance(shapely.Polygon(chain.objects[0].outline_chain)) < 2e-6
+    assert len(valid.findings(stated(f"{float(limit) + 3e-6}"))) == 1
+
+
+def test_a_robot_that_obstacles_meet_at_the_goal_is_told(valid: Changed) -> None:
+    robot = with_robot("{footprint: {box: [0.2, 0.1], pose: [-0.13, 0, 0]}}")
+    pose = valid.scenario(robot).goal.pose_chain
+    x, y = se2.transform_points(pose, np.array([-0.2, 0.0])).round(6)
+    disc = "{circle: 0.1, center: [1.0, 0.2]}", f"{{circle: 0.02, center: [{x}, {y}]}}"
+    assert valid.scenario(disc).obstacles
+    (found,) = valid.findings(robot, disc)
+    assert found.startswith("f.yaml:24:9: goal.pose: at the goal, 'robot' overlaps obstacles[2] by ")
+
+
+def test_an_object_may_be_called_robot_as_long_as_there_is_no_other(valid: Changed) -> None:
+    named = ("name: far", "name: robot"), ("[near, far]", "[near, robot]"), ("of: far", "of: robot")
+    assert valid.scenario(*named).chain.index_of("robot") == 1
+    found = valid.findings(*named, with_robot("{footprint: {box: [0.2, 0.1], pose: [-0.13, 0, 0]}}"))
+    assert found == [
+        "f.yaml:9:11: objects[1].name: 'robot' is reserved; allowed: any name but world, chain, pusher, robot"
+    ]

@@ -1,0 +1,269 @@
+"""`uncertainty` in one line: the same as writing every interval, and it holds for all worlds within it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pushplan.arrays import FloatArray
+from pushplan.commands.understood import document, rows
+from pushplan.errors import PushplanError, ScenarioError
+from pushplan.mechanics.chain import Chain, PushedObject
+from pushplan.mechanics.load_cells import load_cells
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport
+from pushplan.scenario import Scenario, check_scenario, scenario_from_document, scenario_from_text
+from pushplan.stable_sets.interval_set import stable_set_over
+from pushplan.stable_sets.named import stable_set
+
+LINE = "uncertainty: {contact_friction: 20 %, floor_friction: 0.2, load: 10 %}\n"
+FEET = "support: {feet: [[-0.04, -0.03, 0.2], [0.04, -0.03, 0.3], [0.04, 0.03, 0.25], [-0.04, 0.03, 0.25]]}"
+TEXT = f"""\
+format: pushplan/1
+floor: {{friction: 0.3}}
+objects:
+  - {{name: near, shape: {{box: [0.1, 0.08]}}, mass: 1.2}}
+  - {{name: far, shape: {{box: [0.1, 0.08]}}, mass: 0.8, floor_friction: "14 deg", {FEET}}}
+contacts: {{friction: 0.4}}
+pusher: {{width: 0.2, friction: 0.5}}
+goal: {{pose: [0.8, 0.3, 40 deg]}}
+"""
+MU = float(np.tan(np.radians(14.0)))
+
+
+@cache
+def scenario(line: str = LINE) -> Scenario:
+    return scenario_from_text(line + TEXT)
+
+
+def twists(seed: int, count: int) -> FloatArray:
+    spread = np.random.default_rng(seed).normal(size=(count, 3)) * [0.2, 0.2, 2.0]
+    return np.asarray(spread + np.array([1.0, 0.0, 0.0]), dtype=np.float64)
+
+
+def test_every_number_becomes_the_interval_around_it() -> None:
+    found = scenario()
+    assert found.interval is not None
+    np.testing.assert_allclose(found.interval.floor_friction, [[0.24, 0.36], [0.8 * MU, 1.2 * MU]])
+    np.testing.assert_allclose(found.interval.fractions[1], np.outer([0.2, 0.3, 0.25, 0.25], [0.9, 1.1]))
+    assert found.interval.pressures == {0: 0.1}
+    np.testing.assert_allclose(found.interval.mass, [[1.2, 1.2], [0.8, 0.8]])
+    assert found.contact_friction is not None
+    np.testing.assert_allclose(found.contact_friction, [[0.4, 0.6], [0.32, 0.48]])
+    assert [c.friction for c in found.chain.contacts] == pytest.approx([0.4, 0.32])
+    assert [obj.floor_friction for obj in found.chain.objects] == pytest.approx([0.3, MU])
+
+
+def test_it_is_the_same_as_writing_the_intervals() -> None:
+    written = TEXT.replace("{friction: 0.3}", "{friction: [0.24, 0.36]}").replace("0.4}", "[0.32, 0.48]}")
+    written = written.replace('"14 deg"', f"[{0.8 * MU!r}, {1.2 * MU!r}]").replace("0.5}", "[0.4, 0.6]}")
+    for number in ("0.2", "0.3", "0.25"):
+        low, high = 0.9 * float(number), 1.1 * float(number)
+        written = written.replace(f"0.03, {number}]", f"0.03, [{low!r}, {high!r}]]")
+    line = scenario("uncertainty: {contact_friction: 20 %, floor_friction: 20 %, load: 10 %}\n")
+    assert line.interval is not None
+    bare = replace(line.interval, pressures={})
+    at = twists(0, 200)
+    np.testing.assert_allclose(
+        stable_set_over(bare).margin(at), scenario_from_text(written).stable_set().margin(at), atol=1e-12
+    )
+
+
+def test_explicit_intervals_win() -> None:
+    text = TEXT.replace("{friction: 0.3}", "{friction: [0.29, 0.31]}").replace(
+        "-0.03, 0.2]", "-0.03, [0.1, 0.3]]"
+    )
+    found = scenario_from_text(LINE + text.replace("0.5}", "[0.5, 0.9]}"))
+    assert found.interval is not None
+    assert found.contact_friction is not None
+    assert found.interval.floor_friction[0].tolist() == [0.29, 0.31]
+    assert found.interval.fractions[1][0].tolist() == [0.1, 0.3]
+    assert found.contact_friction[0].tolist() == [0.5, 0.9]
+
+
+def test_parts_of_the_load_stay_parts() -> None:
+    one = TEXT.replace(FEET, "support: {feet: [[0.0, 0.0, 1.0]]}")
+    found = scenario_from_text(LINE + one)
+    assert found.interval is not None
+    assert found.interval.fractions[1].tolist() == [[0.9, 1.0]]
+    assert found.interval.chain.objects[1].support.center.tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    "line", [LINE, "uncertainty: {contact_friction: 0.1}\n", "uncertainty: {load: 30 %}\n", ""]
+)
+def test_what_is_recorded_states_the_line(line: str) -> None:
+    again = scenario_from_document(scenario(line).resolved())
+    assert again == scenario(line)
+    assert again.uncertainty == scenario(line).uncertainty
+    assert ("uncertainty" in again.resolved()) == bool(line)
+    at = twists(1, 100)
+    assert again.stable_set().margin(at).tolist() == scenario(line).stable_set().margin(at).tolist()
+
+
+def world(chain: Chain, rng: np.random.Generator) -> Chain:
+    """Return a chain within LINE of the stated one: a pressure that is 10 % off by halves, or at random places."""
+
+    def off(share: float) -> float:
+        return float(1.0 + share * rng.choice([-1.0, 1.0, rng.uniform(-1.0, 1.0)]))
+
+    def standing(obj: PushedObject) -> PushedObject:
+        obj = replace(obj, floor_friction=obj.floor_friction * off(0.2), pose_chain=obj.pose_chain)
+        if isinstance(obj.support, FeetSupport):
+            points, parts = obj.support.positions, obj.support.fractions
+        else:
+            points, parts = load_cells(replace(obj, pose_chain=np.zeros(3)))
+        assert parts is not None
+        score = points @ rng.normal(size=2) if rng.random() < 0.7 else rng.normal(size=len(points))
+        order, theta = np.argsort(score), np.empty(len(points))
+        before = np.cumsum(parts[order]) - parts[order]
+        theta[order] = 2.0 * np.clip((0.5 - before) / parts[order], 0.0, 1.0) - 1.0
+        loads = parts * (1.0 + 0.1 * theta)
+        kind = FeetSupport if isinstance(obj.support, FeetSupport) else PressureMapSupport
+        return replace(obj, support=kind(points, loads / loads.sum()))
+
+    stated = [0.5, 0.4]
+    contacts = tuple(replace(c, friction=mu * off(0.2)) for c, mu in zip(chain.contacts, stated, strict=True))
+    return replace(chain, objects=tuple(standing(obj) for obj in chain.objects), contacts=contacts)
+
+
+@pytest.mark.parametrize("name", ["ecof", "translation"])
+def test_the_set_holds_in_random_worlds(name: str) -> None:
+    """What is in it is stable in each of them, with no smaller margin."""
+    at = twists(2, 300) * ([1.0, 1.0, 0.0] if name == "translation" else 1.0)
+    margin, rng = scenario().stable_set(name).margin(at), np.random.default_rng(3)
+    inside = margin > 0.0
+    least = np.full(len(at), np.inf)
+    for _ in range(150):
+        least = np.minimum(least, stable_set(world(scenario().chain, rng), name).margin(at))
+    assert inside.sum() > 30
+    assert (least[inside] > 0.0).all()
+    if name == "ecof":
+        assert (margin[inside] <= least[inside] + 1e-9).all()
+        assert inside.sum() < stable_set(scenario().chain).contains(at).sum()
+
+
+def test_the_set_is_reached_by_a_vertex_on_feet() -> None:
+    """On feet the line is exact: what is outside is unstable in one of the worlds at the ends of the intervals."""
+    text = TEXT.replace("mass: 1.2}", f"mass: 1.2, {FEET}}}")
+    found = scenario_from_text("uncertainty: {load: 20 %}\n" + text)
+    at, rng = twists(4, 200), np.random.default_rng(5)
+    exact = found.stable_set().contains(at)
+    feet = found.chain.objects[0].support
+    assert isinstance(feet, FeetSupport)
+    assert feet.fractions is not None
+    vertices = []
+    for signs in np.array(np.meshgrid(*[[-1.0, 1.0]] * 4)).reshape(4, -1).T:
+        for free in range(4):
+            loads = feet.fractions * (1.0 + 0.2 * signs)
+            loads[free] += 1.0 - loads.sum()
+            if abs(loads[free] / feet.fractions[free] - 1.0) <= 0.2 + 1e-12:
+                vertices.append(loads)
+    least = np.full(len(at), np.inf)
+    pairs = [(a, b) for a in vertices for b in vertices]
+    for k in rng.permutation(len(pairs)):
+        objects = tuple(
+            replace(obj, support=FeetSupport(feet.positions, loads))
+            for obj, loads in zip(found.chain.objects, pairs[k], strict=True)
+        )
+        least = np.minimum(least, stable_set(replace(found.chain, objects=objects)).margin(at))
+    assert ((least > 0.0) == exact).all()
+
+
+def test_check_shows_the_intervals() -> None:
+    said = dict(rows(scenario()))
+    assert said["object near"].endswith("floor friction 0.24 to 0.36")
+    assert said["contact pusher-near"].endswith("friction 0.4 to 0.6 (21.8 to 31.0 deg)")
+    values = [value for _, value in rows(scenario())]
+    assert any(value.endswith("pressure off by up to 10 %") for value in values)
+    assert any("loads in intervals" in value for value in values)
+    stated = json.loads(json.dumps(document(scenario()), default=np.ndarray.tolist))
+    assert stated["uncertainty"] == {"contact_friction": 0.2, "floor_friction": 0.2, "load": 0.1}
+    assert stated["contacts"][0]["friction"] == pytest.approx([0.4, 0.6])
+    assert stated["objects"][0]["pressure_off_by"] == 0.1
+
+
+def test_sets_that_go_by_the_centre_take_it_as_it_is_and_say_so() -> None:
+    flat = TEXT.replace(f", {FEET}", "")
+    found = scenario_from_text(LINE + flat + "stability: {set: stable}\n")
+    (said,) = [value for label, value in rows(found) if label == "uncertainty"]
+    assert said == (
+        "load is not counted: the set 'stable' holds for every pressure with the stated centre, and takes that "
+        "centre as it is"
+    )
+    without = scenario_from_text(LINE.replace(", load: 10 %", "") + flat + "stability: {set: stable}\n")
+    at = twists(6, 50)
+    assert found.stable_set().margin(at).tolist() == without.stable_set().margin(at).tolist()
+    assert not [label for label, _ in rows(scenario()) if label == "uncertainty"]
+
+
+def test_unknown_loads_go_with_the_line() -> None:
+    text = TEXT.replace(FEET, "support: unknown") + "stability: {set: stable}\n"
+    found = scenario_from_text(LINE + text)
+    assert found.interval is not None
+    assert found.interval.pressures == {0: 0.1}
+    assert check_scenario(found) == ()
+
+
+def test_cof_refuses_the_line() -> None:
+    (finding,) = check_scenario(scenario_from_text(LINE + TEXT + "stability: {set: cof}\n"))
+    assert finding.where == "stability.set"
+    assert "'cof' is not linear in the loads" in finding.what
+
+
+@pytest.mark.parametrize(
+    ("line", "name", "needed"),
+    [
+        (LINE, "ecof", "floor_friction and load; leave them out"),
+        ("uncertainty: {load: 5 %}\n", "ecof", "load; leave it out"),
+        ("uncertainty: {floor_friction: 5 %}\n", "robust", "floor_friction; leave it out"),
+    ],
+)
+def test_pushes_above_the_floor_say_what_to_do(line: str, name: str, needed: str) -> None:
+    text = (
+        TEXT.replace("friction: 0.5}", "friction: 0.5, contact_height: 1 cm}")
+        + f"stability: {{set: {name}}}\n"
+    )
+    found = scenario_from_text(line + text)
+    (finding,) = check_scenario(found)
+    assert (finding.where, finding.line, finding.what) == (
+        "uncertainty",
+        1,
+        "pusher.contact_height is 0.01 m, and a push above the floor shifts the loads by their floor friction: the "
+        f"set '{name}' needs numbers for {needed} (contact_friction may stay) and ask for a larger stability.margin, "
+        "or set contact_height: 0",
+    )
+    with pytest.raises(PushplanError, match="as numbers, or a contact height of 0"):
+        found.stable_set()
+    contact_only = scenario_from_text("uncertainty: {contact_friction: 10 %}\n" + text)
+    assert not [finding for finding in check_scenario(contact_only) if finding.where == "uncertainty"]
+
+
+@pytest.mark.parametrize(
+    ("line", "where", "what"),
+    [
+        (
+            "uncertainty: {load: 20}",
+            "uncertainty.load",
+            'is 20; allowed: a share from 0 to 0.9, or with a unit, e.g. "20 %"',
+        ),
+        (
+            "uncertainty: {mass: 0.1}",
+            "uncertainty.mass",
+            "unknown key; allowed: contact_friction, floor_friction, load",
+        ),
+        (
+            "uncertainty: 20 %",
+            "uncertainty",
+            "is the text '20 %'; allowed: a mapping with the keys contact_friction, floor_friction, load",
+        ),
+    ],
+)
+def test_wrong_lines_are_located(line: str, where: str, what: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        scenario_from_text(line + "\n" + TEXT)
+    (finding,) = caught.value.findings
+    assert (finding.where, finding.what, finding.line) == (where, what, 1)

@@ -1,0 +1,207 @@
+"""Contact conditions with inertia over intervals: below every world that is built anew, and reached at vertices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from pushplan.arrays import FloatArray
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.dynamics import ContactDynamics, dynamic_margins
+from pushplan.mechanics.interval_chain import IntervalChain
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+SPREAD = 0.15
+"""Share by which fractions and pressures are off."""
+
+
+def motions(chain: Chain, seed: int, count: int = 60) -> tuple[FloatArray, FloatArray]:
+    """Twists (k, 3), m/s and rad/s, and their rates (k, 3)."""
+    rng, length = np.random.default_rng(seed), chain.characteristic_length
+    twists = 0.2 * (rng.normal(size=(count, 3)) * [0.2, 0.1, 0.2 / length] + [1.0, 0.0, 0.0])
+    return twists, 0.3 * rng.normal(size=(count, 3)) * [1.0, 0.5, 0.5 / length]
+
+
+def spans(chain: Chain) -> tuple[dict[str, tuple[float, float]], dict[str, tuple[float, float]]]:
+    """Intervals of all masses and of the first floor friction."""
+    masses = {obj.name: (0.8 * obj.mass, 1.25 * obj.mass) for obj in chain.objects}
+    first = chain.objects[0]
+    return masses, {first.name: (0.7 * first.floor_friction, 1.2 * first.floor_friction)}
+
+
+def widened(chain: Chain) -> IntervalChain:
+    masses, frictions = spans(chain)
+    last = chain.contacts[-1].friction
+    lowest = {chain.objects[-1].name: (0.8 * last, 1.3 * last)}
+    return IntervalChain.from_ranges(chain, mass=masses, floor_friction=frictions, contact_friction=lowest)
+
+
+def world(interval: IntervalChain, masses: FloatArray, frictions: FloatArray, contact: float = 1.0) -> Chain:
+    """The chain with masses (n,), floor frictions (n,) and the last contact's friction times a factor."""
+    chain = interval.chain
+    objects = tuple(
+        replace(obj, mass=float(m), floor_friction=float(mu))
+        for obj, m, mu in zip(chain.objects, masses, frictions, strict=True)
+    )
+    last = replace(chain.contacts[-1], friction=chain.contacts[-1].friction * contact)
+    return replace(chain, objects=objects, contacts=(*chain.contacts[:-1], last))
+
+
+def worlds(interval: IntervalChain, seed: int, count: int = 15) -> Iterator[Chain]:
+    rng = np.random.default_rng([seed, 1])
+    for _ in range(count):
+        yield world(
+            interval,
+            rng.uniform(*interval.mass.T),
+            rng.uniform(*interval.floor_friction.T),
+            rng.uniform(1.0, 1.6),
+        )
+
+
+def below(contacts: ContactDynamics, chain: Chain, twists: FloatArray, rates: FloatArray) -> int:
+    """Check that margins that are promised to be positive are kept in a world; return how many there are."""
+    bound = contacts.margins(twists, rates)
+    found = dynamic_margins(chain, twists, rates)
+    promised = bound > 0.0
+    assert (found >= bound - 1e-9)[promised].all()
+    return int(promised.sum())
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_world_has_less_than_the_least(make_chain: ChainMaker, n: int, seed: int) -> None:
+    interval = widened(make_chain.random(seed, n, tree=seed == 3, feet=seed == 1))
+    contacts = ContactDynamics(interval.chain, interval=interval)
+    twists, rates = motions(interval.chain, seed)
+    promised = 0
+    for chain in worlds(interval, seed):
+        same_cones = replace(chain, contacts=interval.chain.contacts)
+        exact = ContactDynamics(same_cones)
+        for least, real in (
+            (contacts.quasi_static(twists), exact.quasi_static(twists)),
+            (contacts.inertia(twists, rates), exact.inertia(twists, rates)),
+        ):
+            assert (least.rows <= real.rows + 1e-9).all()
+            assert (least.size >= real.size - 1e-9).all()
+        promised += below(contacts, chain, twists, rates)
+    assert promised > 50
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_the_least_is_that_of_a_vertex(make_chain: ChainMaker, n: int) -> None:
+    for seed in range(3):
+        interval = widened(make_chain.random(seed, n, tree=seed == 2, feet=seed == 1))
+        contacts = ContactDynamics(interval.chain, interval=interval)
+        twists, rates = motions(interval.chain, seed, 25)
+        floors, inertias = [], []
+        for masses, frictions in product(product(*interval.mass), product(*interval.floor_friction)):
+            exact = ContactDynamics(world(interval, np.array(masses), np.array(frictions)))
+            floors.append(exact.quasi_static(twists).rows)
+            inertias.append(exact.inertia(twists, rates).rows)
+        np.testing.assert_allclose(contacts.quasi_static(twists).rows, np.min(floors, axis=0), atol=1e-9)
+        np.testing.assert_allclose(contacts.inertia(twists, rates).rows, np.min(inertias, axis=0), atol=1e-9)
+
+
+def test_intervals_of_no_width_are_numbers(make_chain: ChainMaker) -> None:
+    chain = make_chain.random(5, 3)
+    twists, rates = motions(chain, 5)
+    interval = IntervalChain.from_ranges(chain)
+    found, exact = ContactDynamics(chain, interval=interval), ContactDynamics(chain)
+    for a, b in (
+        (found.quasi_static(twists), exact.quasi_static(twists)),
+        (found.inertia(twists, rates), exact.inertia(twists, rates)),
+    ):
+        np.testing.assert_allclose(a.rows, b.rows, atol=1e-9)
+        np.testing.assert_allclose(a.size, b.size, atol=1e-9)
+    for twist in twists[:10]:
+        a, b = found.rows(twist, 0.02), exact.rows(twist, 0.02)
+        for name in ("alpha", "beta", "gamma", "beta_down"):
+            np.testing.assert_allclose(getattr(a, name), getattr(b, name), atol=1e-9)
+
+
+def test_rows_hold_for_every_world_when_speeding_up_and_when_braking(make_chain: ChainMaker) -> None:
+    """What timing relies on: a motion that the rows with a margin allow keeps this margin in every world."""
+    interval = widened(make_chain.random(2, 2))
+    contacts, margin, kept = ContactDynamics(interval.chain, interval=interval), 0.02, 0
+    twists, _ = motions(interval.chain, 2, 40)
+    rng = np.random.default_rng(9)
+    for twist in twists:
+        rows = contacts.rows(twist, margin)
+        speed, acceleration = float(rng.uniform(0.1, 2.0)), float(rng.uniform(-3.0, 3.0))
+        if rows.values(speed, acceleration).min() <= 0.0:
+            continue
+        kept += 1
+        for chain in worlds(interval, 2):
+            found = dynamic_margins(chain, [speed * twist], [acceleration * twist])
+            assert found.min() > margin
+    assert kept > 5
+
+
+def test_no_load_on_feet_within_its_intervals_has_less(make_chain: ChainMaker) -> None:
+    for seed in range(4):
+        chain = make_chain.random(seed, 2, feet=True)
+        stands = [obj.support for obj in chain.objects]
+        ranges = {}
+        for obj, support in zip(chain.objects, stands, strict=True):
+            assert isinstance(support, FeetSupport)
+            assert support.fractions is not None
+            ranges[obj.name] = [((1.0 - SPREAD) * phi, (1.0 + SPREAD) * phi) for phi in support.fractions]
+        interval = IntervalChain.from_ranges(chain, fractions=ranges)
+        contacts = ContactDynamics(chain, interval=interval)
+        twists, _ = motions(chain, seed)
+        least = contacts.quasi_static(twists).rows
+        closest = np.full_like(least, np.inf)
+        rng = np.random.default_rng(seed)
+        for _ in range(60):
+            objects = []
+            for obj, support in zip(chain.objects, stands, strict=True):
+                assert isinstance(support, FeetSupport)
+                assert support.fractions is not None
+                objects.append(
+                    replace(obj, support=FeetSupport(support.positions, _off(rng, support.fractions)))
+                )
+            real = ContactDynamics(replace(chain, objects=tuple(objects))).quasi_static(twists).rows
+            assert (least <= real + 1e-9).all()
+            closest = np.minimum(closest, real)
+        assert np.median(closest - least) < 0.2 * np.median(np.abs(least))
+
+
+def _off(rng: np.random.Generator, fractions: FloatArray) -> FloatArray:
+    """Fractions that are off by up to `SPREAD` of each, mostly by all of it, and sum to 1."""
+    while True:
+        found = fractions * (1.0 + SPREAD * np.sign(rng.normal(size=len(fractions))))
+        free = int(rng.integers(len(fractions)))
+        found[free] += 1.0 - found.sum()
+        if abs(found[free] / fractions[free] - 1.0) <= SPREAD:
+            return np.asarray(found)
+
+
+def test_no_pressure_that_is_off_has_less(make_chain: ChainMaker) -> None:
+    rng = np.random.default_rng(4)
+    for seed in range(3):
+        chain = make_chain.random(seed, 2)
+        mapped = []
+        for obj in chain.objects:
+            points = obj.support.center + 0.02 * rng.normal(size=(10, 2))
+            mapped.append(replace(obj, support=PressureMapSupport(points, rng.dirichlet(np.full(10, 8.0)))))
+        chain = replace(chain, objects=tuple(mapped))
+        interval = IntervalChain.from_ranges(chain, pressures={obj.name: SPREAD for obj in chain.objects})
+        contacts = ContactDynamics(chain, interval=interval)
+        twists, _ = motions(chain, seed)
+        least = contacts.quasi_static(twists).rows
+        for _ in range(40):
+            objects = []
+            for obj in chain.objects:
+                assert isinstance(obj.support, PressureMapSupport)
+                moved = _off(rng, obj.support.fractions)
+                objects.append(replace(obj, support=PressureMapSupport(obj.support.points, moved)))
+            real = ContactDynamics(replace(chain, objects=tuple(objects))).quasi_static(twists).rows
+            assert (least <= real + 1e-9).all()

@@ -1,0 +1,173 @@
+"""Worlds that differ from what a plan believes: what changes, what stays, and how the physics engine counts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import shapely
+
+from pushplan.arrays import FloatArray
+from pushplan.errors import SupportError
+from pushplan.geometry.se2 import compose, relative, transform_points
+from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.mechanics.support import FeetSupport, Support
+from pushplan.sim.misjudged import (
+    with_contact_friction,
+    with_floor_friction,
+    with_loads_shifted,
+    with_slanted_face,
+)
+from pushplan.sim.misplaced import shifted, subtree, turned
+from pushplan.sim.physics import simulate_trajectory
+from pushplan.sim.physics_settings import VERDICT, for_verdict
+from pushplan.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+
+def on_corners(outline: FloatArray) -> Support:
+    return FeetSupport(0.8 * outline, np.full(4, 0.25))
+
+
+@pytest.fixture
+def chain(make_chain: ChainMaker) -> Chain:
+    return make_chain.boxes(3, support=on_corners)
+
+
+def ahead(speed: float, braking: float) -> Trajectory:
+    """Straight ahead for 0.5 s with the top speed, m/s, and a given braking, m/s^2."""
+    breaks = np.array([0.0, 0.25, 0.5, 0.5 + speed / braking, 0.6 + speed / braking])
+    coefficients = np.zeros((4, 3, 3))
+    coefficients[:, 0, 0] = [0.0, speed, speed, 0.0]
+    coefficients[:, 1, 0] = [speed / 0.25, 0.0, -braking, 0.0]
+    return Trajectory(np.array([1.0, 2.0, 0.5]), breaks, coefficients, np.zeros(4))
+
+
+def body(chain: Chain, index: int, placed: FloatArray) -> shapely.Polygon:
+    if index == PLATE:
+        return shapely.Polygon(chain.pusher.outline)
+    return shapely.Polygon(transform_points(placed[index], chain.objects[index].outline_chain))
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+@pytest.mark.parametrize("angle", [0.01, -0.01])
+def test_a_turned_object_touches_with_a_corner_and_overlaps_nothing(
+    chain: Chain, index: int, angle: float
+) -> None:
+    placed = turned(chain, index, angle)
+    np.testing.assert_allclose(placed[:, 2], angle * (np.arange(3) == index))
+    for contact in chain.contacts:
+        pusher, pushed = body(chain, contact.pusher, placed), body(chain, contact.pushed, placed)
+        assert pusher.intersection(pushed).area < 1e-12
+        assert pusher.distance(pushed) < 2.0 * angle**2 * 0.1  # what nothing overlaps by may be left as a gap
+    own = chain.contacts[index]
+    far = own.right if angle > 0.0 else own.left
+    gap = (transform_points(placed[index], far) - far) @ own.normal
+    assert gap == pytest.approx(abs(angle) * own.length, rel=1e-3)
+
+
+def test_a_shifted_object_keeps_its_contact_and_leaves_the_others_in_place(chain: Chain) -> None:
+    placed = shifted(chain, 1, 0.004)
+    np.testing.assert_allclose(placed, [[0.0, 0.0, 0.0], [0.0, 0.004, 0.0], [0.0, 0.0, 0.0]], atol=1e-15)
+
+
+def test_what_leans_on_a_shifted_object_follows_it(chain: Chain) -> None:
+    """The face of the middle object leans: its shift to the left brings it ahead, and with it what it carries."""
+    right, normal = chain.contacts[2].right, np.array([np.cos(0.1), np.sin(0.1)])
+    leaning = replace(chain.contacts[2], left=right + 0.05 * np.array([-normal[1], normal[0]]))
+    placed = shifted(replace(chain, contacts=(*chain.contacts[:2], leaning)), 1, 0.004)
+    np.testing.assert_allclose(placed[2], [*(0.004 * normal[1] * normal), 0.0], atol=1e-15)
+
+
+def test_frictions_are_scaled_alone(chain: Chain) -> None:
+    low = with_contact_friction(chain, 0.9)
+    assert [c.friction for c in low.contacts] == pytest.approx([0.9 * c.friction for c in chain.contacts])
+    assert low.pusher.friction == pytest.approx(0.9 * chain.pusher.friction)
+    rough = with_floor_friction(chain, 1, 1.2)
+    assert [obj.floor_friction for obj in rough.objects] == pytest.approx([0.3, 0.36, 0.3])
+
+
+@pytest.mark.parametrize("index", [None, 1])
+def test_a_load_leans_by_the_share_at_its_outermost_foot(chain: Chain, index: int | None) -> None:
+    leaned = with_loads_shifted(chain, [0.0, 1.0], 0.1, index)
+    for i, obj in enumerate(leaned.objects):
+        assert isinstance(obj.support, FeetSupport)
+        assert obj.support.fractions is not None
+        if index is None or i == index:
+            np.testing.assert_allclose(obj.support.fractions, [0.225, 0.225, 0.275, 0.275])
+        else:
+            np.testing.assert_allclose(obj.support.fractions, 0.25)
+
+
+def test_even_pressure_does_not_lean(make_chain: ChainMaker) -> None:
+    with pytest.raises(SupportError, match="load under 'box0' can only be shifted on points"):
+        with_loads_shifted(make_chain.boxes(1), [1.0, 0.0], 0.1)
+
+
+def test_a_slanted_face_turns_all_that_is_carried_as_one(chain: Chain) -> None:
+    slanted = with_slanted_face(chain, 1, 0.2)
+    contact = chain.contacts[1]
+    assert slanted.contacts[1] == contact
+    assert subtree(chain, 1) == [1, 2]
+    before, after = ([obj.pose_chain for obj in c.objects] for c in (chain, slanted))
+    np.testing.assert_array_equal(before[0], after[0])
+    np.testing.assert_allclose(relative(after[1], after[2]), relative(before[1], before[2]), atol=1e-15)
+    turn = compose(after[1], relative(before[1], np.zeros(3)))
+    middle = 0.5 * (contact.right + contact.left)
+    np.testing.assert_allclose(transform_points(turn, middle), middle, atol=1e-15)
+    np.testing.assert_allclose(
+        slanted.contacts[2].right, transform_points(turn, chain.contacts[2].right), atol=1e-15
+    )
+
+
+@pytest.mark.parametrize("duration", [0.5, 100.0])
+def test_long_trajectories_are_looked_at_as_often_as_short_ones(duration: float) -> None:
+    assert for_verdict(duration).samples == max(VERDICT.samples, 50.0 * duration)
+
+
+@pytest.fixture
+def _engine() -> None:
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed; the extra pushplan[physics] brings it")
+
+
+@pytest.mark.usefixtures("_engine")
+def test_a_turned_object_closes_and_counts_from_there_on(chain: Chain) -> None:
+    settings = for_verdict(0.8)
+    report = simulate_trajectory(chain, ahead(0.2, 1.0), settings=settings, placed=turned(chain, 1, -0.01))
+    assert report.kept
+    assert 0.01 < report.counted_from < 0.2
+    start = relative(report.object_poses[0, 0], report.object_poses[0, 1])
+    end = relative(report.object_poses[-1, 0], report.object_poses[-1, 1])
+    assert start[2] == pytest.approx(-0.01)
+    assert abs(end[2]) < 1e-5
+
+
+@pytest.mark.usefixtures("_engine")
+def test_an_object_that_starts_aside_ends_aside(chain: Chain) -> None:
+    report = simulate_trajectory(
+        chain, ahead(0.2, 1.0), settings=for_verdict(0.8), placed=shifted(chain, 2, 1e-3)
+    )
+    assert report.kept
+    assert report.counted_from == 0.0
+    np.testing.assert_allclose(report.object_errors, [[0.0, 0.0], [0.0, 0.0], [1e-3, 0.0]], atol=2e-5)
+
+
+@pytest.mark.usefixtures("_engine")
+@pytest.mark.parametrize(("braking", "kept"), [(2.5, True), (4.0, False)])
+def test_verdicts_at_full_speed_are_those_worked_out_by_hand(
+    make_chain: ChainMaker, braking: float, kept: bool
+) -> None:
+    """Friction stops a box with mu g = 2.94 m/s^2, no harder; whoever asks for it is told early."""
+    chain, told = make_chain.boxes(1, support=on_corners), list[float]()
+    trajectory = ahead(0.3, braking)
+    report = simulate_trajectory(
+        chain, trajectory, settings=for_verdict(0.8), until_moved=True, progress=told.append
+    )
+    assert report.kept == kept
+    assert (report.t[-1] == pytest.approx(trajectory.duration)) == kept
+    assert told == sorted(told)
+    assert (told[-1] == 1.0) == kept
