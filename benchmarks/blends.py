@@ -1,9 +1,10 @@
 """How much sooner blended trajectories arrive than exact ones on the packaged scenarios, and what limits it.
 
 Run `python benchmarks/blends.py [--speed 0.3]`: a minute of CPU. Both trajectories follow the same path, planned with
-seed 1 and 20,000 iterations, for the least travel, with a margin of 0 and inertia left out, so that corners are many
-and only the pusher's own limits count. `no stop` is the least time in which the middle of the contact can travel as
-far as it does on the path; `straight` the same for the straight line from start to goal, which no motion beats.
+seed 1 and 20,000 iterations, for the least travel, with a margin of 0 and inertia left out, so that corners are
+many and only the pusher's own limits count. `no stop` is the least time in which the middle of the contact can
+travel as far as it does on the path; `straight` the same for the straight line from start to goal, which no motion
+beats.
 """
 
 from __future__ import annotations

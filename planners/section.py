@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
-from pushplan.planners.arc_limits import contact_limits
+from pushplan.planners.arc_limits import contact_limits, contact_limits_of
 from pushplan.planners.bounds import Bounds
 from pushplan.planners.contact_use import ORDERS, bounds_use
 from pushplan.planners.driven import Driven, Push
@@ -140,14 +139,11 @@ def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> F
     Where speed and acceleration compete for the room that a contact leaves, an arc from rest to rest takes the more
     acceleration the shorter it is. Passing needs little of it: the steps to and fro are eased afterwards.
     """
-    return np.array([_passing_speed(t, float(s), bounds) for t, s in zip(twists, lengths, strict=True)])
-
-
-def _passing_speed(twist: FloatArray, length: float, bounds: Bounds) -> float:
-    try:
-        return float(contact_limits(twist, max(length, PASSED), bounds).speed)
-    except TimingError:  # at the boundary of the set, only a shorter arc is over soon enough
-        return float(contact_limits(twist, length, bounds).speed)
+    found, able = contact_limits_of(twists, np.maximum(lengths, PASSED), bounds)
+    speeds = np.array(found.speed)
+    for i in np.flatnonzero(~able):  # at the boundary of the set, only a shorter arc is over soon enough
+        speeds[i] = contact_limits(twists[i], float(lengths[i]), bounds).speed
+    return speeds
 
 
 def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:

@@ -15,14 +15,16 @@ def plain(scenario: Scenario) -> Scenario:
 
     Its paths are the hardest to time: few metres, sharp corners, twists on the boundary of the stable set.
     """
-    pusher = scenario.chain.pusher
+    pusher, stated = scenario.chain.pusher, scenario.bodies["pusher"]
     limits = replace(pusher.limits, contact="quasi-static")
+    words = {**stated, "limits": {**stated["limits"], "contact": "quasi-static"}}
     return replace(
         scenario,
         chain=replace(scenario.chain, pusher=replace(pusher, limits=limits)),
         stability=replace(scenario.stability, margin=0.0),
         planner=replace(scenario.planner, cost="travel", arc_price=ARC_PRICE),
         trajectory="exact",
+        bodies={**scenario.bodies, "pusher": words},
     )
 
 

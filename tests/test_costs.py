@@ -172,3 +172,47 @@ def test_the_cost_may_be_given_beside_the_scenario() -> None:
     assert given.path is not None
     assert stated.path is not None
     np.testing.assert_array_equal(given.path.lengths, stated.path.lengths)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("name", ["one-box", "two-crates", "narrow-gap", "asymmetric"])
+def test_the_soonest_of_both_is_taken_so_time_is_never_slower_than_travel(name: str, seed: int) -> None:
+    """Paths are ranked by travel first, in half of the iterations, and what is best then is driven as well."""
+    scenario = load_scenario(name)
+    fast = plan(scenario, seed=seed, time_limit=120.0, iterations=8000)
+    short = plan(scenario, seed=seed, time_limit=120.0, iterations=4000, cost="travel")
+    assert (fast.objective, short.objective) == ("time", "travel")
+    assert fast.trajectory is not None
+    assert short.trajectory is not None
+    assert fast.trajectory.duration <= short.trajectory.duration + 1e-9
+    longer = plan(scenario, seed=seed, time_limit=120.0, iterations=8000, cost="travel")
+    assert longer.trajectory is not None
+    assert fast.trajectory.duration <= 1.02 * longer.trajectory.duration
+
+
+def test_the_dearer_an_arc_the_fewer_there_are() -> None:
+    counts = []
+    for price_of_one in (0.0, 0.03, 0.3):
+        few = []
+        for name in ("two-crates", "narrow-gap", "three-boxes-clutter"):
+            scenario = load_plain(name)
+            dear = replace(scenario, planner=replace(scenario.planner, arc_price=price_of_one))
+            path = plan(dear, time_limit=120.0, iterations=15_000).path
+            assert path is not None
+            few.append(len(path.lengths))
+        counts.append(few)
+    least = np.array(counts)
+    assert (least[2] <= least[1]).all()
+    assert least[0].sum() > least[1].sum() > 3
+    assert least[2].min() >= 3
+
+
+@pytest.mark.parametrize("cost", ["travel", "time", "margin"])
+def test_an_arc_is_paid_for_whatever_the_cost(cost: str) -> None:
+    """Per arc: metres of travel, the time that these take at top speed, or what they cost at the dearest twist."""
+    scenario = ranked(cost, 3.0)
+    dear = replace(scenario, planner=replace(scenario.planner, arc_price=ARC_PRICE + 0.05))
+    twist = np.array([1.0, 0.0, 0.0])
+    more = rate(prices_of(dear), twist) - rate(prices_of(scenario), twist)
+    factor = {"travel": 1.0, "time": 1.0 / scenario.chain.pusher.limits.speed, "margin": 4.0}[cost]
+    assert more == pytest.approx(0.05 * factor)

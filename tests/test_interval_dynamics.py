@@ -57,11 +57,12 @@ def world(interval: IntervalChain, masses: FloatArray, frictions: FloatArray, co
 
 def worlds(interval: IntervalChain, seed: int, count: int = 15) -> Iterator[Chain]:
     rng = np.random.default_rng([seed, 1])
+    masses, frictions = interval.mass.T, interval.floor_friction.T
     for _ in range(count):
         yield world(
             interval,
-            rng.uniform(*interval.mass.T),
-            rng.uniform(*interval.floor_friction.T),
+            rng.uniform(masses[0], masses[1]),
+            rng.uniform(frictions[0], frictions[1]),
             rng.uniform(1.0, 1.6),
         )
 
@@ -122,9 +123,9 @@ def test_intervals_of_no_width_are_numbers(make_chain: ChainMaker) -> None:
         np.testing.assert_allclose(a.rows, b.rows, atol=1e-9)
         np.testing.assert_allclose(a.size, b.size, atol=1e-9)
     for twist in twists[:10]:
-        a, b = found.rows(twist, 0.02), exact.rows(twist, 0.02)
+        rows, same = found.rows(twist, 0.02), exact.rows(twist, 0.02)
         for name in ("alpha", "beta", "gamma", "beta_down"):
-            np.testing.assert_allclose(getattr(a, name), getattr(b, name), atol=1e-9)
+            np.testing.assert_allclose(getattr(rows, name), getattr(same, name), atol=1e-9)
 
 
 def test_rows_hold_for_every_world_when_speeding_up_and_when_braking(make_chain: ChainMaker) -> None:

@@ -16,6 +16,7 @@ from pushplan.path import PushPath
 from pushplan.planners.budget import Budget
 from pushplan.planners.checker import find_collision
 from pushplan.planners.polish import price, shorten
+from pushplan.planners.prices import travel_prices
 from pushplan.planners.problem import build_problem
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Session
@@ -65,6 +66,33 @@ def test_changed_paths_reach_the_goal_free_stable_and_never_dearer(name: str) ->
     assert (path[:, 3] > 0.0).all()
     assert (stable_set(scenario.chain, scenario.stability.set).margin(path[:, :3]) > 0.0).all()
     assert find_collision(scenario, done.sampled(0.002)) is None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_arcs_that_are_not_needed_are_left_out_and_the_path_stays_exact_free_and_stable(name: str) -> None:
+    """Every arc of a path is cut in three; where arcs are dear, changes take the cuts out again."""
+    scenario, problem = _posed(name)
+    problem = problem._replace(prices=travel_prices(0.05))
+    path, state, normals = _first_path(scenario, problem, 3), _random(5), normals_of(problem.segments)
+    cut = np.repeat(path, 3, axis=0) * [1.0, 1.0, 1.0, 1.0 / 3.0]
+    now = cut
+    left_out = 0
+    for _ in range(3000):
+        new = vary(problem, normals, scenario.start, now, state)
+        assert len(new) >= len(now) - 1
+        if len(new) < len(now):
+            left_out += 1
+            assert price(problem.prices, new) < price(problem.prices, now)
+            done = PushPath(scenario.start, new[:, :3], new[:, 3])
+            gap = se2.relative(done.end, problem.goal)
+            np.testing.assert_allclose([*gap[:2], math.remainder(gap[2], 2.0 * math.pi)], 0.0, atol=1e-9)
+            assert (new[:, 3] >= 0.0).all()
+            stable = stable_set(scenario.chain, scenario.stability.set)
+            assert stable.margin(new[:, :3]).min() > scenario.required_margin
+            assert find_collision(scenario, done.sampled(0.002)) is None
+        now = new
+    assert left_out > len(path)
+    assert len(now) < len(cut) - len(path)
 
 
 def test_shortening_finds_the_optimum_of_the_free_space() -> None:

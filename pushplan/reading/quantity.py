@@ -126,7 +126,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class OrAuto:
-    """A quantity, or the word `auto`; put beside `float | Literal["auto"]` in an annotation."""
+    """A quantity, or the word `auto`; put beside `float | Literal["auto"]` in an annotation.
+
+    Attributes:
+        number: The quantity; its name tells of the word, too.
+    """
 
     number: Quantity
 
@@ -136,11 +140,7 @@ class OrAuto:
         Raises:
             PydanticCustomError: When `value` is neither.
         """
-        if value == AUTO:
-            return value
-        if isinstance(value, str):
-            raise fault(show(value), f"{AUTO}, or {self.number.allowed}")
-        return self.number.read(value)
+        return value if value == AUTO else self.number.read(value)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(self.read, handler(source))

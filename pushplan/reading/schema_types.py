@@ -46,7 +46,7 @@ Friction = Annotated[float | Span, OrInterval(friction(0.0))]
 FloorFriction = Annotated[float | Span, OrInterval(friction(1e-3))]
 _LOAD = Quantity("a part of the load", units.FRACTION, 1e-6, 1.0, "25 %")
 LoadFraction = Annotated[float | Span, OrInterval(_LOAD, replace(_LOAD, low=0.0))]
-Margin = Annotated[float | Literal["auto"], OrAuto(Quantity("a margin", {}, 0.0, 0.99))]
+Margin = Annotated[float | Literal["auto"], OrAuto(Quantity("auto, or a margin", {}, 0.0, 0.99))]
 ArcPrice = Annotated[float, Quantity("a length", units.LENGTH, 0.0, 100.0, "30 mm")]
 Weight = Annotated[float, Quantity("a weight", {}, 0.0, 1000.0)]
 Gap = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 100.0, "1 %")]

@@ -213,6 +213,7 @@ def _check_recovered(case: Any, partial: Path, count: int, assert_same: Callable
     run = read_run(partial)
     assert run.scenario == case.scenario
     if count >= 2:
+        assert run.plan is not None
         assert_same(dataclasses.replace(run.plan, execution=None), case.plan)
     if count >= 3:
         assert run.execution is not None

@@ -45,7 +45,7 @@ obstacles:
   - {polygon: [[0.5, 0.2], [0.7, 0.2], [0.6, 0.5]]}
   - {box: [0.2, 0.1], pose: [0.3, 1.0, 0.3]}
   - {circle: 0.1, center: [1.0, 0.2]}
-stability: {set: ecof, margin: 0.0}
+stability: {set: ecof, margin: auto}
 planner: {name: rrt, time_limit: 2.0, seed: 1}
 """
 

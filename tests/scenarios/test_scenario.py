@@ -53,9 +53,10 @@ def test_what_may_be_left_out_has_documented_defaults() -> None:
     np.testing.assert_array_equal(scenario.start, [0.0, 0.0, 0.0])
     assert scenario.workspace is None
     assert scenario.obstacles == ()
-    assert scenario.stability == StabilitySettings("ecof", 0.0)
-    assert scenario.planner == PlannerSettings("auto", 2.0, 1)
-    assert scenario.trajectory == "exact"
+    assert scenario.stability == StabilitySettings("ecof", "auto")
+    assert scenario.planner == PlannerSettings("auto", 2.0, 1, "time", 1.0, 0.0, 0.03)
+    assert scenario.trajectory == "blended"
+    assert scenario.chain.pusher.limits.contact == "dynamic"
     assert scenario.goal.of is None
     assert (scenario.goal.position_tolerance, scenario.goal.angle_tolerance) == (0.002, np.radians(0.2))
     pusher = scenario.chain.pusher
@@ -68,7 +69,7 @@ def test_the_documented_example_is_understood(valid: Changed) -> None:
         ("drive: omnidirectional", "drive: {car: {axle: [-0.3, 0, 10 deg], min_radius: 40 cm}}"),
         ("thickness: 0.03", "thickness: 3 cm\n  contact_height: 25 mm\n  limits: {speed: 500 mm/s}"),
         ("seed: 1", "seed: 7"),
-        ("margin: 0.0", "margin: 0.05"),
+        ("margin: auto", "margin: 0.05"),
     )
     assert scenario.workspace == Workspace(-0.5, 2.0, -0.5, 2.0)
     triangle, box, circle = scenario.obstacles
@@ -181,7 +182,8 @@ def test_equal_scenarios_hash_alike_and_travel_between_processes(valid: Changed)
 def test_replaced_settings_show_in_the_resolved_scenario(valid: Changed) -> None:
     scenario = dataclasses.replace(valid.scenario(), planner=PlannerSettings("est", 0.5, 9))
     stated = {"name": "est", "time_limit": 0.5, "seed": 9}
-    assert scenario.resolved()["planner"] == {**stated, "cost": "travel", "weight": 1.0, "gap": 0.0}
+    left_open = {"cost": "time", "weight": 1.0, "gap": 0.0, "arc_price": 0.03}
+    assert scenario.resolved()["planner"] == {**stated, **left_open}
     assert scenario != valid.scenario()
 
 
@@ -212,7 +214,7 @@ def test_an_empty_stable_set_is_found_at_the_contact_that_makes_it_empty(valid: 
     assert slippery[0].what.startswith("the stable set is empty: no push keeps 'far' on 'near' together")
     plate = check_scenario(valid.scenario(("friction: 0.55", "friction: 0")))
     assert [finding.where for finding in plate] == ["pusher.friction"]
-    wide = check_scenario(valid.scenario(("margin: 0.0", "margin: 0.9")))
+    wide = check_scenario(valid.scenario(("margin: auto", "margin: 0.9")))
     assert [finding.where for finding in wide] == ["stability.margin"]
     assert wide[0].what.startswith("no push has a margin above 0.9; the largest is 0.")
 

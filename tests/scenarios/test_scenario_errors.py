@@ -46,7 +46,7 @@ def test_findings_of_all_stages_are_told_at_once_in_the_order_of_the_file(valid:
         ("offset: 0.01", "pose: [0.1468, 0, 0]"),
         ("start: [0.0, 0.0, 0.0]", "start: [-1.0, 0.0, 0.0]"),
         ("of: far", "of: nowhere"),
-        ("margin: 0.0", "margin: &m 0.0"),
+        ("margin: auto", "margin: &m auto"),
         ("seed: 1", "seed: one"),
     ]
     assert valid.findings(*changes) == [

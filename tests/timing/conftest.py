@@ -12,12 +12,15 @@ from pushplan.path import PushPath
 from pushplan.plan import plan
 from pushplan.scenario import Scenario
 
+MARGINS = {"carts": 0.02, "feet": 0.01}
+"""Of paths that are not planned with a margin of 0."""
+
 Planned = Callable[[str], tuple[Scenario, PushPath]]
 
 
 @cache
 def _planned(name: str) -> tuple[Scenario, PushPath]:
-    scenario = load_plain(name)
+    scenario = load_plain(name).with_margin(MARGINS.get(name, 0.0))
     path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
     assert path is not None
     return scenario, path

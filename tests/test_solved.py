@@ -1,0 +1,113 @@
+"""Solved means executed: a plan that loses a contact when it is driven is no solution, whoever asks."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pushplan import run
+from pushplan.bench.work import figures
+from pushplan.cli import main
+from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.dynamics import dynamic_margins
+from pushplan.path import PushPath
+from pushplan.plan import plan
+from pushplan.planners.bounds import Bounds
+from pushplan.planners.timing import time_path
+from pushplan.scenario import Scenario, load_scenario
+from pushplan.sim.judging import judging_set, planning_set
+from pushplan.sim.kinematic import directions
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
+from pushplan.stopwatch import Stopwatch
+from pushplan.trajectory import Trajectory
+
+ITERATIONS = 4000
+FAST = Limits(5.0, 50.0, 2000.0, 50.0, 500.0, 2e4)
+
+
+def too_fast(scenario: Scenario, path: PushPath, stable: StableSet, rate: float = 200.0) -> Trajectory:
+    return time_path(path, Bounds(FAST), rate)
+
+
+@pytest.fixture
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every path is driven much too fast for its contacts."""
+    monkeypatch.setattr(sys.modules["pushplan.plan"], "make_trajectory", too_fast)
+
+
+def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
+    scenario = load_scenario("one-box")
+    result = plan(scenario, stable_set="cof", time_limit=60.0, iterations=ITERATIONS)
+    assert result.solved, result.reason
+    assert result.stable_set == "cof"
+    assert result.execution is not None
+    assert result.execution.loss is None
+    assert result.path is not None
+    assert result.trajectory is not None
+    assert result.margin is not None
+    for name in ("ecof", "cof"):
+        assert stable_set(scenario.chain, name).margin(result.path.twists).min() > result.margin
+    rates = result.trajectory.rates_at(result.trajectory.t)
+    found = dynamic_margins(scenario.chain, directions(result.trajectory), rates)
+    assert found.min() == pytest.approx(result.min_dynamic_margin)
+    assert found.min() > 0.0
+
+
+def test_the_set_to_plan_in_is_what_both_sets_have_in_common() -> None:
+    scenario = load_scenario("one-box")
+    rng = np.random.default_rng(3)
+    twists = rng.normal(size=(3000, 3)) * [0.2, 0.4, 2.0] + [1.0, 0.0, 0.0]
+    cof, ecof = (stable_set(scenario.chain, name) for name in ("cof", "ecof"))
+    both = planning_set(scenario, "cof")
+    np.testing.assert_array_equal(both.margin(twists), np.minimum(cof.margin(twists), ecof.margin(twists)))
+    assert ((cof.margin(twists) > 0.0) & (ecof.margin(twists) <= 0.0)).sum() > 10  # there is something to cut
+    assert judging_set(scenario, "cof").name == "ecof"
+    for name in ("ecof", "stable", "robust"):
+        assert planning_set(scenario, name).name == name
+
+
+def test_a_path_that_loses_a_contact_when_driven_is_not_solved(hurried: None) -> None:
+    scenario = load_scenario("two-crates")
+    result = plan(scenario, time_limit=60.0, iterations=ITERATIONS)
+    assert not result.solved
+    assert result.reason.startswith("the plan does not hold when it is executed: contact ")
+    assert (result.path, result.trajectory, result.execution, result.tolerance) == (None, None, None, None)
+    assert result.min_dynamic_margin is None
+    assert result.first_solution_s is not None
+
+
+def test_the_row_of_a_benchmark_says_so(hurried: None) -> None:
+    scenario = load_scenario("two-crates")
+    row = figures(scenario, run(scenario, time_limit=60.0, iterations=ITERATIONS), Stopwatch())
+    assert row.found
+    assert not row.valid
+    assert row.reason.startswith("the plan does not hold when it is executed: ")
+    assert row.min_margin is None
+
+
+def test_the_row_of_a_good_run_with_the_margin_that_auto_found_is_valid() -> None:
+    scenario = load_scenario("two-crates")
+    row = figures(scenario, run(scenario, time_limit=60.0, iterations=ITERATIONS), Stopwatch())
+    assert (row.found, row.valid, row.reason) == (True, True, "")
+    assert row.min_margin is not None
+    assert row.min_margin > 0.05
+
+
+def test_the_command_says_so_in_words_in_json_in_the_log_and_by_its_exit_code(
+    hurried: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "run.mcap"
+    words = ["--iterations", str(ITERATIONS), "--time-limit", "60", "--json", "-o", str(log)]
+    assert main(["plan", "two-crates", *words]) == 3
+    said = capsys.readouterr()
+    found = json.loads(said.out)
+    assert found["solved"] is False
+    assert found["reason"].startswith("the plan does not hold when it is executed: ")
+    assert "two-crates: not solved" in said.err
+    assert main(["replay", str(log)]) == 0
+    assert "two-crates: not solved" in capsys.readouterr().out
