@@ -18,8 +18,9 @@ from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.planners.budget import Budget
+from pushplan.planners.ompl.factories import PLANNERS, planner_named
+from pushplan.planners.ompl.search import search
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.registry import MODULES, planner_named
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Session
 from pushplan.reading.scenario_file import load_scenario
@@ -34,8 +35,7 @@ NEVER = 10**12
 def run(scenario: Scenario, problem: Problem, planner: str, seed: int, seconds: float) -> Session:
     """Return the session of a search that takes all of its time."""
     session = Session(problem, scenario.start, Budget(seconds, stall=NEVER), seed)
-    if not session.finished:
-        planner_named(planner)(session, sampling_box(scenario), body_reach(scenario))
+    search(session, planner_named(planner)[1], sampling_box(scenario), body_reach(scenario))
     return session
 
 
@@ -51,7 +51,7 @@ def measure(name: str, arguments: argparse.Namespace) -> FloatArray:
     problem = build_problem(scenario, scenario.stable_set())
     known = [
         run(scenario, problem, planner, 1000, arguments.longer).best_cost
-        for planner in (MODULES if arguments.longer > 0.0 else ())
+        for planner in (PLANNERS if arguments.longer > 0.0 else ())
     ]
     sessions = [
         run(scenario, problem, arguments.planner, seed, arguments.seconds)
@@ -73,13 +73,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--planner", choices=list(MODULES), default="auto")
+    parser.add_argument("--planner", choices=list(PLANNERS), default="auto")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--seconds", type=float, default=1.0)
     parser.add_argument("--longer", type=float, default=10.0, help="for every planner once, s; 0 for none")
     parser.add_argument("--scenarios", nargs="+", default=list(example_names()))
     arguments = parser.parse_args()
-    for planner in {arguments.planner, *(MODULES if arguments.longer > 0.0 else ())}:
+    for planner in {arguments.planner, *(PLANNERS if arguments.longer > 0.0 else ())}:
         warm_up(planner)
     print(f"{Machine.this().words}, {arguments.planner}, {arguments.seeds} seeds")
     at = " ".join(f"{f'{mark * arguments.seconds:g} s':>8}" for mark in MARKS)

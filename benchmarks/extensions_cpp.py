@@ -15,6 +15,7 @@ import subprocess
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from ompl import base as ob
@@ -23,8 +24,8 @@ from ompl import util as ou
 
 from pushplan.bench.machine import Machine
 from pushplan.kernels import warm_up
-from pushplan.planners import control_planners
 from pushplan.planners.budget import Budget
+from pushplan.planners.ompl.posing import pose_problem
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search import Problem
 from pushplan.planners.session import Session
@@ -35,11 +36,12 @@ SOURCE = Path(__file__).with_name("extensions.cpp")
 INCLUDES = [Path(f"/usr/include/{name}") for name in ("ompl-1.5", "ompl-1.6", "ompl-1.7", "eigen3")]
 
 
-class Unpruned(Session):
-    """A session that keeps no path: the tree grows on as if there were none."""
+class Unreached(ob.GoalRegion):  # type: ignore[misc]
+    """A goal that no state is in: the tree grows on."""
 
-    def _consider(self, node: int, cost: float) -> None:
-        pass
+    def distanceGoal(self, state: Any) -> float:  # noqa: N802 OMPL's name
+        del state
+        return 1.0
 
 
 def why_not() -> str | None:
@@ -99,14 +101,17 @@ def ours(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tu
     """CPU seconds per extension of OMPL's RRT with the compiled propagator, and the share of arcs kept."""
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
-    session = Unpruned(problem, scenario.start, Budget(math.inf, stall=10**12), seed)
-    information, definition = control_planners._pose(session, sampling_box(scenario), body_reach(scenario))
+    session = Session(problem, scenario.start, Budget(math.inf, stall=10**12), seed)
+    information, definition = pose_problem(session, sampling_box(scenario), body_reach(scenario))
+    definition.setGoal(Unreached(information))
     planner = oc.RRT(information)
     planner.setProblemDefinition(definition)
     planner.setup()
     began = time.process_time()
     planner.solve(ob.PlannerTerminationCondition(lambda: session.extensions >= extensions))
-    return (time.process_time() - began) / session.extensions, (session.count - 1) / session.extensions
+    return (time.process_time() - began) / session.extensions, (
+        information.propagator.count - 1
+    ) / session.extensions
 
 
 def compare(name: str, extensions: int, repeats: int) -> str:

@@ -17,8 +17,9 @@ from pathlib import Path
 from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
-from pushplan.planners.auto import search
 from pushplan.planners.budget import Budget
+from pushplan.planners.ompl.auto import Auto
+from pushplan.planners.ompl.search import search
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.session import Session
 from pushplan.reading.scenario_file import load_scenario
@@ -43,7 +44,7 @@ def long_search(name: str, seconds: float) -> None:
     session = Session(problem, scenario.start, Budget(0.25 * seconds, stall=NEVER), seed=1)
     for quarter in range(1, 5):
         session.budget = Budget(0.25 * quarter * seconds, stall=NEVER)
-        search(session, sampling_box(scenario), body_reach(scenario))
+        search(session, Auto, sampling_box(scenario), body_reach(scenario))
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         print(
             f"{name}, {session.elapsed:5.1f} s: {peak:4.0f} MB, {session.extensions} extensions, "

@@ -24,7 +24,7 @@ from pushplan.geometry import se2
 from pushplan.path import cost_rate
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments
 from pushplan.planners.margins import margins_to_try
-from pushplan.planners.ompl_poses import bounds, state_at
+from pushplan.planners.ompl.posing import bounds, state_at
 from pushplan.planners.problem import sampling_box
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import CircleObstacle, Scenario

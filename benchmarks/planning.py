@@ -24,8 +24,8 @@ import plain_ompl
 from pushplan.bench.machine import Machine
 from pushplan.bench.validation import exactly, plan_flaw
 from pushplan.kernels import warm_up
+from pushplan.names import PLANNERS
 from pushplan.plan import plan
-from pushplan.planners.registry import MODULES
 from pushplan.reading.scenario_file import load_scenario
 
 SCENARIOS = ("free-space", "narrow-gap", "three-boxes-clutter", "two-crates", "five-objects", "carts")
@@ -85,7 +85,7 @@ def table(scenario: str, planners: list[str], seeds: int, seconds: float) -> Non
     for seed in range(1, seeds + 1):
         for planner in planners:
             outcomes[planner].append(in_own_process(scenario, planner, seed, seconds))
-    exact = [o.costs[-1] for name, found in outcomes.items() if name in MODULES for o in found]
+    exact = [o.costs[-1] for name, found in outcomes.items() if name in PLANNERS for o in found]
     best = min(exact, default=math.inf)
     print(f"\n{scenario}: best cost {best:.4f} m")
     at = " ".join(f"{f'{mark * seconds:g} s':>7}" for mark in MARKS)
@@ -105,10 +105,10 @@ def table(scenario: str, planners: list[str], seeds: int, seconds: float) -> Non
 def main() -> None:
     if sys.argv[1:2] == ["--one"]:
         scenario, planner, seed, seconds = sys.argv[2:6]
-        run = ours if planner in MODULES else plain
+        run = ours if planner in PLANNERS else plain
         print(json.dumps(asdict(run(scenario, planner, int(seed), float(seconds)))), flush=True)
         return
-    everyone = [*MODULES, *plain_ompl.PLANNERS]
+    everyone = [*PLANNERS, *plain_ompl.PLANNERS]
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -21,8 +21,8 @@ from pushplan.bench.parameters import DRIVES, GeneratorError, ProblemParameters
 from pushplan.bench.validation import exactly, plan_flaw
 from pushplan.errors import PushplanError
 from pushplan.kernels import warm_up
+from pushplan.names import PLANNERS
 from pushplan.plan import plan
-from pushplan.planners.registry import MODULES
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario, scenario_from_text
 
@@ -48,7 +48,7 @@ def attempt(scenario: Scenario, planner: str, seconds: float, tally: Tally, seed
 
 def others(scenario: Scenario, seconds: float, tally: Tally, seed: int) -> str | None:
     """Name of the first planner that solves a problem within the longer limit."""
-    for name in MODULES:
+    for name in PLANNERS:
         try:
             if attempt(scenario, name, seconds, tally, seed).solved:
                 return name
@@ -91,7 +91,7 @@ def main() -> int:
     arguments = parser.parse_args()
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.count)
     print(f"{Machine.this().words}, seeds {seeds[0]}-{seeds[-1]}, {PARAMETERS}")
-    for name in MODULES:
+    for name in PLANNERS:
         warm_up(name)
     tally = Tally()
     for seed in seeds:

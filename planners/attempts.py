@@ -11,8 +11,10 @@ from pushplan.path import PushPath
 from pushplan.planners.budget import Budget
 from pushplan.planners.diagnosis import Doubts
 from pushplan.planners.lower_bound import lower_bound
+from pushplan.planners.ompl.search import Factory, search
+from pushplan.planners.ompl.solution import push_path
+from pushplan.planners.prices import make_prices
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.registry import Planner
 from pushplan.planners.session import Session
 from pushplan.result import ProgressPoint
 from pushplan.scenario import Scenario
@@ -39,12 +41,14 @@ class Attempt:
         scenario: The problem, its margin a number.
         session: The search, over.
         doubts: What may have kept it from a path.
+        path: The best path, as the planner left it in OMPL's form; None without any.
         others: Further paths that were best by another objective.
     """
 
     scenario: Scenario
     session: Session
     doubts: Doubts
+    path: PushPath | None
     others: tuple[PushPath, ...] = ()
 
 
@@ -54,7 +58,7 @@ class Search:
 
     Attributes:
         stable: The set of the plan.
-        planner: Drives a session until it is finished.
+        make: What makes the planner.
         budget: Of all searches together.
         seed: Of the random numbers.
         good_enough: Share above the lower bound at which a path is good enough; 0 asks for the best.
@@ -62,7 +66,7 @@ class Search:
     """
 
     stable: StableSet
-    planner: Planner
+    make: Factory
     budget: Budget
     seed: int
     good_enough: float = 0.0
@@ -83,7 +87,7 @@ class Search:
             share = 1.0 if k == len(margins) - 1 else share + PATIENCE * (1.0 - share)
             budget = replace(self.budget, patience=share)
             attempt = self._attempt(scenario.with_margin(margin), budget, attempt)
-            if attempt.session.best_arcs is not None or self._is_over(attempt):
+            if attempt.path is not None or self._is_over(attempt):
                 break
         assert attempt is not None
         return attempt
@@ -101,22 +105,26 @@ class Search:
             return self._run(scenario, budget, earlier)
         by_travel = replace(scenario, planner=replace(scenario.planner, cost="travel"))
         first = self._run(by_travel, replace(budget, enough=TRAVEL_SHARE), earlier)
-        if first.session.best_path is None:
+        if first.path is None:
             return first
-        second = self._run(scenario, budget, first.session, first.session.best_path)
-        return replace(second, others=(first.session.best_path,))
+        second = self._run(scenario, budget, first.session, first.path)
+        return replace(second, others=(first.path,))
 
     def _run(
         self, scenario: Scenario, budget: Budget, before: Session | None, known: PushPath | None = None
     ) -> Attempt:
-        """Search once, from a known path if there is one."""
-        problem = build_problem(scenario, self.stable)
+        """Search once, from a path known to the search before if there is one: only the prices are others then."""
+        if before is None or known is None:
+            problem = build_problem(scenario, self.stable)
+        else:
+            prices = make_prices(scenario, self.stable, before.problem.segments)
+            problem = before.problem._replace(prices=prices)
         doubts = Doubts(scenario, self.stable, problem)
         session = Session(problem, scenario.start, budget, self.seed, self.progress, doubts.settled, before)
         if known is not None:
             session.offer(np.column_stack([known.twists, known.lengths]))
         if self.good_enough > 0.0:
             session.raise_lower_bound(lower_bound(scenario))
-        if not session.finished:
-            self.planner(session, sampling_box(scenario), body_reach(scenario))
-        return Attempt(scenario, session, doubts)
+        definition = search(session, self.make, sampling_box(scenario), body_reach(scenario))
+        path = push_path(definition) if definition.hasExactSolution() else None
+        return Attempt(scenario, session, doubts, path)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.names import KNOWN_LOAD_SETS
+from pushplan.names import KNOWN_LOAD_SETS, STABLE_SETS
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
@@ -48,6 +48,11 @@ def margin_with_inertia(margin: float) -> float:
 def contact_dynamics(scenario: Scenario, set_name: str) -> ContactDynamics:
     """Return the contact conditions with inertia, for all that a stable set holds for.
 
-    That is every value of the scenario's intervals, and every pressure where the set is for that.
+    That is every value of the scenario's intervals, and every pressure where the set is for that. A set of the user's
+    own is for the loads that are known, as its executions are judged (`sim.judging`).
     """
-    return ContactDynamics(scenario.chain, set_name not in KNOWN_LOAD_SETS, scenario.interval)
+    if set_name in STABLE_SETS:
+        all_pressures = set_name not in KNOWN_LOAD_SETS
+    else:
+        all_pressures = not all(obj.support.known for obj in scenario.chain.objects)
+    return ContactDynamics(scenario.chain, all_pressures, scenario.interval)

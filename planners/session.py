@@ -1,4 +1,4 @@
-"""One planning run: the tree, the best path so far and the budget, shared by every planner."""
+"""One planning run: the best path so far, its polishing and the budget, shared by every planner."""
 
 from __future__ import annotations
 
@@ -13,13 +13,9 @@ from pushplan.geometry import se2
 from pushplan.path import TURN_WEIGHT, PushPath
 from pushplan.planners.branches import Branches
 from pushplan.planners.budget import Budget
-from pushplan.planners.held import grower, hold
 from pushplan.planners.polish import merged, price, shorten
-from pushplan.planners.search import NODE, Problem, remaining, trace
+from pushplan.planners.search import Problem, remaining
 from pushplan.result import ProgressPoint
-
-FIRST_CAPACITY = 4096
-"""Nodes that a fresh tree has room for; doubled when full."""
 
 CHUNK = 128
 """Extensions between two looks at the clock."""
@@ -71,7 +67,7 @@ class Session:
         progress: Every improvement.
         extensions: Arcs propagated.
         iterations: Arcs propagated and shortcuts tried.
-        nodes: (capacity, NODE) the tree; the first `count` rows are in use.
+        stop: What tells planners that the search is over; by default when the budget is used up (`settled`).
         branches: What is kept of the trees.
     """
 
@@ -100,18 +96,11 @@ class Session:
         self._reference, self._improved_at = math.inf, self.iterations
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
         self._on_progress, self._hopeless = on_progress, hopeless
-        self._word = np.zeros((3, 4))
-        self.nodes, self.count = np.zeros((FIRST_CAPACITY, NODE)), 0
-        self._held = hold(problem, self.nodes, self._word)
-        self._grow = grower(self._held)
         self.branches: Branches = Branches() if before is None else before.branches
-        if (
-            before is not None
-        ):  # what was stable before is so now: searches go on with lower margins, never higher
-            before.note_approach()
+        if before is not None:  # stable then, stable now: searches go on with lower margins, never higher
             self.closest_arcs, self.closest_left = before.closest_arcs, before.closest_left
         self.began: float = time.perf_counter() if before is None else before.began
-        self.restart()
+        self.stop: Callable[[], bool] = self.settled
 
     @property
     def lower_bound(self) -> float:
@@ -134,7 +123,6 @@ class Session:
     @property
     def closest_path(self) -> PushPath:
         """The path that ends nearest to the goal, as long as there is none to it."""
-        self.note_approach()
         return self._path(self.closest_arcs)
 
     def _path(self, arcs: FloatArray) -> PushPath:
@@ -157,7 +145,11 @@ class Session:
 
     @property
     def finished(self) -> bool:
-        """Whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
+        """Whether the search is over."""
+        return self.stop()
+
+    def settled(self) -> bool:
+        """Return whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
         budget = self.budget
         share = budget.patience if self.best_arcs is None else budget.enough
         if budget.is_used_up(self.elapsed, self.iterations, share):
@@ -173,45 +165,6 @@ class Session:
         if self._hopeless is None or self.budget.iterations is not None:
             return False
         return self._hopeless(self.elapsed)
-
-    def restart(self) -> None:
-        """Drop the tree, keep the best path, and try the exact connection from the start."""
-        self.note_approach()
-        self.branches.offer_nodes(self.nodes[: self.count])
-        self.nodes[0, :] = 0.0
-        self.nodes[0, :3] = self.start
-        self.nodes[0, 4] = -1.0
-        self.count = 1
-        cost = self._grow(self._held, 0, -1, 0.0, 0.0, 0.0, self.bound)[1]
-        self._consider(0, cost)
-
-    def grow(self, parent: int, u0: float, u1: float, u2: float) -> tuple[int, float, float, float]:
-        """Propagate one arc from node `parent` under controls in [0, 1].
-
-        Returns:
-            Row of the new node in `nodes` and its pose; the row is -1 when the arc is blocked or cannot lead to a
-            better path.
-        """
-        node = self.count
-        if node == len(self.nodes):
-            self.nodes = np.concatenate([self.nodes, np.zeros_like(self.nodes)])
-            self._held = hold(self.problem, self.nodes, self._word)
-        self.extensions += 1
-        self.iterations += 1
-        kept, cost, x, y, theta = self._grow(self._held, node, parent, u0, u1, u2, self.bound)
-        if not kept:
-            return -1, x, y, theta
-        self.count = node + 1
-        if cost < self.bound:
-            self._consider(node, cost)
-        return node, x, y, theta
-
-    def note_approach(self) -> None:
-        """Keep the way to the tree's node nearest to the goal, if no path leads there and none came nearer."""
-        node = self.nearer(self.nodes[: self.count, :3])
-        if node >= 0:
-            path = np.empty((self.count + 3, 4))
-            self.approach(path[: trace(self.nodes, node, np.zeros((3, 4)), path)])
 
     def nearer(self, poses: FloatArray) -> int:
         """Return which of the poses (n, 3) is nearest to the goal, -1 if another one was nearer or reached it."""
@@ -231,12 +184,6 @@ class Session:
         """Count arcs that were propagated."""
         self.extensions += extensions
         self.tried(extensions)
-
-    def _consider(self, node: int, cost: float) -> None:
-        """Take the connection from `node` if it is the best path so far."""
-        if cost < self.bound:
-            path = np.empty((self.count + 3, 4))
-            self.offer(path[: trace(self.nodes, node, self._word, path)])
 
     def tried(self, changes: int) -> None:
         """Count changes of a path that were tried."""

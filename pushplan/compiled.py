@@ -21,11 +21,13 @@ MARKS = (b"@compiled", b"@lean", b"@woven", b"@intrinsic", b"@overload")
 
 
 def _folders() -> list[Path]:
-    """Folders of the package that hold compiled code."""
-    return [
-        PACKAGE,
-        *(path for path in sorted(PACKAGE.iterdir()) if path.is_dir() and path.name[0] not in "_."),
-    ]
+    """Folders of the package that hold compiled code, and those in them."""
+    rooms = _rooms(PACKAGE)
+    return [PACKAGE, *rooms, *(inner for room in rooms for inner in _rooms(room))]
+
+
+def _rooms(folder: Path) -> list[Path]:
+    return [path for path in sorted(folder.iterdir()) if path.is_dir() and path.name[0] not in "_."]
 
 
 def _digest(folders: list[Path]) -> str:

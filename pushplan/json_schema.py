@@ -24,7 +24,7 @@ def scenario_schema() -> dict[str, Any]:
 
 
 def suite_schema() -> dict[str, Any]:
-    """Return the JSON Schema of benchmark suites, likewise."""
+    """Return the JSON Schema of benchmark suites, likewise; it does not know names that installed packages add."""
     from pushplan.bench.suite_schema import SuiteFile
 
     return _schema_of(SuiteFile, "pushplan benchmark suite")

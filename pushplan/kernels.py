@@ -16,12 +16,14 @@ from pushplan.planners.cell_rounds import CellRounds
 from pushplan.planners.collision import separation
 from pushplan.planners.detours import detour
 from pushplan.planners.guide import find_way, make_guide
+from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
+from pushplan.planners.ompl.factories import PLANNERS, planner_named
+from pushplan.planners.ompl.search import search
 from pushplan.planners.pocket import LEVELS, make_steps, push_hull, reached
 from pushplan.planners.polish import shorten
 from pushplan.planners.prices import travel_prices
-from pushplan.planners.registry import planner_named
 from pushplan.planners.scene import build_scene
-from pushplan.planners.search import Problem, trace
+from pushplan.planners.search import Problem
 from pushplan.planners.session import Session
 from pushplan.second_compiler import second_compiler
 from pushplan.stable_sets.named import stable_set
@@ -39,11 +41,11 @@ def warm_up(planner: str, tell: Callable[[str], None] | None = None) -> None:
     """Make all compiled code of a plan ready.
 
     Args:
-        planner: Name of the planner that will run.
+        planner: Name of the planner that will run; one that is not the project's own needs what OMPL's need.
         tell: Called with a sentence for the user if that takes long.
     """
     with announced(tell):
-        _compile(planner)
+        _compile(planner if planner in PLANNERS else "rrt")
 
 
 @cache
@@ -82,8 +84,10 @@ def compile_search(planner: str) -> None:
     """Run every kernel of a planner once, but for those of ways and detours."""
     session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
     separation(session.problem.scene, 0.0, 0.0, 0.0, 1.0)  # of the ends of a problem that is posed
-    trace(session.nodes, 0, np.zeros((3, 4)), np.empty((4, 4)))  # of connections from the start: here blocked
-    planner_named(planner)(session, _BOX, _HEADING_LENGTH)
+    arcs = arcs_at(session.problem, np.full((1, 4), 0.5))  # of a path in OMPL's form
+    controls_of(session.problem, arcs)
+    poses_along(session.problem, session.start, arcs)
+    search(session, planner_named(planner)[1], _BOX, _HEADING_LENGTH)
     if planner == "auto":  # it floods only after some rounds
         begun = session.extensions
         CellRounds(session, _BOX).run_next(lambda: session.extensions > begun)
@@ -111,6 +115,6 @@ def _one_box() -> Chain:
 def _problem(chain: Chain) -> Problem:
     wall = np.array([[0.7, -5.0], [0.8, -5.0], [0.8, 1.2], [0.7, 1.2]])
     scene = build_scene(chain, [wall], [(9.0, 9.0, 1.0)], (-10.0, -10.0, 10.0, 10.0), 1e-4)
-    family = np.array([[[0.4, 0.0, 1.0], [1.0, 0.0, 0.0], [0.4, 0.0, -1.0]]])
-    segments = np.array([[0.4, 0.0, 1.0, 0.4, 0.0, -1.0]])
+    family = np.array([[[0.8, 0.0, 2.0], [1.0, 0.0, 0.0], [0.8, 0.0, -2.0]]])
+    segments = np.array([[0.8, 0.0, 2.0, 0.8, 0.0, -2.0]])
     return Problem(scene, segments, family, np.array([1.5, 0.0, 0.0]), 0.5, travel_prices(0.03))

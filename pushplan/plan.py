@@ -16,7 +16,8 @@ from pushplan.planners.budget import Budget
 from pushplan.planners.failure import explain_failure
 from pushplan.planners.lower_bound import lower_bound
 from pushplan.planners.margins import margins_to_try
-from pushplan.planners.registry import planner_named
+from pushplan.planners.ompl.factories import planner_named
+from pushplan.planners.ompl.search import Factory
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.verdict import EXACT, verdict
 from pushplan.reading.placement import Surroundings, bodies_at, placement_troubles
@@ -24,6 +25,7 @@ from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.judging import execute_trajectory, planning_set
 from pushplan.sim.kinematic import pose_error
+from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
 from pushplan.tolerance.work_out import tolerance_of
@@ -42,8 +44,8 @@ Planning is done in a fraction of the limit as a rule, and then the same seed gi
 def plan(
     scenario: Scenario,
     *,
-    planner: str | None = None,
-    stable_set: str | None = None,
+    planner: str | Factory | None = None,
+    stable_set: str | type[StableSet] | None = None,
     seed: int | None = None,
     time_limit: float | None = None,
     first: bool = False,
@@ -59,8 +61,10 @@ def plan(
 
     Args:
         scenario: The problem; what the others leave open is taken from it.
-        planner: Name of the planner.
-        stable_set: Name of the stable set that limits the pusher's twists.
+        planner: Name of the planner, `module:attribute`, or what makes an `ompl.base.Planner` from a space
+            information.
+        stable_set: What limits the pusher's twists: the name of a stable set, `module:attribute`, or a subclass of
+            `StableSet`.
         seed: Of the random numbers; the same seed gives the same plan unless the time limit cuts it short.
         time_limit: Wall-clock seconds of planning, at most.
         first: Stop at the first path instead of shortening it.
@@ -81,12 +85,11 @@ def plan(
         EmptyStableSetError: When no pusher twist keeps every contact.
     """
     scenario = _settled(scenario, cost, margin)
-    name = planner or scenario.planner.name
-    search = planner_named(name)
+    name, make = planner_named(planner or scenario.planner.name)
     watch = watch or Stopwatch()
     with watch("posing"):
         warm_up(name, tell)
-        stable = planning_set(scenario, stable_set)
+        stable = planning_set(scenario, None if stable_set is None else add_set(stable_set))
         _check_ends(scenario)
         margins = margins_to_try(scenario, stable)
     used_seed = scenario.planner.seed if seed is None else seed
@@ -94,7 +97,7 @@ def plan(
     good_enough = scenario.planner.gap if gap is None else gap
     budget = Budget(limit, int(STALL * math.sqrt(limit)), max(good_enough, ROUNDING), first, iterations)
     with watch("search"):
-        attempt = Search(stable, search, budget, used_seed, good_enough, progress).with_margins(
+        attempt = Search(stable, make, budget, used_seed, good_enough, progress).with_margins(
             scenario, margins
         )
     session, posed = attempt.session, attempt.scenario
@@ -105,7 +108,7 @@ def plan(
         execution = None if trajectory is None else execute_trajectory(posed, stable.name, trajectory)
     with watch("checking"):
         failure = None
-        if session.best_arcs is None:
+        if attempt.path is None:
             failure = explain_failure(session, posed, stable, attempt.doubts)
             reason = failure.reason
         elif path is not None and trajectory is not None and execution is not None:
@@ -147,12 +150,11 @@ def _soonest(
     Where paths are ranked by time, the ones that were best by travel are driven as well, and the soonest counts:
     prices know a motion only roughly.
     """
-    best = attempt.session.best_path
-    if best is None:
+    if attempt.path is None:
         return None, None, ""
     found: list[tuple[float, PushPath, Trajectory]] = []
     reason = ""
-    for path in (best, *attempt.others):
+    for path in (attempt.path, *attempt.others):
         try:
             trajectory = make_trajectory(scenario, path, stable)
         except TimingError as error:
@@ -160,7 +162,7 @@ def _soonest(
         else:
             found.append((trajectory.duration, path, trajectory))
     if not found:
-        return best, None, reason
+        return attempt.path, None, reason
     _, path, trajectory = min(found, key=lambda item: item[0])
     return path, trajectory, ""
 

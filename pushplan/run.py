@@ -8,10 +8,14 @@ from typing import Literal
 
 from pushplan.errors import PushplanError
 from pushplan.plan import plan
+from pushplan.planners.ompl.factories import planner_named
+from pushplan.planners.ompl.search import Factory
 from pushplan.result import PlanResult, ProgressPoint, Run
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution
 from pushplan.sim.judging import execute_trajectory
+from pushplan.stable_sets.named import add_set
+from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
 
 
@@ -19,8 +23,8 @@ def run(
     scenario: Scenario,
     *,
     log: Path | str | None = None,
-    planner: str | None = None,
-    stable_set: str | None = None,
+    planner: str | Factory | None = None,
+    stable_set: str | type[StableSet] | None = None,
     seed: int | None = None,
     time_limit: float | None = None,
     first: bool = False,
@@ -75,8 +79,8 @@ def run(
         result = planned()
         return Run(scenario, result, result.execution, None, watch.seconds)
     settings = {
-        "planner": planner or scenario.planner.name,
-        "set": stable_set or scenario.stability.set,
+        "planner": planner_named(planner or scenario.planner.name)[0],
+        "set": add_set(stable_set or scenario.stability.set),
         "seed": scenario.planner.seed if seed is None else seed,
         "time_limit": scenario.planner.time_limit if time_limit is None else time_limit,
         "cost": cost or scenario.planner.cost,

@@ -11,10 +11,11 @@ from plain import load_plain
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
-from pushplan.planners.auto import search
 from pushplan.planners.budget import Budget
 from pushplan.planners.checker import find_collision
 from pushplan.planners.detours import POSES, detour, try_detour
+from pushplan.planners.ompl.auto import Auto
+from pushplan.planners.ompl.search import search
 from pushplan.planners.polish import locate, price, shorten
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.session import Session
@@ -28,7 +29,7 @@ def _solved(name: str, seed: int) -> tuple[Scenario, Session]:
     scenario = load_plain(name)
     problem = build_problem(scenario, scenario.stable_set())
     session = Session(problem, scenario.start, Budget(3600.0, first=True), seed)
-    search(session, sampling_box(scenario), body_reach(scenario))
+    search(session, Auto, sampling_box(scenario), body_reach(scenario))
     assert session.best_arcs is not None
     session.budget = Budget(3600.0)
     return scenario, session

@@ -16,6 +16,7 @@ from pushplan.cli import main
 from pushplan.errors import EmptyStableSetError
 from pushplan.examples import example_names, example_text
 from pushplan.logging.reader import read_run
+from pushplan.names import PLANNERS
 from pushplan.plan import plan
 from pushplan.planners import diagnosis, pocket
 from pushplan.planners.budget import Budget
@@ -25,7 +26,6 @@ from pushplan.planners.diagnosis import Doubts, diagnose
 from pushplan.planners.failure import Failure
 from pushplan.planners.passage import passage_faults
 from pushplan.planners.problem import build_problem
-from pushplan.planners.registry import MODULES
 from pushplan.planners.search import Problem
 from pushplan.result import CAUSES, Diagnosis, PlanResult
 from pushplan.run import run
@@ -208,7 +208,7 @@ def test_a_search_cut_short_says_how_far_it_came_and_claims_nothing() -> None:
     )
 
 
-@pytest.mark.parametrize("planner", [*MODULES])
+@pytest.mark.parametrize("planner", [*PLANNERS])
 def test_a_search_ends_when_it_is_proven_that_there_is_no_path(planner: str) -> None:
     """The limit is there to end the test if that fails."""
     result = plan(WALLED_IN, planner=planner, time_limit=60.0)

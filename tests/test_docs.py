@@ -14,8 +14,7 @@ import pytest
 import pushplan
 from pushplan import cli
 from pushplan.cli import main
-from pushplan.names import STABLE_SETS
-from pushplan.planners.registry import MODULES
+from pushplan.names import PLANNERS, STABLE_SETS
 from pushplan.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]
@@ -126,7 +125,7 @@ def test_all_commands_planners_and_sets_are_described() -> None:
         assert f"`pushplan {command}" in texts["README"], command
     assert set(re.findall(r"^\| `(.*?)` \|", texts["support-and-sets"], re.MULTILINE)) == {*STABLE_SETS}
     rows = re.findall(r"^\| (`.*?) \|", texts["planners"], re.MULTILINE)
-    assert {word for row in rows for word in re.findall(r"`([\w-]+)`", row)} == {*MODULES}
+    assert {word for row in rows for word in re.findall(r"`([\w-]+)`", row)} == {*PLANNERS}
 
 
 def test_the_steps_are_a_scenario_and_its_mistake_is_told_as_printed(

@@ -15,7 +15,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.plan import plan
 from pushplan.planners.controls import control_segments, steering_families
-from pushplan.planners.dubins import Car
+from pushplan.planners.ompl.dubins import Car
 from pushplan.planners.steering import MAX_WORDS, find_words
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from pushplan.planners.registry import MODULES
+from pushplan.names import PLANNERS
 
 SCRIPT = """
 import sys
@@ -29,7 +29,7 @@ print(result.solved, sorted(late))
 """
 
 
-@pytest.mark.parametrize("planner", [*MODULES])
+@pytest.mark.parametrize("planner", [*PLANNERS])
 def test_nothing_is_compiled_or_loaded_before_the_first_path(planner: str) -> None:
     done = subprocess.run([sys.executable, "-c", SCRIPT, planner], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[0] == "True []"

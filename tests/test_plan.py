@@ -10,9 +10,9 @@ from plain import load_plain
 
 from pushplan.errors import PlanningError, ScenarioError
 from pushplan.examples import example_names, example_text
+from pushplan.names import PLANNERS
 from pushplan.plan import plan
 from pushplan.planners.checker import find_collision
-from pushplan.planners.registry import MODULES
 from pushplan.reading.scenario_file import load_scenario, scenario_from_text
 from pushplan.result import PlanResult
 from pushplan.run import execute
@@ -47,7 +47,7 @@ def test_packaged_scenarios_solve_exactly_with_twenty_seeds(name: str) -> None:
     _check(scenario, result)
 
 
-@pytest.mark.parametrize("planner", sorted(MODULES))
+@pytest.mark.parametrize("planner", sorted(PLANNERS))
 @pytest.mark.parametrize("name", ["two-crates", "carts", "narrow-gap"])
 def test_every_planner_solves_and_shortens(planner: str, name: str) -> None:
     scenario = load_plain(name)
@@ -61,7 +61,7 @@ def test_every_planner_solves_and_shortens(planner: str, name: str) -> None:
     assert result.progress[-1].cost == pytest.approx(result.path.cost, abs=1e-9)
 
 
-@pytest.mark.parametrize("planner", sorted(MODULES))
+@pytest.mark.parametrize("planner", sorted(PLANNERS))
 def test_every_planner_finds_a_way_that_is_driven_sooner(planner: str) -> None:
     scenario = load_scenario("two-crates")
     first = plan(scenario, planner=planner, time_limit=PATIENT, first=True)
@@ -78,7 +78,7 @@ def test_every_planner_finds_a_way_that_is_driven_sooner(planner: str) -> None:
     assert result.trajectory.duration <= first.trajectory.duration
 
 
-@pytest.mark.parametrize("planner", sorted(MODULES))
+@pytest.mark.parametrize("planner", sorted(PLANNERS))
 def test_the_same_seed_gives_the_same_plan(planner: str) -> None:
     scenario = load_scenario("two-crates")
     one, two = (plan(scenario, planner=planner, seed=7, time_limit=PATIENT, first=True) for _ in range(2))

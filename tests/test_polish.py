@@ -33,12 +33,13 @@ def _posed(name: str) -> tuple[Scenario, Problem]:
 
 
 def _first_path(scenario: Scenario, problem: Problem, seed: int) -> FloatArray:
-    from pushplan.planners.auto import search
+    from pushplan.planners.ompl.auto import Auto
+    from pushplan.planners.ompl.search import search
     from pushplan.planners.problem import body_reach, sampling_box
 
     session = Session(problem, scenario.start, Budget(60.0, first=True), seed)
     if not session.finished:
-        search(session, sampling_box(scenario), body_reach(scenario))
+        search(session, Auto, sampling_box(scenario), body_reach(scenario))
     assert session.best_arcs is not None
     return session.best_arcs
 

@@ -9,9 +9,11 @@ from plain import load_plain
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.planners import sst
 from pushplan.planners.budget import Budget
 from pushplan.planners.collision import sweep_is_free
+from pushplan.planners.ompl.posing import pose_problem
+from pushplan.planners.ompl.search import search
+from pushplan.planners.ompl.sst import StableSparseRRT
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search import NODE, Problem
 from pushplan.planners.session import Session
@@ -109,7 +111,7 @@ def test_longer_rounds_find_shorter_paths(problem: Problem) -> None:
     costs = []
     for iterations in (3_000, 60_000):
         session = _session(problem, iterations)
-        sst.search(session, sampling_box(scenario), body_reach(scenario))
+        search(session, StableSparseRRT, sampling_box(scenario), body_reach(scenario))
         assert session.iterations >= iterations or session.finished
         costs.append(session.best_cost)
     assert costs[1] < costs[0] < np.inf
@@ -119,12 +121,12 @@ def test_longer_rounds_find_shorter_paths(problem: Problem) -> None:
 def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(problem: Problem) -> None:
     scenario = load_plain("three-boxes-clutter")
     session = Session(problem, scenario.start, Budget(60.0, first=True), seed=3)
-    information, definition = sst._pose(session, sampling_box(scenario))
-    planner = sst.StableSparseRRT(information, session, sampling_box(scenario), body_reach(scenario))
+    information, definition = pose_problem(session, sampling_box(scenario), body_reach(scenario))
+    planner = StableSparseRRT(information)
     assert isinstance(planner, ob.Planner)
     planner.setProblemDefinition(definition)
     planner.setup()
-    status = planner.solve(ob.PlannerTerminationCondition(lambda: session.finished))
+    status = planner.solve(ob.PlannerTerminationCondition(session.settled))
     assert status.getStatus() == ob.PlannerStatus.EXACT_SOLUTION
     assert definition.hasExactSolution()
     end = definition.getSolutionPath().getStates()[-1]
@@ -135,10 +137,10 @@ def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(problem: Problem)
 def test_no_time_is_a_timeout(problem: Problem) -> None:
     scenario = load_plain("three-boxes-clutter")
     session = Session(problem, scenario.start, Budget(0.0), seed=3)
-    information, definition = sst._pose(session, sampling_box(scenario))
-    planner = sst.StableSparseRRT(information, session, sampling_box(scenario), body_reach(scenario))
+    information, definition = pose_problem(session, sampling_box(scenario), body_reach(scenario))
+    planner = StableSparseRRT(information)
     planner.setProblemDefinition(definition)
-    status = planner.solve(ob.PlannerTerminationCondition(lambda: session.finished))
+    status = planner.solve(ob.PlannerTerminationCondition(session.settled))
     assert status.getStatus() == ob.PlannerStatus.TIMEOUT
     assert not definition.hasSolution()
     assert NODE == TO_GO

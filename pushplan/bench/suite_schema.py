@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
 from pushplan import names
 from pushplan.bench import parameters as p
+from pushplan.naming import PLACE, OpenNames, planner_names, stable_set_names
 from pushplan.reading import schema_types as t
 from pushplan.reading.quantity import Quantity, fault
 
@@ -44,6 +45,22 @@ def _different(values: tuple[Any, ...]) -> tuple[Any, ...]:
             raise fault(f"holds {value} twice", "each value once")
     return values
 
+
+def _one_of(known: OpenNames) -> Any:
+    """Return the type of a name: one that is built in or of an installed package, or `module:attribute`."""
+
+    def whose(value: Any) -> str:
+        added = isinstance(value, str) and value not in tuple(known) and known.adds(value)
+        return "<loaded>" if added else "<word>"
+
+    built_in = Annotated[Literal[tuple(known)], Tag("<word>")]  # type: ignore[valid-type]
+    added = Annotated[str, Tag("<loaded>")]
+    schema = {"anyOf": [{"enum": list(known)}, {"type": "string", "pattern": f"^{PLACE.pattern}$"}]}
+    return Annotated[built_in | added, Discriminator(whose), WithJsonSchema(schema)]
+
+
+_PLANNERS, _SETS = planner_names(), stable_set_names()
+_PlannerName, _SetName = _one_of(_PLANNERS), _one_of(_SETS)
 
 Q = TypeVar("Q")
 Range = Annotated[
@@ -112,9 +129,7 @@ class Problem(t.Strict):
 class Planner(t.Strict):
     """A planner with settings; times and iterations here go before those of `limits`."""
 
-    name: Literal[names.PLANNERS] = Field(  # type: ignore[valid-type]
-        description=f"one of {', '.join(names.PLANNERS)}"
-    )
+    name: _PlannerName = Field(description=f"one of {_PLANNERS.words}")  # type: ignore[valid-type]
     label: t.Name | None = Field(default=None, description="what reports call it")
     first: bool = Field(default=False, strict=True, description="true to stop at the first path, or false")
     time: t.Duration | None = Field(default=None, description="a time in s")
@@ -134,9 +149,6 @@ class LimitSection(t.Strict):
     iterations: Iterations | None = Field(default=None, description="a whole number")
     run: t.Duration | None = Field(default=None, description="time in s after which a run is killed")
     memory: Memory = Field(default=2000.0, description="memory in MB that a run may allocate")
-
-
-_PlannerName = Literal[names.PLANNERS]  # type: ignore[valid-type]
 
 
 class SuiteFile(t.Strict):
@@ -160,25 +172,23 @@ class SuiteFile(t.Strict):
     planners: Annotated[
         tuple[
             Annotated[
-                Annotated[_PlannerName, Tag("<word>")] | Annotated[Planner, Tag("<mapping>")],
+                Annotated[_PlannerName, Tag("<word>")] | Annotated[Planner, Tag("<mapping>")],  # type: ignore[valid-type]
                 Discriminator(_form),
             ],
             ...,
         ],
         t.Several(1, 100),
-    ] = Field(
-        default=("auto",), description=f"a list of {', '.join(names.PLANNERS)}, or of {{name: ..., ...}}"
-    )
+    ] = Field(default=("auto",), description=f"a list of {_PLANNERS.words}, or of {{name: ..., ...}}")
     sets: (
         Annotated[
-            tuple[Literal[names.STABLE_SETS], ...],  # type: ignore[valid-type]
-            t.Several(1, len(names.STABLE_SETS)),
+            tuple[_SetName, ...],  # type: ignore[valid-type]
+            t.Several(1, 100),
             AfterValidator(_different),
         ]
         | None
     ) = Field(
         default=None,
-        description=f"a list of {', '.join(names.STABLE_SETS)}; without it each scenario's own",
+        description=f"a list of {_SETS.words}; without it each scenario's own",
     )
     seeds: Annotated[
         Annotated[Count, Tag("<word>")]

@@ -21,7 +21,8 @@ from pushplan.commands.options import (
     share,
 )
 from pushplan.commands.physics import add_physics
-from pushplan.names import COSTS, PLANNERS, STABLE_SETS
+from pushplan.names import COSTS
+from pushplan.naming import planner_names, stable_set_names
 
 if TYPE_CHECKING:
     from pushplan.result import PlanResult, ProgressPoint, Run
@@ -33,8 +34,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command; what they leave open is taken from the scenario."""
     add_scenario(parser)
     add_output(parser, "-o", "--output", help="write the run's log (MCAP), solved or not")
-    parser.add_argument("--planner", choices=PLANNERS, metavar="NAME", help=f"one of {', '.join(PLANNERS)}")
-    parser.add_argument("--set", choices=STABLE_SETS, metavar="NAME", help=f"one of {', '.join(STABLE_SETS)}")
+    planners, sets = planner_names(), stable_set_names()
+    parser.add_argument("--planner", choices=planners, metavar="NAME", help=f"one of {planners.words}")
+    parser.add_argument("--set", choices=sets, metavar="NAME", help=f"one of {sets.words}")
     parser.add_argument("--time-limit", type=seconds, metavar="S", help="seconds of planning, at most")
     parser.add_argument("--iterations", type=count, metavar="N", help="iterations of planning, at most")
     parser.add_argument(
@@ -94,9 +96,10 @@ def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
         from pushplan.kernels import warm_up
         from pushplan.run import run as run_push
         from pushplan.scenario import StabilitySettings
+        from pushplan.stable_sets.named import add_set
 
         warm_up(args.planner or scenario.planner.name)
-        chosen = args.set or scenario.stability.set
+        chosen = add_set(args.set or scenario.stability.set)
         kept = scenario.stability.margin if args.margin is None else args.margin
         require_pushable(replace(scenario, stability=StabilitySettings(chosen, kept)))
     limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit

@@ -13,7 +13,7 @@ from pushplan.commands.console import Console
 from pushplan.commands.failure import DONE
 from pushplan.commands.numbers import time_text
 from pushplan.commands.options import add_plot, add_scenario, check_outputs
-from pushplan.names import STABLE_SETS
+from pushplan.naming import stable_set_names
 
 if TYPE_CHECKING:
     from pushplan.mechanics.sphere import TurningRadii
@@ -46,12 +46,13 @@ class Described:
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command."""
     add_scenario(parser)
+    sets = stable_set_names()
     parser.add_argument(
         "--set",
         action="append",
-        choices=STABLE_SETS,
+        choices=sets,
         metavar="NAME",
-        help=f"one of {', '.join(STABLE_SETS)}; may be repeated (default: the scenario's)",
+        help=f"one of {sets.words}; may be repeated (default: the scenario's)",
     )
     add_plot(parser, "draw the regions of the centre of rotation")
 
@@ -64,8 +65,9 @@ def run(args: argparse.Namespace, console: Console) -> int:
     scenario = load_scenario(args.scenario)
     with console.computing("computing stable sets"):
         from pushplan.stable_sets.cor_window import default_window
+        from pushplan.stable_sets.named import add_set
 
-        names = dict.fromkeys(args.set or [scenario.stability.set])
+        names = dict.fromkeys(add_set(name) for name in args.set or [scenario.stability.set])
         found = {name: describe(scenario, name) for name in names}
         window = default_window(scenario.chain, [each.stable for each in found.values()])
         document = _document(scenario, found, window) if args.json else {}

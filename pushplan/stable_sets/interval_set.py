@@ -34,7 +34,10 @@ def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
         SupportError: When the algorithm needs something as a number that is an interval.
     """
     if name not in STABLE_SETS:
-        raise PushplanError(f"no stable set is called {name!r}; there are {', '.join(STABLE_SETS)}")
+        raise PushplanError(
+            f"the stable set {name!r} is not known for intervals of loads and frictions; there are "
+            f"{', '.join(STABLE_SETS)}"
+        )
     if name == "cof":
         raise PushplanError(
             "the stable set 'cof' is not linear in the loads, so that it cannot be had for intervals of them; "

@@ -69,7 +69,9 @@ def test_without_a_margin_dynamic_limits_are_refused(planned: Planned) -> None:
         make_trajectory(_with(scenario, contact="dynamic"), path, stable_set(scenario.chain, "ecof"))
 
 
-@pytest.mark.parametrize(("name", "worst"), [("ecof", False), ("robust", True), ("stable", True)])
+@pytest.mark.parametrize(
+    ("name", "worst"), [("ecof", False), ("robust", True), ("stable", True), ("of my own", False)]
+)
 def test_a_set_for_unknown_loads_asks_for_the_worst_case(planned: Planned, name: str, worst: bool) -> None:
     scenario, _ = planned("two-crates")
     assert contact_dynamics(scenario, name).worst_case == worst

@@ -9,19 +9,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from ompl import base as ob
-from ompl import util as ou
 
+from ompl import base as ob
+from ompl import geometric as og
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.collision import separation
-from pushplan.planners.ompl_poses import bounds, state_at
+from pushplan.planners.ompl.anytime import AnytimePlanner
+from pushplan.planners.ompl.posing import Box, PushInformation, bounds, state_at
 from pushplan.planners.search import TRIES
 from pushplan.planners.session import Session
 from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
@@ -31,7 +32,11 @@ ROUNDING = 1e-9
 
 _INSTEAD = "choose a planner that needs none, such as auto"
 
-Box = tuple[float, float, float, float]
+GOAL_BIAS = 0.2
+"""Share of RRT's samples that are the goal."""
+
+REWIRE_FACTOR = 10.0
+"""Factor of BIT*'s radius of neighbours, which is made for spaces without turning circles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,38 +119,71 @@ class SweptWords(ob.MotionValidator):  # type: ignore[misc]
         return arcs if cost < np.inf else None
 
 
-def search(session: Session, box: Box, make: Callable[[Any], Any], anew: bool) -> None:
-    """Run a geometric planner until the session is finished.
+class OverDubins(AnytimePlanner):
+    """A geometric planner over the car, run again until the search is over.
 
-    Args:
-        session: The search to drive.
-        box: (xmin, ymin, xmax, ymax) that the chain frame is to stay in, m.
-        make: Constructor of the planner from a `SpaceInformation`.
+    Attributes:
         anew: Whether it begins anew after every path instead of going on.
-
-    Raises:
-        PlanningError: When the chain is no Dubins' car.
     """
-    ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
-    ou.RNG.setSeed(session.seed + 1)  # OMPL takes 0 for "no seed"
-    car = Car.from_families(session.problem.families)
-    information, words = _space(session, box, car)
-    definition = ob.ProblemDefinition(information)
-    ends = (session.start, session.problem.goal)
-    definition.setStartAndGoalStates(*(state_at(information, car.of_chain(pose)) for pose in ends))
-    planner = make(information)
-    planner.setProblemDefinition(definition)
-    planner.setup()
-    while not session.finished:
-        planner.solve(ob.PlannerTerminationCondition(lambda: session.finished))
-        if definition.hasExactSolution():
-            session.offer(_arcs(definition.getSolutionPath(), car, words, ends))
-        session.refine()
-        if anew or session.finished:
-            _note(session, planner, words, car)
-        if anew:
-            planner.clear()
-            definition.clearSolutionPaths()
+
+    anew: bool
+
+    @abstractmethod
+    def make(self, information: Any) -> Any:
+        """Return the geometric planner for a space information."""
+
+    def improve(self, information: PushInformation) -> None:
+        """Run the geometric planner until the search is over.
+
+        Raises:
+            PlanningError: When the chain is no Dubins' car.
+        """
+        session = information.session
+        car = Car.from_families(session.problem.families)
+        information.admit(car.family[STRAIGHT])
+        over_car, words = _space(session, information.box, car)
+        definition = ob.ProblemDefinition(over_car)
+        ends = (session.start, session.problem.goal)
+        definition.setStartAndGoalStates(*(state_at(over_car, car.of_chain(pose)) for pose in ends))
+        planner = self.make(over_car)
+        planner.setProblemDefinition(definition)
+        planner.setup()
+        while not session.finished:
+            planner.solve(ob.PlannerTerminationCondition(session.stop))
+            if definition.hasExactSolution():
+                session.offer(_arcs(definition.getSolutionPath(), car, words, ends))
+            session.refine()
+            if self.anew or session.finished:
+                _note(session, planner, words, car)
+            if self.anew:
+                planner.clear()
+                definition.clearSolutionPaths()
+
+
+class RRTOverDubins(OverDubins):
+    """RRT (LaValle and Kuffner 2001)."""
+
+    name, anew = "rrt-dubins", True
+
+    def make(self, information: Any) -> Any:
+        """Return OMPL's planner."""
+        planner = og.RRT(information)
+        planner.setGoalBias(GOAL_BIAS)
+        return planner
+
+
+class BITStarOverDubins(OverDubins):
+    """BIT* (Gammell, Srinivasa and Barfoot 2015)."""
+
+    name, anew = "bitstar-dubins", False
+
+    def make(self, information: Any) -> Any:
+        """Return OMPL's planner."""
+        planner = og.BITstar(information)
+        planner.setStopOnSolnImprovement(True)
+        planner.setUseKNearest(False)  # neighbours within a radius: ten times as many edges per second
+        planner.setRewireFactor(REWIRE_FACTOR)
+        return planner
 
 
 def _note(session: Session, planner: Any, words: SweptWords, car: Car) -> None:

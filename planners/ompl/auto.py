@@ -20,6 +20,8 @@ from pushplan.planners.cell_rounds import CellRounds
 from pushplan.planners.detours import try_detour
 from pushplan.planners.forest import NODE, Forest, plant
 from pushplan.planners.guide import Guide, find_way, make_guide, middle_of
+from pushplan.planners.ompl.anytime import AnytimePlanner
+from pushplan.planners.ompl.posing import Box, PushInformation
 from pushplan.planners.prices import TRAVEL
 from pushplan.planners.search import random
 from pushplan.planners.session import CHUNK, Session
@@ -59,32 +61,36 @@ FLOOD_RATIO = 40.0
 
 NO_WAY = np.zeros((0, 2))
 
-Box = tuple[float, float, float, float]
 
+class Auto(AnytimePlanner):
+    """Rounds of bidirectional search, and of flooding while there is no path."""
 
-def search(session: Session, box: Box, heading_length: float) -> None:
-    """Run rounds of bidirectional search, and of flooding while there is no path, until the session is finished."""
-    reach = REACH_SHARE * math.hypot(box[2] - box[0], box[3] - box[1])
-    forest = _forest(FIRST_ROUND, session, box, heading_length, reach)
-    cells = CellRounds(session, box)
-    guide: Guide | None = None
-    for number in count():
-        if session.finished:
-            return
-        session.refine()
-        if number >= UNDIVERTED:
-            _divert(session)
-        if number >= UNFLOODED:
-            _flood(session, cells)
-        if number >= UNGUIDED and guide is None:
-            guide = make_guide(session.problem, session.start, box)
-        allowance = FIRST_ROUND * _luby(number + 1)
-        if len(forest.ahead) < allowance + CHUNK:
-            forest = _forest(allowance, session, box, heading_length, reach)
-        way = NO_WAY if guide is None else _draw_way(guide, session.random, number)
-        blind = BLIND[number % len(BLIND)]
-        _round(session, forest._replace(way=way, blind=blind), allowance, 1.0 + ROOM[number % len(ROOM)])
-        session.branches.offer_nodes(forest.ahead[: forest.counts[0]], forest.behind[: forest.counts[1]])
+    name = "auto"
+
+    def improve(self, information: PushInformation) -> None:
+        """Run rounds until the search is over."""
+        session, box, heading_length = information.session, information.box, information.heading_length
+        reach = REACH_SHARE * math.hypot(box[2] - box[0], box[3] - box[1])
+        forest = _forest(FIRST_ROUND, session, box, heading_length, reach)
+        cells = CellRounds(session, box)
+        guide: Guide | None = None
+        for number in count():
+            if session.finished:
+                return
+            session.refine()
+            if number >= UNDIVERTED:
+                _divert(session)
+            if number >= UNFLOODED:
+                _flood(session, cells)
+            if number >= UNGUIDED and guide is None:
+                guide = make_guide(session.problem, session.start, box)
+            allowance = FIRST_ROUND * _luby(number + 1)
+            if len(forest.ahead) < allowance + CHUNK:
+                forest = _forest(allowance, session, box, heading_length, reach)
+            way = NO_WAY if guide is None else _draw_way(guide, session.random, number)
+            blind = BLIND[number % len(BLIND)]
+            _round(session, forest._replace(way=way, blind=blind), allowance, 1.0 + ROOM[number % len(ROOM)])
+            session.branches.offer_nodes(forest.ahead[: forest.counts[0]], forest.behind[: forest.counts[1]])
 
 
 def _divert(session: Session) -> None:

@@ -1,0 +1,99 @@
+"""Any OMPL planner, run until a search is over: its paths are polished, its trees restarted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from ompl import base as ob
+from ompl import util as ou
+from pushplan.errors import PlanningError
+from pushplan.planners.ompl.posing import Box, PushInformation, free_word, pose_problem
+from pushplan.planners.ompl.solution import arcs_to_goal, leave_path
+from pushplan.planners.polish import merged
+from pushplan.planners.session import Session
+
+FIRST_RESTART = 2_000
+"""Extensions before the first restart of a planner; doubled at each further one."""
+
+LOOK = 16
+"""Extensions between two looks at the clock."""
+
+Factory = Callable[[Any], Any]
+"""Makes an `ompl.base.Planner` from a space information; its class, as a rule."""
+
+
+def search(session: Session, make: Factory, box: Box, heading_length: float) -> Any:
+    """Run a planner until the session is finished; leave its best path in the problem definition that is returned.
+
+    A planner whose attribute `optimizing` is true goes on until it is told to stop, and is run once. Another one is
+    run again after each of its paths, and cleared after ever more extensions.
+
+    Args:
+        session: The search to drive.
+        make: What makes the planner.
+        box: (xmin, ymin, xmax, ymax) to sample from, m.
+        heading_length: Distance that a turn of one radian counts as, m.
+
+    Raises:
+        PlanningError: When that is no planner, or it leaves a path that is none.
+    """
+    ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
+    ou.RNG.setSeed(session.seed + 1)  # OMPL takes 0 for "no seed"
+    information, definition = pose_problem(session, box, heading_length)
+    name = "word"
+    word = free_word(session, session.start, session.problem.goal)
+    if word is not None:
+        session.offer(word)
+    if not session.finished:  # a free word from the start may be all that was wanted
+        planner = make(information)
+        if not isinstance(planner, ob.Planner):
+            raise PlanningError(f"a {type(planner).__name__} is no planner; allowed: an ompl.base.Planner")
+        name = planner.getName()
+        planner.setProblemDefinition(definition)
+        planner.setup()
+        _run(planner, definition, information)
+    if session.best_arcs is not None:
+        leave_path(definition, session.best_arcs, name)
+    return definition
+
+
+def _run(planner: Any, definition: Any, information: PushInformation) -> None:
+    """Run a planner again and again until the session is finished."""
+    session, propagator, allowance = information.session, information.propagator, FIRST_RESTART
+    if getattr(planner, "optimizing", False):
+        planner.solve(ob.PlannerTerminationCondition(session.settled))
+        if definition.hasExactSolution():
+            session.take(merged(arcs_to_goal(definition)))
+        propagator.note()
+        return
+    target = allowance
+    while not session.finished:
+        propagator.bound = session.bound
+        planner.solve(ob.PlannerTerminationCondition(_until(session, target)))
+        if definition.hasExactSolution():
+            session.offer(arcs_to_goal(definition))
+        definition.clearSolutionPaths()
+        if session.finished or session.extensions >= target:
+            session.refine()
+            propagator.note()
+            planner.clear()
+            propagator.clear()
+            allowance *= 2
+            target = session.extensions + allowance
+    propagator.bound = math.inf
+
+
+def _until(session: Session, target: int) -> Callable[[], bool]:
+    """Return what tells OMPL, which asks before every extension, that a session is finished or is that far."""
+    most = session.budget.iterations
+    if most is not None:
+        target = min(target, session.extensions + most - session.iterations)
+
+    def over() -> bool:
+        if session.extensions < target and session.extensions % LOOK:
+            return False
+        return session.extensions >= target or session.finished
+
+    return over

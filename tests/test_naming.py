@@ -1,0 +1,120 @@
+"""Planners and stable sets of others: by `module:attribute`, by entry points, handed over as they are."""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pushplan
+from pushplan import naming
+from pushplan.bench.suite_file import suite_from_text
+from pushplan.cli import main
+from pushplan.errors import PlanningError, PushplanError
+from pushplan.planners.ompl.factories import planner_named
+from pushplan.stable_sets.ecof_set import EcofSet
+from pushplan.stable_sets.named import add_set, stable_set
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+PLANNER, SET = "a_planner_of_your_own:LazyRRT", "a_stable_set_of_your_own:Leaning"
+
+
+@pytest.fixture(autouse=True)
+def _in_examples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in the examples' folder; forget what was imported from there."""
+    monkeypatch.chdir(EXAMPLES)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+
+def test_a_planner_and_a_set_by_their_places(capsys: pytest.CaptureFixture[str]) -> None:
+    words = [
+        "plan",
+        "two-crates",
+        "--planner",
+        PLANNER,
+        "--set",
+        SET,
+        "--first",
+        "--time-limit",
+        "20",
+        "--json",
+    ]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["planner"], told["set"]) == (PLANNER, "leaning")
+    assert main(["stable-set", "two-crates", "--set", SET, "--set", "ecof", "--json"]) == 0
+    sets = json.loads(capsys.readouterr().out)["sets"]
+    (right, left), (low, high) = (
+        np.array(sets[name]["translation_cone"])[:, 1] for name in ("leaning", "ecof")
+    )
+    assert low < right < left < high
+
+
+def test_a_suite_takes_planners_and_sets_of_the_user() -> None:
+    text = f"""\
+format: pushplan-suite/1
+problems: [one-box]
+planners: [{{name: "{PLANNER}", label: mine, first: true}}]
+sets: ["{SET}"]
+seeds: 1
+limits: {{time: 10 s}}
+"""
+    suite = suite_from_text(text)
+    assert (suite.planners[0].name, suite.sets) == (PLANNER, (SET,))
+
+
+def test_what_installed_packages_add_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = EntryPoints(
+        [
+            EntryPoint("lazy", PLANNER, "pushplan.planners"),
+            EntryPoint("leaning-set", SET, "pushplan.stable_sets"),
+        ]
+    )
+    monkeypatch.setattr(naming, "entry_points", points.select)
+    name, make = planner_named("lazy")
+    assert (name, make.__name__) == ("lazy", "LazyRRT")
+    assert "lazy" in naming.planner_names()
+    assert "lazy" not in naming.stable_set_names()
+    scenario = pushplan.load_scenario("two-crates")
+    assert stable_set(scenario.chain, add_set("leaning-set")).name == "leaning"
+
+
+@pytest.mark.parametrize(
+    ("given", "what"),
+    [
+        ("nobody", "no planner is called 'nobody'; there are auto, rrt, est"),
+        ("no_such_module:Planner", "cannot load 'no_such_module:Planner': No module named 'no_such_module'"),
+        ("math:nothing", "cannot load 'math:nothing': module 'math' has no attribute 'nothing'"),
+        ("math:pi", "the planner 'math:pi' is a float"),
+    ],
+)
+def test_what_is_no_planner_is_refused(given: str, what: str) -> None:
+    with pytest.raises(PushplanError) as caught:
+        planner_named(given)
+    assert what in str(caught.value)
+
+
+def test_what_is_no_stable_set_is_refused() -> None:
+    with pytest.raises(PushplanError, match="'math:pi' is no stable set; allowed: a subclass of"):
+        add_set("math:pi")
+    with pytest.raises(PushplanError, match="no stable set is called 'stabel'; there are ecof, cof"):
+        add_set("stabel")
+    false = type("False_", (EcofSet,), {"name": "cof"})
+    with pytest.raises(PushplanError, match="has the name 'cof'; allowed: a text other than ecof, cof"):
+        add_set(false)
+
+
+def test_a_log_loads_no_code() -> None:
+    chain = pushplan.load_scenario("one-box").chain
+    with pytest.raises(PushplanError, match="no stable set is called 'this:s'"):
+        stable_set(chain, "this:s")
+    assert "this" not in sys.modules
+
+
+def test_a_callable_has_a_name() -> None:
+    assert planner_named(PlanningError)[0] == "pushplan.errors:PlanningError"

@@ -1,0 +1,215 @@
+"""A push posed for OMPL: an exact chart and propagator, checks that look, and paths that any planner may leave."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ompl import base as ob
+from ompl import control as oc
+from ompl import util as ou
+
+import pushplan
+from pushplan.arrays import FloatArray
+from pushplan.errors import PlanningError
+from pushplan.geometry import se2
+from pushplan.names import PLANNERS
+from pushplan.ompl import pose, push_path
+from pushplan.planners.checker import find_collision
+from pushplan.planners.ompl.chart import arcs_at, controls_of
+from pushplan.planners.ompl.factories import PLANNERS as PLACES
+from pushplan.planners.ompl.factories import planner_named
+from pushplan.planners.ompl.posing import pose_of, state_at
+from pushplan.planners.ompl.solution import leave_path
+from pushplan.planners.polish import random_family
+from pushplan.planners.search import Problem
+from pushplan.scenario import Scenario
+
+STOCK = {"ompl.control:RRT": oc.RRT, "ompl.control:EST": oc.EST, "ompl.control:KPIECE1": oc.KPIECE1}
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    ou.setLogLevel(ou.LOG_NONE)
+    return pushplan.load_scenario("two-crates")
+
+
+def _solved(scenario: Scenario, planner: str, seconds: float = 20.0) -> tuple[Any, Any]:
+    information, definition = pose(scenario)
+    made = planner_named(planner)[1](information)
+    made.setProblemDefinition(definition)
+    made.setup()
+    ou.RNG.setSeed(3)
+    end = ob.timedPlannerTerminationCondition(seconds)
+    first = ob.PlannerTerminationCondition(lambda: end() or information.session.best_arcs is not None)
+    assert made.solve(first).getStatus() == ob.PlannerStatus.EXACT_SOLUTION
+    return information, definition
+
+
+def _drawn_arcs(problem: Problem, count: int) -> FloatArray:
+    """Return arcs of the families that polishing draws, and of random controls; some are longer than the longest."""
+    rng, state, family = np.random.default_rng(0), np.array([7], dtype=np.uint64), np.zeros((3, 3))
+    twists = []
+    for _ in range(count):
+        random_family(problem.segments, state, family)
+        twists += [twist.copy() for twist in family if twist.any()]
+    controls = np.column_stack([rng.uniform(0.0, 1.0, (count, 3)), np.ones(count)])
+    twists += list(arcs_at(problem, controls)[:, :3])
+    return np.column_stack([twists, rng.uniform(1e-6, 4.0 * problem.longest, len(twists))])
+
+
+@pytest.mark.parametrize("name", ["two-crates", "carts", "feet"])
+def test_every_arc_has_coordinates_and_they_give_it_back(name: str) -> None:
+    problem = pose(pushplan.load_scenario(name))[0].session.problem
+    arcs = _drawn_arcs(problem, 200)
+    controls = controls_of(problem, arcs)
+    assert ((controls[:, :3] >= 0.0) & (controls[:, :3] <= 1.0)).all()
+    np.testing.assert_array_equal(controls[:, 3], np.ceil(arcs[:, 3] / problem.longest))
+    np.testing.assert_allclose(arcs_at(problem, controls), arcs, atol=1e-12)
+
+
+def test_a_twist_outside_the_set_has_no_coordinates(scenario: Scenario) -> None:
+    _, definition = pose(scenario)
+    back = np.array([[-1.0, 0.0, 0.0, 0.3]])
+    with pytest.raises(PlanningError, match="on no segment of the stable set"):
+        leave_path(definition, back, "mine")
+    assert not definition.hasSolution()
+
+
+def test_propagation_is_exact_and_stable_and_marks_collisions(scenario: Scenario) -> None:
+    information, _ = pose(scenario)
+    stable, rng = scenario.stable_set(), np.random.default_rng(1)
+    state, result = state_at(information, scenario.start), information.allocState()
+    control = information.allocControl()
+    outcomes = {True: 0, False: 0}
+    for u in rng.uniform(0.0, 1.0, (400, 3)):
+        control[0], control[1], control[2] = u
+        information.propagate(state, control, 1, result)
+        arc = arcs_at(information.session.problem, np.append(u, 1.0)[None])[0]
+        assert stable.margin(arc[None, :3])[0] > 0.0
+        path = pushplan.PushPath(scenario.start, arc[None, :3], arc[3:])
+        valid = information.isValid(result)
+        outcomes[valid] += 1
+        assert valid == information.satisfiesBounds(result)
+        if valid:
+            apart = pose_of(result) - path.end
+            np.testing.assert_allclose([*apart[:2], math.remainder(apart[2], 2 * math.pi)], 0.0, atol=1e-12)
+            assert find_collision(scenario, path.sampled(0.01)) is None
+    assert min(outcomes.values()) > 20
+
+
+def test_validity_and_motions_look_at_collisions(scenario: Scenario) -> None:
+    information, _ = pose(scenario)
+    rng, said = np.random.default_rng(2), []
+    area = scenario.workspace
+    assert area is not None
+    start = state_at(information, scenario.start)
+    for _ in range(300):
+        x, y = rng.uniform(area.xmin, area.xmax), rng.uniform(area.ymin, area.ymax)
+        at = np.array([x, y, rng.uniform(-4.0, 4.0)])
+        state = state_at(information, at)
+        free = information.isValid(state)
+        assert not free or find_collision(scenario, at[None]) is None
+        joined = information.checkMotion(start, state)
+        assert free or not joined
+        said.append((free, joined))
+    assert {(True, True), (True, False), (False, False)} == set(said)
+
+
+def test_in_the_goal_region_a_word_leads_to_the_goal(scenario: Scenario) -> None:
+    information, definition = pose(scenario)
+    goal, target = definition.getGoal(), state_at(information, scenario.goal.pose_chain)
+    rng, inside = np.random.default_rng(3), 0
+    for _ in range(300):
+        at = scenario.goal.pose_chain + rng.normal(0.0, [0.4, 0.4, 0.5])
+        state = state_at(information, at)
+        assert goal.isSatisfied(state) == information.checkMotion(state, target)
+        assert goal.distanceGoal(state) >= 0.0
+        inside += goal.isSatisfied(state)
+    assert 20 < inside < 280
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_every_planner_solves_the_problem_and_leaves_controls(planner: str, scenario: Scenario) -> None:
+    information, definition = _solved(scenario, planner)
+    solution = definition.getSolutionPath()
+    assert isinstance(solution, oc.PathControl)
+    assert solution.check()
+    path = push_path(definition, scenario)
+    for i, state in enumerate(solution.getStates()):
+        apart = pose_of(state) - _knots(path, solution, information)[i]
+        np.testing.assert_allclose([*apart[:2], math.remainder(apart[2], 2 * math.pi)], 0.0, atol=1e-12)
+    apart = path.end - scenario.goal.pose_chain
+    np.testing.assert_allclose([*apart[:2], math.remainder(apart[2], 2 * math.pi)], 0.0, atol=1e-9)
+    assert find_collision(scenario, path.sampled(0.01)) is None
+    assert scenario.stable_set().margin(path.twists).min() > 0.0
+
+
+def _knots(path: pushplan.PushPath, solution: Any, information: Any) -> FloatArray:
+    """Return the poses (k + 1, 3) at the ends of the controls."""
+    units = solution.getControlDurations()
+    controls = [[u[0], u[1], u[2], unit] for u, unit in zip(solution.getControls(), units, strict=True)]
+    knots = [path.start]
+    for arc in arcs_at(information.session.problem, np.array(controls)):
+        knots.append(se2.compose(knots[-1], se2.exp(arc[:3] * arc[3])))
+    return np.array(knots)
+
+
+@pytest.mark.parametrize("name", ["narrow-gap", "three-boxes-clutter"])
+def test_a_path_left_as_controls_comes_back(name: str) -> None:
+    result = pushplan.plan(pushplan.load_scenario(name), iterations=20_000, time_limit=60.0)
+    assert result.path is not None
+    _, definition = pose(pushplan.load_scenario(name))
+    leave_path(definition, np.column_stack([result.path.twists, result.path.lengths]), "mine")
+    assert definition.getSolutionPath().check()
+    back = push_path(definition)
+    np.testing.assert_allclose(back.twists, result.path.twists, atol=1e-12)
+    np.testing.assert_allclose(back.lengths, result.path.lengths, atol=1e-12)
+    np.testing.assert_allclose(back.end, result.path.end, atol=1e-12)
+
+
+def test_a_path_that_is_not_what_it_claims_is_refused(scenario: Scenario) -> None:
+    information, definition = pose(scenario)
+    with pytest.raises(PlanningError, match="no exact solution"):
+        push_path(definition)
+    ahead = np.tile([1.0, 0.0, 0.0, 30.0], (1, 1))
+    leave_path(definition, ahead, "mine")
+    with pytest.raises(PlanningError, match="arc 1 of 1 is not free"):
+        push_path(definition)
+    with pytest.raises(PlanningError, match="posed from another scenario"):
+        push_path(definition, pushplan.load_scenario("narrow-gap"))
+    foreign = ob.ProblemDefinition(ob.SpaceInformation(information.getStateSpace()))
+    with pytest.raises(PlanningError, match="is none of a push"):
+        push_path(foreign)
+
+
+@pytest.mark.parametrize("planner", STOCK)
+def test_stock_planners_are_planned_executed_and_logged_like_ours(planner: str, tmp_path: Path) -> None:
+    scenario = pushplan.load_scenario("one-box")
+    run = pushplan.run(
+        scenario, planner=planner, iterations=3_000, time_limit=30.0, log=tmp_path / "run.mcap"
+    )
+    assert run.plan.solved
+    assert run.plan.planner == planner
+    assert len(run.plan.tree) > 0
+    assert run.execution is not None
+    assert run.execution.loss is None
+    recorded = pushplan.read_run(tmp_path / "run.mcap").plan
+    assert recorded is not None
+    assert recorded.planner == planner
+    by_class = pushplan.plan(scenario, planner=STOCK[planner], iterations=3_000, time_limit=30.0)
+    assert by_class.path is not None
+    assert run.plan.path is not None
+    np.testing.assert_array_equal(by_class.path.twists, run.plan.path.twists)
+
+
+def test_the_names_are_those_of_the_package() -> None:
+    assert set(PLACES) == set(PLANNERS)
+
+
+def test_the_search_of_a_planner_that_is_none_is_refused(scenario: Scenario) -> None:
+    with pytest.raises(PlanningError, match=r"a list is no planner; allowed: an ompl\.base\.Planner"):
+        pushplan.plan(scenario, planner=lambda information: [information.getStateDimension()])
