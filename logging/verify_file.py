@@ -59,6 +59,8 @@ def write_again(run: RecordedRun, path: Path) -> None:
     """Write the log that a run's scenario and plan lead to."""
     plan = _planned_again(run)
     execution = execute(run.scenario, plan)
+    if execution is not None and run.execution is not None and run.execution.dynamic_margins is None:
+        execution = replace(execution, dynamic_margins=None)  # a log of an older version
     with RunLogWriter.create(path, run.scenario, {}, run.words.get(metadata.RUN)) as log:
         log.plan(plan)
         if execution is not None and run.execution is not None:

@@ -78,7 +78,7 @@ class PlanResult:
         diagnosis: What kept the planner from finding a path, most certain first; empty when solved.
         approximate_path: Where none was found, the free and stable path that ends nearest to the goal, or None.
         approximate_error: How far (m, rad) from the goal that is, or None.
-        objective: What ranked paths, one of `names.COSTS`.
+        objective: What ranked paths, one of `names.COSTS`; empty in logs of older versions.
         margin_asked: What the twists' margins had to exceed at first; None in logs of older versions.
         margin: What they had to exceed in the end: less, where no path was found with `margin_asked`.
         execution: What the kinematic simulator makes of the plan; None when there is none.

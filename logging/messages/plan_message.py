@@ -91,7 +91,7 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, 
         diagnosis=tuple(map(_diagnosis, message.diagnosis)),
         approximate_path=_path(message.approximate_path) if message.HasField("approximate_path") else None,
         approximate_error=_pair(message.approximate_error),
-        objective=message.objective or "travel",  # the only one that older logs do not name
+        objective=message.objective,
         margin_asked=_optional(message, "margin_asked"),
         margin=_optional(message, "margin"),
         tolerance=_tolerance(message.tolerance) if message.HasField("tolerance") else None,

@@ -126,7 +126,7 @@ def _execution(plan: PlanResult) -> Execution:
         forces=forces,
         loss=None,
         goal_error=(1e-9, 1e-17),
-        dynamic_margins=rng.uniform(-0.1, 0.4, size=(len(t), 2)),
+        dynamic_margins=rng.uniform(0.02, 0.4, size=(len(t), 2)),
     )
 
 

@@ -59,7 +59,7 @@ def test_a_log_from_before_margins_with_inertia_verifies() -> None:
     """It leaves the defaults of its time open, which its resolved scenario states."""
     run = read_run(DATA / "before-margins.mcap")
     assert run.plan is not None
-    assert (run.plan.objective, run.plan.margin_asked, run.plan.margin) == ("travel", None, None)
+    assert (run.plan.objective, run.plan.margin_asked, run.plan.margin) == ("", None, None)
     assert run.plan.lowered == ""
     assert run.execution is not None
     assert run.execution.dynamic_margins is None

@@ -13,7 +13,9 @@ from pushplan.logging.reader import read_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify import verify
 from pushplan.planners.lower_bound import lower_bound
+from pushplan.planners.margins import margins_to_try
 from pushplan.run import execute
+from pushplan.tolerance.work_out import tolerance_of
 
 SERIES = ("t", "poses", "twists", "margins", "dynamic_margins", "friction_margins", "lambdas", "forces")
 
@@ -29,8 +31,15 @@ def sincere(case: Any) -> Any:
     """Return the case with the numbers that follow from its scenario and its path, not with awkward ones."""
     path = case.plan.path
     margin = float(case.scenario.stable_set(case.plan.stable_set).margin(path.twists).min())
+    asked = margins_to_try(case.scenario, case.scenario.stable_set(case.plan.stable_set))[0]
     plan = dataclasses.replace(
-        case.plan, min_margin=margin, lower_bound=lower_bound(case.scenario, path.cost)
+        case.plan,
+        min_margin=margin,
+        lower_bound=lower_bound(case.scenario, path.cost),
+        objective=case.scenario.planner.cost,
+        margin_asked=asked,
+        margin=asked,
+        tolerance=tolerance_of(case.scenario.chain, case.plan.trajectory),
     )
     return dataclasses.replace(case, plan=plan, execution=execute(case.scenario, plan))
 

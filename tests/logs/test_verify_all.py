@@ -106,7 +106,8 @@ def sound(case: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a log of a run that is what it says."""
     path = tmp_path_factory.mktemp("sound") / "run.mcap"
     honest = sincere(case)
-    settings = {"planner": "rrt", "set": "ecof", "seed": 5, "time_limit": 2.0, "cost": "travel", "gap": 0.0}
+    settings = {"planner": "rrt", "set": "ecof", "seed": 5, "time_limit": 2.0, "gap": 0.0}
+    settings["cost"] = honest.scenario.planner.cost
     with RunLogWriter.create(path, honest.scenario, settings) as log:
         log.plan(honest.plan)
         log.execution(honest.execution)
@@ -161,7 +162,8 @@ WORDS = [
         "pushplan.result": (
             *("planning_s", "first_solution_s", "progress_s", "extensions"),
             *("solved", "reason", "path_cost", "arcs", "duration", "outcome"),
-            *("goal_position_error", "goal_angle_error", "min_margin"),
+            *("goal_position_error", "goal_angle_error", "min_margin", "min_dynamic_margin"),
+            *("margin_asked", "margin"),
         ),
     }.items()
     for key in keys
