@@ -196,7 +196,7 @@ def test_wrong_intervals_are_refused(make_chain: ChainMaker) -> None:
         IntervalChain.from_ranges(chain, floor_friction={"box1": (0.0, np.inf)})
     with pytest.raises(SupportError, match="'box0' does not stand on feet"):
         IntervalChain.from_ranges(chain, fractions={"box0": [(0.0, 1.0)]})
-    with pytest.raises(PushplanError, match="no stable set is called 'ecoff'"):
+    with pytest.raises(PushplanError, match="the stable set 'ecoff' is not known for intervals"):
         stable_set_over(IntervalChain.from_ranges(chain), "ecoff")
     with pytest.raises(SupportError, match="the load under 'box0' is unknown"):
         stable_set_over(IntervalChain.from_ranges(make_chain.boxes(1, support=UnknownSupport)))
