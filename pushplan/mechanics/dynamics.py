@@ -28,8 +28,8 @@ from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contact_kernel import contact_margins_of, wrenches_of
 from pushplan.mechanics.inertia import InertiaTable, inertia_per_object, inertia_table, summed_over_carried
 from pushplan.mechanics.interval_chain import IntervalChain
-from pushplan.mechanics.interval_rows import IntervalRows
-from pushplan.mechanics.packed import PackedChain, contact_rows, pack_chain
+from pushplan.mechanics.interval_rows import IntervalRows, contact_facets
+from pushplan.mechanics.packed import PackedChain, pack_chain
 from pushplan.mechanics.packed_areas import pack_areas
 from pushplan.mechanics.robust_kernel import PackedAreas, robust_rows_of
 from pushplan.mechanics.sphere import checked_twists
@@ -123,8 +123,7 @@ class ContactDynamics:
     @cached_property
     def facets(self) -> FloatArray:
         """(n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length)."""
-        length = self.chain.characteristic_length
-        return np.array([contact_rows(contact, length) for contact in self.chain.contacts])
+        return contact_facets(self.chain)
 
     @cached_property
     def _areas(self) -> PackedAreas:

@@ -20,7 +20,7 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.carried import carried_objects
-from pushplan.mechanics.chain import GRAVITY, PushedObject
+from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
 from pushplan.mechanics.contact_kernel import object_wrenches_of
 from pushplan.mechanics.inertia import Inertia, InertiaTable, inertia_of, inertia_per_object
 from pushplan.mechanics.interval_chain import IntervalChain
@@ -35,7 +35,7 @@ class _Sums:
     def __init__(self, interval: IntervalChain, count: int) -> None:
         chain = interval.chain
         self._carried = carried_objects(chain)
-        self._facets = contact_facets(interval)
+        self._facets = contact_facets(chain)
         n = len(chain.contacts)
         self._least = np.zeros((count, n, 4))
         self._middle, self._spread = np.zeros((count, n, 3)), np.zeros((count, n))
@@ -130,10 +130,10 @@ class IntervalRows:
         return sums.result()
 
 
-def contact_facets(interval: IntervalChain) -> FloatArray:
-    """Return the unit facets (n, 4, 3) of all contacts' wrench cones."""
-    length = interval.chain.characteristic_length
-    return np.array([contact_rows(contact, length) for contact in interval.chain.contacts])
+def contact_facets(chain: Chain) -> FloatArray:
+    """Return the unit facets g (n, 4, 3) of all contacts' wrench cones, g . (f_x, f_y, m / length)."""
+    length = chain.characteristic_length
+    return np.array([contact_rows(contact, length) for contact in chain.contacts])
 
 
 def _spans(interval: IntervalChain, i: int) -> FloatArray:
