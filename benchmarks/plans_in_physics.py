@@ -48,9 +48,8 @@ from pushplan.sim.misjudged import (
     with_slanted_face,
 )
 from pushplan.sim.misplaced import shifted, turned
-from pushplan.sim.physics import simulate_trajectory
 from pushplan.sim.physics_engine import engine
-from pushplan.sim.physics_settings import VERDICT, PhysicsSettings, for_verdict
+from pushplan.sim.physics_verdict import verdict_of_physics
 from pushplan.trajectory import Trajectory
 
 Document = dict[str, Any]
@@ -124,16 +123,10 @@ def within(tolerance: Any, chain: Chain) -> dict[str, World]:
     return worlds
 
 
-def execute(world: World, trajectory: Trajectory, physics: PhysicsSettings = VERDICT) -> Document:
+def execute(world: World, trajectory: Trajectory) -> Document:
     began = time.process_time()
     try:
-        report = simulate_trajectory(
-            world.chain,
-            trajectory,
-            settings=for_verdict(trajectory.duration, physics),
-            placed=world.placed,
-            until_moved=True,
-        )
+        report = verdict_of_physics(world.chain, trajectory, placed=world.placed, until_moved=True)
     except PushplanError as error:
         return {"kept": False, "error": str(error), "cpu": time.process_time() - began}
     position, angle = report.object_errors.max(axis=0).tolist()

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from math import ceil
+from dataclasses import dataclass, fields
 
 from pushplan.errors import PushplanError
 from pushplan.sim.feet import DEGREE
@@ -49,18 +48,3 @@ class PhysicsSettings:
             value = getattr(self, field.name)
             if not value > 0:
                 raise PushplanError(f"{field.name} of the physics settings is {value}; it must be > 0")
-
-
-VERDICT = PhysicsSettings(time_step=1e-3, indentation=5e-6)
-"""For whether contacts hold over a whole trajectory: hard contacts creep least, and a longer time step is enough.
-
-Where contacts slip, these settings make them slip too far.
-"""
-
-LOOKS = 50.0
-"""Looks per second at a motion, which may open a contact and close it again."""
-
-
-def for_verdict(duration: float, settings: PhysicsSettings = VERDICT) -> PhysicsSettings:
-    """Return settings with which a trajectory of `duration` (s) is looked at often enough."""
-    return replace(settings, samples=max(settings.samples, ceil(LOOKS * duration)))

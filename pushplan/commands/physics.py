@@ -50,13 +50,11 @@ def execute(scenario: Scenario, trajectory: Trajectory | None, console: Console)
         console.say("nothing to execute in the physics engine: no plan was found")
         return None
     with console.working(f"executing {trajectory.duration:.1f} s in the physics engine") as progress:
-        from pushplan.sim.physics import simulate_trajectory
-        from pushplan.sim.physics_settings import for_verdict
+        from pushplan.sim.physics_verdict import verdict_of_physics
 
-        report = simulate_trajectory(
+        report = verdict_of_physics(
             scenario.chain,
             trajectory,
-            settings=for_verdict(trajectory.duration),
             progress=lambda share: progress.tell(f"{100.0 * share:.0f} %"),
         )
     verdict = ("every contact held", "green") if report.kept else ("a contact moved", "red")
