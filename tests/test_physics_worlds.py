@@ -174,9 +174,9 @@ def curve(duration: float) -> Trajectory:
 
 
 @pytest.mark.usefixtures("_engine")
-def test_creep_of_the_engine_is_not_a_slip(make_chain: ChainMaker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_creep_of_the_engine_is_not_a_slip(chain: Chain, monkeypatch: pytest.MonkeyPatch) -> None:
     """What passes for a slip in long time steps and not in short ones is looked at in short ones."""
-    chain, trajectory = make_chain.boxes(1, support=on_corners), curve(4.0)
+    trajectory = curve(4.0)
     long, short = (
         simulate_trajectory(chain, trajectory, settings=replace(HARD, time_step=share * HARD.time_step))
         for share in (1.0, FINER)
