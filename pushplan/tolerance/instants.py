@@ -60,7 +60,9 @@ def _corners(
     directions: FloatArray, along: BoolArray, group: IntArray, points: FloatArray, rates: FloatArray
 ) -> Instants:
     """Return the corners of each group's hull of (s'', s'^2); a moment that is no arc's is a group of its own."""
-    hulls = shapely.convex_hull(shapely.multipoints(points, indices=group))
+    twice = 1 + (np.diff(group, prepend=-1) > 0)  # a line has two points, also where a group has but one
+    lines = shapely.linestrings(np.repeat(points, twice, axis=0), indices=np.repeat(group, twice))
+    hulls = shapely.convex_hull(lines)
     corners, which = shapely.get_coordinates(hulls, return_index=True)
     unit = directions[which]
     found = corners[:, :1] * unit
