@@ -11,8 +11,9 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.logging.check import TOLERANCE, Check
 from pushplan.logging.messages import metadata
+from pushplan.logging.plan_again import timed_by_other_rules
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.verify_file import timed_by_other_rules, verify_file
+from pushplan.logging.verify_file import verify_file
 from pushplan.path import PushPath
 from pushplan.planners.checker import find_collision
 from pushplan.planners.trajectories import make_trajectory

@@ -1,14 +1,14 @@
 """The messages and words of a log against those that its scenario and its plan lead to.
 
-The run is written once more, from the plan judged and executed anew, and both logs are compared topic by topic and
-field by field: a field that is added to a message is compared without anything being said here.
+The run is written once more, from what `plan_again` and its execution give; both logs are compared topic by topic,
+field by field: one that is added to a message is compared without anything being said here.
 """
 
 from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -21,18 +21,12 @@ from pushplan.logging.mcap.mcap_file import McapFile
 from pushplan.logging.messages import metadata, schemas
 from pushplan.logging.messages.fields import Value, flattened
 from pushplan.logging.messages.schemas import Topic
+from pushplan.logging.plan_again import plan_again
 from pushplan.logging.reader import read_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.writer import RunLogWriter
-from pushplan.names import AUTO, COSTS
-from pushplan.planners.lower_bound import lower_bound
-from pushplan.planners.margins import margins_to_try
-from pushplan.planners.trajectories import make_trajectory
-from pushplan.result import PlanResult
+from pushplan.names import COSTS
 from pushplan.run import execute
-from pushplan.scenario import Scenario
-from pushplan.sim.judging import planning_set
-from pushplan.tolerance.work_out import tolerance_of
 
 FREE_WORDS = ("crc32", "finished_at", "outcome", "error")
 """Words of `pushplan.result` that nothing else determines, beside those of wall-clock times; `outcome` is judged."""
@@ -57,7 +51,7 @@ def verify_file(path: Path) -> list[Check]:
 
 def write_again(run: RecordedRun, path: Path) -> None:
     """Write the log that a run's scenario and plan lead to."""
-    plan = _planned_again(run)
+    plan = plan_again(run)
     execution = execute(run.scenario, plan)
     if execution is not None and run.execution is not None and run.execution.dynamic_margins is None:
         execution = replace(execution, dynamic_margins=None)  # a log of an older version
@@ -66,54 +60,6 @@ def write_again(run: RecordedRun, path: Path) -> None:
         if execution is not None and run.execution is not None:
             log.execution(execution)
         log.finish("solved" if plan.solved else "unsolved")
-
-
-def _planned_again(run: RecordedRun) -> PlanResult:
-    """Return the plan with everything in it that follows from the scenario, the settings and the path."""
-    plan, words = run.plan, run.words.get(metadata.RUN, {})
-    assert plan is not None
-    settled = replace(
-        plan,
-        solved=plan.path is not None,
-        reason="" if plan.path is not None else plan.reason,
-    )
-    if plan.path is None or plan.trajectory is None:
-        return settled
-    scenario = _settled(run.scenario, words)
-    stable = planning_set(scenario, settled.stable_set)
-    margins = margins_to_try(scenario, stable)
-    margin = plan.margin if plan.margin in margins else margins[0]  # a lower one only the search can tell
-    if plan.margin is not None:
-        settled = replace(settled, margin_asked=margins[0], margin=margin, objective=scenario.planner.cost)
-    scenario = scenario.with_margin(margin)
-    trajectory = plan.trajectory
-    if not timed_by_other_rules(scenario, plan):
-        trajectory = make_trajectory(scenario, plan.path, stable, trajectory.rate)
-    return replace(
-        settled,
-        trajectory=trajectory,
-        tolerance=None if plan.tolerance is None else tolerance_of(scenario.chain, trajectory),
-        min_margin=float(stable.margin(plan.path.twists).min()) if len(plan.path.twists) else None,
-        lower_bound=None if plan.lower_bound is None else lower_bound(scenario, plan.path.cost),
-        diagnosis=(),
-        approximate_path=None,
-        approximate_error=None,
-    )
-
-
-def timed_by_other_rules(scenario: Scenario, plan: PlanResult) -> bool:
-    """Tell whether an older version timed a plan with inertia: contacts kept no margin then."""
-    return plan.margin is None and scenario.chain.pusher.limits.contact == "dynamic"
-
-
-def _settled(scenario: Scenario, words: Mapping[str, str]) -> Scenario:
-    """Return the scenario with the cost and the margin that the run was told."""
-    cost, margin = words.get("cost"), words.get("margin")
-    if cost in COSTS:
-        scenario = replace(scenario, planner=replace(scenario.planner, cost=cost))
-    if margin is not None and margin != AUTO:
-        return scenario.with_margin(float(margin))
-    return scenario
 
 
 def compare_topic(topic: Topic, recorded: Path, again: Path, whole: bool) -> Iterator[Check]:

@@ -11,7 +11,7 @@ from numba.core.event import Event, Listener, install_listener
 PATIENCE = 1.5
 """Seconds of compiling after which the user is told what takes so long."""
 
-ANNOUNCEMENT = "compiling for this machine (only at the first use, for half a minute or so) ..."
+ANNOUNCEMENT = "compiling for this machine (only at the first use, for about a minute) ..."
 
 
 @contextmanager

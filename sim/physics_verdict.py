@@ -1,4 +1,4 @@
-"""Whether a trajectory holds in the physics engine, at its own speed: the question of `--physics` and the benchmark."""
+"""Whether a trajectory holds in the physics engine, at its own speed: what `--physics` asks."""
 
 from __future__ import annotations
 

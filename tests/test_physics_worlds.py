@@ -14,6 +14,7 @@ from pushplan.errors import SupportError
 from pushplan.geometry.se2 import compose, relative, transform_points
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.support import FeetSupport, Support
+from pushplan.sim import physics_verdict
 from pushplan.sim.misjudged import (
     with_contact_friction,
     with_floor_friction,
@@ -21,7 +22,6 @@ from pushplan.sim.misjudged import (
     with_slanted_face,
 )
 from pushplan.sim.misplaced import shifted, subtree, turned
-from pushplan.sim import physics_verdict
 from pushplan.sim.physics import simulate_trajectory
 from pushplan.sim.physics_verdict import FINER, HARD, verdict_of_physics
 from pushplan.trajectory import Trajectory
