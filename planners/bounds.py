@@ -54,5 +54,5 @@ def contact_dynamics(scenario: Scenario, set_name: str) -> ContactDynamics:
     if set_name in STABLE_SETS:
         all_pressures = set_name not in KNOWN_LOAD_SETS
     else:
-        all_pressures = not all(obj.support.known for obj in scenario.chain.objects)
+        all_pressures = not scenario.chain.loads_known
     return ContactDynamics(scenario.chain, all_pressures, scenario.interval)

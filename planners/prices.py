@@ -60,7 +60,7 @@ class Prices(NamedTuple):
 
 
 def travel_prices(per_arc: float) -> Prices:
-    """Return the default: length counts, and `per_arc` (m) for each arc."""
+    """Return the prices of travel: length counts, and `per_arc` (m) for each arc."""
     return Prices(TRAVEL, per_arc, 1.0, 1.0, np.array([0.0, 1.0, 0.0, 1.0]), np.zeros((2, 2, 3)))
 
 

@@ -118,6 +118,8 @@ class PlanResult:
         """That the margin was lowered, in a sentence; empty if it was not."""
         if self.margin is None or self.margin_asked is None or self.margin >= self.margin_asked:
             return ""
+        if self.path is None:
+            return f"margins from {self.margin_asked:.2g} down to {self.margin:.2g} were tried"
         return f"margin {self.margin:.2g} instead of {self.margin_asked:.2g}: no path was found with more"
 
     @property

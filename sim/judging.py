@@ -21,7 +21,7 @@ def execute_trajectory(scenario: Scenario, planned: str, trajectory: Trajectory)
 
 def judging_set(scenario: Scenario, planned: str) -> StableSet:
     """Return the set that judges an execution: the exact one where loads are known numbers, else the planned one."""
-    known = scenario.interval is None and all(obj.support.known for obj in scenario.chain.objects)
+    known = scenario.interval is None and scenario.chain.loads_known
     return scenario.stable_set("ecof" if known else planned)
 
 

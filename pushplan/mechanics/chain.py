@@ -205,6 +205,11 @@ class Chain:
             *(Body(obj.name, BodyKind.OBJECT, obj.outline_chain) for obj in self.objects),
         )
 
+    @property
+    def loads_known(self) -> bool:
+        """Whether the load distribution under every object is known, so that contact forces are."""
+        return all(obj.support.known for obj in self.objects)
+
     @cached_property
     def reach(self) -> float:
         """Distance from the chain frame's origin to the farthest point of any body, m."""

@@ -47,7 +47,7 @@ class StableSet(ABC):
     @property
     def loads_known(self) -> bool:
         """Whether the load distribution under every object is known, so that contact forces are."""
-        return all(obj.support.known for obj in self.chain.objects)
+        return self.chain.loads_known
 
     def twists_on_sphere(self, longitude: ArrayLike, latitude: ArrayLike) -> FloatArray:
         """Return the unit twists (..., 3) at longitudes and latitudes (...) of the twist sphere, rad."""

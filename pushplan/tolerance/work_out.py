@@ -38,7 +38,7 @@ def tolerance_of(chain: Chain, trajectory: Trajectory) -> Tolerance:
         ChainError: When a contact does not lie on an edge of both bodies.
         SupportError: When a push at the pusher's contact height could lift a part of an object.
     """
-    if not all(obj.support.known for obj in chain.objects):
+    if not chain.loads_known:
         return Tolerance()
     twists, rates = directions(trajectory), trajectory.rates_at(trajectory.t)
     return tolerance_along(chain, twists, rates)
