@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from pushplan.logging.messages import metadata
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.names import AUTO, COSTS
-from pushplan.planners.lower_bound import lower_bound
-from pushplan.planners.margins import margins_to_try
+from pushplan.planners.infeasible.lower_bound import lower_bound
+from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario

@@ -16,8 +16,8 @@ from pushplan.logging.mcap.partial_file import SUFFIX
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.contents import TOPICS, Contents
 from pushplan.logging.messages.effort import Effort
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.scenario_files import ScenarioFiles
-from pushplan.logging.recorded import RecordedRun
 
 _OURS = "pushplan."
 

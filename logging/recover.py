@@ -8,9 +8,9 @@ from pathlib import Path
 
 from pushplan.errors import RunLogError
 from pushplan.logging.messages import metadata
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.sentences import execution_sentence, plan_sentence
 from pushplan.logging.reader import read_run
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.writer import RunLogWriter
 
 

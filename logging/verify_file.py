@@ -20,13 +20,13 @@ from pushplan.logging.mcap.items import Message
 from pushplan.logging.mcap.mcap_file import McapFile
 from pushplan.logging.messages import metadata, schemas
 from pushplan.logging.messages.fields import Value, flattened
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.schemas import Topic
 from pushplan.logging.plan_again import plan_again
 from pushplan.logging.reader import read_run
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.writer import RunLogWriter
 from pushplan.names import COSTS
-from pushplan.run import execute
+from pushplan.sim.judging import execute
 
 FREE_WORDS = ("crc32", "finished_at", "outcome", "error")
 """Words of `pushplan.result` that nothing else determines, beside those of wall-clock times; `outcome` is judged."""

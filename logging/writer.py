@@ -20,6 +20,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from pushplan.arrays import IntArray
 from pushplan.errors import RunLogError
+from pushplan.execution import Execution, inertia_warning
 from pushplan.logging.mcap.partial_file import PartialFile
 from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
 from pushplan.logging.messages.channels import Channels
@@ -32,7 +33,6 @@ from pushplan.logging.view.scene import scene, tree
 from pushplan.logging.view.window import PATH_SPACING, smoothed_times
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
-from pushplan.sim.execution import Execution, inertia_warning
 
 _STRETCH = 60
 """Simulated seconds whose messages are made at once: few calls for a short run, little memory for a long one."""

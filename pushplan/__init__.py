@@ -30,13 +30,13 @@ if TYPE_CHECKING:
         UndefinedEcofError,
     )
     from pushplan.examples import example_names, example_text
+    from pushplan.execution import Execution, StabilityLoss
+    from pushplan.logging.messages.recorded import RecordedRun
     from pushplan.logging.reader import read_run
-    from pushplan.logging.recorded import RecordedRun
-    from pushplan.mechanics.admissible_speeds import AdmissibleSpeeds, SpeedWindow, admissible_speeds
     from pushplan.mechanics.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
-    from pushplan.mechanics.dynamics import DynamicRows, dynamic_margins, dynamic_rows
-    from pushplan.mechanics.friction import cof, ecof, friction_wrench
-    from pushplan.mechanics.interval_chain import IntervalChain
+    from pushplan.mechanics.contacts.friction import cof, ecof, friction_wrench
+    from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds, SpeedWindow, admissible_speeds
+    from pushplan.mechanics.dynamics.contact_dynamics import DynamicRows, dynamic_margins, dynamic_rows
     from pushplan.mechanics.sphere import TurningRadii
     from pushplan.mechanics.support import (
         FeetSupport,
@@ -45,17 +45,14 @@ if TYPE_CHECKING:
         UniformSupport,
         UnknownSupport,
     )
+    from pushplan.mechanics.worst_case.interval_chain import IntervalChain
     from pushplan.path import PushPath
     from pushplan.plan import plan
+    from pushplan.reading.scenario_check import check_scenario
+    from pushplan.reading.scenario_file import load_scenario, scenario_from_document, scenario_from_text
     from pushplan.result import Diagnosis, PlanResult, ProgressPoint, Run
     from pushplan.run import run
-    from pushplan.scenario import (
-        Scenario,
-        check_scenario,
-        load_scenario,
-        scenario_from_document,
-        scenario_from_text,
-    )
+    from pushplan.scenario import Scenario
     from pushplan.scenario_parts import (
         CircleObstacle,
         Goal,
@@ -67,7 +64,7 @@ if TYPE_CHECKING:
         Uncertainty,
         Workspace,
     )
-    from pushplan.sim.kinematic import Execution, StabilityLoss, simulate
+    from pushplan.sim.kinematic import simulate
     from pushplan.stable_sets.grid_cor_set import GridCorSet, grid_cor_set
     from pushplan.stable_sets.interval_set import stable_set_over
     from pushplan.stable_sets.named import stable_set
@@ -83,9 +80,9 @@ _HOMES = {
     "errors": "ChainError EmptyStableSetError Finding ImportedFileError PlanningError PushplanError RunLogError "
     "ScenarioError SupportError TimingError UndefinedEcofError",
     "examples": "example_names example_text",
-    "mechanics.friction": "cof ecof friction_wrench",
+    "mechanics.contacts.friction": "cof ecof friction_wrench",
     "logging.reader": "read_run",
-    "logging.recorded": "RecordedRun",
+    "logging.messages.recorded": "RecordedRun",
     "path": "PushPath",
     "plan": "plan",
     "drawing.run": "plot_plan",
@@ -93,10 +90,13 @@ _HOMES = {
     "drawing.sets": "plot_stable_sets",
     "result": "Diagnosis PlanResult ProgressPoint Run",
     "run": "run",
-    "scenario": "Scenario check_scenario load_scenario scenario_from_document scenario_from_text",
+    "scenario": "Scenario",
+    "reading.scenario_check": "check_scenario",
+    "reading.scenario_file": "load_scenario scenario_from_document scenario_from_text",
     "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle Snapped Snapping StabilitySettings "
     "Uncertainty Workspace",
-    "sim.kinematic": "Execution StabilityLoss simulate",
+    "execution": "Execution StabilityLoss",
+    "sim.kinematic": "simulate",
     "mechanics.sphere": "TurningRadii",
     "stable_sets.named": "stable_set",
     "stable_sets.stable_set": "StableSet",
@@ -104,9 +104,9 @@ _HOMES = {
     "tolerance.tolerance": "Tolerance",
     "trajectory": "Trajectory",
     "drawing.speeds": "plot_admissible_speeds",
-    "mechanics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
-    "mechanics.dynamics": "DynamicRows dynamic_margins dynamic_rows",
-    "mechanics.interval_chain": "IntervalChain",
+    "mechanics.dynamics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
+    "mechanics.dynamics.contact_dynamics": "DynamicRows dynamic_margins dynamic_rows",
+    "mechanics.worst_case.interval_chain": "IntervalChain",
     "stable_sets.grid_cor_set": "GridCorSet grid_cor_set",
     "stable_sets.interval_set": "stable_set_over",
     "stable_sets.robust_set": "RobustSet WorstCase",

@@ -89,6 +89,7 @@ def parser() -> argparse.ArgumentParser:
         child.add_argument(
             "--verbose", action="store_true", help="show the traceback of an unexpected failure"
         )
+    commands.choices["completion"].set_defaults(every_command=top)
     return top
 
 

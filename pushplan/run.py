@@ -12,8 +12,6 @@ from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.search import Factory
 from pushplan.result import PlanResult, ProgressPoint, Run
 from pushplan.scenario import Scenario
-from pushplan.sim.execution import Execution
-from pushplan.sim.judging import execute_trajectory
 from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
@@ -104,10 +102,3 @@ def run(
                 writer.execution(result.execution)
             writer.finish("solved" if result.solved else "unsolved", watch.seconds)
     return Run(scenario, result, result.execution, Path(log), watch.seconds)
-
-
-def execute(scenario: Scenario, result: PlanResult) -> Execution | None:
-    """Return what the kinematic simulator makes of a plan, executed anew; None where there is no trajectory."""
-    if result.trajectory is None:
-        return None
-    return execute_trajectory(scenario, result.stable_set, result.trajectory)

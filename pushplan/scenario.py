@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from pushplan import names
 from pushplan.arrays import FloatArray, frozen
-from pushplan.errors import Finding, PushplanError
+from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.interval_chain import IntervalChain
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.scenario_parts import (
     CircleObstacle,
     Goal,
@@ -43,10 +43,6 @@ __all__ = [
     "StabilitySettings",
     "Uncertainty",
     "Workspace",
-    "check_scenario",
-    "load_scenario",
-    "scenario_from_document",
-    "scenario_from_text",
 ]
 
 
@@ -190,64 +186,3 @@ def _resolved_obstacle(obstacle: Obstacle) -> dict[str, Any]:
     if isinstance(obstacle, CircleObstacle):
         return {"circle": obstacle.radius, "center": obstacle.center.tolist()}
     return {"polygon": obstacle.outline.tolist()}
-
-
-def load_scenario(source: str | Path) -> Scenario:
-    """Read a scenario from a file, or a packaged example by its name.
-
-    A file of that name comes first; a Path is never taken for an example's name.
-
-    Raises:
-        ScenarioError: With everything found wrong: syntax, values, geometry, start and goal.
-    """
-    from pushplan.reading.scenario_file import load_scenario as load
-
-    return load(source)
-
-
-def scenario_from_text(
-    text: str | bytes, path: str | Path = "scenario.yaml", attachments: Mapping[str, bytes] | None = None
-) -> Scenario:
-    """Read a scenario from a text, e.g. from the one that is attached to a run's log.
-
-    Args:
-        text: What a scenario file holds.
-        path: What messages call it; nothing is read from there.
-        attachments: Contents of the files that the scenario refers to, by the name that it uses.
-
-    Raises:
-        ScenarioError: As for `load_scenario`.
-    """
-    from pushplan.reading.scenario_file import scenario_from_text as read
-
-    return read(text, path, attachments)
-
-
-def scenario_from_document(
-    document: Mapping[str, Any],
-    path: str | Path = "scenario.json",
-    attachments: Mapping[str, bytes] | None = None,
-) -> Scenario:
-    """Return the scenario that plain data state; see `pushplan.builders` for functions that make them.
-
-    Args:
-        document: What a scenario file holds, as mappings, sequences, texts, numbers and NumPy arrays.
-        path: What messages call it; nothing is read from there.
-        attachments: Contents of the files that the scenario refers to, by the name that it uses.
-
-    Raises:
-        ScenarioError: As for `load_scenario`; the findings have no lines.
-    """
-    from pushplan.reading.scenario_file import scenario_from_document as read
-
-    return read(document, path, attachments)
-
-
-def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
-    """Return what `load_scenario` leaves out because it takes longer: whether the stable set is empty.
-
-    The set is that of `scenario.stability`; one that needs loads which the scenario does not state is a finding too.
-    """
-    from pushplan.reading.scenario_check import check_scenario as check
-
-    return check(scenario)

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from pushplan.execution import Execution
 from pushplan.names import KNOWN_LOAD_SETS
-from pushplan.planners.bounds import contact_dynamics
+from pushplan.planners.timing.bounds import contact_dynamics
+from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
-from pushplan.sim.kinematic import Execution, simulate
+from pushplan.sim.kinematic import simulate
 from pushplan.stable_sets.intersection_set import IntersectionSet
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
+
+
+def execute(scenario: Scenario, result: PlanResult) -> Execution | None:
+    """Return what the kinematic simulator makes of a plan, executed anew; None where there is no trajectory."""
+    if result.trajectory is None:
+        return None
+    return execute_trajectory(scenario, result.stable_set, result.trajectory)
 
 
 def execute_trajectory(scenario: Scenario, planned: str, trajectory: Trajectory) -> Execution:

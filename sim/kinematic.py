@@ -5,19 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.execution import Execution, StabilityLoss
 from pushplan.geometry import se2
-from pushplan.mechanics.contact_state import contact_state
-from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.sim.execution import Execution as Execution
-from pushplan.sim.execution import StabilityLoss as StabilityLoss
+from pushplan.mechanics.contacts.contact_state import contact_state
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory, advance
-
-RESTING = 1e-6
-"""Twist components below this (m/s, rad/s) count as rest."""
-
-NUDGE = 1e-4
-"""How far from a sample at rest the direction of motion is looked up, s."""
 
 
 def simulate(
@@ -40,7 +33,7 @@ def simulate(
         inertia_decides: A contact is lost, too, where its margin with inertia is not positive.
     """
     poses = _integrate(trajectory)
-    asked = directions(trajectory)
+    asked = trajectory.directions
     margins = deciding = judge.contact_margins(asked)
     dynamic = None if contacts is None else contacts.margins(asked, trajectory.rates_at(trajectory.t))
     if dynamic is not None and inertia_decides:
@@ -58,16 +51,8 @@ def simulate(
         None if state is None else state.lambdas,
         None if state is None else state.forces,
         loss,
-        pose_error(poses[last - 1], goal),
+        se2.pose_error(poses[last - 1], goal),
         None if dynamic is None else dynamic[:last],
-    )
-
-
-def pose_error(pose: FloatArray, goal: FloatArray) -> tuple[float, float]:
-    """Return the distance (m) and the absolute angle (rad) between two poses (3,)."""
-    return (
-        float(np.hypot(*(pose[:2] - goal[:2]))),
-        float(abs(se2.wrap_angle(pose[2] - goal[2]))),
     )
 
 
@@ -82,13 +67,6 @@ def _integrate(trajectory: Trajectory) -> FloatArray:
     xy = trajectory.start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)])
     poses = np.column_stack([xy, theta])
     return poses[np.searchsorted(ticks, trajectory.t)]
-
-
-def directions(trajectory: Trajectory) -> FloatArray:
-    """Twists (m, 3) at the samples; where the pusher rests, the one that comes next (at the end: came last)."""
-    nudged = trajectory.t + np.where(trajectory.t + NUDGE < trajectory.duration, NUDGE, -NUDGE)
-    resting = np.abs(trajectory.twists).max(axis=1) < RESTING
-    return np.where(resting[:, None], trajectory.twists_at(nudged), trajectory.twists)
 
 
 def _loss(trajectory: Trajectory, poses: FloatArray, margins: FloatArray, i: int) -> StabilityLoss:

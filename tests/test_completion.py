@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from pushplan.cli import COMMANDS, main
+from pushplan.cli import COMMANDS, main, parser
 from pushplan.commands.completion import SHELLS, completion_script
 from pushplan.examples import example_names
 
 
 @pytest.mark.parametrize("shell", SHELLS)
 def test_a_script_names_all_commands_options_and_examples(shell: str) -> None:
-    script = completion_script(shell)
+    script = completion_script(shell, parser())
     for word in (*COMMANDS, *example_names(), "time-limit", "plot"):
         assert word in script
 
@@ -25,7 +25,7 @@ def test_the_shell_can_read_its_script(shell: str, tmp_path: Path) -> None:
     if shutil.which(shell) is None:
         pytest.skip(f"there is no {shell} here")
     file = tmp_path / "script"
-    file.write_text(completion_script(shell))
+    file.write_text(completion_script(shell, parser()))
     subprocess.run([shell, "-n", str(file)], check=True, timeout=30)
 
 
@@ -40,7 +40,7 @@ def test_the_shell_can_read_its_script(shell: str, tmp_path: Path) -> None:
     ],
 )
 def test_bash_completes(typed: list[str], offered: set[str], tmp_path: Path) -> None:
-    (tmp_path / "script").write_text(completion_script("bash"))
+    (tmp_path / "script").write_text(completion_script("bash", parser()))
     (tmp_path / "two-files.yaml").touch()
     words = " ".join(f"'{word}'" for word in typed)
     code = (

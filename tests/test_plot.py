@@ -21,14 +21,15 @@ from pushplan.drawing.format import PICTURE_SUFFIXES, PlotError, check_picture_p
 from pushplan.drawing.run import plot_plan
 from pushplan.drawing.sets import plot_stable_sets
 from pushplan.drawing.world import draw_by_margin, draw_surroundings, draw_sweep, view_box
+from pushplan.execution import Execution
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.timing import time_path
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
-from pushplan.sim.kinematic import Execution, simulate
+from pushplan.sim.kinematic import simulate
 from pushplan.stable_sets.cor_window import default_window
 from pushplan.stable_sets.named import stable_set
 from pushplan.tolerance.tolerance import Tolerance

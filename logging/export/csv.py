@@ -13,7 +13,7 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.logging.mcap.partial_file import write_pieces
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 
 _AT_ONCE = 10_000
 """Rows that exist as text in memory."""

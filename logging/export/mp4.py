@@ -14,7 +14,7 @@ from pushplan.errors import PushplanError
 from pushplan.extras import optional
 from pushplan.logging.export.film_frames import HEIGHT, WIDTH, Film
 from pushplan.logging.mcap.partial_file import write_whole
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.result import Run
 
 PICTURES_PER_SECOND = 25

@@ -8,7 +8,7 @@ from pathlib import Path
 from pushplan.extras import optional
 from pushplan.logging.export.csv import table
 from pushplan.logging.mcap.partial_file import write_whole
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 
 
 def write_parquet(run: RecordedRun, path: Path | str) -> None:

@@ -19,8 +19,8 @@ from mcap.data_stream import RecordBuilder
 from pushplan.arrays import IntArray
 from pushplan.logging.mcap import message_head, opcodes
 from pushplan.logging.mcap.batch import Batch
+from pushplan.logging.mcap.message_template import ByteRows
 from pushplan.logging.mcap.partial_file import PartialFile
-from pushplan.logging.messages.message_template import ByteRows
 
 CHUNK_SIZE = 256 << 10
 """A chunk is written when it has grown so large, bytes; until then its messages exist in memory only."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from pushplan.logging.mcap.partial_file import write_whole
 from pushplan.logging.messages import schemas
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import WORLD
 from pushplan.logging.view.window import window
 from pushplan.result import Run

@@ -15,8 +15,8 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.compiled import compiled, lean, woven
-from pushplan.planners.collision import step, sweep_is_free
-from pushplan.planners.search import END_SHARE, LETTER_SHARE, Problem, choose_twist
+from pushplan.planners.collision.separation import step, sweep_is_free
+from pushplan.planners.problem.problem import END_SHARE, LETTER_SHARE, Problem, choose_twist
 
 FARTHEST = 1e-9
 """Distance from every segment, as a share of a twist, beyond which the twist is not in the set."""

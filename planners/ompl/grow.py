@@ -18,9 +18,9 @@ from numba.experimental import structref
 
 from pushplan.arrays import FloatArray
 from pushplan.compiled import compiled, lean
-from pushplan.planners.collision import separation
-from pushplan.planners.search import TRIES, Problem, extend
-from pushplan.planners.steering import MAX_WORDS, connect
+from pushplan.planners.collision.separation import separation
+from pushplan.planners.problem.problem import TRIES, Problem, extend
+from pushplan.planners.problem.steering import MAX_WORDS, connect
 
 
 @structref.register

@@ -37,20 +37,19 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    script = completion_script(args.shell)
+    script = completion_script(args.shell, args.every_command)
     console.say(script)
     console.emit({"shell": args.shell, "script": script})
     return DONE
 
 
-def completion_script(shell: str) -> str:
-    """Return the script for one of `SHELLS`."""
+def completion_script(shell: str, top: argparse.ArgumentParser) -> str:
+    """Return the script for one of `SHELLS` that completes what the parser `top` takes; it is changed by that."""
     import shtab
 
-    from pushplan.cli import parser
     from pushplan.examples import example_names
 
-    top, names = parser(), example_names()
+    names = example_names()
     for action in _actions(top):
         _complete(action, shtab.FILE, names)
     preamble = _PREAMBLES[shell].format(names=" ".join(names))

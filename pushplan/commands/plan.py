@@ -25,9 +25,9 @@ from pushplan.names import COSTS
 from pushplan.naming import planner_names, stable_set_names
 
 if TYPE_CHECKING:
+    from pushplan.execution import Execution
     from pushplan.result import PlanResult, ProgressPoint, Run
     from pushplan.scenario import Scenario
-    from pushplan.sim.kinematic import Execution
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     from pushplan.commands import physics
     from pushplan.commands.failure import MISMATCH
     from pushplan.commands.report import document, exit_code, headline, rows
-    from pushplan.scenario import load_scenario
+    from pushplan.reading.scenario_file import load_scenario
 
     check_outputs(args.scenario, args.plot, args.output, args.html)
     scenario = load_scenario(args.scenario)

@@ -16,7 +16,7 @@ from pushplan.commands.playing import declare_playing, play
 from pushplan.errors import RunLogError
 
 if TYPE_CHECKING:
-    from pushplan.logging.recorded import RecordedRun
+    from pushplan.logging.messages.recorded import RecordedRun
     from pushplan.logging.verify import VerifyReport
 
 

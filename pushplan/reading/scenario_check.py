@@ -13,7 +13,10 @@ from pushplan.stable_sets.weakest import emptiness
 
 
 def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
-    """Return what is wrong with the stable set of a scenario; see `pushplan.scenario.check_scenario`."""
+    """Return what `load_scenario` leaves out because it takes longer: whether the stable set is empty.
+
+    The set is that of `scenario.stability`; one that needs loads which the scenario does not state is a finding too.
+    """
     report = Report(read_document(scenario.source))
     unknown = [obj.name for obj in scenario.chain.objects if not obj.support.known]
     if unknown and scenario.stability.set in KNOWN_LOAD_SETS:

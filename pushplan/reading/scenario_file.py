@@ -19,7 +19,13 @@ from pushplan.scenario import Scenario
 
 
 def load_scenario(source: str | Path) -> Scenario:
-    """Read a file, or a packaged example by its name; see `pushplan.scenario.load_scenario`."""
+    """Read a scenario from a file, or a packaged example by its name.
+
+    A file of that name comes first; a Path is never taken for an example's name.
+
+    Raises:
+        ScenarioError: With everything found wrong: syntax, values, geometry, start and goal.
+    """
     path = Path(source)
     if isinstance(source, str) and source in example_names() and not path.is_file():
         path = Path(str(example_file(source)))
@@ -34,7 +40,16 @@ def load_scenario(source: str | Path) -> Scenario:
 def scenario_from_text(
     text: str | bytes, path: str | Path = "scenario.yaml", attachments: Mapping[str, bytes] | None = None
 ) -> Scenario:
-    """Read a text; see `pushplan.scenario.scenario_from_text`."""
+    """Read a scenario from a text, e.g. from the one that is attached to a run's log.
+
+    Args:
+        text: What a scenario file holds.
+        path: What messages call it; nothing is read from there.
+        attachments: Contents of the files that the scenario refers to, by the name that it uses.
+
+    Raises:
+        ScenarioError: As for `load_scenario`.
+    """
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     return _read(data, Path(path), Attachments(dict(attachments or {})))
 
@@ -44,7 +59,16 @@ def scenario_from_document(
     path: str | Path = "scenario.json",
     attachments: Mapping[str, bytes] | None = None,
 ) -> Scenario:
-    """Read plain data; see `pushplan.scenario.scenario_from_document`."""
+    """Return the scenario that plain data state; see `pushplan.builders` for functions that make them.
+
+    Args:
+        document: What a scenario file holds, as mappings, sequences, texts, numbers and NumPy arrays.
+        path: What messages call it; nothing is read from there.
+        attachments: Contents of the files that the scenario refers to, by the name that it uses.
+
+    Raises:
+        ScenarioError: As for `load_scenario`; the findings have no lines.
+    """
     try:
         text = json.dumps(document, default=_plain, indent=1)
     except (TypeError, ValueError, RecursionError) as error:

@@ -8,8 +8,8 @@ import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray, IntArray
 from pushplan.compiled import compiled, lean
-from pushplan.mechanics.friction_kernel import carried_wrench
-from pushplan.mechanics.friction_series import ComplexArray
+from pushplan.mechanics.friction.kernel import carried_wrench
+from pushplan.mechanics.friction.series import ComplexArray
 from pushplan.tolerance.instants import Instants
 
 
