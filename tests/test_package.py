@@ -39,6 +39,15 @@ def test_every_public_name_exists_where_its_module_defines_it(name: str) -> None
     assert name in dir(pushplan)
 
 
+def test_type_checkers_find_the_installed_package() -> None:
+    """They look along the paths; an editable install by an import hook has none (`tool.setuptools.package-dir`)."""
+    code = (
+        "import pathlib, sys; print(any((pathlib.Path(p) / 'pushplan/py.typed').is_file() for p in sys.path))"
+    )
+    done = subprocess.run([sys.executable, "-I", "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout == "True\n"
+
+
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match=r"module 'pushplan' has no attribute 'pul'"):
         pushplan.pul  # noqa: B018
