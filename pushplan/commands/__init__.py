@@ -1,1 +1,1 @@
-"""The commands of the command line, one module each: `add_parser` declares its words, `run` does the work."""
+"""The commands of the command line, one module each: `declare` declares its words, `run` does the work."""
