@@ -66,7 +66,7 @@ timeout_multiplier = 2.0
 timeout_constant = 5.0
 do_not_mutate_patterns = ['raise \\w+', 'f?"[^"]*"', 'dtype=np.\\w+', 'strict=True']
 """
-DECORATORS = re.compile(r"^@(njit\(.*\)|compiled|lean|woven)\n", re.MULTILINE)
+DECORATORS = re.compile(r"^@(njit\(.*\)|compiled|no_refcount|inlined)\n", re.MULTILINE)
 PROPERTIES = re.compile(
     r"^    @(property|cached_property)\n(    def (\w+)\(.*\n(?:\n?(?: {5,}.*)\n)*)", re.MULTILINE
 )

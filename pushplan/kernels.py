@@ -7,7 +7,8 @@ from functools import cache
 
 import numpy as np
 
-from pushplan.compiling import announced
+from pushplan.compiled.announcement import announced
+from pushplan.compiled.second_compiler import second_compiler
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.support import UniformSupport
@@ -25,7 +26,6 @@ from pushplan.planners.problem.prices import travel_prices
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.search.cell_rounds import CellRounds
 from pushplan.planners.search.guide import find_way, make_guide
-from pushplan.second_compiler import second_compiler
 from pushplan.stable_sets.named import stable_set
 from pushplan.tolerance.work_out import tolerance_along
 

@@ -8,13 +8,13 @@ import pytest
 from numba import njit
 from numba.core.event import trigger_event
 
-from pushplan import compiling
-from pushplan.compiling import ANNOUNCEMENT, announced
+from pushplan.compiled import announcement
+from pushplan.compiled.announcement import ANNOUNCEMENT, announced
 
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiling, "PATIENCE", 0.1)
+    monkeypatch.setattr(announcement, "PATIENCE", 0.1)
 
 
 def test_compiling_for_long_is_told_once() -> None:
@@ -42,7 +42,7 @@ def test_a_short_compilation_is_not_told() -> None:
 
 
 def test_a_real_function_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+    monkeypatch.setattr(announcement, "PATIENCE", 0.0)
     told: list[str] = []
     with announced(told.append):
         assert njit(lambda x: x + 1)(1) == 2

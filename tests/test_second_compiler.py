@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
 import numba
 import pytest
 
-from pushplan import second_compiler as module
+from pushplan.compiled import second_compiler as module
+from pushplan.compiled.second_compiler import second_compiler
 from pushplan.kernels import compile_search
-from pushplan.second_compiler import second_compiler
 
 
 @pytest.fixture
@@ -42,17 +43,21 @@ def test_it_does_not_start_when_nothing_is_compiled(mark: Path) -> None:
     assert not mark.exists()
 
 
-def _interrupted() -> None:
+def _interrupted(mark: Path) -> None:
     with second_compiler("sst"):
         compile_something()
+        while not (mark.exists() and mark.read_text()):
+            time.sleep(0.01)
         raise KeyboardInterrupt
 
 
-def test_it_ends_with_the_first_one(mark: Path) -> None:
+def test_it_ends_with_the_first_one(mark: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    work = f"import os, time; open({str(mark)!r}, 'w').write(str(os.getpid())); time.sleep(60) # {{!r}}"
+    monkeypatch.setattr(module, "WORK", work)
     with pytest.raises(KeyboardInterrupt):
-        _interrupted()
-    time.sleep(0.5)
-    assert not mark.exists()
+        _interrupted(mark)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(mark.read_text()), 0)
 
 
 def test_a_single_processor_compiles_alone(mark: Path, monkeypatch: pytest.MonkeyPatch) -> None:

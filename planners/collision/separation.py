@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.compiled import lean, woven
-from pushplan.scratch import scratch
+from pushplan.compiled import inlined, no_refcount
+from pushplan.compiled.scratch import scratch
 
 EXACT_BELOW = 0.01
 """Separations under this (m), or under twice the clearance, are refined from the bound that separating axes give to
@@ -61,7 +61,7 @@ class Scene(NamedTuple):
     kept: float
 
 
-@lean
+@no_refcount
 def _axis_separation(
     a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
 ) -> float:
@@ -78,7 +78,7 @@ def _axis_separation(
     return best
 
 
-@lean
+@no_refcount
 def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Squared distance of a point from a segment."""
     ex, ey = bx - ax, by - ay
@@ -88,7 +88,7 @@ def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: fl
     return dx * dx + dy * dy
 
 
-@lean
+@no_refcount
 def _corner_distance(
     a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float
 ) -> float:
@@ -103,7 +103,7 @@ def _corner_distance(
     return best
 
 
-@lean
+@no_refcount
 def _polygon_separation(
     a: FloatArray, a0: int, a1: int, b: FloatArray, b0: int, b1: int, c: float, s: float, x: float, y: float,
     exact_below: float,
@@ -123,7 +123,7 @@ def _polygon_separation(
     return math.sqrt(nearest)
 
 
-@woven
+@inlined
 def _disc_separation(
     a: FloatArray, a0: int, a1: int, cx: float, cy: float, r: float, c: float, s: float, x: float, y: float
 ) -> float:
@@ -139,7 +139,7 @@ def _disc_separation(
     return inside - r if inside <= 0.0 else math.sqrt(nearest) - r
 
 
-@woven
+@inlined
 def _wall_separation(body: FloatArray, walls: FloatArray, c: float, s: float, x: float, y: float) -> float:
     """Distance of the body from the workspace's walls; negative outside."""
     best = np.inf
@@ -150,7 +150,7 @@ def _wall_separation(body: FloatArray, walls: FloatArray, c: float, s: float, x:
     return best
 
 
-@woven
+@inlined
 def _body_to_polygon(
     scene: Scene, o: int, cx: float, cy: float, c: float, s: float, x: float, y: float, enough: float
 ) -> float:
@@ -175,7 +175,7 @@ def _body_to_polygon(
     return best
 
 
-@woven
+@inlined
 def _body_to_disc(
     scene: Scene, o: int, cx: float, cy: float, c: float, s: float, x: float, y: float, enough: float
 ) -> float:
@@ -193,7 +193,7 @@ def _body_to_disc(
     return best
 
 
-@lean
+@no_refcount
 def separation(scene: Scene, x: float, y: float, theta: float, enough: float) -> float:
     """Return a lower bound (m) on the distance of the body at a pose from everything, capped at `enough`."""
     c, s = math.cos(theta), math.sin(theta)
@@ -218,7 +218,7 @@ def separation(scene: Scene, x: float, y: float, theta: float, enough: float) ->
     return best
 
 
-@woven
+@inlined
 def _top_speed(scene: Scene, vx: float, vy: float, omega: float) -> float:
     """Largest speed of any point of the body under a body twist; convex, so found at a corner."""
     best = 0.0
@@ -228,7 +228,7 @@ def _top_speed(scene: Scene, vx: float, vy: float, omega: float) -> float:
     return math.sqrt(best)
 
 
-@lean
+@no_refcount
 def step(
     x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
 ) -> tuple[float, float, float]:
@@ -239,7 +239,7 @@ def step(
     return x + c * vx - s * vy, y + s * vx + c * vy, theta + 2.0 * half
 
 
-@lean
+@no_refcount
 def sweep_is_free(
     scene: Scene, x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
 ) -> bool:

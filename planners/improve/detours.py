@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
-from pushplan.compiled import compiled, woven
+from pushplan.compiled import compiled, inlined
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.improve.polish import locate, merged, price, rejoin
 from pushplan.planners.improve.session import Session
@@ -43,7 +43,7 @@ FAMILIES = 4
 """Families tried, at most, for the word to the new pose, and for that from there."""
 
 
-@woven
+@inlined
 def _beside(begin: FloatArray, piece: FloatArray, aside: float, state: RandomState, pose: FloatArray) -> None:
     """Draw a pose (3,) beside a piece of path."""
     s = 0.5 * (1.0 - MIDDLE) + MIDDLE * random(state)
@@ -54,7 +54,7 @@ def _beside(begin: FloatArray, piece: FloatArray, aside: float, state: RandomSta
     pose[2] += TURNED * size * (2.0 * random(state) - 1.0)
 
 
-@woven
+@inlined
 def _word(
     problem: Problem,
     state: RandomState,

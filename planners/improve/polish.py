@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
-from pushplan.compiled import compiled, lean, woven
+from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.planners.collision.separation import step
 from pushplan.planners.improve.varying import normals_of, vary
 from pushplan.planners.problem.prices import TRAVEL, Prices, arc_price
@@ -31,7 +31,7 @@ SHORTEST_WINDOW = 0.07
 """Shortest piece of path that is exchanged, as a share of the path."""
 
 
-@lean
+@no_refcount
 def price(prices: Prices, path: FloatArray) -> float:
     """Return the price of a path (k, 4)."""
     if prices.kind == TRAVEL:
@@ -42,7 +42,7 @@ def price(prices: Prices, path: FloatArray) -> float:
     return total
 
 
-@lean
+@no_refcount
 def _worth(
     prices: Prices, path: FloatArray, i: int, into_i: float, j: int, into_j: float, travel: float
 ) -> float:
@@ -56,7 +56,7 @@ def _worth(
     return total / prices.lowest
 
 
-@lean
+@no_refcount
 def locate(start: FloatArray, arcs: FloatArray, s: float, pose: FloatArray) -> tuple[int, float]:
     """Return arc and cost into the arc at cost `s` along the path; fill in the `pose` (3,) there."""
     x, y, theta = start[0], start[1], start[2]
@@ -73,13 +73,13 @@ def locate(start: FloatArray, arcs: FloatArray, s: float, pose: FloatArray) -> t
     return i, s
 
 
-@woven
+@inlined
 def _differ(one: FloatArray, other: FloatArray) -> float:
     """Largest difference of two twists, the first three numbers."""
     return float(max(abs(one[0] - other[0]), abs(one[1] - other[1]), abs(one[2] - other[2])))
 
 
-@woven
+@inlined
 def _append(arcs: FloatArray, n: int, twist: FloatArray, length: float) -> int:
     """Append an arc, or lengthen the last one if it is the same motion; return how many there are."""
     if length <= 0.0:
@@ -102,7 +102,7 @@ def merged(arcs: FloatArray) -> FloatArray:
     return path[:n].copy()
 
 
-@woven
+@inlined
 def _spliced(path: FloatArray, i: int, into_i: float, word: FloatArray, j: int, into_j: float) -> FloatArray:
     """Return the path with everything between two places exchanged for a word."""
     joined = np.empty((path.shape[0] + 5, 4))
@@ -114,7 +114,7 @@ def _spliced(path: FloatArray, i: int, into_i: float, word: FloatArray, j: int, 
     return merged(joined[: i + 4 + path.shape[0] - j])
 
 
-@lean
+@no_refcount
 def random_family(segments: FloatArray, state: RandomState, family: FloatArray) -> None:
     """Fill `family` (3, 3) with a left turn, a straight push and a right turn drawn from the stable set.
 
@@ -139,7 +139,7 @@ def random_family(segments: FloatArray, state: RandomState, family: FloatArray) 
                 family[letter] = 0.0
 
 
-@woven
+@inlined
 def _some_family(problem: Problem, state: RandomState, family: FloatArray) -> None:
     """Fill `family` (1, 3, 3) with a steering family, or with one drawn from the whole stable set."""
     if random(state) < DRAWN_SHARE:
@@ -148,7 +148,7 @@ def _some_family(problem: Problem, state: RandomState, family: FloatArray) -> No
         put_rows(family[0], problem.families[int(random(state) * problem.families.shape[0])])
 
 
-@woven
+@inlined
 def _window(state: RandomState, total: float) -> tuple[float, float]:
     """Draw a piece of a path: its length log-uniform, its place uniform, ends clipped to the path's."""
     length = total * math.exp(math.log(SHORTEST_WINDOW) * random(state))
@@ -156,7 +156,7 @@ def _window(state: RandomState, total: float) -> tuple[float, float]:
     return max(0.0, low), min(total, low + length)
 
 
-@lean
+@no_refcount
 def rejoin(
     problem: Problem,
     state: RandomState,

@@ -10,12 +10,12 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
-from pushplan.compiled import compiled, lean, woven
+from pushplan.compiled import compiled, inlined, no_refcount
+from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import step, sweep_is_free
 from pushplan.planners.problem.prices import Prices, arc_price
 from pushplan.planners.problem.problem import Problem, between, random
 from pushplan.planners.problem.rows import put, put_rows
-from pushplan.scratch import scratch, scratch_integers
 
 SPLIT_SHARE = 0.2
 """Share of the changes that split an arc first, so that a path may take a new form."""
@@ -58,7 +58,7 @@ def normals_of(segments: FloatArray) -> FloatArray:
     return normals
 
 
-@woven
+@inlined
 def _parts(segment: FloatArray, normal: FloatArray, t: FloatArray) -> tuple[float, float]:
     """Return alpha and beta of the combination alpha a + beta b of a segment's ends nearest to a twist."""
     a, b = segment[:3], segment[3:]
@@ -77,7 +77,7 @@ def _parts(segment: FloatArray, normal: FloatArray, t: FloatArray) -> tuple[floa
     return alpha / size, beta / size
 
 
-@lean
+@no_refcount
 def _whereabouts(segments: FloatArray, normals: FloatArray, t: FloatArray) -> tuple[int, float]:
     """Return the segment that a twist lies on, or nearly, and the share of its second end; -1 for none."""
     best, found, share = np.inf, -1, 0.0
@@ -91,14 +91,14 @@ def _whereabouts(segments: FloatArray, normals: FloatArray, t: FloatArray) -> tu
     return found, min(1.0, max(0.0, share))
 
 
-@woven
+@inlined
 def _size(state: RandomState) -> float:
     """Draw a log-uniform size from SMALLEST to 1, with a random sign."""
     size = math.exp(math.log(SMALLEST) * random(state))
     return size if random(state) < 0.5 else -size
 
 
-@woven
+@inlined
 def _change_twist(segments: FloatArray, normals: FloatArray, state: RandomState, twist: FloatArray) -> bool:
     """Exchange a twist for a stable one near it; False when there is none."""
     i, b = _whereabouts(segments, normals, twist)
@@ -115,7 +115,7 @@ def _change_twist(segments: FloatArray, normals: FloatArray, state: RandomState,
     return True
 
 
-@woven
+@inlined
 def _price(prices: Prices, path: FloatArray, first: int, last: int) -> float:
     """Return the price of the arcs from the first to the last one."""
     total = 0.0
@@ -124,7 +124,7 @@ def _price(prices: Prices, path: FloatArray, first: int, last: int) -> float:
     return total
 
 
-@lean
+@no_refcount
 def _poses_along(path: FloatArray, first: int, last: int, poses: FloatArray) -> None:
     """Fill `poses` with the pose after each arc from the first to the last one, from that before it."""
     for k in range(first, last + 1):
@@ -133,7 +133,7 @@ def _poses_along(path: FloatArray, first: int, last: int, poses: FloatArray) -> 
         poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2] = step(x, y, theta, arc[0], arc[1], arc[2], arc[3])
 
 
-@lean
+@no_refcount
 def _column(path: FloatArray, poses: FloatArray, k: int, last: int, column: FloatArray) -> None:
     """Fill `column` with how the last pose moves when arc k gets longer, per metre."""
     c, s = math.cos(poses[k + 1, 2]), math.sin(poses[k + 1, 2])
@@ -143,7 +143,7 @@ def _column(path: FloatArray, poses: FloatArray, k: int, last: int, column: Floa
     column[2] = omega
 
 
-@woven
+@inlined
 def _close(
     path: FloatArray, poses: FloatArray, first: int, last: int, chosen: IntArray, target: FloatArray
 ) -> bool:
@@ -181,7 +181,7 @@ def _close(
     return False
 
 
-@woven
+@inlined
 def _choose(state: RandomState, first: int, last: int, chosen: IntArray) -> None:
     """Draw three different arcs from the first to the last one."""
     count = last - first + 1
@@ -195,7 +195,7 @@ def _choose(state: RandomState, first: int, last: int, chosen: IntArray) -> None
     chosen[0], chosen[1], chosen[2] = first + a, first + b, first + c
 
 
-@woven
+@inlined
 def _free(problem: Problem, path: FloatArray, poses: FloatArray, first: int, last: int) -> bool:
     """Whether the arcs from the first to the last one touch nothing."""
     for k in range(first, last + 1):
@@ -224,7 +224,7 @@ def vary(
     return path if m == 0 else trial[:m].copy()
 
 
-@lean
+@no_refcount
 def _varied(
     problem: Problem,
     normals: FloatArray,
@@ -270,7 +270,7 @@ def _varied(
     return int(m) if _closes(problem, trial, poses, first, last, target, before, state) else 0
 
 
-@lean
+@no_refcount
 def _without(
     problem: Problem,
     start: FloatArray,
@@ -297,7 +297,7 @@ def _without(
     return int(m) if _closes(problem, trial, poses, first, last, target, before, state) else 0
 
 
-@lean
+@no_refcount
 def _closes(
     problem: Problem,
     trial: FloatArray,

@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.compiled import lean, woven
+from pushplan.compiled import inlined, no_refcount
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.search.cell_table import cell_key, free_slot
 
@@ -51,7 +51,7 @@ class Steps(NamedTuple):
     touching: float
 
 
-@woven
+@inlined
 def _bounds(steps: Steps, row: int, c: float, s: float) -> tuple[float, float, float, float]:
     """Box (xmin, ymin, xmax, ymax) around the displacements of a step with a turn, in cells; c, s of its heading."""
     xmin = ymin = math.inf
@@ -64,7 +64,7 @@ def _bounds(steps: Steps, row: int, c: float, s: float) -> tuple[float, float, f
     return xmin / steps.side, ymin / steps.side, xmax / steps.side, ymax / steps.side
 
 
-@woven
+@inlined
 def _position(begin: FloatArray, steps: Steps, i: int, j: int) -> tuple[float, float]:
     """Middle of a column and row in the world, m."""
     c, s = math.cos(begin[2]), math.sin(begin[2])
@@ -72,7 +72,7 @@ def _position(begin: FloatArray, steps: Steps, i: int, j: int) -> tuple[float, f
     return begin[0] + c * x - s * y, begin[1] + s * x + c * y
 
 
-@woven
+@inlined
 def _may_hold(scene: Scene, begin: FloatArray, steps: Steps, cell: tuple[int, int, int], near: float) -> bool:
     """Whether the body may be free at some pose in a cell."""
     i, j, k = cell
@@ -84,7 +84,7 @@ def _may_hold(scene: Scene, begin: FloatArray, steps: Steps, cell: tuple[int, in
     return separation(scene, x, y, theta, near) >= steps.touching
 
 
-@lean
+@no_refcount
 def spread(
     scene: Scene,
     begin: FloatArray,

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import lean
+from pushplan.compiled import no_refcount
+from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.sphere import angles_of, twists_at
 from pushplan.path import cost_rate
 from pushplan.planners.timing.arc_limits import arc_limits, contact_limits_of
 from pushplan.planners.timing.bounds import Bounds, motion_bounds
 from pushplan.scenario import Scenario
-from pushplan.scratch import scratch
 from pushplan.stable_sets.stable_set import StableSet
 
 TRAVEL, MARGIN, REST_TO_REST, PASSING = 0, 1, 2, 3
@@ -111,7 +111,7 @@ def _speeds(twists: FloatArray, bounds: Bounds) -> FloatArray:
     return np.stack([speed, np.where(able, slower, CREEPING * free.acceleration), found.jerk], axis=1)
 
 
-@lean
+@no_refcount
 def _look_up(prices: Prices, vx: float, vy: float, omega: float, found: FloatArray) -> None:
     """Fill `found` (3,) with the table's values for a twist, interpolated."""
     n = prices.table.shape[0]
@@ -126,7 +126,7 @@ def _look_up(prices: Prices, vx: float, vy: float, omega: float, found: FloatArr
         found[k] = (1.0 - a) * low + a * high
 
 
-@lean
+@no_refcount
 def rest_to_rest_time(length: float, speed: float, acceleration: float, jerk: float) -> float:
     """Return the shortest time (s) over a length from rest to rest with bounds on three derivatives."""
     if speed * jerk >= acceleration * acceleration:
@@ -142,7 +142,7 @@ def rest_to_rest_time(length: float, speed: float, acceleration: float, jerk: fl
     return float(4.0 * (0.5 * length / jerk) ** (1.0 / 3.0))
 
 
-@lean
+@no_refcount
 def arc_price(prices: Prices, vx: float, vy: float, omega: float, length: float) -> float:
     """Return the price of an arc of a twist scaled to a cost rate of 1."""
     if prices.kind == TRAVEL:

@@ -8,7 +8,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
-from pushplan.compiled import lean, woven
+from pushplan.compiled import inlined, no_refcount
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
 from pushplan.planners.problem.prices import Prices
@@ -48,7 +48,7 @@ class Problem(NamedTuple):
     prices: Prices
 
 
-@woven
+@inlined
 def between(segment: FloatArray, b: float) -> tuple[float, float, float]:
     """Combine a segment's ends (6,) as (1 - b, b): a twist scaled to a cost rate of 1."""
     vx = (1.0 - b) * segment[0] + b * segment[3]
@@ -58,7 +58,7 @@ def between(segment: FloatArray, b: float) -> tuple[float, float, float]:
     return vx / rate, vy / rate, omega / rate
 
 
-@woven
+@inlined
 def choose_twist(problem: Problem, u0: float, u1: float) -> tuple[float, float, float]:
     """Map two numbers in [0, 1] onto the stable set: a twist scaled to a cost rate of 1."""
     families, segments = problem.families, problem.segments
@@ -74,20 +74,20 @@ def choose_twist(problem: Problem, u0: float, u1: float) -> tuple[float, float, 
     return between(segments[i], b)
 
 
-@woven
+@inlined
 def apart(row: FloatArray, x: float, y: float, theta: float, heading_length: float) -> float:
     """Distance of a row's pose from a pose, m: straight travel and the smallest turn at so many metres a radian."""
     turn = abs((row[2] - theta + math.pi) % (2.0 * math.pi) - math.pi)
     return float(math.hypot(row[0] - x, row[1] - y) + heading_length * turn)
 
 
-@lean
+@no_refcount
 def remaining(x: float, y: float, theta: float, goal: FloatArray) -> float:
     """Lower bound on the cost from a pose to the goal: straight travel plus the smallest turn."""
     return apart(goal, x, y, theta, TURN_WEIGHT)
 
 
-@woven
+@inlined
 def enter(
     node: FloatArray,
     pose: tuple[float, float, float],
@@ -101,7 +101,7 @@ def enter(
     node[5], node[6], node[7], node[8] = arc
 
 
-@woven
+@inlined
 def extend(
     problem: Problem,
     nodes: FloatArray,
@@ -135,7 +135,7 @@ def extend(
     return True
 
 
-@lean
+@no_refcount
 def trace(nodes: FloatArray, node: int, last: FloatArray, path: FloatArray) -> int:
     """Write the arcs from the root to a node and then `last` (3, 4) into `path`; return how many."""
     depth = 0
@@ -154,7 +154,7 @@ def trace(nodes: FloatArray, node: int, last: FloatArray, path: FloatArray) -> i
     return depth
 
 
-@lean
+@no_refcount
 def random(state: RandomState) -> float:
     """Draw a number in [0, 1) from the generator's state (1,) uint64 (splitmix64, Steele et al. 2014)."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)

@@ -14,10 +14,10 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import lean, woven
+from pushplan.compiled import inlined, no_refcount
+from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
 from pushplan.planners.problem.rows import put
-from pushplan.scratch import scratch, scratch_integers
 
 LEFT, STRAIGHT, RIGHT = 0, 1, 2
 """Rows of a family: (3, 3) body twists scaled to a cost rate of 1; a row of zeros is a motion that is not used."""
@@ -33,20 +33,20 @@ FULL_TURN_SLACK = 1e-11
 """A turn this close (rad) below a full one is rounding and counts as none."""
 
 
-@lean
+@no_refcount
 def _turn(angle: float) -> float:
     """Angle in [0, 2 pi), with rounding just below a full turn removed."""
     wrapped = angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))  # half the time of %
     return 0.0 if wrapped > 2.0 * math.pi - FULL_TURN_SLACK else max(wrapped, 0.0)
 
 
-@lean
+@no_refcount
 def _cor(twist: FloatArray) -> tuple[float, float]:
     """Centre of rotation of a turning body twist, in the body frame."""
     return -twist[1] / twist[2], twist[0] / twist[2]
 
 
-@woven
+@inlined
 def _store(words: FloatArray, n: int, a: int, b: int, c: int, p: float, q: float, r: float) -> int:
     """Write one word: cost, three letters, three lengths; return how many there are now."""
     words[n, 0] = p + q + r
@@ -55,7 +55,7 @@ def _store(words: FloatArray, n: int, a: int, b: int, c: int, p: float, q: float
     return n + 1
 
 
-@woven
+@inlined
 def _straight_words(
     family: FloatArray, first: int, last: int, start: FloatArray, goal: FloatArray, words: FloatArray, n: int
 ) -> int:
@@ -86,7 +86,7 @@ def _straight_words(
     return n
 
 
-@woven
+@inlined
 def _turning_words(
     family: FloatArray,
     first: int,
@@ -122,14 +122,14 @@ def _turning_words(
     return n
 
 
-@lean
+@no_refcount
 def _moved(pose: FloatArray, x: float, y: float) -> tuple[float, float]:
     """World position of a body-fixed point at a pose."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return pose[0] + c * x - s * y, pose[1] + s * x + c * y
 
 
-@lean
+@no_refcount
 def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: FloatArray) -> int:
     """Fill `words` (MAX_WORDS, 7) with cost, letters and lengths of every word; return how many there are."""
     straight = family[STRAIGHT, 0] != 0.0 or family[STRAIGHT, 1] != 0.0
@@ -144,7 +144,7 @@ def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: F
     return n
 
 
-@woven
+@inlined
 def word_is_free(scene: Scene, family: FloatArray, word: FloatArray, start: FloatArray) -> bool:
     """Return whether the three arcs of a word keep clear of everything: first the middle one, mostly the longest."""
     x, y, theta = start[0], start[1], start[2]
@@ -158,12 +158,12 @@ def word_is_free(scene: Scene, family: FloatArray, word: FloatArray, start: Floa
     return _is_free(scene, x2, y2, theta2, last, word[6])
 
 
-@woven
+@inlined
 def _is_free(scene: Scene, x: float, y: float, theta: float, twist: FloatArray, length: float) -> bool:
     return length <= 0.0 or sweep_is_free(scene, x, y, theta, twist[0], twist[1], twist[2], length)
 
 
-@lean
+@no_refcount
 def connect(
     scene: Scene,
     families: FloatArray,

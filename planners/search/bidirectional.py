@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
-from pushplan.compiled import lean, woven
+from pushplan.compiled import inlined, no_refcount
+from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
 from pushplan.planners.problem.problem import TRIES, Problem, apart, choose_twist, random, remaining
 from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
 from pushplan.planners.search.forest import Forest, draw_pose
-from pushplan.scratch import scratch, scratch_integers
 
 NEAREST = 2
 """Nodes of a tree, nearest to a sample, from which words are tried."""
@@ -23,7 +23,7 @@ GOAL_SHARE = 0.05
 """Share of the samples that are the other tree's root."""
 
 
-@lean
+@no_refcount
 def _nearest(tree: FloatArray, count: int, pose: FloatArray, heading_length: float, found: IntArray) -> int:
     """Fill `found` with the rows of the nodes nearest to a pose, nearest first; return how many."""
     distances = scratch(1, NEAREST)[0]
@@ -41,7 +41,7 @@ def _nearest(tree: FloatArray, count: int, pose: FloatArray, heading_length: flo
     return n
 
 
-@woven
+@inlined
 def _best_word(
     families: FloatArray, start: FloatArray, goal: FloatArray, words: FloatArray, word: FloatArray
 ) -> float:
@@ -58,7 +58,7 @@ def _best_word(
     return best
 
 
-@woven
+@inlined
 def _clip(word: FloatArray, reach: float, from_end: bool) -> None:
     """Shorten a word to `reach`, keeping its beginning, or its end."""
     total = word[0, 3] + word[1, 3] + word[2, 3]
@@ -70,7 +70,7 @@ def _clip(word: FloatArray, reach: float, from_end: bool) -> None:
         excess -= cut
 
 
-@woven
+@inlined
 def _walk(scene: Scene, pose: FloatArray, word: FloatArray, sign: float) -> tuple[bool, float, float, float]:
     """Whether a word is free, and the pose after it (sign +1), or before it (-1)."""
     x, y, theta = pose[0], pose[1], pose[2]
@@ -85,7 +85,7 @@ def _walk(scene: Scene, pose: FloatArray, word: FloatArray, sign: float) -> tupl
     return True, x, y, theta
 
 
-@woven
+@inlined
 def _add(
     tree: FloatArray,
     counts: IntArray,
@@ -107,7 +107,7 @@ def _add(
     return row
 
 
-@woven
+@inlined
 def _random_arc(problem: Problem, state: RandomState, word: FloatArray) -> None:
     """Fill a word (3, 4) with a single arc drawn from the stable set."""
     for i in range(3):
@@ -117,7 +117,7 @@ def _random_arc(problem: Problem, state: RandomState, word: FloatArray) -> None:
     word[0, 3] = random(state) * problem.longest
 
 
-@woven
+@inlined
 def _extend(
     problem: Problem,
     forest: Forest,
@@ -152,7 +152,7 @@ def _extend(
     return -1
 
 
-@woven
+@inlined
 def _join(
     problem: Problem, forest: Forest, which: int, row: int, bound: float, arcs: FloatArray
 ) -> tuple[float, int]:
@@ -179,7 +179,7 @@ def _join(
     return best, partner
 
 
-@woven
+@inlined
 def _whole(forest: Forest, ahead: int, behind: int, word: FloatArray, path: FloatArray) -> int:
     """Write the arcs start tree, connection, goal tree into `path`; return how many."""
     depth = 0
@@ -205,7 +205,7 @@ def _whole(forest: Forest, ahead: int, behind: int, word: FloatArray, path: Floa
     return n
 
 
-@lean
+@no_refcount
 def grow_both(
     problem: Problem, forest: Forest, bound: float, iterations: int, path: FloatArray
 ) -> tuple[int, int]:

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
-from pushplan.compiled import lean, woven
+from pushplan.compiled import inlined, no_refcount
+from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import step, sweep_is_free
 from pushplan.planners.problem.problem import TRIES, Problem, choose_twist, enter, random, trace
 from pushplan.planners.problem.rows import put
 from pushplan.planners.problem.steering import connect
 from pushplan.planners.search.cell_table import cell_key, free_slot
-from pushplan.scratch import scratch
 
 NODES, NEXT, PASSES, FINER, TRIED = 0, 1, 2, 3, 4
 """What is counted of a tree: nodes, the next one to expand, passes over all nodes with cells of the present size, how
@@ -71,7 +71,7 @@ class CellTrees(NamedTuple):
     state: RandomState
 
 
-@woven
+@inlined
 def _free_slot(trees: CellTrees, which: int, x: float, y: float, theta: float) -> tuple[int, int]:
     """Slot of the table for the cell around a pose, -1 if it is taken or outside the box; and the cell's key."""
     box, size = trees.box, trees.sizes[which]
@@ -83,7 +83,7 @@ def _free_slot(trees: CellTrees, which: int, x: float, y: float, theta: float) -
     return free_slot(trees.keys[which], key), key
 
 
-@woven
+@inlined
 def _grown(
     problem: Problem,
     trees: CellTrees,
@@ -113,7 +113,7 @@ def _grown(
     return row
 
 
-@woven
+@inlined
 def _child(problem: Problem, trees: CellTrees, which: int, parent: int, number: int) -> int:
     """Try one of a node's arcs; return the row of its end, or -1."""
     vx = vy = omega = 0.0
@@ -130,7 +130,7 @@ def _child(problem: Problem, trees: CellTrees, which: int, parent: int, number: 
     return _grown(problem, trees, which, parent, vx, vy, omega, length)
 
 
-@woven
+@inlined
 def _mate(trees: CellTrees, which: int, row: int) -> int:
     """Row of the node of the other tree to be joined with a node: the root, or the nearest of a few random ones."""
     other = 1 - which
@@ -146,7 +146,7 @@ def _mate(trees: CellTrees, which: int, row: int) -> int:
     return mate
 
 
-@woven
+@inlined
 def _join(problem: Problem, trees: CellTrees, which: int, row: int, word: FloatArray) -> int:
     """Connect a node exactly to one of the other tree; return that one's row, or -1."""
     partner = _mate(trees, which, row)
@@ -156,7 +156,7 @@ def _join(problem: Problem, trees: CellTrees, which: int, row: int, word: FloatA
     return partner if cost < np.inf else -1
 
 
-@woven
+@inlined
 def _whole(trees: CellTrees, ahead: int, behind: int, word: FloatArray, path: FloatArray) -> int:
     """Write the arcs first tree, connection, second tree into `path`; return how many."""
     n = trace(trees.nodes[0], ahead, word, path)
@@ -167,7 +167,7 @@ def _whole(trees: CellTrees, ahead: int, behind: int, word: FloatArray, path: Fl
     return n
 
 
-@woven
+@inlined
 def _is_over(trees: CellTrees, which: int) -> bool:
     """Whether a tree has no room left, or has expanded every node as often as is allowed with the smallest cells."""
     count = trees.counts[which]
@@ -177,7 +177,7 @@ def _is_over(trees: CellTrees, which: int) -> bool:
     )
 
 
-@woven
+@inlined
 def _make_finer(trees: CellTrees, which: int) -> None:
     """Give a tree smaller cells and shorter arcs."""
     size = trees.sizes[which]
@@ -197,7 +197,7 @@ def _make_finer(trees: CellTrees, which: int) -> None:
             trees.keys[which, slot] = key
 
 
-@woven
+@inlined
 def _next_parent(trees: CellTrees, which: int) -> int:
     """Row of the node to expand next: each in the order they were found, then all again, in smaller cells at last."""
     count = trees.counts[which]
@@ -211,7 +211,7 @@ def _next_parent(trees: CellTrees, which: int) -> int:
     return parent
 
 
-@lean
+@no_refcount
 def flood(problem: Problem, trees: CellTrees, arcs: int, path: FloatArray) -> int:
     """Expand nodes of both trees in turn, each tree's in the order they were found, until these join.
 

@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
-from pushplan.compiled import woven
+from pushplan.compiled import inlined
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.problem.problem import Problem, random, remaining
 
@@ -71,7 +71,7 @@ def plant(forest: Forest, start: FloatArray, goal: FloatArray) -> None:
     forest.counts[:] = 1
 
 
-@woven
+@inlined
 def _draw(forest: Forest, start: FloatArray, goal: FloatArray, bound: float, pose: FloatArray) -> None:
     """Draw a pose: its position from the box, or from the ellipse that paths below the bound stay in, if smaller."""
     box, state = forest.box, forest.state
@@ -91,7 +91,7 @@ def _draw(forest: Forest, start: FloatArray, goal: FloatArray, bound: float, pos
         pose[1] = box[1] + (box[3] - box[1]) * random(state)
 
 
-@woven
+@inlined
 def _draw_along(forest: Forest, pose: FloatArray) -> None:
     """Draw a pose near the way, the push about along it."""
     way, state = forest.way, forest.state
@@ -106,7 +106,7 @@ def _draw_along(forest: Forest, pose: FloatArray) -> None:
     pose[1] = way[i, 1] - s * x - c * y + forest.heading_length * (random(state) + random(state) - 1.0)
 
 
-@woven
+@inlined
 def draw_pose(problem: Problem, forest: Forest, start: FloatArray, bound: float, pose: FloatArray) -> bool:
     """Draw a free pose that a path cheaper than the bound could pass; give up after some tries."""
     goal = problem.goal

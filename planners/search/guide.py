@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
-from pushplan.compiled import compiled, lean
+from pushplan.compiled import compiled, no_refcount
 from pushplan.geometry import se2
 from pushplan.planners.collision.scene import flatten
 from pushplan.planners.collision.separation import Scene, separation
@@ -108,7 +108,7 @@ def spaces(point: Scene, corner: FloatArray, cell: float, nx: int, ny: int) -> F
     return space
 
 
-@lean
+@no_refcount
 def _cell_of(guide: Guide, point: FloatArray) -> tuple[int, int]:
     """Return the cell of a point (2,), the nearest one if it is outside."""
     nx, ny = guide.space.shape
@@ -141,7 +141,7 @@ def _priced(guide: Guide, rough: float, tight: float, state: RandomState) -> Flo
     return prices
 
 
-@lean
+@no_refcount
 def _relaxed(prices: FloatArray, away: FloatArray, i: int, j: int) -> bool:
     """Lower a cell's price of the way to the goal by those of its neighbours; whether that changed it."""
     nx, ny = prices.shape
@@ -178,7 +178,7 @@ def _prices_of_ways(prices: FloatArray, i0: int, j0: int) -> FloatArray:
     return away
 
 
-@lean
+@no_refcount
 def _wear(guide: Guide, way: FloatArray, n: int) -> None:
     """Note that a way passed through its cells and those next to them."""
     nx, ny = guide.worn.shape

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, RandomState
-from pushplan.compiled import lean, woven
+from pushplan.compiled import inlined, no_refcount
+from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import step, sweep_is_free
 from pushplan.planners.problem.problem import (
     NODE,
@@ -26,7 +27,6 @@ from pushplan.planners.problem.problem import (
     trace,
 )
 from pushplan.planners.problem.steering import connect
-from pushplan.scratch import scratch
 
 TO_GO = NODE
 """Column of a node, after those of `search`, with a lower bound on the cost from there to the goal."""
@@ -63,7 +63,7 @@ class SparseTree(NamedTuple):
     state: RandomState
 
 
-@woven
+@inlined
 def _selected(tree: SparseTree, bound: float) -> int:
     """Row of the cheapest node near a random pose, or of the nearest node; -1 if none can lead below the bound."""
     x = tree.box[0] + (tree.box[2] - tree.box[0]) * random(tree.state)
@@ -81,7 +81,7 @@ def _selected(tree: SparseTree, bound: float) -> int:
     return best if best >= 0 else nearest
 
 
-@woven
+@inlined
 def _witness(tree: SparseTree, x: float, y: float, theta: float) -> int:
     """Index of the nearest witness close to a pose, -1 if there is none."""
     nearest, distance = -1, tree.radii[2]
@@ -92,7 +92,7 @@ def _witness(tree: SparseTree, x: float, y: float, theta: float) -> int:
     return nearest
 
 
-@woven
+@inlined
 def _row(tree: SparseTree) -> int:
     """Take a row for a new node."""
     if tree.counts[UNUSED] > 0:
@@ -102,7 +102,7 @@ def _row(tree: SparseTree) -> int:
     return int(tree.counts[NODES]) - 1
 
 
-@woven
+@inlined
 def _retire(tree: SparseTree, row: int) -> None:
     """Let a node stand for nothing any more, and prune the branch that ends there."""
     tree.roles[row, ACTIVE] = 0
@@ -114,7 +114,7 @@ def _retire(tree: SparseTree, row: int) -> None:
         row = parent
 
 
-@woven
+@inlined
 def _represent(tree: SparseTree, witness: int, row: int) -> None:
     """Let a new node stand for a witness, -1 for a new one at its own pose, instead of the node that did."""
     tree.roles[row, ACTIVE] = 1
@@ -128,7 +128,7 @@ def _represent(tree: SparseTree, witness: int, row: int) -> None:
     tree.witnesses[witness, 3] = row
 
 
-@woven
+@inlined
 def _extended(problem: Problem, tree: SparseTree, parent: int, bound: float) -> int:
     """Grow the tree by a random arc if it ends cheaper than its witness's node; return the row, or -1."""
     x, y, theta, cost = (
@@ -158,7 +158,7 @@ def _extended(problem: Problem, tree: SparseTree, parent: int, bound: float) -> 
     return row
 
 
-@lean
+@no_refcount
 def grow_sparse(
     problem: Problem, tree: SparseTree, bound: float, iterations: int, path: FloatArray
 ) -> tuple[int, int]:

@@ -16,12 +16,12 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import compiled, lean, woven
+from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.mechanics.friction.kernel import carried_wrench
 from pushplan.mechanics.friction.packed import PackedChain
 
 
-@lean
+@no_refcount
 def contact_wrenches(packed: PackedChain, vx: float, vy: float, omega: float, out: FloatArray) -> None:
     """Fill `out` (n, 3) with the wrench that each contact transmits: f_x, f_y (N), moment (N m) about 0.
 
@@ -38,7 +38,7 @@ def contact_wrenches(packed: PackedChain, vx: float, vy: float, omega: float, ou
         _load(out, k, links[k, 3], wrench)
 
 
-@woven
+@inlined
 def _load(carried: FloatArray, k: int, pusher: int, wrench: tuple[float, float, float]) -> None:
     """Add object k's wrench to `carried[k]` (n, 3), which then is whole, and that to its pusher's."""
     for j in range(3):
@@ -47,7 +47,7 @@ def _load(carried: FloatArray, k: int, pusher: int, wrench: tuple[float, float, 
             carried[pusher, j] += carried[k, j]
 
 
-@lean
+@no_refcount
 def wrench_margin(rows: FloatArray, k: int, fx: float, fy: float, m: float) -> float:
     """Return the margin of contact k for a transmitted wrench, m divided by the length; 0 for no wrench."""
     size = math.sqrt(fx * fx + fy * fy + m * m)
@@ -75,7 +75,7 @@ def margin_down_to(packed: PackedChain, vx: float, vy: float, omega: float, floo
     return _least_margin(packed, vx, vy, omega, floor, np.empty((len(packed.links), 3)))
 
 
-@lean
+@no_refcount
 def _least_margin(
     packed: PackedChain, vx: float, vy: float, omega: float, floor: float, carried: FloatArray
 ) -> float:

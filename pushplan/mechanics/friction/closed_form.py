@@ -17,13 +17,13 @@ from __future__ import annotations
 import math
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import lean
+from pushplan.compiled import no_refcount
 
 EDGE_COLUMNS = 5
 """Columns of an edge: t_x, t_y, n . p, t . p and length, p being its first vertex about the anchor point."""
 
 
-@lean
+@no_refcount
 def edge_log(d: float, length: float, rho_sum: float) -> float:
     """Return d^2 Lambda, 0 on the line of the edge; no cancellation for edges that are far away."""
     gap = rho_sum - length
@@ -37,7 +37,7 @@ def edge_log(d: float, length: float, rho_sum: float) -> float:
     return d * d * math.log((rho_sum + length) / gap)
 
 
-@lean
+@no_refcount
 def uniform_integrals(
     edges: FloatArray, start: int, stop: int, cx: float, cy: float
 ) -> tuple[float, float, float]:
@@ -60,7 +60,7 @@ def uniform_integrals(
     return gx, gy, q / 3.0
 
 
-@lean
+@no_refcount
 def affine_integrals(
     edges: FloatArray, start: int, stop: int, cx: float, cy: float
 ) -> tuple[float, float, float, float, float]:

@@ -14,14 +14,14 @@ from __future__ import annotations
 import math
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.compiled import lean
+from pushplan.compiled import no_refcount
+from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.friction.closed_form import affine_integrals, uniform_integrals
 from pushplan.mechanics.friction.packed import POINTS, UNIFORM
 from pushplan.mechanics.friction.series import ComplexArray, in_reach, series_pair
-from pushplan.scratch import scratch
 
 
-@lean
+@no_refcount
 def _uniform_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -45,7 +45,7 @@ def _uniform_sums(
     return fx, fy, sign * q + cx * fy - cy * fx
 
 
-@lean
+@no_refcount
 def _polygon_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -91,7 +91,7 @@ def _polygon_sums(
     matrix[2, 1] = sign * (qy + q * cy) + cx * matrix[1, 1] - cy * matrix[0, 1]
 
 
-@lean
+@no_refcount
 def _point_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -128,7 +128,7 @@ def _point_sums(
         matrix[2, 1] += stiffness * moment * y
 
 
-@lean
+@no_refcount
 def _shifted(row: FloatArray, force: FloatArray, matrix: FloatArray) -> None:
     """Add to `force` what the load's shift by the push height changes (see the module's formula)."""
     h = row[7]
@@ -141,7 +141,7 @@ def _shifted(row: FloatArray, force: FloatArray, matrix: FloatArray) -> None:
         force[j] += matrix[j, 0] * bx + matrix[j, 1] * by
 
 
-@lean
+@no_refcount
 def _general_sums(
     objects: FloatArray,
     parts: FloatArray,
@@ -166,7 +166,7 @@ def _general_sums(
     return force[0], force[1], force[2]
 
 
-@lean
+@no_refcount
 def carried_wrench(
     objects: FloatArray,
     parts: FloatArray,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import binom
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import lean
+from pushplan.compiled import no_refcount
 
 ComplexArray = NDArray[np.complex128]
 
@@ -68,7 +68,7 @@ def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
     return np.array([factors * moments[p + a, q + b] * radius ** (a + b) for a, b in WEIGHTS])
 
 
-@lean
+@no_refcount
 def series_pair(series: ComplexArray, row: int, vx: float, vy: float, spin: float) -> tuple[complex, complex]:
     """Return the integrals of rows `row` and `row` + 1 of `series`.
 
@@ -99,7 +99,7 @@ def series_pair(series: ComplexArray, row: int, vx: float, vy: float, spin: floa
     return first * direction, second * direction
 
 
-@lean
+@no_refcount
 def in_reach(speed: float, omega: float, radius: float) -> bool:
     """Return whether the COR is so far away that the series applies."""
     return math.fabs(omega) * radius < REACH * speed

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import lean
+from pushplan.compiled import no_refcount
 from pushplan.mechanics.worst_case.area_table import (
     ASKED,
     C_X,
@@ -48,7 +48,7 @@ TINY = 1e-9
 _STEPS = 60
 
 
-@lean
+@no_refcount
 def edge_value(table: FloatArray, k: int, s: float) -> float:
     """Return q at s on the edge in row k."""
     a, rho = table[k, A], table[k, RHO] + table[ASKED, OMEGA] * s
@@ -56,7 +56,7 @@ def edge_value(table: FloatArray, k: int, s: float) -> float:
     return float((a * table[k, D] + rho * e) / math.sqrt(a * a + rho * rho))
 
 
-@lean
+@no_refcount
 def edge_slope(table: FloatArray, k: int, s: float) -> float:
     """Return dq / ds at s on the edge in row k."""
     omega, kappa, a = table[ASKED, OMEGA], table[ASKED, SEEN + 2], table[k, A]
@@ -65,7 +65,7 @@ def edge_slope(table: FloatArray, k: int, s: float) -> float:
     return float(r * (kappa * rho + omega * a * (a * e - table[k, D] * rho) * r * r))
 
 
-@lean
+@no_refcount
 def describe_edge(table: FloatArray, k: int) -> None:
     """Fill the columns from FOUND on of the edge in row k, for the twist and the row that edges see.
 
@@ -87,7 +87,7 @@ def describe_edge(table: FloatArray, k: int) -> None:
     _find_stretches(table, k)
 
 
-@lean
+@no_refcount
 def _find_stretches(table: FloatArray, k: int) -> None:
     """Fill the convex stretches of an edge from the roots of the polynomial of q''."""
     c, b, a = table[k, CURVE], table[k, CURVE + 1], table[k, CURVE + 2]
@@ -113,7 +113,7 @@ def _find_stretches(table: FloatArray, k: int) -> None:
         begin = max(begin, end)
 
 
-@lean
+@no_refcount
 def lowest_gap(
     table: FloatArray, k: int, column: int, start: float, height: float, slope: float, accuracy: float
 ) -> tuple[float, float]:

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import lean
+from pushplan.compiled import no_refcount
 from pushplan.mechanics.worst_case.area_table import (
     ASKED,
     AT,
@@ -70,7 +70,7 @@ _ROUNDS, _PIVOTS = 60, 60
 _FLAT = 1e-12
 
 
-@lean
+@no_refcount
 def start_twist(table: FloatArray, vx: float, vy: float, omega: float) -> None:
     """Ask about a twist with the largest of |vx|, |vy|, |omega| length near 1; forget all loads."""
     table[ASKED, V_X], table[ASKED, V_Y], table[ASKED, OMEGA] = vx, vy, omega
@@ -85,7 +85,7 @@ def start_twist(table: FloatArray, vx: float, vy: float, omega: float) -> None:
         table[ASKED, INSIDE] = 1.0
 
 
-@lean
+@no_refcount
 def _turns_inside(table: FloatArray) -> bool:
     """Return whether the centre of rotation lies in the polygon, its edges included."""
     omega = table[ASKED, OMEGA]
@@ -97,7 +97,7 @@ def _turns_inside(table: FloatArray) -> bool:
     return True
 
 
-@lean
+@no_refcount
 def shares(table: FloatArray, x: float, y: float) -> tuple[float, float, float]:
     """Return the barycentric coordinates of a point about g in the triangle of the basic loads."""
     ax, ay = table[BASIS, Y_X] - x, table[BASIS, Y_Y] - y
@@ -108,7 +108,7 @@ def shares(table: FloatArray, x: float, y: float) -> tuple[float, float, float]:
     return one * scale, two * scale, three * scale
 
 
-@lean
+@no_refcount
 def _plane(table: FloatArray) -> tuple[float, float, float]:
     """Return the height at g and the slope b of the plane through the basic loads."""
     x0, y0, q0 = table[BASIS, Y_X], table[BASIS, Y_Y], table[BASIS, Q]
@@ -120,7 +120,7 @@ def _plane(table: FloatArray) -> tuple[float, float, float]:
     return one * q0 + two * table[BASIS + 1, Q] + three * table[BASIS + 2, Q], bx, by
 
 
-@lean
+@no_refcount
 def _load_at(table: FloatArray, k: int, x: float, y: float) -> None:
     """Fill row k with a load at x; where it rests, its friction goes against the row that edges see."""
     omega, kappa = table[ASKED, OMEGA], table[ASKED, ROW + 2]
@@ -137,7 +137,7 @@ def _load_at(table: FloatArray, k: int, x: float, y: float) -> None:
     table[k, Q] = ux * (table[ASKED, ROW] - kappa * y) + uy * (table[ASKED, ROW + 1] + kappa * x)
 
 
-@lean
+@no_refcount
 def _ask(table: FloatArray, gamma_x: float, gamma_y: float, kappa: float) -> None:
     """Ask about a row: give the basic loads their new heights, empty the pool, describe the edges."""
     table[ASKED, ROW], table[ASKED, ROW + 1], table[ASKED, ROW + 2] = gamma_x, gamma_y, kappa
@@ -156,7 +156,7 @@ def _ask(table: FloatArray, gamma_x: float, gamma_y: float, kappa: float) -> Non
     _see(table, gamma_x, gamma_y)
 
 
-@lean
+@no_refcount
 def _see(table: FloatArray, gamma_x: float, gamma_y: float) -> None:
     """Let the edges see a row with this gamma, and set the loads at corners and at c accordingly."""
     table[ASKED, SEEN], table[ASKED, SEEN + 1] = gamma_x, gamma_y
@@ -172,7 +172,7 @@ def _see(table: FloatArray, gamma_x: float, gamma_y: float) -> None:
         _load_at(table, pool + 3 * count, -table[ASKED, V_Y] / omega, table[ASKED, V_X] / omega)
 
 
-@lean
+@no_refcount
 def _search_edges(table: FloatArray, height: float, bx: float, by: float) -> float:
     """Put the lowest points of all edges above the plane into the pool; return a bound of their gaps."""
     count = int(table[HEAD, COUNT])
@@ -193,7 +193,7 @@ def _search_edges(table: FloatArray, height: float, bx: float, by: float) -> flo
     return least
 
 
-@lean
+@no_refcount
 def _lowest_in_pool(table: FloatArray, height: float, bx: float, by: float) -> tuple[int, float]:
     """Return the row and the gap of the load of the pool that lies lowest against the plane."""
     first = CORNERS + int(table[HEAD, COUNT])
@@ -206,7 +206,7 @@ def _lowest_in_pool(table: FloatArray, height: float, bx: float, by: float) -> t
     return best, least
 
 
-@lean
+@no_refcount
 def _exchange(table: FloatArray, k: int) -> bool:
     """Exchange a basic load for that in row k, so that g stays between them; return whether that was possible."""
     one, two, three = shares(table, table[HEAD, NUDGE_X], table[HEAD, NUDGE_Y])
@@ -225,7 +225,7 @@ def _exchange(table: FloatArray, k: int) -> bool:
     return True
 
 
-@lean
+@no_refcount
 def _exhaust_pool(table: FloatArray) -> None:
     """Run the simplex method on the pool."""
     for _ in range(_PIVOTS):
@@ -235,7 +235,7 @@ def _exhaust_pool(table: FloatArray) -> None:
             return
 
 
-@lean
+@no_refcount
 def least_load(table: FloatArray, gamma_x: float, gamma_y: float, kappa: float, goal: float) -> float:
     """Return a number that is at most, and to rounding equal to, the least of a row over all pressures.
 
@@ -265,7 +265,7 @@ def least_load(table: FloatArray, gamma_x: float, gamma_y: float, kappa: float, 
     return best
 
 
-@lean
+@no_refcount
 def worst_loads(table: FloatArray, gamma_x: float, gamma_y: float, kappa: float, out: FloatArray) -> float:
     """Fill `out` (3, 5) with the loads of `least_load`: place, direction of travel, part of the load.
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray
-from pushplan.compiled import compiled, lean
+from pushplan.compiled import compiled, no_refcount
 from pushplan.mechanics.worst_case.area_table import G_X, G_Y, HEAD, SHIFT, SIZE, SOLID
 from pushplan.mechanics.worst_case.envelope_kernel import least_load, start_twist
 
@@ -43,7 +43,7 @@ class PackedAreas(NamedTuple):
     length: float
 
 
-@lean
+@no_refcount
 def central_loads(areas: PackedAreas, vx: float, vy: float, omega: float, out: FloatArray) -> None:
     """Fill `out` (n, 7) with unit loads on the centres g and bounds of how other pressures differ from them.
 
@@ -79,7 +79,7 @@ def central_loads(areas: PackedAreas, vx: float, vy: float, omega: float, out: F
         out[i, 6] = min(grown + (out[i, 3] * speed / turn if turn > 0.0 else 0.0), size)
 
 
-@lean
+@no_refcount
 def _largest_wrench(areas: PackedAreas, k: int, central: FloatArray) -> float:
     """Return a bound of |w_k|, N; 0 when nothing that contact k carries has any floor friction."""
     load = low = high = spread = reach = 0.0
@@ -98,20 +98,20 @@ def _largest_wrench(areas: PackedAreas, k: int, central: FloatArray) -> float:
     return math.hypot(load, min(max(-low, high) + spread, reach) / areas.length)
 
 
-@lean
+@no_refcount
 def _least_of(areas: PackedAreas, i: int, value: float) -> float:
     """Return the least of F_i times `value`."""
     return float(min(areas.loads[i, 0] * value, areas.loads[i, 1] * value))
 
 
-@lean
+@no_refcount
 def _central_row(areas: PackedAreas, k: int, j: int, i: int, central: FloatArray) -> float:
     """Return row j of contact k for a unit load on the centre of object i."""
     gamma_x, gamma_y, kappa = areas.facets[k, j, 0], areas.facets[k, j, 1], areas.facets[k, j, 2]
     return float(gamma_x * central[i, 0] + gamma_y * central[i, 1] + kappa * central[i, 2])
 
 
-@lean
+@no_refcount
 def _low_row(areas: PackedAreas, k: int, j: int, i: int, central: FloatArray, omega: float) -> float:
     """Return a quick lower bound of row j of contact k for a unit load on object i, from `central_loads`."""
     kappa = areas.facets[k, j, 2]
@@ -124,7 +124,7 @@ def _low_row(areas: PackedAreas, k: int, j: int, i: int, central: FloatArray, om
     return float(row - max(row, 0.0) * central[i, 3] - across * central[i, 4] + turning)
 
 
-@lean
+@no_refcount
 def _is_above(areas: PackedAreas, k: int, j: int, central: FloatArray, omega: float, goal: float) -> bool:
     """Return whether row j of contact k is quickly seen to be above `goal`, N, for all pressures."""
     total = 0.0
@@ -134,7 +134,7 @@ def _is_above(areas: PackedAreas, k: int, j: int, central: FloatArray, omega: fl
     return total > goal
 
 
-@lean
+@no_refcount
 def worst_row(areas: PackedAreas, k: int, j: int, central: FloatArray, goal: float) -> float:
     """Return the least of row j of contact k, N; anything from `goal` on is as good as the exact number.
 
@@ -157,7 +157,7 @@ def worst_row(areas: PackedAreas, k: int, j: int, central: FloatArray, goal: flo
     return total
 
 
-@lean
+@no_refcount
 def _update(
     areas: PackedAreas, k: int, j: int, central: FloatArray, omega: float, size: float, least: float
 ) -> float:
@@ -170,7 +170,7 @@ def _update(
     return min(least, worst_row(areas, k, j, central, math.inf) / size)
 
 
-@lean
+@no_refcount
 def _guess_rows(areas: PackedAreas, k: int, central: FloatArray, size: float, guess: FloatArray) -> None:
     """Fill `guess` (n, 4) at contact k with the margins of its rows for loads on the centres."""
     for j in range(4):
@@ -180,7 +180,7 @@ def _guess_rows(areas: PackedAreas, k: int, central: FloatArray, size: float, gu
                 guess[k, j] += _least_of(areas, i, _central_row(areas, k, j, i, central)) / size
 
 
-@lean
+@no_refcount
 def _lowest(guess: FloatArray) -> tuple[int, int]:
     """Return where the least element of an (n, 4) array is."""
     best, row = 0, 0
@@ -191,7 +191,7 @@ def _lowest(guess: FloatArray) -> tuple[int, int]:
     return best, row
 
 
-@lean
+@no_refcount
 def _begin(areas: PackedAreas, twists: FloatArray, t: int, central: FloatArray, sizes: FloatArray) -> float:
     """Set a twist of all objects, fill the central loads (n, 7) and bounds of wrenches (n,); return omega."""
     vx, vy, omega = twists[t, 0], twists[t, 1], twists[t, 2]

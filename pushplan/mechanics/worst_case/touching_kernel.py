@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import lean
+from pushplan.compiled import no_refcount
 from pushplan.mechanics.worst_case.area_table import (
     AT,
     BASIS,
@@ -35,7 +35,7 @@ from pushplan.mechanics.worst_case.edge_kernel import edge_slope, edge_value
 _STEPS = 12
 
 
-@lean
+@no_refcount
 def _place_on(table: FloatArray, k: int, edge: int, part: int) -> float:
     """Return s of the load in row k on a stretch, or -1 when it does not lie there."""
     s = -1.0
@@ -48,7 +48,7 @@ def _place_on(table: FloatArray, k: int, edge: int, part: int) -> float:
     return s if table[edge, part] <= s <= table[edge, part + 1] else -1.0
 
 
-@lean
+@no_refcount
 def _between(table: FloatArray, a: int, b: int, c: int, s: float, other: float) -> float:
     """Return s on the edge of loads a and b where it meets the line from load c through the centre."""
     ax, ay, bx, by = table[a, Y_X], table[a, Y_Y], table[b, Y_X], table[b, Y_Y]
@@ -59,14 +59,14 @@ def _between(table: FloatArray, a: int, b: int, c: int, s: float, other: float) 
     return float(s + (other - s) * min(max(one / (one - two), 0.0), 1.0))
 
 
-@lean
+@no_refcount
 def _opposite(table: FloatArray, edge: int, x: float, y: float) -> float:
     """Return s on an edge where it meets the line from (x, y) about the centre through the centre."""
     px, py = table[edge, C_X] - table[HEAD, G_X], table[edge, C_Y] - table[HEAD, G_Y]
     return float((py * x - px * y) / (table[edge, T_X] * y - table[edge, T_Y] * x))
 
 
-@lean
+@no_refcount
 def _touch(table: FloatArray, edge: int, s: float, c: int) -> tuple[float, float, float, float]:
     """Return height and slope b of the plane that touches `edge` at s and passes through what is opposite.
 
@@ -92,7 +92,7 @@ def _touch(table: FloatArray, edge: int, s: float, c: int) -> tuple[float, float
     return q - bx * x - by * y, bx, by, excess
 
 
-@lean
+@no_refcount
 def touching_plane(table: FloatArray, height: float, bx: float, by: float) -> tuple[float, float, float]:
     """Return height at g and slope b of a touching plane, or what was given when no two loads share a stretch."""
     for a in range(BASIS, BASIS + 3):
@@ -109,7 +109,7 @@ def touching_plane(table: FloatArray, height: float, bx: float, by: float) -> tu
     return height, bx, by
 
 
-@lean
+@no_refcount
 def _settle(
     table: FloatArray, edge: int, part: int, s: float, c: int, height: float, bx: float, by: float
 ) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import compiled, lean, woven
+from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.mechanics.sphere import POLE
 from pushplan.stable_sets.boundary.bracketing import TOLERANCE
 from pushplan.stable_sets.boundary.intervals import PROMISING
@@ -62,7 +62,7 @@ def inner_end(
     return a
 
 
-@woven
+@inlined
 def _beyond(packed: Packed, line: Line, low: float, high: float, sign: float) -> tuple[float, float]:
     """Return a place between low and high where sign times the excess is above 0, or the largest found."""
     x1, x2 = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
@@ -81,7 +81,7 @@ def _beyond(packed: Packed, line: Line, low: float, high: float, sign: float) ->
     return (x1, sign * f1) if f1 >= f2 else (x2, sign * f2)
 
 
-@lean
+@no_refcount
 def _sort(rows: FloatArray) -> None:
     """Sort rows (k, 2) by their first column; there are few, and most are in order."""
     for i in range(1, len(rows)):
@@ -92,7 +92,7 @@ def _sort(rows: FloatArray) -> None:
         rows[j, 0], rows[j, 1] = x, value
 
 
-@woven
+@inlined
 def _sampled(packed: Packed, line: Line, hints: FloatArray) -> FloatArray:
     """Return samples (k, 2) of latitude and excess, in order."""
     out = np.empty((len(_GRID) + len(hints), 2))
@@ -103,7 +103,7 @@ def _sampled(packed: Packed, line: Line, hints: FloatArray) -> FloatArray:
     return out
 
 
-@woven
+@inlined
 def _closer(packed: Packed, line: Line, samples: FloatArray) -> FloatArray:
     """Return samples (k, 2) with some more in every gap with a change of sign, as there may be several."""
     out, k = np.empty((len(samples) * _PARTS, 2)), 0
@@ -116,7 +116,7 @@ def _closer(packed: Packed, line: Line, samples: FloatArray) -> FloatArray:
     return out[:k]
 
 
-@woven
+@inlined
 def _with_extremes(packed: Packed, line: Line, samples: FloatArray) -> FloatArray:
     """Return samples (k, 2) with peaks above 0 and dips below 0 that lie between them."""
     out, k = np.empty((2 * len(samples), 2)), len(samples)
@@ -151,7 +151,7 @@ def scan(packed: Packed, line: Line, hints: FloatArray) -> FloatArray:
     return out[:c]
 
 
-@woven
+@inlined
 def _end_near(packed: Packed, line: Line, x: float, reach: float, outward: float) -> float:
     """Return the end near x of an interval that extends against `outward` (+1 or -1), or nan."""
     value = excess(packed, line, x)

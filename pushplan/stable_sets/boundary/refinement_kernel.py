@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray, IntArray
-from pushplan.compiled import compiled, lean, woven
+from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.stable_sets.boundary.margin_kernel import Packed
 from pushplan.stable_sets.boundary.meridian_kernel import Line, follow, scan
 from pushplan.stable_sets.boundary.meridian_tracking import FAN
@@ -25,7 +25,7 @@ _UNKNOWN = 1e-3
 _LEAST_REACH = 1e-10
 
 
-@woven
+@inlined
 def _line(longitude: float, length: float, minimum: float) -> Line:
     return np.cos(longitude), np.sin(longitude), length, minimum
 
@@ -66,7 +66,7 @@ def _complete(
     return gained
 
 
-@lean
+@no_refcount
 def _expect(
     left: FloatArray, right: FloatArray, gap: float, bend: FloatArray, guess: FloatArray, reach: FloatArray
 ) -> None:
@@ -83,7 +83,7 @@ def _expect(
                 reach[i, j] = max(0.1 * abs(bend[i, j]), _LEAST_REACH)
 
 
-@lean
+@no_refcount
 def _largest(bend: FloatArray) -> float:
     largest = 0.0
     for i in range(len(bend)):
@@ -91,7 +91,7 @@ def _largest(bend: FloatArray) -> float:
     return largest
 
 
-@woven
+@inlined
 def _halved(
     packed: Packed, line: Line, left: FloatArray, right: FloatArray, gap: float, bend: FloatArray
 ) -> tuple[FloatArray, FloatArray, bool]:

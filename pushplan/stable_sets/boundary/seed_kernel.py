@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray
-from pushplan.compiled import compiled, lean
+from pushplan.compiled import compiled, no_refcount
+from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.sphere import POLE
-from pushplan.scratch import scratch
 from pushplan.stable_sets.boundary.margin_kernel import Packed, margin_of
 from pushplan.stable_sets.boundary.peaks import SPOKES, TURN
 
@@ -60,7 +60,7 @@ def _climbs(packed: Packed, length: float, minimum: float, at: FloatArray, value
     return value > minimum
 
 
-@lean
+@no_refcount
 def _tangents(at: FloatArray, east: FloatArray, north: FloatArray) -> None:
     """Fill in two unit vectors (3,) perpendicular to a unit vector and to each other."""
     x, y, z = at
@@ -100,21 +100,21 @@ def seeds(packed: Packed, length: float, minimum: float) -> tuple[FloatArray, Bo
     return out[:count], hope
 
 
-@lean
+@no_refcount
 def is_hopeful(hope: BoolArray, longitude: float) -> bool:
     """Return whether there is hope at one of the sampled longitudes to both sides."""
     i = math.floor(longitude * LONGITUDES / (2.0 * math.pi))
     return bool(hope[i % LONGITUDES] or hope[(i + 1) % LONGITUDES])
 
 
-@lean
+@no_refcount
 def _sample(i: int, j: int, at: FloatArray) -> None:
     """Fill in the unit vector (3,) of a sample."""
     lon, lat = 2.0 * math.pi * i / LONGITUDES, -POLE + 2.0 * POLE * j / (LATITUDES - 1)
     at[0], at[1], at[2] = math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)
 
 
-@lean
+@no_refcount
 def _is_peak(values: FloatArray, i: int, j: int) -> bool:
     """Return whether none of the eight neighbours of a sample exceeds it; of those at a pole, one counts."""
     if i > 0 and (j == 0 or j == LATITUDES - 1):

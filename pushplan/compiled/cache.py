@@ -1,4 +1,4 @@
-"""The decorator of all compiled functions: numba with a cache on disk that no change of the sources outlives.
+"""A cache of compiled code on disk that no change of the sources outlives.
 
 Numba keeps a compiled function for as long as the file it stands in is unchanged, even when a function that it calls,
 in another file, has changed. So the first import removes the cache when a source with compiled functions
@@ -10,13 +10,10 @@ from __future__ import annotations
 import contextlib
 import hashlib
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from numba import njit
-
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parents[1]
 STAMP = "sources.sha256"
-MARKS = (b"@compiled", b"@lean", b"@woven", b"@intrinsic", b"@overload")
+MARKS = (b"@compiled", b"@no_refcount", b"@inlined", b"@intrinsic", b"@overload")
 """What stands above code that ends up in compiled functions."""
 
 
@@ -30,7 +27,7 @@ def _rooms(folder: Path) -> list[Path]:
     return [path for path in sorted(folder.iterdir()) if path.is_dir() and path.name[0] not in "_."]
 
 
-def _digest(folders: list[Path]) -> str:
+def digest_of(folders: list[Path]) -> str:
     """Hash of the sources that have compiled functions."""
     digest = hashlib.sha256()
     for folder in folders:
@@ -41,11 +38,11 @@ def _digest(folders: list[Path]) -> str:
     return digest.hexdigest()
 
 
-def _discard_stale_cache() -> None:
+def discard_stale_cache() -> None:
     """Remove compiled code made from other sources; a folder that cannot be written does not change either."""
     folders = _folders()
     stamp = PACKAGE / "__pycache__" / STAMP
-    digest = _digest(folders)
+    digest = digest_of(folders)
     with contextlib.suppress(OSError):
         if stamp.is_file() and stamp.read_text() == digest:
             return
@@ -54,26 +51,3 @@ def _discard_stale_cache() -> None:
                 index.unlink(missing_ok=True)
         stamp.parent.mkdir(exist_ok=True)
         stamp.write_text(digest)
-
-
-_discard_stale_cache()
-
-compiled = njit(cache=True, error_model="numpy")
-"""Compile a function on its first call, or load it from the cache; x / 0 is infinite as in NumPy."""
-
-if TYPE_CHECKING:
-    lean = compiled
-else:
-    lean = njit(cache=True, error_model="numpy", _nrt=False)
-"""Compile a function that makes no arrays but those of `scratch`: it counts no references to the ones it is given.
-
-Counting takes more than half of the time of short functions that look into tuples of arrays. The option is not part
-of numba's documented interface; `compiled` gives the same results, slower.
-"""
-
-woven = njit(inline="always", error_model="numpy")
-"""Compile a function into its caller instead, for code with one caller.
-
-LLVM optimises a function anew with everything it calls at each level of calls, so every level above a large one costs
-compile time.
-"""

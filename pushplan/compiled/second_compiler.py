@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
-from numba.core.event import Event, Listener, install_listener
+from pushplan.compiled.private import on_compiling
 
 WORK = "from pushplan.kernels import compile_search; compile_search({!r})"
 
@@ -30,29 +30,25 @@ def second_compiler(planner: str) -> Iterator[None]:
     starter = _Starter(planner)
     several = (os.cpu_count() or 1) > 1 and sys.executable
     try:
-        with install_listener("numba:compile", starter) if several else nullcontext():
+        with on_compiling(starter.start) if several else nullcontext():
             yield
         starter.wait()
     finally:
         starter.kill()
 
 
-class _Starter(Listener):
-    """Starts the process when a function begins to be compiled."""
+class _Starter:
+    """Starts the process, once."""
 
     def __init__(self, planner: str) -> None:
         self._command = [sys.executable, "-c", WORK.format(planner)]
         self._process: subprocess.Popen[bytes] | None = None
 
-    def on_start(self, event: Event) -> None:
-        """Start the process, once, without a word on the user's screen."""
-        del event
+    def start(self) -> None:
+        """Start the process, without a word on the user's screen."""
         if self._process is None:
             quiet = subprocess.DEVNULL
             self._process = subprocess.Popen(self._command, stdin=quiet, stdout=quiet, stderr=quiet)
-
-    def on_end(self, event: Event) -> None:
-        """Let the process go on."""
 
     def wait(self) -> None:
         """Wait until the process has compiled everything, if there is one."""
