@@ -12,12 +12,12 @@ from pushplan.logging.mcap.budget import MESSAGE_LIMIT
 from pushplan.logging.mcap.cursor import DamageError
 from pushplan.logging.mcap.items import Attachment, Item, Message, Metadata
 from pushplan.logging.mcap.mcap_file import McapFile
-from pushplan.logging.mcap.partial_file import SUFFIX
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.contents import TOPICS, Contents
 from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.scenario_files import ScenarioFiles
 from pushplan.logging.recorded import RecordedRun
+from pushplan.outputs.partial_file import SUFFIX
 
 _OURS = "pushplan."
 

@@ -19,8 +19,7 @@ import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from pushplan.arrays import IntArray
-from pushplan.errors import RunLogError
-from pushplan.logging.mcap.partial_file import PartialFile
+from pushplan.errors import OutputError
 from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
 from pushplan.logging.messages.channels import Channels
 from pushplan.logging.messages.effort import Effort, exact
@@ -30,6 +29,8 @@ from pushplan.logging.view import views
 from pushplan.logging.view.frames import chain_frames, placed, poses_in_world
 from pushplan.logging.view.scene import scene, tree
 from pushplan.logging.view.window import PATH_SPACING, smoothed_times
+from pushplan.outputs.open_file import OpenFile
+from pushplan.outputs.write import open_output
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution, inertia_warning
@@ -49,7 +50,7 @@ class RunLogWriter:
     Without `finish`, or with an exception inside, the file stays under `partial` and its metadata say why.
     """
 
-    def __init__(self, file: PartialFile, scenario: Scenario) -> None:
+    def __init__(self, file: OpenFile, scenario: Scenario) -> None:
         self._file = file
         self._scenario = scenario
         self._channels = Channels(file)
@@ -63,6 +64,7 @@ class RunLogWriter:
         scenario: Scenario,
         settings: Mapping[str, object],
         words: Mapping[str, str] | None = None,
+        new: bool = False,
     ) -> Self:
         """Begin a log: what the run starts from is written when this returns.
 
@@ -71,11 +73,12 @@ class RunLogWriter:
             scenario: What the run is about.
             settings: Names and values for the metadata `pushplan.run`: planner, set, seed, ...
             words: The metadata `pushplan.run` of a run that is over; None for one that begins now.
+            new: Refuse a name that there is already.
 
         Raises:
-            RunLogError: When the file cannot be written.
+            OutputError: When the file cannot be written.
         """
-        file = PartialFile(Path(path))
+        file = open_output(path, new=new)
         try:
             log = cls(file, scenario)
             log._begin(metadata.run_words(scenario, settings) if words is None else words)
@@ -110,7 +113,7 @@ class RunLogWriter:
 
         Raises:
             ValueError: When the level is none of them.
-            RunLogError: When the file cannot be written.
+            OutputError: When the file cannot be written.
         """
         if level not in schemas.LEVELS:
             raise ValueError(f"level {level!r} is none of {', '.join(schemas.LEVELS)}")
@@ -123,7 +126,7 @@ class RunLogWriter:
         """Write metadata under a name that begins with `pushplan.`.
 
         Raises:
-            RunLogError: When the file cannot be written.
+            OutputError: When the file cannot be written.
         """
         self._channels.note(name, words)
 
@@ -131,7 +134,7 @@ class RunLogWriter:
         """Write what planning found, and what it took.
 
         Raises:
-            RunLogError: When the file cannot be written.
+            OutputError: When the file cannot be written.
         """
         channels = self._channels
         effort = Effort.from_plan(plan).to_words()
@@ -162,7 +165,7 @@ class RunLogWriter:
         """Write what the simulator made of the plan, one simulated second after the other.
 
         Raises:
-            RunLogError: When the file cannot be written.
+            OutputError: When the file cannot be written.
         """
         channels, instants = self._channels, self._channels.instants(execution.t)
         seconds = list(execution_message.seconds(execution.t))
@@ -200,7 +203,7 @@ class RunLogWriter:
             seconds: Wall-clock time of each phase, for the metadata `pushplan.result`.
 
         Raises:
-            RunLogError: When the file cannot be written; what is there stays under `partial`.
+            OutputError: When the file cannot be written; what is there stays under `partial`.
         """
         times = {f"{phase}_s": exact(spent) for phase, spent in (seconds or {}).items()}
         self._end({"outcome": outcome, **times})
@@ -222,7 +225,7 @@ class RunLogWriter:
     ) -> None:
         """Close the file; if it was not finished, say so in it and leave it under `partial`."""
         if not self._finished:
-            with contextlib.suppress(RunLogError):  # nothing more can be written; the first error counts
+            with contextlib.suppress(OutputError):  # nothing more can be written; the first error counts
                 self._abandon(error)
         self._file.close()
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         EmptyStableSetError,
         Finding,
         ImportedFileError,
+        OutputError,
         PlanningError,
         PushplanError,
         RunLogError,
@@ -80,8 +81,8 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "mechanics.chain": "Chain Contact Drive Limits PushedObject Pusher",
-    "errors": "ChainError EmptyStableSetError Finding ImportedFileError PlanningError PushplanError RunLogError "
-    "ScenarioError SupportError TimingError UndefinedEcofError",
+    "errors": "ChainError EmptyStableSetError Finding ImportedFileError OutputError PlanningError PushplanError "
+    "RunLogError ScenarioError SupportError TimingError UndefinedEcofError",
     "examples": "example_names example_text",
     "mechanics.friction": "cof ecof friction_wrench",
     "logging.reader": "read_run",
@@ -131,6 +132,7 @@ __all__ = [
     "ImportedFileError",
     "IntervalChain",
     "Limits",
+    "OutputError",
     "PlanResult",
     "PlannerSettings",
     "PlanningError",

@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING
 from pushplan.commands.console import Console
 from pushplan.commands.exports import asked_for, declare_exports, write_exports
 from pushplan.commands.failure import DONE, MISMATCH
-from pushplan.commands.options import OutputError, add_plot, check_outputs
+from pushplan.commands.options import add_plot, check_outputs
 from pushplan.commands.physics import add_physics
 from pushplan.commands.playing import declare_playing, play
-from pushplan.errors import RunLogError
+from pushplan.errors import PushplanError, RunLogError
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
     from pushplan.logging.verify import VerifyReport
+
+
+class ReplayUsageError(PushplanError, ValueError):
+    """Words of the command do not go together."""
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +45,9 @@ def run(args: argparse.Namespace, console: Console) -> int:
     from pushplan.commands import physics
 
     if args.recover != (args.recovered is not None):
-        raise OutputError("--recover needs two names, of the damaged log and of the new one; others take one")
+        raise ReplayUsageError(
+            "--recover needs two names, of the damaged log and of the new one; others take one"
+        )
     check_outputs(args.log, args.plot, args.recovered, *asked_for(args).values())
     with console.working(f"reading {args.log}"):
         recorded = _read(args)
