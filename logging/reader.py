@@ -16,6 +16,7 @@ from pushplan.logging.messages import metadata
 from pushplan.logging.messages.contents import TOPICS, Contents
 from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.scenario_files import ScenarioFiles
+from pushplan.logging.messages.seal import unsealed
 from pushplan.logging.recorded import RecordedRun
 from pushplan.outputs.partial_file import SUFFIX
 
@@ -81,7 +82,7 @@ class _Reading:
     def _take_metadata(self, item: Metadata) -> None:
         if not item.name.startswith(_OURS):
             return
-        words = metadata.unsealed(item.words)
+        words = unsealed(item.words)
         if item.name in self._words:
             raise ValueError("a name that was there already")
         if item.name == metadata.RUN:

@@ -223,13 +223,17 @@ class RunLogWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close the file; if it was not finished, say so in it and leave it under `partial`."""
+        """Close the file; see `abandon`."""
+        self.abandon(error)
+
+    def abandon(self, error: BaseException | None) -> None:
+        """Close the file; if it was not finished, say why in it, as far as that can be written, and leave it."""
         if not self._finished:
             with contextlib.suppress(OutputError):  # nothing more can be written; the first error counts
-                self._abandon(error)
+                self._say_why(error)
         self._file.close()
 
-    def _abandon(self, error: BaseException | None) -> None:
+    def _say_why(self, error: BaseException | None) -> None:
         if error is None:
             self._end({"outcome": "unfinished"})
             return

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from typing import NoReturn, TextIO
 
-from pushplan.commands import bench, check, completion, examples, new, plan, replay, schema, stable_set
+from pushplan.commands import bench, check, completion, examples, new, plan, replay, runs, schema, stable_set
 from pushplan.commands.console import Console
 from pushplan.commands.failure import PIPE_CLOSED, WRONG_INPUT, report_failure
 
@@ -17,6 +17,7 @@ COMMANDS = {
     "plan": plan,
     "stable-set": stable_set,
     "replay": replay,
+    "runs": runs,
     "bench": bench,
     "check": check,
     "new": new,

@@ -139,7 +139,7 @@ class Run:
         scenario: What was asked.
         plan: What was planned.
         execution: What the simulator made of it; None when there was nothing to execute.
-        log: The log file, or None.
+        log: The log file; None when there is none, or it could not be written to its end.
         seconds: Wall-clock time by phase: `posing`, `search`, `timing`, `checking`, `execution`, `logging`; s.
     """
 

@@ -10,8 +10,7 @@ from pushplan.cli import COMMANDS, parser
 _SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "name": ".yaml"}
 """By the option's name; an export's suffix is its name."""
 
-_INPUTS = {("bench", "compare"), ("bench", "output")}
-"""Paths of folders."""
+_FOLDERS = {"compare", "runs"}
 
 
 def _declared() -> list[tuple[str, str]]:
@@ -30,7 +29,7 @@ def _declared() -> list[tuple[str, str]]:
 OPTIONS = [
     (command, option, _SUFFIXES.get(option, f".{option}"))
     for command, option in _declared()
-    if (command, option) not in _INPUTS
+    if option not in _FOLDERS and (command, option) != ("bench", "output")
 ]
 """Command, option and suffix of every output."""
 

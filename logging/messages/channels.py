@@ -12,8 +12,9 @@ from pushplan.errors import RunLogError
 from pushplan.logging.mcap.batch import Batch
 from pushplan.logging.mcap.record_writer import RecordWriter
 from pushplan.logging.messages.message_template import ByteRows
-from pushplan.logging.messages.metadata import sealed, version_of
+from pushplan.logging.messages.metadata import version_of
 from pushplan.logging.messages.schemas import TOPICS, MessageClass, Topic
+from pushplan.logging.messages.seal import sealed
 from pushplan.outputs.open_file import OpenFile
 
 _NANO = 1_000_000_000

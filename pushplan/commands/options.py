@@ -28,6 +28,16 @@ def add_plot(parser: argparse.ArgumentParser, what: str) -> None:
     add_output(parser, "--plot", help=f"{what} (PNG, SVG or PDF by the suffix)")
 
 
+def add_runs(parser: argparse.ArgumentParser) -> None:
+    """Declare the option that names the folder of the recorded runs."""
+    parser.add_argument(
+        "--runs",
+        metavar="DIR",
+        type=Path,
+        help="folder of the recorded runs (default: $PUSHPLAN_RUNS, else ~/.local/state/pushplan/runs)",
+    )
+
+
 def seconds(text: str) -> float:
     """Return a time limit; argparse's `type`."""
     value = float(text)

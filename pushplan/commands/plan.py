@@ -12,6 +12,7 @@ from pushplan.commands.console import Console
 from pushplan.commands.options import (
     add_output,
     add_plot,
+    add_runs,
     add_scenario,
     check_outputs,
     count,
@@ -21,6 +22,7 @@ from pushplan.commands.options import (
     share,
 )
 from pushplan.commands.physics import add_physics
+from pushplan.errors import PushplanError
 from pushplan.names import COSTS
 from pushplan.naming import planner_names, stable_set_names
 
@@ -30,10 +32,18 @@ if TYPE_CHECKING:
     from pushplan.sim.kinematic import Execution
 
 
+class PlanUsageError(PushplanError, ValueError):
+    """Words of the command do not go together."""
+
+
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command; what they leave open is taken from the scenario."""
     add_scenario(parser)
-    add_output(parser, "-o", "--output", help="write the run's log (MCAP), solved or not")
+    add_output(parser, "-o", "--output", help="write the run's log (MCAP), solved or not, here")
+    parser.add_argument(
+        "--no-log", action="store_true", help="write no log; else one is recorded without -o, too"
+    )
+    add_runs(parser)
     planners, sets = planner_names(), stable_set_names()
     parser.add_argument("--planner", choices=planners, metavar="NAME", help=f"one of {planners.words}")
     parser.add_argument("--set", choices=sets, metavar="NAME", help=f"one of {sets.words}")
@@ -68,6 +78,8 @@ def run(args: argparse.Namespace, console: Console) -> int:
     from pushplan.commands.report import document, exit_code, headline, rows
     from pushplan.scenario import load_scenario
 
+    if args.no_log and (args.output or args.runs):
+        raise PlanUsageError("--no-log does not go together with -o and --runs; leave one of them out")
     check_outputs(args.scenario, args.plot, args.output, args.html)
     scenario = load_scenario(args.scenario)
     if args.physics:
@@ -110,7 +122,8 @@ def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
 
         return run_push(
             scenario,
-            log=args.output,
+            log=False if args.no_log else args.output,
+            runs=args.runs,
             planner=args.planner,
             stable_set=args.set,
             seed=args.seed,
@@ -121,6 +134,7 @@ def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
             margin=args.margin,
             gap=args.gap,
             progress=improved,
+            tell=progress.announce,
         )
 
 

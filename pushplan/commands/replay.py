@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 from pushplan.commands.console import Console
 from pushplan.commands.exports import asked_for, declare_exports, write_exports
 from pushplan.commands.failure import DONE, MISMATCH
-from pushplan.commands.options import add_plot, check_outputs
+from pushplan.commands.options import add_plot, add_runs, check_outputs
 from pushplan.commands.physics import add_physics
 from pushplan.commands.playing import declare_playing, play
+from pushplan.commands.runs import log_meant
 from pushplan.errors import PushplanError, RunLogError
 
 if TYPE_CHECKING:
@@ -26,7 +27,14 @@ class ReplayUsageError(PushplanError, ValueError):
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command."""
-    parser.add_argument("log", metavar="RUN", help="a log (.mcap), or what a killed run left (.mcap.partial)")
+    parser.add_argument(
+        "log",
+        metavar="RUN",
+        nargs="?",
+        help="a log (.mcap), or what a killed run left (.mcap.partial); @3 is the third last recorded run, and "
+        "without any it is the last",
+    )
+    add_runs(parser)
     parser.add_argument(
         "recovered", metavar="OUT", nargs="?", type=Path, help="with --recover: the clean log, a new file"
     )
@@ -48,6 +56,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
         raise ReplayUsageError(
             "--recover needs two names, of the damaged log and of the new one; others take one"
         )
+    args.log = log_meant(args.log, args.runs)
     check_outputs(args.log, args.plot, args.recovered, *asked_for(args).values())
     with console.working(f"reading {args.log}"):
         recorded = _read(args)
