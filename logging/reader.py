@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 from google.protobuf.message import DecodeError
@@ -19,6 +20,7 @@ from pushplan.logging.messages.scenario_files import ScenarioFiles
 from pushplan.logging.messages.seal import unsealed
 from pushplan.logging.recorded import RecordedRun
 from pushplan.outputs.partial_file import SUFFIX
+from pushplan.result import ProgressPoint
 
 _OURS = "pushplan."
 
@@ -87,6 +89,8 @@ class _Reading:
             raise ValueError("a name that was there already")
         if item.name == metadata.RUN:
             self._check_format(words["format"], item.offset)
+        if item.name.startswith(metadata.PROGRESS):
+            float(words["found_s"])
         if item.name == metadata.PLANNING:
             self._contents.effort = Effort.from_words(words)
         self._words[item.name] = words
@@ -119,6 +123,17 @@ class _Reading:
             lines=tuple(self._contents.lines),
             words=self._words,
             losses=tuple(self._file.losses),
+            progress=self._progress(),
+        )
+
+    def _progress(self) -> tuple[ProgressPoint, ...]:
+        """Return the improvements with the times of the plan or, of a run that was cut off, of their metadata."""
+        if self._contents.plan is not None:
+            return self._contents.plan.progress
+        words = (self._words.get(f"{metadata.PROGRESS}.{k:04d}", {}) for k in count())
+        seconds = (float(found.get("found_s", "nan")) for found in words)
+        return tuple(
+            replace(point, seconds=at) for point, at in zip(self._contents.progress, seconds, strict=False)
         )
 
 

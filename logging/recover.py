@@ -31,6 +31,8 @@ def _write(run: RecordedRun, path: Path | str) -> None:
     with RunLogWriter.create(path, run.scenario, {}, _run_words(run), new=True) as log:
         for line in _others(run, begun=False):
             log.log(*line)
+        for point in run.progress if run.plan is None else ():
+            log.improved(point)
         if run.plan is not None:
             log.plan(run.plan)
         if run.execution is not None:

@@ -4,6 +4,7 @@ The log grows as NAME.mcap.partial and becomes NAME.mcap when it is finished. Tw
 the same bytes, except in these words of the metadata (as long in both, on one machine with the same versions):
 
 - `pushplan.run`: `started_at`, `machine`, `git`, `crc32`;
+- `pushplan.progress.N`: `found_s`, `crc32`;
 - `pushplan.planning` and `pushplan.result`: times (`..._s`, `..._at`), `extensions`, `crc32`.
 """
 
@@ -31,7 +32,7 @@ from pushplan.logging.view.scene import scene, tree
 from pushplan.logging.view.window import PATH_SPACING, smoothed_times
 from pushplan.outputs.open_file import OpenFile
 from pushplan.outputs.write import open_output
-from pushplan.result import PlanResult
+from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.execution import Execution, inertia_warning
 
@@ -56,6 +57,7 @@ class RunLogWriter:
         self._channels = Channels(file)
         self._words: dict[str, str] = {}
         self._finished = False
+        self._improvements = 0
 
     @classmethod
     def create(
@@ -131,7 +133,7 @@ class RunLogWriter:
         self._channels.note(name, words)
 
     def plan(self, plan: PlanResult) -> None:
-        """Write what planning found, and what it took.
+        """Write what planning found, and what it took; improvements that `improved` has written are not repeated.
 
         Raises:
             OutputError: When the file cannot be written.
@@ -139,10 +141,8 @@ class RunLogWriter:
         channels = self._channels
         effort = Effort.from_plan(plan).to_words()
         channels.note(metadata.PLANNING, effort)
-        for point in plan.progress:
-            stamp = channels.stamp
-            progress = schemas.Progress(timestamp=stamp, iterations=point.iterations, cost=point.cost)
-            channels.send(schemas.PROGRESS, progress)
+        for point in plan.progress[self._improvements :]:
+            self._send_progress(point)
         message = plan_message.encode(plan)
         message.timestamp.CopyFrom(channels.stamp)
         channels.send(schemas.PLAN, message)
@@ -150,6 +150,23 @@ class RunLogWriter:
         self.log("info" if plan.solved else "warning", plan_sentence(plan))
         self._words |= {**effort, **metadata.plan_words(plan)}
         channels.flush()
+
+    def improved(self, point: ProgressPoint) -> None:
+        """Write an improvement of the best path; when this returns, no kill can lose it.
+
+        Raises:
+            OutputError: When the file cannot be written.
+        """
+        words = {"found_s": exact(point.seconds), "path_cost": repr(point.cost)}
+        self._channels.note(f"{metadata.PROGRESS}.{self._improvements:04d}", words)
+        self._send_progress(point)
+        self._channels.flush()
+
+    def _send_progress(self, point: ProgressPoint) -> None:
+        message = plan_message.encode_progress(point)
+        message.timestamp.CopyFrom(self._channels.stamp)
+        self._channels.send(schemas.PROGRESS, message)
+        self._improvements += 1
 
     def _show_plan(self, plan: PlanResult) -> None:
         self._channels.send(schemas.PLAN_TREE, tree(plan.tree))

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
 from pushplan.errors import OutputError, PushplanError
-from pushplan.result import PlanResult, Run
+from pushplan.result import PlanResult, ProgressPoint, Run
 from pushplan.scenario import Scenario
 from pushplan.stopwatch import Stopwatch
 
@@ -124,7 +124,13 @@ class Recording:
         self._writer = None
         self._let_go()
 
-    def end(self, result: PlanResult) -> None:
+    def improved(self, point: ProgressPoint) -> None:
+        """Write an improvement of the best path, so that it outlives a kill."""
+        if self._writer is not None:
+            with self._writing():
+                self._writer.improved(point)
+
+    def end(self, result: PlanResult, interrupted: bool) -> None:
         """Write the plan and its execution."""
         if self._writer is None:
             return
@@ -132,7 +138,8 @@ class Recording:
             self._writer.plan(result)
             if result.execution is not None:
                 self._writer.execution(result.execution)
-            self._writer.finish("solved" if result.solved else "unsolved", self._watch.seconds)
+            outcome = "solved" if result.solved else "unsolved"
+            self._writer.finish("interrupted" if interrupted else outcome, self._watch.seconds)
         self._writer = None
 
     def _let_go(self) -> None:

@@ -20,11 +20,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ProgressPoint:
-    """The cost (m) of the best path known after `seconds` of planning (wall clock)."""
+    """The cost (m) of the best path known after `seconds` of planning (wall clock).
+
+    `path` is that path; None in logs of older versions.
+    """
 
     seconds: float
     cost: float
     iterations: int
+    path: PushPath | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)

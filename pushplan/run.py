@@ -35,6 +35,7 @@ def run(
     gap: float | None = None,
     progress: Callable[[ProgressPoint], None] | None = None,
     tell: Callable[[str], None] | None = None,
+    stop: Callable[[], bool] | None = None,
 ) -> Run:
     """Plan a push, execute it in the kinematic simulator, and record both.
 
@@ -55,6 +56,7 @@ def run(
         gap: See `plan`.
         progress: See `plan`.
         tell: See `plan`; takes warnings about the recording, too.
+        stop: See `plan`; the outcome in the log of a run that was told to stop is `interrupted`.
 
     Raises:
         PushplanError: As `plan`.
@@ -72,6 +74,12 @@ def run(
         "gap": scenario.planner.gap if gap is None else gap,
     }
     with Recording(scenario, settings, log, runs, tell, watch) as recording:
+
+        def improved(point: ProgressPoint) -> None:
+            recording.improved(point)
+            if progress is not None:
+                progress(point)
+
         result = plan(
             scenario,
             planner=planner,
@@ -83,11 +91,12 @@ def run(
             cost=cost,
             margin=margin,
             gap=gap,
-            progress=progress,
+            progress=improved,
             tell=tell,
             watch=watch,
+            stop=stop,
         )
-        recording.end(result)
+        recording.end(result, interrupted=stop is not None and stop())
     return recording.finished(result)
 
 

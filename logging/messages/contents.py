@@ -10,7 +10,7 @@ from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.execution_message import Collector
 from pushplan.logging.messages.schemas import MessageClass, Topic
 from pushplan.logging.recorded import LogLine
-from pushplan.result import PlanResult
+from pushplan.result import PlanResult, ProgressPoint
 from pushplan.sim.execution import Execution
 
 TOPICS = (schemas.PROGRESS, schemas.PLAN, schemas.EXECUTION, schemas.EXECUTION_END, schemas.LOG)
@@ -28,6 +28,7 @@ class Contents:
         effort: What planning took, once the metadata have told.
         contacts: Returns the number of contacts of the chain.
         plan: The plan, once it has come.
+        progress: The improvements so far; their wall-clock times are NaN.
         lines: The lines of /log so far.
     """
 
@@ -37,7 +38,7 @@ class Contents:
         self.contacts = contacts
         self.plan: PlanResult | None = None
         self.lines: list[LogLine] = []
-        self._progress: list[tuple[int, float]] = []
+        self.progress: list[ProgressPoint] = []
         self._samples: Collector | None = None
         self._execution: Execution | None = None
         self._handlers: dict[str, tuple[Topic, Callable[[MessageClass], None]]] = {
@@ -90,14 +91,14 @@ class Contents:
         return self._execution
 
     def _take_progress(self, message: MessageClass) -> None:
-        self._progress.append((message.iterations, message.cost))
+        self.progress.append(plan_message.decode_progress(message))
 
     def _take_plan(self, message: MessageClass) -> None:
         if self.plan is not None:
             raise ValueError("there is a plan already")
         if self.effort is None:
             raise ValueError("the metadata 'pushplan.planning' have not come before it")
-        self.plan = plan_message.decode(message, self.effort, self._progress)
+        self.plan = plan_message.decode(message, self.effort, self.progress)
 
     def _take_samples(self, message: MessageClass) -> None:
         if self._execution is not None:

@@ -20,6 +20,8 @@ FORMAT = 1
 
 RUN = "pushplan.run"
 PLANNING = "pushplan.planning"
+PROGRESS = "pushplan.progress"
+"""Followed by `.0000`, `.0001`, ...: what /planner/progress leaves out of improvements logged when found."""
 RESULT = "pushplan.result"
 RECOVERY = "pushplan.recovery"
 """In logs that were written from a damaged one: its name, and what of it was lost."""

@@ -18,6 +18,9 @@ from pushplan.logging.runs.retention import is_being_written
 RUNNING, CUT_OFF, DAMAGED = "running", "cut off", "damaged"
 """Outcomes that no log states."""
 
+RESULT = "pushplan.result"
+"""As in `messages.metadata`, which takes long to load."""
+
 FILTERS = ("outcome", "scenario", "planner", "set", "seed")
 
 
@@ -114,6 +117,8 @@ def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
     outcome = RUNNING if number is None else CUT_OFF
     try:
         for name, group in metadata_words(Path(log.path)):
+            if name == RESULT:
+                words.pop("path_cost", None)  # of an improvement: the result has the last word
             if name.startswith("pushplan."):
                 words |= {key: value for key, value in unsealed(group).items() if key in _WORDS}
     except (DamageError, OSError, ValueError):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pushplan.commands.check import require_pushable
 from pushplan.commands.console import Console
+from pushplan.commands.failure import DEFECT, MISMATCH, error_document
 from pushplan.commands.options import (
     add_output,
     add_plot,
@@ -23,10 +24,12 @@ from pushplan.commands.options import (
 )
 from pushplan.commands.physics import add_physics
 from pushplan.errors import PushplanError
+from pushplan.interruption import INTERRUPTED, Interruption, leaving_at_once
 from pushplan.names import COSTS
 from pushplan.naming import planner_names, stable_set_names
 
 if TYPE_CHECKING:
+    from pushplan.recording import IncompleteLogError
     from pushplan.result import PlanResult, ProgressPoint, Run
     from pushplan.scenario import Scenario
     from pushplan.sim.kinematic import Execution
@@ -73,9 +76,27 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
+    with leaving_at_once():  # nothing is lost yet
+        scenario = _load(args, console)
+    interruption = Interruption()
+    done, incomplete = _run(args, scenario, interruption, console)
+    code, told = _report(done, interruption.requested, console)
+    if incomplete is not None:
+        console.note(f"error: {incomplete}")
+    if args.physics and not interruption.requested:
+        from pushplan.commands import physics
+
+        found = physics.execute(scenario, done.plan.trajectory, console)
+        told["physics"] = physics.document(found)
+        code = MISMATCH if found is not None and not found.kept else code
+    _draw_outputs(done, args, console)
+    console.emit(told if incomplete is None else {**told, "error": error_document(incomplete)})
+    return code if incomplete is None else DEFECT
+
+
+def _load(args: argparse.Namespace, console: Console) -> Scenario:
+    """Read the scenario, check it and what is asked for, and load what planning needs."""
     from pushplan.commands import physics
-    from pushplan.commands.failure import MISMATCH
-    from pushplan.commands.report import document, exit_code, headline, rows
     from pushplan.scenario import load_scenario
 
     if args.no_log and (args.output or args.runs):
@@ -84,58 +105,77 @@ def run(args: argparse.Namespace, console: Console) -> int:
     scenario = load_scenario(args.scenario)
     if args.physics:
         physics.require_executable(scenario)
-    done = _run(args, scenario, console)
+    with console.computing("loading the planner"):
+        import pushplan.run
+        from pushplan.kernels import warm_up
+        from pushplan.scenario import StabilitySettings
+        from pushplan.stable_sets.named import add_set
+
+        del pushplan
+        warm_up(args.planner or scenario.planner.name)
+        chosen = add_set(args.set or scenario.stability.set)
+        kept = scenario.stability.margin if args.margin is None else args.margin
+        require_pushable(replace(scenario, stability=StabilitySettings(chosen, kept)))
+    return scenario
+
+
+def _run(
+    args: argparse.Namespace, scenario: Scenario, interruption: Interruption, console: Console
+) -> tuple[Run, IncompleteLogError | None]:
+    """Plan, execute and record; return the run, and what kept its log from being written to the end."""
+    from pushplan.recording import IncompleteLogError
+    from pushplan.run import run as run_push
+
+    limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit
+    with console.working(f"planning, up to {limit:g} s") as progress, interruption.listening():
+
+        def improved(point: ProgressPoint) -> None:
+            progress.tell(f"best path so far {point.cost:.3f} m")
+
+        try:
+            done = run_push(
+                scenario,
+                log=False if args.no_log else args.output,
+                runs=args.runs,
+                planner=args.planner,
+                stable_set=args.set,
+                seed=args.seed,
+                time_limit=args.time_limit,
+                iterations=args.iterations,
+                first=args.first,
+                cost=args.cost,
+                margin=args.margin,
+                gap=args.gap,
+                progress=improved,
+                tell=progress.announce,
+                stop=interruption,
+            )
+        except IncompleteLogError as error:
+            return error.run, error
+    return done, None
+
+
+def _report(done: Run, interrupted: bool, console: Console) -> tuple[int, dict[str, object]]:
+    """Tell people about a run; return the exit code and the JSON object."""
+    from pushplan.commands.report import document, exit_code, headline, rows
+
+    console.say(headline(done.scenario, done.plan, console))
+    table = rows(done.scenario, done.plan, done.execution, done.log)
+    if interrupted and done.plan.solved:
+        table.append(("interrupted", "the search was ended early; this is the best path until then"))
+    console.table(table)
+    told = document(done.scenario, done.plan, done.execution, done.log)
+    code = INTERRUPTED if interrupted else exit_code(done.plan, done.execution)
+    return code, {**told, "interrupted": interrupted}
+
+
+def _draw_outputs(done: Run, args: argparse.Namespace, console: Console) -> None:
     if args.plot is not None:
         draw(done.scenario, done.plan, done.execution, args.plot, console)
     if args.html is not None:
         from pushplan.logging.export.html import write_html
 
         write_html(done, args.html)
-    console.say(headline(done.scenario, done.plan, console))
-    console.table(rows(done.scenario, done.plan, done.execution, done.log))
-    told = document(done.scenario, done.plan, done.execution, done.log)
-    code = exit_code(done.plan, done.execution)
-    if args.physics:
-        found = physics.execute(scenario, done.plan.trajectory, console)
-        told["physics"] = physics.document(found)
-        code = MISMATCH if found is not None and not found.kept else code
-    console.emit(told)
-    return code
-
-
-def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
-    with console.computing("loading the planner"):
-        from pushplan.kernels import warm_up
-        from pushplan.run import run as run_push
-        from pushplan.scenario import StabilitySettings
-        from pushplan.stable_sets.named import add_set
-
-        warm_up(args.planner or scenario.planner.name)
-        chosen = add_set(args.set or scenario.stability.set)
-        kept = scenario.stability.margin if args.margin is None else args.margin
-        require_pushable(replace(scenario, stability=StabilitySettings(chosen, kept)))
-    limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit
-    with console.working(f"planning, up to {limit:g} s") as progress:
-
-        def improved(point: ProgressPoint) -> None:
-            progress.tell(f"best path so far {point.cost:.3f} m")
-
-        return run_push(
-            scenario,
-            log=False if args.no_log else args.output,
-            runs=args.runs,
-            planner=args.planner,
-            stable_set=args.set,
-            seed=args.seed,
-            time_limit=args.time_limit,
-            iterations=args.iterations,
-            first=args.first,
-            cost=args.cost,
-            margin=args.margin,
-            gap=args.gap,
-            progress=improved,
-            tell=progress.announce,
-        )
 
 
 def draw(

@@ -62,10 +62,11 @@ def run(args: argparse.Namespace, console: Console) -> int:
         recorded = _read(args)
     if args.physics:
         physics.require_executable(recorded.scenario)
+    kept, recorded = recorded, _with_plan(recorded, console)
     _tell(recorded, console)
     if args.recover:
         console.say(f"{args.recovered}: a clean log of what is whole")
-    report = _verify(recorded, console) if args.verify else None
+    report = _verify(kept, console) if args.verify else None
     found = physics.execute(recorded.scenario, recorded.trajectory, console) if args.physics else None
     _export(recorded, args, console)
     play(recorded, args, console)
@@ -85,6 +86,16 @@ def _read(args: argparse.Namespace) -> RecordedRun:
     from pushplan.logging.reader import read_run
 
     return read_run(args.log)
+
+
+def _with_plan(recorded: RecordedRun, console: Console) -> RecordedRun:
+    """Return a run that was cut off with the plan that its best path leads to; others as they are."""
+    if recorded.plan is not None or recorded.best_path is None:
+        return recorded
+    with console.computing("timing and executing the best path"):
+        from pushplan.logging.cut_off import with_best_path
+
+        return with_best_path(recorded)
 
 
 def _tell(recorded: RecordedRun, console: Console) -> None:
