@@ -17,7 +17,7 @@ TOPICS = (schemas.PROGRESS, schemas.PLAN, schemas.EXECUTION, schemas.EXECUTION_E
 """What is read back; the other topics are for viewers, and follow from these and the scenario."""
 
 _LINE, _BLOCK = 1 << 10, 12 << 10
-"""Memory, in bytes, charged for a line or an improvement beside its text, and at least for a block of samples: both
+"""Memory, in bytes, charged for a line beside its text, and at least for a block of samples or an improvement: all
 take microseconds to read, so that this bounds the time, too."""
 
 
@@ -72,7 +72,9 @@ class Contents:
     def memory(message: Message) -> int:
         """Return the bytes that the message may take once it is decoded."""
         size = len(message.data)
-        return max(size, _BLOCK) if message.topic == schemas.EXECUTION.name else 4 * size + _LINE
+        if message.topic in (schemas.EXECUTION.name, schemas.PROGRESS.name):
+            return max(4 * size if message.topic == schemas.PROGRESS.name else size, _BLOCK)
+        return 4 * size + _LINE
 
     @property
     def gaps(self) -> list[tuple[int, int]]:
