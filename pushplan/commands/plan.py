@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.commands.check import require_pushable
 from pushplan.commands.console import Console
 from pushplan.commands.failure import DEFECT, MISMATCH, error_document
 from pushplan.commands.options import (
@@ -15,7 +13,6 @@ from pushplan.commands.options import (
     add_plot,
     add_runs,
     add_scenario,
-    check_outputs,
     count,
     margin,
     seconds,
@@ -23,20 +20,15 @@ from pushplan.commands.options import (
     share,
 )
 from pushplan.commands.physics import add_physics
-from pushplan.errors import PushplanError
-from pushplan.interruption import INTERRUPTED, Interruption, leaving_at_once
+from pushplan.commands.plan_steps import load, plan_and_record, report
+from pushplan.interruption import Interruption, leaving_at_once
 from pushplan.names import COSTS
 from pushplan.naming import planner_names, stable_set_names
 
 if TYPE_CHECKING:
-    from pushplan.recording import IncompleteLogError
-    from pushplan.result import PlanResult, ProgressPoint, Run
+    from pushplan.result import PlanResult, Run
     from pushplan.scenario import Scenario
     from pushplan.sim.kinematic import Execution
-
-
-class PlanUsageError(PushplanError, ValueError):
-    """Words of the command do not go together."""
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -77,10 +69,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
     with leaving_at_once():  # nothing is lost yet
-        scenario = _load(args, console)
+        scenario = load(args, console)
     interruption = Interruption()
-    done, incomplete = _run(args, scenario, interruption, console)
-    code, told = _report(done, interruption.requested, console)
+    done, incomplete = plan_and_record(args, scenario, interruption, console)
+    code, told = report(done, interruption.requested, console)
     if incomplete is not None:
         console.note(f"error: {incomplete}")
     if args.physics and not interruption.requested:
@@ -92,81 +84,6 @@ def run(args: argparse.Namespace, console: Console) -> int:
     _draw_outputs(done, args, console)
     console.emit(told if incomplete is None else {**told, "error": error_document(incomplete)})
     return code if incomplete is None else DEFECT
-
-
-def _load(args: argparse.Namespace, console: Console) -> Scenario:
-    """Read the scenario, check it and what is asked for, and load what planning needs."""
-    from pushplan.commands import physics
-    from pushplan.scenario import load_scenario
-
-    if args.no_log and (args.output or args.runs):
-        raise PlanUsageError("--no-log does not go together with -o and --runs; leave one of them out")
-    check_outputs(args.scenario, args.plot, args.output, args.html)
-    scenario = load_scenario(args.scenario)
-    if args.physics:
-        physics.require_executable(scenario)
-    with console.computing("loading the planner"):
-        import pushplan.run
-        from pushplan.kernels import warm_up
-        from pushplan.scenario import StabilitySettings
-        from pushplan.stable_sets.named import add_set
-
-        del pushplan
-        warm_up(args.planner or scenario.planner.name)
-        chosen = add_set(args.set or scenario.stability.set)
-        kept = scenario.stability.margin if args.margin is None else args.margin
-        require_pushable(replace(scenario, stability=StabilitySettings(chosen, kept)))
-    return scenario
-
-
-def _run(
-    args: argparse.Namespace, scenario: Scenario, interruption: Interruption, console: Console
-) -> tuple[Run, IncompleteLogError | None]:
-    """Plan, execute and record; return the run, and what kept its log from being written to the end."""
-    from pushplan.recording import IncompleteLogError
-    from pushplan.run import run as run_push
-
-    limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit
-    with console.working(f"planning, up to {limit:g} s") as progress, interruption.listening():
-
-        def improved(point: ProgressPoint) -> None:
-            progress.tell(f"best path so far {point.cost:.3f} m")
-
-        try:
-            done = run_push(
-                scenario,
-                log=False if args.no_log else args.output,
-                runs=args.runs,
-                planner=args.planner,
-                stable_set=args.set,
-                seed=args.seed,
-                time_limit=args.time_limit,
-                iterations=args.iterations,
-                first=args.first,
-                cost=args.cost,
-                margin=args.margin,
-                gap=args.gap,
-                progress=improved,
-                tell=progress.announce,
-                stop=interruption,
-            )
-        except IncompleteLogError as error:
-            return error.run, error
-    return done, None
-
-
-def _report(done: Run, interrupted: bool, console: Console) -> tuple[int, dict[str, object]]:
-    """Tell people about a run; return the exit code and the JSON object."""
-    from pushplan.commands.report import document, exit_code, headline, rows
-
-    console.say(headline(done.scenario, done.plan, console))
-    table = rows(done.scenario, done.plan, done.execution, done.log)
-    if interrupted and done.plan.solved:
-        table.append(("interrupted", "the search was ended early; this is the best path until then"))
-    console.table(table)
-    told = document(done.scenario, done.plan, done.execution, done.log)
-    code = INTERRUPTED if interrupted else exit_code(done.plan, done.execution)
-    return code, {**told, "interrupted": interrupted}
 
 
 def _draw_outputs(done: Run, args: argparse.Namespace, console: Console) -> None:
