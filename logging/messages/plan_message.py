@@ -101,13 +101,17 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[ProgressPoi
     if len(progress) != len(effort.progress_s):
         raise ValueError(f"{len(effort.progress_s)} times for {len(progress)} improvements")
     points = zip(effort.progress_s, progress, strict=True)
+    path = _path(message.path) if message.HasField("path") else None
+    found = [point.path.start for point in progress if point.path is not None]
+    if path is not None and any((start != path.start).any() for start in found):
+        raise ValueError("a path that was found begins elsewhere than the plan's")
     return PlanResult(
         solved=message.solved,
         reason=message.reason,
         planner=message.planner,
         stable_set=message.stable_set,
         seed=message.seed,
-        path=_path(message.path) if message.HasField("path") else None,
+        path=path,
         trajectory=_trajectory(message.trajectory) if message.HasField("trajectory") else None,
         first_solution_s=effort.first_solution_s,
         planning_s=effort.planning_s,

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import pytest
 
 import pushplan
 from pushplan.cli import main
+from pushplan.errors import RunLogError
 from pushplan.interruption import Interruption
 from pushplan.logging.cut_off import with_best_path
 from pushplan.logging.messages import plan_message, schemas
@@ -159,6 +161,20 @@ def test_a_path_that_is_not_what_it_is_said_to_cost_is_refused(case: Any) -> Non
     with pytest.raises(ValueError, match="is said to cost"):
         plan_message.decode_progress(message)
     assert plan_message.decode_progress(schemas.Progress(cost=1.0)).path is None
+
+
+def test_an_improvement_that_begins_elsewhere_than_the_plan_is_refused(case: Any, tmp_path: Path) -> None:
+    path = case.plan.path
+    other = replace(path, start=np.add(path.start, [0.0, 1e-9, 0.0]))
+    logs = [
+        replace(case, plan=replace(case.plan, progress=(ProgressPoint(0.1, path.cost, 5, one),))).write(
+            tmp_path / f"{k}.mcap"
+        )
+        for k, one in enumerate((path, other))
+    ]
+    assert read_run(logs[0]).plan is not None
+    with pytest.raises(RunLogError, match="a path that was found begins elsewhere"):
+        read_run(logs[1])
 
 
 class Planning:
