@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     )
     from pushplan.path import PushPath
     from pushplan.plan import plan
+    from pushplan.recording import IncompleteLogError
     from pushplan.result import Diagnosis, PlanResult, ProgressPoint, Run
     from pushplan.run import run
     from pushplan.scenario import (
@@ -88,6 +89,7 @@ _HOMES = {
     "logging.reader": "read_run",
     "logging.recorded": "RecordedRun",
     "path": "PushPath",
+    "recording": "IncompleteLogError",
     "plan": "plan",
     "drawing.run": "plot_plan",
     "drawing.scenario": "plot_scenario",
@@ -130,6 +132,7 @@ __all__ = [
     "Goal",
     "GridCorSet",
     "ImportedFileError",
+    "IncompleteLogError",
     "IntervalChain",
     "Limits",
     "OutputError",
