@@ -38,8 +38,8 @@ from output_options import OPTIONS, words  # noqa: E402 (in tests, where the pat
 from pushplan.errors import PushplanError  # noqa: E402
 from pushplan.kernels import warm_up  # noqa: E402
 from pushplan.logging.cut_off import with_best_path  # noqa: E402
+from pushplan.logging.messages.recorded import RecordedRun  # noqa: E402
 from pushplan.logging.reader import read_run  # noqa: E402
-from pushplan.logging.recorded import RecordedRun  # noqa: E402
 from pushplan.result import ProgressPoint  # noqa: E402
 from pushplan.run import run  # noqa: E402
 from pushplan.scenario import load_scenario  # noqa: E402

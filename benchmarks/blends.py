@@ -20,12 +20,12 @@ from pushplan.examples import example_names
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
 from pushplan.plan import plan
-from pushplan.planners.arc_limits import ArcLimits
-from pushplan.planners.blending import blend_path
-from pushplan.planners.bounds import motion_bounds
-from pushplan.planners.joining import corners_of
-from pushplan.planners.profile import rest_to_rest
-from pushplan.planners.timing import time_path
+from pushplan.planners.blending.blending import blend_path
+from pushplan.planners.blending.joining import corners_of
+from pushplan.planners.timing.arc_limits import ArcLimits
+from pushplan.planners.timing.bounds import motion_bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.planners.timing.profile import rest_to_rest
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import Scenario
 

@@ -26,12 +26,12 @@ import numpy as np
 from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.writer import RunLogWriter
-from pushplan.reading.scenario_file import load_scenario
+from pushplan.reading.scenario_file import load_scenario, scenario_from_text
 from pushplan.run import run
-from pushplan.scenario import Scenario, scenario_from_text
+from pushplan.scenario import Scenario
 
 ONE_RUN = """\
 import json, sys

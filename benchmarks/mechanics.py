@@ -21,11 +21,11 @@ from pushplan.arrays import BoolArray, FloatArray
 from pushplan.bench.machine import Machine
 from pushplan.compiled import compiled
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
-from pushplan.mechanics.contact_kernel import margin
-from pushplan.mechanics.interval_chain import IntervalChain
-from pushplan.mechanics.packed import PackedChain
+from pushplan.mechanics.contacts.contact_kernel import margin
+from pushplan.mechanics.friction.packed import PackedChain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UniformSupport
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.stable_sets.grid_cor_set import grid_cor_set
 from pushplan.stable_sets.interval_set import stable_set_over
 from pushplan.stable_sets.named import stable_set

@@ -17,11 +17,11 @@ from pathlib import Path
 from pushplan.bench.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
-from pushplan.planners.budget import Budget
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.auto import Auto
 from pushplan.planners.ompl.search import search
-from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.session import Session
+from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
 from pushplan.reading.scenario_file import load_scenario
 
 NEVER = 10**12

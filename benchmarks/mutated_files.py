@@ -31,8 +31,10 @@ from pushplan.cli import main as pushplan
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.examples import example_names, example_text
 from pushplan.plan import plan
+from pushplan.reading.scenario_check import check_scenario
+from pushplan.reading.scenario_file import load_scenario, scenario_from_text
 from pushplan.reading.yaml_tree import read_document
-from pushplan.scenario import Scenario, check_scenario, load_scenario, scenario_from_text
+from pushplan.scenario import Scenario
 from pushplan.template import new_scenario_text
 
 MOST_SECONDS, MOST_MB = 5.0, 500.0

@@ -19,8 +19,8 @@ from pushplan.kernels import warm_up
 from pushplan.plan import plan
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.result import PlanResult
-from pushplan.run import execute
 from pushplan.scenario import Scenario
+from pushplan.sim.judging import execute
 
 
 def failure(scenario: Scenario, result: PlanResult) -> str:

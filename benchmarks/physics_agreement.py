@@ -19,9 +19,9 @@ from pushplan.bench.machine import Machine
 from pushplan.geometry.se2 import compose, transform_points
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
-from pushplan.sim.agreement import Agreement, compare
-from pushplan.sim.physics_engine import engine
-from pushplan.sim.pushes import sample_pushes
+from pushplan.sim.physics.agreement import Agreement, compare
+from pushplan.sim.physics.engine import engine
+from pushplan.sim.physics.pushes import sample_pushes
 from pushplan.stable_sets.named import stable_set
 
 BAND = np.radians(0.5), 0.02

@@ -22,10 +22,10 @@ from ompl import util as ou
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import cost_rate
-from pushplan.planners.controls import MARGIN_FLOOR, control_segments
-from pushplan.planners.margins import margins_to_try
 from pushplan.planners.ompl.posing import bounds, state_at
-from pushplan.planners.problem import sampling_box
+from pushplan.planners.problem.controls import MARGIN_FLOOR, control_segments
+from pushplan.planners.problem.margins import margins_to_try
+from pushplan.planners.problem.posing import sampling_box
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import CircleObstacle, Scenario
 

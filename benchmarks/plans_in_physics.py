@@ -40,16 +40,16 @@ from pushplan.examples import example_names, example_text
 from pushplan.kernels import warm_up
 from pushplan.mechanics.chain import Chain
 from pushplan.plan import plan
-from pushplan.scenario import scenario_from_document
-from pushplan.sim.misjudged import (
+from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.sim.physics.engine import engine
+from pushplan.sim.physics.verdict import verdict_of_physics
+from pushplan.sim.worlds.misjudged import (
     with_contact_friction,
     with_floor_friction,
     with_loads_shifted,
     with_slanted_face,
 )
-from pushplan.sim.misplaced import shifted, turned
-from pushplan.sim.physics_engine import engine
-from pushplan.sim.physics_verdict import verdict_of_physics
+from pushplan.sim.worlds.misplaced import shifted, turned
 from pushplan.trajectory import Trajectory
 
 Document = dict[str, Any]

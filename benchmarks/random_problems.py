@@ -2,7 +2,7 @@
 
 Run `python benchmarks/random_problems.py [--count 200] [--longer 10]`. Every problem goes to `auto` first. Those that
 it leaves open go to every planner, `auto` among them, with the longer limit, until one solves it, but for those that
-are proven to have no path (see `pushplan.planners.pocket` and `passage`). Every path found is checked by code that no
+are proven to have no path (see `pushplan.planners.infeasible.pocket` and `passage`). Every path found is checked by code that no
 planner uses: collisions by shapely, margins from the stable set, the goal from the path's end. Prints a line for each
 problem that stays open, and the shares. Exits 1 when a path fails a check.
 """
@@ -23,8 +23,9 @@ from pushplan.errors import PushplanError
 from pushplan.kernels import warm_up
 from pushplan.names import PLANNERS
 from pushplan.plan import plan
+from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.result import PlanResult
-from pushplan.scenario import Scenario, scenario_from_text
+from pushplan.scenario import Scenario
 
 PARAMETERS = ProblemParameters(objects=(1, 5), obstacles=(0, 30), drives=DRIVES)
 

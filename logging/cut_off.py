@@ -9,10 +9,10 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.logging.messages import metadata
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.verify_file import as_told
-from pushplan.planners.lower_bound import lower_bound
-from pushplan.planners.margins import margins_to_try
+from pushplan.planners.infeasible.lower_bound import lower_bound
+from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.result import PlanResult
 from pushplan.sim.judging import execute_trajectory, planning_set

@@ -16,9 +16,9 @@ from pushplan.logging.mcap.mcap_file import McapFile
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.contents import TOPICS, Contents
 from pushplan.logging.messages.effort import Effort
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.scenario_files import ScenarioFiles
 from pushplan.logging.messages.seal import unsealed
-from pushplan.logging.recorded import RecordedRun
 from pushplan.outputs.partial_file import SUFFIX
 from pushplan.result import ProgressPoint
 

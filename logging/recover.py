@@ -6,9 +6,9 @@ import hashlib
 from pathlib import Path
 
 from pushplan.logging.messages import metadata
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.sentences import execution_sentence, plan_sentence
 from pushplan.logging.reader import read_run
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.writer import RunLogWriter
 
 

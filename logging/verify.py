@@ -9,18 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.execution import Execution
 from pushplan.logging.check import TOLERANCE, Check
 from pushplan.logging.messages import metadata
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.verify_file import timed_by_other_rules, verify_file
 from pushplan.path import PushPath
-from pushplan.planners.checker import find_collision
 from pushplan.planners.trajectories import make_trajectory
+from pushplan.planners.validation.checker import find_collision
 from pushplan.result import PlanResult
-from pushplan.run import execute
 from pushplan.scenario import Scenario
-from pushplan.sim.execution import Execution
-from pushplan.sim.judging import planning_set
+from pushplan.sim.judging import execute, planning_set
 from pushplan.trajectory import Trajectory
 
 _SERIES = {

@@ -20,18 +20,17 @@ from pushplan.logging.mcap.items import Message
 from pushplan.logging.mcap.mcap_file import McapFile
 from pushplan.logging.messages import metadata, schemas
 from pushplan.logging.messages.fields import Value, flattened
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.schemas import Topic
 from pushplan.logging.reader import read_run
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.writer import RunLogWriter
 from pushplan.names import AUTO, COSTS
-from pushplan.planners.lower_bound import lower_bound
-from pushplan.planners.margins import margins_to_try
+from pushplan.planners.infeasible.lower_bound import lower_bound
+from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.result import PlanResult
-from pushplan.run import execute
 from pushplan.scenario import Scenario
-from pushplan.sim.judging import planning_set
+from pushplan.sim.judging import execute, planning_set
 from pushplan.tolerance.work_out import tolerance_of
 
 FREE_WORDS = ("crc32", "finished_at", "outcome", "error")

@@ -21,6 +21,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from pushplan.arrays import IntArray
 from pushplan.errors import OutputError
+from pushplan.execution import Execution, inertia_warning
 from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
 from pushplan.logging.messages.channels import Channels
 from pushplan.logging.messages.effort import Effort, exact
@@ -34,7 +35,6 @@ from pushplan.outputs.open_file import OpenFile
 from pushplan.outputs.write import open_output
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
-from pushplan.sim.execution import Execution, inertia_warning
 
 _STRETCH = 60
 """Simulated seconds whose messages are made at once: few calls for a short run, little memory for a long one."""

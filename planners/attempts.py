@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.path import PushPath
-from pushplan.planners.budget import Budget
-from pushplan.planners.diagnosis import Doubts
-from pushplan.planners.lower_bound import lower_bound
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.session import Session
+from pushplan.planners.infeasible.diagnosis import Doubts
+from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.ompl.search import Factory, search
 from pushplan.planners.ompl.solution import push_path
-from pushplan.planners.prices import make_prices
-from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.session import Session
+from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
+from pushplan.planners.problem.prices import make_prices
 from pushplan.result import ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
-from pushplan.planners.budget import Budget
-from pushplan.planners.diagnosis import Doubts, diagnose
-from pushplan.planners.session import Session
-from pushplan.planners.verdict import flaw
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.session import Session
+from pushplan.planners.infeasible.diagnosis import Doubts, diagnose
+from pushplan.planners.validation.verdict import flaw
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
-from pushplan.sim.kinematic import pose_error
 from pushplan.stable_sets.stable_set import StableSet
 
 SPACING = 0.01

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pushplan.path import PushPath
-from pushplan.planners.blending import blend_path
-from pushplan.planners.bounds import motion_bounds
-from pushplan.planners.timing import time_path
+from pushplan.planners.blending.blending import blend_path
+from pushplan.planners.timing.bounds import motion_bounds
+from pushplan.planners.timing.exact_timing import time_path
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import SAMPLE_RATE, Trajectory

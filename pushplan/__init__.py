@@ -31,13 +31,12 @@ if TYPE_CHECKING:
         UndefinedEcofError,
     )
     from pushplan.examples import example_names, example_text
+    from pushplan.logging.messages.recorded import RecordedRun
     from pushplan.logging.reader import read_run
-    from pushplan.logging.recorded import RecordedRun
-    from pushplan.mechanics.admissible_speeds import AdmissibleSpeeds, SpeedWindow, admissible_speeds
     from pushplan.mechanics.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
-    from pushplan.mechanics.dynamics import DynamicRows, dynamic_margins, dynamic_rows
-    from pushplan.mechanics.friction import cof, ecof, friction_wrench
-    from pushplan.mechanics.interval_chain import IntervalChain
+    from pushplan.mechanics.contacts.friction import cof, ecof, friction_wrench
+    from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds, SpeedWindow, admissible_speeds
+    from pushplan.mechanics.dynamics.contact_dynamics import DynamicRows, dynamic_margins, dynamic_rows
     from pushplan.mechanics.sphere import TurningRadii
     from pushplan.mechanics.support import (
         FeetSupport,
@@ -46,18 +45,15 @@ if TYPE_CHECKING:
         UniformSupport,
         UnknownSupport,
     )
+    from pushplan.mechanics.worst_case.interval_chain import IntervalChain
     from pushplan.path import PushPath
     from pushplan.plan import plan
+    from pushplan.reading.scenario_check import check_scenario
+    from pushplan.reading.scenario_file import load_scenario, scenario_from_document, scenario_from_text
     from pushplan.recording import IncompleteLogError
     from pushplan.result import Diagnosis, PlanResult, ProgressPoint, Run
     from pushplan.run import run
-    from pushplan.scenario import (
-        Scenario,
-        check_scenario,
-        load_scenario,
-        scenario_from_document,
-        scenario_from_text,
-    )
+    from pushplan.scenario import Scenario
     from pushplan.scenario_parts import (
         CircleObstacle,
         Goal,
@@ -85,9 +81,9 @@ _HOMES = {
     "errors": "ChainError EmptyStableSetError Finding ImportedFileError OutputError PlanningError PushplanError "
     "RunLogError ScenarioError SupportError TimingError UndefinedEcofError",
     "examples": "example_names example_text",
-    "mechanics.friction": "cof ecof friction_wrench",
+    "mechanics.contacts.friction": "cof ecof friction_wrench",
     "logging.reader": "read_run",
-    "logging.recorded": "RecordedRun",
+    "logging.messages.recorded": "RecordedRun",
     "path": "PushPath",
     "recording": "IncompleteLogError",
     "plan": "plan",
@@ -107,9 +103,9 @@ _HOMES = {
     "tolerance.tolerance": "Tolerance",
     "trajectory": "Trajectory",
     "drawing.speeds": "plot_admissible_speeds",
-    "mechanics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
-    "mechanics.dynamics": "DynamicRows dynamic_margins dynamic_rows",
-    "mechanics.interval_chain": "IntervalChain",
+    "mechanics.dynamics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
+    "mechanics.dynamics.contact_dynamics": "DynamicRows dynamic_margins dynamic_rows",
+    "mechanics.worst_case.interval_chain": "IntervalChain",
     "stable_sets.grid_cor_set": "GridCorSet grid_cor_set",
     "stable_sets.interval_set": "stable_set_over",
     "stable_sets.robust_set": "RobustSet WorstCase",

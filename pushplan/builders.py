@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.names import SCENARIO_FORMAT
-from pushplan.scenario import Scenario, scenario_from_document
+from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.scenario import Scenario
 from pushplan.scenario_parts import CircleObstacle, Obstacle, PolygonObstacle
 
 Document = dict[str, Any]

@@ -7,25 +7,25 @@ from functools import cache
 
 import numpy as np
 
-from pushplan.compiling import announced
+from pushplan.compiled.announcement import announced
+from pushplan.compiled.second_compiler import second_compiler
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
-from pushplan.mechanics.contact_state import contact_state
+from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.support import UniformSupport
-from pushplan.planners.budget import Budget
-from pushplan.planners.cell_rounds import CellRounds
 from pushplan.planners.collision import separation
-from pushplan.planners.detours import detour
-from pushplan.planners.guide import find_way, make_guide
+from pushplan.planners.collision.scene import build_scene
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.detours import detour
+from pushplan.planners.improve.polish import shorten
+from pushplan.planners.improve.session import Session
+from pushplan.planners.infeasible.pocket import LEVELS, make_steps, push_hull, reached
 from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.factories import PLANNERS, planner_named
 from pushplan.planners.ompl.search import search
-from pushplan.planners.pocket import LEVELS, make_steps, push_hull, reached
-from pushplan.planners.polish import shorten
-from pushplan.planners.prices import travel_prices
-from pushplan.planners.scene import build_scene
-from pushplan.planners.search import Problem
-from pushplan.planners.session import Session
-from pushplan.second_compiler import second_compiler
+from pushplan.planners.problem.prices import travel_prices
+from pushplan.planners.problem.problem import Problem
+from pushplan.planners.search.cell_rounds import CellRounds
+from pushplan.planners.search.guide import find_way, make_guide
 from pushplan.stable_sets.named import stable_set
 from pushplan.tolerance.work_out import tolerance_along
 

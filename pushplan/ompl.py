@@ -14,12 +14,12 @@ from typing import Any
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.path import PushPath
-from pushplan.planners.budget import Budget
-from pushplan.planners.margins import margins_to_try
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.posing import information_of, pose_problem
 from pushplan.planners.ompl.solution import push_path as path_of
-from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.session import Session
+from pushplan.planners.problem.margins import margins_to_try
+from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
 from pushplan.scenario import Scenario
 from pushplan.sim.judging import planning_set
 from pushplan.stable_sets.named import add_set

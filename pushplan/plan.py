@@ -8,23 +8,23 @@ from dataclasses import replace
 from typing import Literal
 
 from pushplan.errors import PlanningError, TimingError
+from pushplan.geometry.se2 import pose_error
 from pushplan.kernels import warm_up
 from pushplan.names import AUTO, COSTS
 from pushplan.path import PushPath
 from pushplan.planners.attempts import Attempt, Search
-from pushplan.planners.budget import Budget
 from pushplan.planners.failure import explain_failure
-from pushplan.planners.lower_bound import lower_bound
-from pushplan.planners.margins import margins_to_try
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.search import Factory
+from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.trajectories import make_trajectory
-from pushplan.planners.verdict import EXACT, verdict
+from pushplan.planners.validation.verdict import EXACT, verdict
 from pushplan.reading.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.judging import execute_trajectory, planning_set
-from pushplan.sim.kinematic import pose_error
 from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch

@@ -13,8 +13,8 @@ from pushplan.path import PushPath
 from pushplan.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from pushplan.execution import Execution
     from pushplan.scenario import Scenario
-    from pushplan.sim.execution import Execution
     from pushplan.tolerance.tolerance import Tolerance
 
 

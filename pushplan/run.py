@@ -6,13 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
+from pushplan.execution import Execution
 from pushplan.plan import plan
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.search import Factory
 from pushplan.recording import Recording, Where
 from pushplan.result import PlanResult, ProgressPoint, Run
 from pushplan.scenario import Scenario
-from pushplan.sim.execution import Execution
 from pushplan.sim.judging import execute_trajectory
 from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet

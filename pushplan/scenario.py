@@ -14,7 +14,7 @@ from pushplan import names
 from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import Finding, PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.interval_chain import IntervalChain
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.scenario_parts import (
     CircleObstacle,
     Goal,

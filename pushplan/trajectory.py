@@ -15,6 +15,12 @@ from pushplan.geometry import se2
 SAMPLE_RATE = 100.0
 """Default rate at which trajectories are sampled and executed, Hz."""
 
+RESTING = 1e-6
+"""Twist components below this (m/s, rad/s) count as rest."""
+
+NUDGE = 1e-4
+"""How far from a sample at rest the direction of motion is looked up, s."""
+
 _GAUSS = np.sqrt(3.0) / 6.0
 
 
@@ -107,6 +113,13 @@ class Trajectory:
         for step in steps:
             poses.append(se2.compose(poses[-1], step))
         return frozen(poses, (None, 3), "break poses")
+
+    @cached_property
+    def directions(self) -> FloatArray:
+        """(m, 3) twists at `t`; where the pusher rests, the one that comes next (at the end: came last)."""
+        nudged = self.t + np.where(self.t + NUDGE < self.duration, NUDGE, -NUDGE)
+        resting = np.abs(self.twists).max(axis=1) < RESTING
+        return np.where(resting[:, None], self.twists_at(nudged), self.twists)
 
     def piece_at(self, t: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
         """Return the index of the piece at each time (m,)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pushplan.names import KNOWN_LOAD_SETS
-from pushplan.planners.bounds import contact_dynamics
+from pushplan.planners.timing.bounds import contact_dynamics
 from pushplan.scenario import Scenario
 from pushplan.sim.kinematic import Execution, simulate
 from pushplan.stable_sets.intersection_set import IntersectionSet

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.execution import Execution as Execution
+from pushplan.execution import StabilityLoss as StabilityLoss
 from pushplan.geometry import se2
-from pushplan.mechanics.contact_state import contact_state
-from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.sim.execution import Execution as Execution
-from pushplan.sim.execution import StabilityLoss as StabilityLoss
+from pushplan.mechanics.contacts.contact_state import contact_state
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory, advance
 
@@ -40,7 +40,7 @@ def simulate(
         inertia_decides: A contact is lost, too, where its margin with inertia is not positive.
     """
     poses = _integrate(trajectory)
-    asked = directions(trajectory)
+    asked = trajectory.directions
     margins = deciding = judge.contact_margins(asked)
     dynamic = None if contacts is None else contacts.margins(asked, trajectory.rates_at(trajectory.t))
     if dynamic is not None and inertia_decides:

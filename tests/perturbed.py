@@ -15,12 +15,12 @@ from pushplan.errors import SupportError, TimingError
 from pushplan.geometry.contact_segments import find_touch
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, PushedObject
-from pushplan.mechanics.dynamics import dynamic_margins
+from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.trajectories import make_trajectory
-from pushplan.scenario import Scenario, scenario_from_text
-from pushplan.sim.kinematic import directions
+from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
 
@@ -106,7 +106,7 @@ def least_margin(chain: Chain | None, trajectory: Trajectory) -> float:
         return -1.0
     try:
         rates = trajectory.rates_at(trajectory.t)
-        return float(dynamic_margins(chain, directions(trajectory), rates).min())
+        return float(dynamic_margins(chain, trajectory.directions, rates).min())
     except SupportError:
         return -1.0
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pushplan.scenario import Scenario, load_scenario
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario import Scenario
 
 ARC_PRICE = 0.002
 """What an arc counts beside its length, m."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.stable_sets.bracketing import TOLERANCE, inner_ends, maximise
-from pushplan.stable_sets.intervals import Samples, find_intervals
+from pushplan.stable_sets.boundary.bracketing import TOLERANCE, inner_ends, maximise
+from pushplan.stable_sets.boundary.intervals import Samples, find_intervals
 
 
 def test_ends_are_inside_and_within_tolerance_for_smooth_kinked_and_jumping_functions() -> None:

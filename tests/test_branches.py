@@ -8,8 +8,8 @@ from plain import load_plain
 
 import pushplan
 from pushplan.names import PLANNERS
-from pushplan.planners.branches import MOST, Branches
-from pushplan.scenario import scenario_from_text
+from pushplan.planners.improve.branches import MOST, Branches
+from pushplan.reading.scenario_file import scenario_from_text
 
 WALLED = """\
 format: pushplan/1

@@ -11,7 +11,8 @@ import pytest
 from pushplan.builders import box, build_scenario, plate, polygon
 from pushplan.errors import ScenarioError
 from pushplan.examples import example_names
-from pushplan.scenario import Scenario, load_scenario, scenario_from_document, scenario_from_text
+from pushplan.reading.scenario_file import load_scenario, scenario_from_document, scenario_from_text
+from pushplan.scenario import Scenario
 from pushplan.scenario_parts import CircleObstacle, PolygonObstacle
 
 TRIANGLE = np.array([[0.5, 0.2], [0.7, 0.2], [0.6, 0.5]])

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.mechanics.carried import carried_objects, center_range, common_centers
 from pushplan.mechanics.chain import PLATE
-from pushplan.mechanics.quadrature import load_elements
+from pushplan.mechanics.contacts.carried import carried_objects, center_range, common_centers
+from pushplan.mechanics.friction.quadrature import load_elements
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

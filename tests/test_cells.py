@@ -11,14 +11,23 @@ import pytest
 from plain import load_plain
 
 from pushplan.geometry import se2
-from pushplan.planners import cell_rounds
-from pushplan.planners.budget import Budget
-from pushplan.planners.cell_kernel import ANGLE, FINER, MOST_FINER, NODES, SIDE, TRIED, CellTrees, flood
-from pushplan.planners.cell_rounds import CellRounds, planted
-from pushplan.planners.collision import sweep_is_free
-from pushplan.planners.problem import build_problem, sampling_box
-from pushplan.planners.search import NODE, Problem
-from pushplan.planners.session import Session
+from pushplan.planners.collision.separation import sweep_is_free
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.session import Session
+from pushplan.planners.problem.posing import build_problem, sampling_box
+from pushplan.planners.problem.problem import NODE, Problem
+from pushplan.planners.search import cell_rounds
+from pushplan.planners.search.cell_kernel import (
+    ANGLE,
+    FINER,
+    MOST_FINER,
+    NODES,
+    SIDE,
+    TRIED,
+    CellTrees,
+    flood,
+)
+from pushplan.planners.search.cell_rounds import CellRounds, planted
 from pushplan.scenario import Scenario
 
 SIDE_M, HEADINGS = 0.2, 24
@@ -137,7 +146,7 @@ def test_memory_of_a_round_has_a_limit() -> None:
 
 def test_flooding_is_compiled_before_a_plan_begins() -> None:
     code = (
-        "from pushplan.kernels import compile_search; from pushplan.planners.cell_kernel import flood; "
+        "from pushplan.kernels import compile_search; from pushplan.planners.search.cell_kernel import flood; "
         "compile_search('auto'); raise SystemExit(0 if flood.signatures else 9)"
     )
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0

@@ -12,8 +12,9 @@ from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.names import CLEARANCE_ROOM
 from pushplan.plan import plan
-from pushplan.planners.problem import SLACK, scenario_scene
-from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario, load_scenario, scenario_from_text
+from pushplan.planners.problem.posing import SLACK, scenario_scene
+from pushplan.reading.scenario_file import load_scenario, scenario_from_text
+from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario
 
 LANE = """
 format: pushplan/1

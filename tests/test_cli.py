@@ -16,7 +16,7 @@ import shapely
 from pushplan.cli import COMMANDS, main
 from pushplan.commands import plan as plan_command
 from pushplan.examples import example_names, example_text
-from pushplan.scenario import load_scenario
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.stable_sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]

@@ -15,10 +15,10 @@ import pytest
 
 from pushplan.cli import main
 from pushplan.examples import example_text
+from pushplan.execution import Execution
 from pushplan.path import cost_rate
-from pushplan.run import execute
-from pushplan.scenario import load_scenario
-from pushplan.sim.kinematic import Execution
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.sim.judging import execute
 from pushplan.stable_sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]

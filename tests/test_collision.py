@@ -10,8 +10,8 @@ import shapely
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.planners.collision import Scene, separation, step, sweep_is_free
-from pushplan.planners.scene import convex_pieces, scene_of
+from pushplan.planners.collision.scene import convex_pieces, scene_of
+from pushplan.planners.collision.separation import Scene, separation, step, sweep_is_free
 
 INFINITE = np.array([-np.inf, -np.inf, np.inf, np.inf])
 

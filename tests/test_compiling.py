@@ -8,8 +8,8 @@ import pytest
 from numba import njit
 from numba.core.event import trigger_event
 
-from pushplan import compiling
-from pushplan.compiling import ANNOUNCEMENT, announced
+from pushplan.compiled import announcement as compiling
+from pushplan.compiled.announcement import ANNOUNCEMENT, announced
 
 
 @pytest.fixture(autouse=True)

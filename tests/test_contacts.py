@@ -13,10 +13,10 @@ from scipy.optimize import linprog
 from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.contact_kernel import contact_margins, margin
-from pushplan.mechanics.contact_state import contact_state
-from pushplan.mechanics.friction import friction_wrench
-from pushplan.mechanics.packed import pack_chain
+from pushplan.mechanics.contacts.contact_kernel import contact_margins, margin
+from pushplan.mechanics.contacts.contact_state import contact_state
+from pushplan.mechanics.contacts.friction import friction_wrench
+from pushplan.mechanics.friction.packed import pack_chain
 from pushplan.mechanics.support import UnknownSupport
 from pushplan.stable_sets.named import stable_set
 

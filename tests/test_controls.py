@@ -11,8 +11,8 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
 from pushplan.path import cost_rate
-from pushplan.planners.controls import control_segments, steering_families
-from pushplan.planners.polish import random_family
+from pushplan.planners.improve.polish import random_family
+from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 

@@ -14,13 +14,14 @@ from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
 from pushplan.plan import plan
-from pushplan.planners.arc_limits import arc_limits
-from pushplan.planners.polish import price
-from pushplan.planners.prices import Prices, arc_price, make_prices, rest_to_rest_time
-from pushplan.planners.problem import build_problem
-from pushplan.planners.profile import ArcLimits, rest_to_rest
+from pushplan.planners.improve.polish import price
+from pushplan.planners.problem.posing import build_problem
+from pushplan.planners.problem.prices import Prices, arc_price, make_prices, rest_to_rest_time
+from pushplan.planners.timing.arc_limits import arc_limits
+from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.result import PlanResult
-from pushplan.scenario import Scenario, load_scenario
+from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import stable_set
 
 

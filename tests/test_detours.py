@@ -11,14 +11,14 @@ from plain import load_plain
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
-from pushplan.planners.budget import Budget
-from pushplan.planners.checker import find_collision
-from pushplan.planners.detours import POSES, detour, try_detour
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.detours import POSES, detour, try_detour
+from pushplan.planners.improve.polish import locate, price, shorten
+from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.auto import Auto
 from pushplan.planners.ompl.search import search
-from pushplan.planners.polish import locate, price, shorten
-from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.session import Session
+from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
+from pushplan.planners.validation.checker import find_collision
 from pushplan.scenario import Scenario
 
 NAMES = ["two-crates", "narrow-gap", "three-boxes-clutter"]

@@ -15,22 +15,23 @@ from pushplan.arrays import FloatArray
 from pushplan.cli import main
 from pushplan.errors import EmptyStableSetError
 from pushplan.examples import example_names, example_text
+from pushplan.geometry.se2 import pose_error
 from pushplan.logging.reader import read_run
 from pushplan.names import PLANNERS
 from pushplan.plan import plan
-from pushplan.planners import diagnosis, pocket
-from pushplan.planners.budget import Budget
-from pushplan.planners.checker import find_collision
-from pushplan.planners.controls import straight_pushes
-from pushplan.planners.diagnosis import Doubts, diagnose
 from pushplan.planners.failure import Failure
-from pushplan.planners.passage import passage_faults
-from pushplan.planners.problem import build_problem
-from pushplan.planners.search import Problem
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.infeasible import diagnosis, pocket
+from pushplan.planners.infeasible.diagnosis import Doubts, diagnose
+from pushplan.planners.infeasible.passage import passage_faults
+from pushplan.planners.problem.controls import straight_pushes
+from pushplan.planners.problem.posing import build_problem
+from pushplan.planners.problem.problem import Problem
+from pushplan.planners.validation.checker import find_collision
+from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.result import CAUSES, Diagnosis, PlanResult
 from pushplan.run import run
-from pushplan.scenario import PolygonObstacle, Scenario, scenario_from_text
-from pushplan.sim.kinematic import pose_error
+from pushplan.scenario import PolygonObstacle, Scenario
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 

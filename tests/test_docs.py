@@ -15,7 +15,7 @@ import pushplan
 from pushplan import cli
 from pushplan.cli import main
 from pushplan.names import PLANNERS, STABLE_SETS
-from pushplan.scenario import load_scenario
+from pushplan.reading.scenario_file import load_scenario
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])

@@ -14,9 +14,9 @@ from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.plan import plan
-from pushplan.planners.controls import control_segments, steering_families
 from pushplan.planners.ompl.dubins import Car
-from pushplan.planners.steering import MAX_WORDS, find_words
+from pushplan.planners.problem.controls import control_segments, steering_families
+from pushplan.planners.problem.steering import MAX_WORDS, find_words
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 

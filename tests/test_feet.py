@@ -11,7 +11,7 @@ import shapely
 from pushplan.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Contact, PushedObject
-from pushplan.mechanics.friction import friction_wrench
+from pushplan.mechanics.contacts.friction import friction_wrench
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import (
     FeetSupport,
@@ -20,9 +20,9 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
-from pushplan.sim.contact_edges import edge_extent
-from pushplan.sim.feet import DEGREE, compressed, feet_of
-from pushplan.sim.polygon_rule import Rule, polygon_rule
+from pushplan.sim.physics.contact_edges import edge_extent
+from pushplan.sim.physics.feet import DEGREE, compressed, feet_of
+from pushplan.sim.physics.polygon_rule import Rule, polygon_rule
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -18,11 +18,12 @@ from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.path import cost_rate
 from pushplan.plan import plan
-from pushplan.planners.checker import find_collision
-from pushplan.planners.collision import sweep_is_free
-from pushplan.planners.problem import build_problem
-from pushplan.planners.scene import build_scene
-from pushplan.scenario import PolygonObstacle, Scenario, load_scenario, scenario_from_text
+from pushplan.planners.collision.scene import build_scene
+from pushplan.planners.collision.separation import sweep_is_free
+from pushplan.planners.problem.posing import build_problem
+from pushplan.planners.validation.checker import find_collision
+from pushplan.reading.scenario_file import load_scenario, scenario_from_text
+from pushplan.scenario import PolygonObstacle, Scenario
 
 TEXT = """
 format: pushplan/1

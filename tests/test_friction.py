@@ -17,10 +17,10 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError, UndefinedEcofError
 from pushplan.geometry.se2 import inverse, transform_points
 from pushplan.mechanics.chain import GRAVITY, PushedObject
-from pushplan.mechanics.friction import cof, ecof, friction_wrench
-from pushplan.mechanics.friction_kernel import carried_wrench
-from pushplan.mechanics.friction_series import REACH
-from pushplan.mechanics.packed import pack_object
+from pushplan.mechanics.contacts.friction import cof, ecof, friction_wrench
+from pushplan.mechanics.friction.kernel import carried_wrench
+from pushplan.mechanics.friction.packed import pack_object
+from pushplan.mechanics.friction.series import REACH
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.mechanics.friction_closed_form import edge_log
-from pushplan.mechanics.friction_series import (
+from pushplan.mechanics.friction.closed_form import edge_log
+from pushplan.mechanics.friction.series import (
     ORDER,
     REACH,
     TERMS,

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.planners.guide import BARE, Guide, find_way, make_guide
-from pushplan.planners.problem import build_problem, sampling_box
+from pushplan.planners.problem.posing import build_problem, sampling_box
+from pushplan.planners.search.guide import BARE, Guide, find_way, make_guide
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import stable_set

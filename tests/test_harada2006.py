@@ -13,7 +13,7 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan.scenario import load_scenario
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.stable_sets.named import stable_set
 
 ROOT = Path(__file__).parents[1]

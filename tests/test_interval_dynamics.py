@@ -12,9 +12,9 @@ import pytest
 
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.dynamics import ContactDynamics, dynamic_margins
-from pushplan.mechanics.interval_chain import IntervalChain
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

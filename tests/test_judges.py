@@ -10,12 +10,12 @@ import pytest
 
 import pushplan
 from pushplan.bench.validation import EXACT, exactly, flaw, plan_flaw, with_kept_margin
+from pushplan.execution import Execution, StabilityLoss
 from pushplan.path import PushPath
-from pushplan.planners.verdict import flaw as path_flaw
-from pushplan.planners.verdict import verdict
+from pushplan.planners.validation.verdict import flaw as path_flaw
+from pushplan.planners.validation.verdict import verdict
 from pushplan.result import PlanResult
 from pushplan.scenario import PolygonObstacle, Scenario, Workspace
-from pushplan.sim.execution import Execution, StabilityLoss
 from pushplan.stable_sets.named import stable_set
 
 

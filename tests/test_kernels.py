@@ -14,7 +14,7 @@ import sys
 from numba.core.registry import CPUDispatcher
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
-from pushplan.scenario import load_scenario
+from pushplan.reading.scenario_file import load_scenario
 
 def ready():
     modules = [module for name, module in sys.modules.items() if name.startswith("pushplan.")]

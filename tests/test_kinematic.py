@@ -9,12 +9,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pushplan.arrays import FloatArray
+from pushplan.geometry.se2 import pose_error
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.contact_state import contact_state
+from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.timing import time_path
-from pushplan.sim.kinematic import pose_error, simulate
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.sim.kinematic import simulate
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory

@@ -13,8 +13,7 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
-from pushplan.mechanics.load_area import LoadArea, load_area, load_areas
-from pushplan.mechanics.quadrature import load_elements
+from pushplan.mechanics.friction.quadrature import load_elements
 from pushplan.mechanics.support import (
     FeetSupport,
     PressureMapSupport,
@@ -22,6 +21,7 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
+from pushplan.mechanics.worst_case.load_area import LoadArea, load_area, load_areas
 
 BOX = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
 POSE = np.array([0.5, 0.1, 0.7])

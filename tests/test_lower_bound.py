@@ -13,9 +13,10 @@ from pushplan.arrays import FloatArray
 from pushplan.examples import example_names
 from pushplan.path import TURN_WEIGHT
 from pushplan.plan import plan
-from pushplan.planners.free_space import body, disc_at, largest_disc
-from pushplan.planners.lower_bound import lower_bound
-from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario, scenario_from_text
+from pushplan.planners.infeasible.free_space import body, disc_at, largest_disc
+from pushplan.planners.infeasible.lower_bound import lower_bound
+from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario
 
 AHEAD = """
 format: pushplan/1

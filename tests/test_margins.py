@@ -18,9 +18,10 @@ from pushplan.cli import main
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Chain, Drive
 from pushplan.plan import plan
-from pushplan.planners.margins import HALVINGS, MOST, automatic_margin, margins_to_try
+from pushplan.planners.problem.margins import HALVINGS, MOST, automatic_margin, margins_to_try
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.result import PlanResult
-from pushplan.scenario import Scenario, load_scenario
+from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 

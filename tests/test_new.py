@@ -9,7 +9,7 @@ import pytest
 
 from pushplan.cli import main
 from pushplan.drawing.format import PICTURE_SUFFIXES
-from pushplan.scenario import load_scenario
+from pushplan.reading.scenario_file import load_scenario
 
 Captured = pytest.CaptureFixture[str]
 

@@ -18,14 +18,14 @@ from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.names import PLANNERS
 from pushplan.ompl import pose, push_path
-from pushplan.planners.checker import find_collision
+from pushplan.planners.improve.polish import random_family
 from pushplan.planners.ompl.chart import arcs_at, controls_of
 from pushplan.planners.ompl.factories import PLANNERS as PLACES
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.posing import pose_of, state_at
 from pushplan.planners.ompl.solution import leave_path
-from pushplan.planners.polish import random_family
-from pushplan.planners.search import Problem
+from pushplan.planners.problem.problem import Problem
+from pushplan.planners.validation.checker import find_collision
 from pushplan.scenario import Scenario
 
 STOCK = {"ompl.control:RRT": oc.RRT, "ompl.control:EST": oc.EST, "ompl.control:KPIECE1": oc.KPIECE1}

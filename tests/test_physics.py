@@ -16,21 +16,21 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain, Limits
-from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.mechanics.friction import friction_wrench
+from pushplan.mechanics.contacts.friction import friction_wrench
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UniformSupport, UnknownSupport
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.timing import time_path
-from pushplan.sim.agreement import Agreement, compare, under_objects
-from pushplan.sim.load_transfer import LoadTransfer
-from pushplan.sim.physics import simulate_trajectory, simulate_twist
-from pushplan.sim.physics_engine import MissingEngineError, PhysicsError
-from pushplan.sim.physics_model import build_model
-from pushplan.sim.physics_report import PhysicsReport
-from pushplan.sim.physics_settings import PhysicsSettings
-from pushplan.sim.pushes import sample_pushes
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.sim.physics.agreement import Agreement, compare, under_objects
+from pushplan.sim.physics.engine import MissingEngineError, PhysicsError
+from pushplan.sim.physics.load_transfer import LoadTransfer
+from pushplan.sim.physics.model import build_model
+from pushplan.sim.physics.pushes import sample_pushes
+from pushplan.sim.physics.report import PhysicsReport
+from pushplan.sim.physics.settings import PhysicsSettings
+from pushplan.sim.physics.simulate import simulate_trajectory, simulate_twist
 from pushplan.stable_sets.named import stable_set
 from pushplan.trajectory import Trajectory
 

@@ -14,16 +14,16 @@ from pushplan.errors import SupportError
 from pushplan.geometry.se2 import compose, relative, transform_points
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.support import FeetSupport, Support
-from pushplan.sim.misjudged import (
+from pushplan.sim.physics import verdict as physics_verdict
+from pushplan.sim.physics.simulate import simulate_trajectory
+from pushplan.sim.physics.verdict import FINER, HARD, verdict_of_physics
+from pushplan.sim.worlds.misjudged import (
     with_contact_friction,
     with_floor_friction,
     with_loads_shifted,
     with_slanted_face,
 )
-from pushplan.sim.misplaced import shifted, subtree, turned
-from pushplan.sim import physics_verdict
-from pushplan.sim.physics import simulate_trajectory
-from pushplan.sim.physics_verdict import FINER, HARD, verdict_of_physics
+from pushplan.sim.worlds.misplaced import shifted, subtree, turned
 from pushplan.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -12,11 +12,11 @@ from pushplan.errors import PlanningError, ScenarioError
 from pushplan.examples import example_names, example_text
 from pushplan.names import PLANNERS
 from pushplan.plan import plan
-from pushplan.planners.checker import find_collision
+from pushplan.planners.validation.checker import find_collision
 from pushplan.reading.scenario_file import load_scenario, scenario_from_text
 from pushplan.result import PlanResult
-from pushplan.run import execute
 from pushplan.scenario import Scenario
+from pushplan.sim.judging import execute
 
 PATIENT = 60.0
 """A time limit that no test reaches, so that results do not depend on the machine."""

@@ -24,8 +24,8 @@ from pushplan.drawing.world import draw_by_margin, draw_surroundings, draw_sweep
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.timing import time_path
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
 from pushplan.sim.kinematic import Execution, simulate

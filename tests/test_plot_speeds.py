@@ -10,8 +10,8 @@ import pytest
 
 from pushplan.drawing.format import PlotError
 from pushplan.drawing.speeds import limiting_rows, plot_admissible_speeds
-from pushplan.mechanics.admissible_speeds import SpeedWindow, admissible_speeds
 from pushplan.mechanics.chain import GRAVITY
+from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, admissible_speeds
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

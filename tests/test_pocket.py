@@ -15,15 +15,16 @@ from pushplan.bench.parameters import DRIVES, ProblemParameters
 from pushplan.examples import example_names
 from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at
-from pushplan.planners import pocket
-from pushplan.planners.checker import find_collision
-from pushplan.planners.controls import segment_ends
-from pushplan.planners.diagnosis import Doubts, diagnose
-from pushplan.planners.pocket import LEVELS, Pocket, find_pocket, make_steps, push_hull, reached
-from pushplan.planners.pocket_kernel import CLOSED, MET, OPEN, ORIGIN, Steps
-from pushplan.planners.problem import build_problem
-from pushplan.planners.search import Problem
-from pushplan.scenario import PolygonObstacle, Scenario, scenario_from_text
+from pushplan.planners.infeasible import pocket
+from pushplan.planners.infeasible.diagnosis import Doubts, diagnose
+from pushplan.planners.infeasible.pocket import LEVELS, Pocket, find_pocket, make_steps, push_hull, reached
+from pushplan.planners.infeasible.pocket_kernel import CLOSED, MET, OPEN, ORIGIN, Steps
+from pushplan.planners.problem.controls import segment_ends
+from pushplan.planners.problem.posing import build_problem
+from pushplan.planners.problem.problem import Problem
+from pushplan.planners.validation.checker import find_collision
+from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario import PolygonObstacle, Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
 RANDOM = ProblemParameters(objects=(1, 5), obstacles=(0, 30), drives=DRIVES)

@@ -13,14 +13,14 @@ from plain import load_plain
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
-from pushplan.planners.budget import Budget
-from pushplan.planners.checker import find_collision
-from pushplan.planners.polish import price, shorten
-from pushplan.planners.prices import travel_prices
-from pushplan.planners.problem import build_problem
-from pushplan.planners.search import Problem
-from pushplan.planners.session import Session
-from pushplan.planners.varying import normals_of, vary
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.polish import price, shorten
+from pushplan.planners.improve.session import Session
+from pushplan.planners.improve.varying import normals_of, vary
+from pushplan.planners.problem.posing import build_problem
+from pushplan.planners.problem.prices import travel_prices
+from pushplan.planners.problem.problem import Problem
+from pushplan.planners.validation.checker import find_collision
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import stable_set
 
@@ -35,7 +35,7 @@ def _posed(name: str) -> tuple[Scenario, Problem]:
 def _first_path(scenario: Scenario, problem: Problem, seed: int) -> FloatArray:
     from pushplan.planners.ompl.auto import Auto
     from pushplan.planners.ompl.search import search
-    from pushplan.planners.problem import body_reach, sampling_box
+    from pushplan.planners.problem.posing import body_reach, sampling_box
 
     session = Session(problem, scenario.start, Budget(60.0, first=True), seed)
     if not session.finished:

@@ -12,8 +12,8 @@ from numba.core import config
 from numba.core.errors import NumbaError
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import compiled, lean
-from pushplan.scratch import scratch, scratch_integers
+from pushplan.compiled import compiled, no_refcount
+from pushplan.compiled.scratch import scratch, scratch_integers
 
 ROWS, COLUMNS = 7, 3
 
@@ -31,7 +31,7 @@ class Pair(NamedTuple):
 
 
 @anew
-@lean
+@no_refcount
 def _halves(size: float) -> float:
     """Work on two arrays at once, the second one in an inner function."""
     table, total = scratch(ROWS, COLUMNS), 0.0
@@ -44,7 +44,7 @@ def _halves(size: float) -> float:
 
 
 @anew
-@lean
+@no_refcount
 def _of_row(row: FloatArray) -> float:
     order, total = scratch_integers(COLUMNS), 0.0
     for j in range(COLUMNS):
@@ -55,7 +55,7 @@ def _of_row(row: FloatArray) -> float:
 
 
 @anew
-@lean
+@no_refcount
 def _sum_of(pair: Pair) -> float:
     total = 0.0
     for k in range(pair.one.shape[0]):

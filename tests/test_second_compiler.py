@@ -8,9 +8,9 @@ from pathlib import Path
 import numba
 import pytest
 
-from pushplan import second_compiler as module
+from pushplan.compiled import second_compiler as module
+from pushplan.compiled.second_compiler import second_compiler
 from pushplan.kernels import compile_search
-from pushplan.second_compiler import second_compiler
 
 
 @pytest.fixture

@@ -13,14 +13,14 @@ from pushplan import run
 from pushplan.bench.work import figures
 from pushplan.cli import main
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics import dynamic_margins
+from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.path import PushPath
 from pushplan.plan import plan
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.timing import time_path
-from pushplan.scenario import Scenario, load_scenario
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario import Scenario
 from pushplan.sim.judging import judging_set, planning_set
-from pushplan.sim.kinematic import directions
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
@@ -53,7 +53,7 @@ def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
     for name in ("ecof", "cof"):
         assert stable_set(scenario.chain, name).margin(result.path.twists).min() > result.margin
     rates = result.trajectory.rates_at(result.trajectory.t)
-    found = dynamic_margins(scenario.chain, directions(result.trajectory), rates)
+    found = dynamic_margins(scenario.chain, result.trajectory.directions, rates)
     assert found.min() == pytest.approx(result.min_dynamic_margin)
     assert found.min() > 0.0
 

@@ -9,16 +9,16 @@ from plain import load_plain
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.planners.budget import Budget
-from pushplan.planners.collision import sweep_is_free
+from pushplan.planners.collision.separation import sweep_is_free
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.posing import pose_problem
 from pushplan.planners.ompl.search import search
 from pushplan.planners.ompl.sst import StableSparseRRT
-from pushplan.planners.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.search import NODE, Problem
-from pushplan.planners.session import Session
-from pushplan.planners.sparse_rounds import doubled, planted
-from pushplan.planners.sst_kernel import (
+from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
+from pushplan.planners.problem.problem import NODE, Problem
+from pushplan.planners.search.sparse_rounds import doubled, planted
+from pushplan.planners.search.sst_kernel import (
     ACTIVE,
     CHILDREN,
     NODES,

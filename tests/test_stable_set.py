@@ -13,7 +13,7 @@ import shapely
 from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.friction import cof
+from pushplan.mechanics.contacts.friction import cof
 from pushplan.mechanics.sphere import angles_of, twists_about, twists_at
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet

@@ -9,8 +9,16 @@ from ompl import base as ob
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import cost_rate
-from pushplan.planners.scene import scene_of
-from pushplan.planners.steering import LEFT, MAX_WORDS, MOST_FAMILIES, RIGHT, STRAIGHT, connect, find_words
+from pushplan.planners.collision.scene import scene_of
+from pushplan.planners.problem.steering import (
+    LEFT,
+    MAX_WORDS,
+    MOST_FAMILIES,
+    RIGHT,
+    STRAIGHT,
+    connect,
+    find_words,
+)
 
 
 def _turning(cor: tuple[float, float], sense: float) -> FloatArray:

@@ -8,10 +8,10 @@ from scipy.integrate import solve_ivp
 
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.arc_limits import arc_limits
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.profile import rest_to_rest
-from pushplan.planners.timing import time_path
+from pushplan.planners.timing.arc_limits import arc_limits
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.planners.timing.profile import rest_to_rest
 from pushplan.trajectory import Trajectory
 
 

@@ -13,10 +13,10 @@ import pytest
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import ChainError
-from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.plan import plan
-from pushplan.scenario import load_scenario
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.tolerance.instants import thinned_instants
 from pushplan.tolerance.overlap import NOWHERE, Overlap
 from pushplan.tolerance.tolerance import MOST_ANGLE, MOST_SHARE, Tolerance

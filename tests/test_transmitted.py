@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.mechanics.carried import carried_objects
-from pushplan.mechanics.contact_kernel import (
+from pushplan.mechanics.contacts.carried import carried_objects
+from pushplan.mechanics.contacts.contact_kernel import (
     contact_margins,
     contact_wrenches,
     margin_down_to,
     object_wrenches_of,
 )
-from pushplan.mechanics.contact_state import contact_state
-from pushplan.mechanics.friction import ecof, friction_wrench
-from pushplan.mechanics.packed import pack_chain, pack_object
+from pushplan.mechanics.contacts.contact_state import contact_state
+from pushplan.mechanics.contacts.friction import ecof, friction_wrench
+from pushplan.mechanics.friction.packed import pack_chain, pack_object
 from pushplan.mechanics.support import UniformSupport
 from pushplan.stable_sets.named import stable_set
 

@@ -11,9 +11,10 @@ import pytest
 from pushplan.cli import main
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
-from pushplan.planners.controls import MARGIN_FLOOR, control_segments
-from pushplan.planners.turning import drive_radii, turning_faults
-from pushplan.scenario import Scenario, StabilitySettings, load_scenario
+from pushplan.planners.infeasible.turning import drive_radii, turning_faults
+from pushplan.planners.problem.controls import MARGIN_FLOOR, control_segments
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario import Scenario, StabilitySettings
 from pushplan.stable_sets.named import stable_set
 
 DRIVES = (

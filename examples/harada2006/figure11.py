@@ -19,7 +19,7 @@ from pushplan.drawing.figure import INK
 from pushplan.drawing.sets import draw_sets
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_about
-from pushplan.sim.agreement import Agreement, compare
+from pushplan.sim.physics.agreement import Agreement, compare
 from pushplan.stable_sets.named import stable_set
 
 WINDOW = (-0.1, -0.2, 0.16, 0.2)

@@ -18,11 +18,11 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.timing import time_path
-from pushplan.scenario import load_scenario
-from pushplan.sim.physics import simulate_trajectory
-from pushplan.sim.physics_report import PhysicsReport
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.sim.physics.report import PhysicsReport
+from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.stable_sets.named import stable_set
 
 STRAIGHT = 0.2

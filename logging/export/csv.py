@@ -12,7 +12,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.outputs.write import write_pieces
 
 _AT_ONCE = 10_000

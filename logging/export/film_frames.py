@@ -9,13 +9,13 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from pushplan.arrays import FloatArray
+from pushplan.execution import Execution
 from pushplan.geometry import se2
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import obstacle_outline
 from pushplan.logging.view.window import path_points, window
 from pushplan.mechanics.body import BodyKind
 from pushplan.result import Run
-from pushplan.sim.execution import Execution
 
 WIDTH, HEIGHT = 1280, 960
 """Size of a picture, pixels; even, as video encoders want it."""

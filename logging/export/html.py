@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.logging.recorded import RecordedRun
+from pushplan.execution import Execution
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import obstacle_outline
 from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import path_points, window
@@ -23,7 +24,6 @@ from pushplan.mechanics.chain import Chain
 from pushplan.outputs.write import write_whole
 from pushplan.result import PlanResult, Run
 from pushplan.scenario import Scenario
-from pushplan.sim.execution import Execution
 
 MOST_SAMPLES = 5_000
 """Samples of an execution that the page holds, at most, beside the smallest margins."""

@@ -13,7 +13,7 @@ from PIL.Image import Image
 from pushplan.errors import PushplanError
 from pushplan.extras import optional
 from pushplan.logging.export.film_frames import HEIGHT, WIDTH, Film
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.outputs.write import write_whole
 from pushplan.result import Run
 

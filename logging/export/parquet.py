@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pushplan.extras import optional
 from pushplan.logging.export.csv import table
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.outputs.write import write_whole
 
 

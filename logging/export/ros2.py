@@ -23,8 +23,8 @@ from mcap.writer import CompressionType, Writer
 from pushplan.arrays import FloatArray
 from pushplan.logging.export import ros2_messages as ros2
 from pushplan.logging.export.cdr import encode
+from pushplan.logging.messages.recorded import LogLine, RecordedRun
 from pushplan.logging.messages.schemas import LEVELS
-from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.view.scene import CHAIN, WORLD, scene
 from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import PATH_SPACING, smoothed_times

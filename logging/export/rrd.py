@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.execution import Execution
 from pushplan.extras import optional
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import CHAIN, WORLD, scene, tree
 from pushplan.logging.view.shapes import corners
 from pushplan.logging.view.window import path_points, window
 from pushplan.mechanics.chain import Chain
 from pushplan.names import PUSHER
 from pushplan.outputs.write import write_whole
-from pushplan.sim.execution import Execution
 
 TIMELINE = "time"
 """Name of the timeline: simulated seconds."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pushplan.arrays import IntArray
 from pushplan.logging.mcap import message_head, opcodes
-from pushplan.logging.messages.message_template import ByteRows
+from pushplan.logging.mcap.message_template import ByteRows
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from mcap.data_stream import RecordBuilder
 from pushplan.arrays import IntArray
 from pushplan.logging.mcap import message_head, opcodes
 from pushplan.logging.mcap.batch import Batch
-from pushplan.logging.messages.message_template import ByteRows
+from pushplan.logging.mcap.message_template import ByteRows
 from pushplan.outputs.open_file import OpenFile
 
 CHUNK_SIZE = 256 << 10

@@ -10,8 +10,8 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import RunLogError
 from pushplan.logging.mcap.batch import Batch
+from pushplan.logging.mcap.message_template import ByteRows
 from pushplan.logging.mcap.record_writer import RecordWriter
-from pushplan.logging.messages.message_template import ByteRows
 from pushplan.logging.messages.metadata import version_of
 from pushplan.logging.messages.schemas import TOPICS, MessageClass, Topic
 from pushplan.logging.messages.seal import sealed

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from pushplan.execution import Execution
 from pushplan.logging.mcap.items import Message
 from pushplan.logging.messages import plan_message, schemas
 from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.execution_message import Collector
+from pushplan.logging.messages.recorded import LogLine
 from pushplan.logging.messages.schemas import MessageClass, Topic
-from pushplan.logging.recorded import LogLine
 from pushplan.result import PlanResult, ProgressPoint
-from pushplan.sim.execution import Execution
 
 TOPICS = (schemas.PROGRESS, schemas.PLAN, schemas.EXECUTION, schemas.EXECUTION_END, schemas.LOG)
 """What is read back; the other topics are for viewers, and follow from these and the scenario."""

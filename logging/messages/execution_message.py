@@ -9,10 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.execution import Execution, StabilityLoss
 from pushplan.logging.messages import blocks
 from pushplan.logging.messages.schemas import Execution as ExecutionBlock
 from pushplan.logging.messages.schemas import ExecutionEnd, MessageClass
-from pushplan.sim.execution import Execution, StabilityLoss
 
 REQUIRED = ("t", "poses", "twists", "margins")
 OPTIONAL = ("friction_margins", "lambdas", "forces", "dynamic_margins")

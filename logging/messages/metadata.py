@@ -11,9 +11,9 @@ from functools import cache
 from importlib.metadata import distribution
 from pathlib import Path
 
+from pushplan.execution import Execution
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
-from pushplan.sim.execution import Execution
 
 FORMAT = 1
 """Version of the log's format: raised when an older reader would misunderstand a newer file."""

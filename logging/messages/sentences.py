@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from pushplan.execution import Execution
 from pushplan.result import PlanResult
-from pushplan.sim.execution import Execution
 
 
 def plan_sentence(plan: PlanResult) -> str:

@@ -10,13 +10,13 @@ import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray
 from pushplan.errors import PushplanError
+from pushplan.execution import Execution
 from pushplan.geometry import se2
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.play.playback import Playback, ticks
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.view.scene import obstacle_outline
 from pushplan.logging.view.window import Window, window
 from pushplan.printable import printable
-from pushplan.sim.execution import Execution
 
 PERIOD = 0.1
 """Between two pictures, s."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pushplan.logging.messages import schemas
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import WORLD
 from pushplan.logging.view.window import window
 from pushplan.outputs.write import write_whole

@@ -15,7 +15,7 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
 from pushplan.arrays import FloatArray
-from pushplan.logging.messages.message_template import MessageTemplate
+from pushplan.logging.mcap.message_template import MessageTemplate
 
 CIRCLE_CORNERS = 48
 """Corners of the polygon that is drawn for a circle."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pushplan.logging.messages import metadata
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.messages.recorded import RecordedRun
 
 
 def summary(run: RecordedRun) -> list[tuple[str, str]]:

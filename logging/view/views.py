@@ -13,13 +13,13 @@ import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.arrays import FloatArray, IntArray
+from pushplan.execution import Execution
+from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
 from pushplan.logging.messages import schemas
-from pushplan.logging.messages.message_template import ByteRows, MessageTemplate
 from pushplan.logging.messages.schemas import MessageClass, Topic
 from pushplan.logging.view import frames
 from pushplan.logging.view.scene import CHAIN
 from pushplan.mechanics.chain import Chain
-from pushplan.sim.execution import Execution
 
 VIEW_RATE = 20.0
 """Samples per second of /tf, /pusher/pose, /pusher/twist and /margins."""

@@ -15,16 +15,16 @@ from itertools import count
 import numpy as np
 
 from pushplan.arrays import FloatArray, RandomState
-from pushplan.planners.bidirectional import grow_both
-from pushplan.planners.cell_rounds import CellRounds
-from pushplan.planners.detours import try_detour
-from pushplan.planners.forest import NODE, Forest, plant
-from pushplan.planners.guide import Guide, find_way, make_guide, middle_of
+from pushplan.planners.improve.detours import try_detour
+from pushplan.planners.improve.session import CHUNK, Session
 from pushplan.planners.ompl.anytime import AnytimePlanner
 from pushplan.planners.ompl.posing import Box, PushInformation
-from pushplan.planners.prices import TRAVEL
-from pushplan.planners.search import random
-from pushplan.planners.session import CHUNK, Session
+from pushplan.planners.problem.prices import TRAVEL
+from pushplan.planners.problem.problem import random
+from pushplan.planners.search.bidirectional import grow_both
+from pushplan.planners.search.cell_rounds import CellRounds
+from pushplan.planners.search.forest import NODE, Forest, plant
+from pushplan.planners.search.guide import Guide, find_way, make_guide, middle_of
 
 FIRST_ROUND = 256
 """Extensions of the first round; later ones have as many, at times twice, four times as many and so on."""

@@ -14,9 +14,9 @@ import math
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import compiled, lean, woven
-from pushplan.planners.collision import step, sweep_is_free
-from pushplan.planners.search import END_SHARE, LETTER_SHARE, Problem, choose_twist
+from pushplan.compiled import compiled, inlined, no_refcount
+from pushplan.planners.collision.separation import step, sweep_is_free
+from pushplan.planners.problem.problem import END_SHARE, LETTER_SHARE, Problem, choose_twist
 
 FARTHEST = 1e-9
 """Distance from every segment, as a share of a twist, beyond which the twist is not in the set."""
@@ -46,7 +46,7 @@ def controls_of(problem: Problem, arcs: FloatArray) -> FloatArray:
     return controls
 
 
-@lean
+@no_refcount
 def _place(segments: FloatArray, tx: float, ty: float, tz: float) -> tuple[int, float]:
     """Return the segment that a twist t lies on, and the share b of its second end; b is no number if there is none.
 
@@ -68,7 +68,7 @@ def _place(segments: FloatArray, tx: float, ty: float, tz: float) -> tuple[int, 
     return found, share
 
 
-@woven
+@inlined
 def _span(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> float:
     """Size of the cross product of two vectors."""
     x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

@@ -21,11 +21,11 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.collision import separation
+from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.anytime import AnytimePlanner
 from pushplan.planners.ompl.posing import Box, PushInformation, bounds, state_at
-from pushplan.planners.search import TRIES
-from pushplan.planners.session import Session
-from pushplan.planners.steering import LEFT, RIGHT, STRAIGHT, connect
+from pushplan.planners.problem.problem import TRIES
+from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
 
 ROUNDING = 1e-9
 """Directions (rad) this close count as the same."""

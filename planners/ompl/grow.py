@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import typeof, types
-from numba.core import config
 from numba.experimental import structref
 
 from pushplan.arrays import FloatArray
-from pushplan.compiled import compiled, lean
-from pushplan.planners.collision import separation
-from pushplan.planners.search import TRIES, Problem, extend
-from pushplan.planners.steering import MAX_WORDS, connect
+from pushplan.compiled import compiled, no_refcount
+from pushplan.compiled.private import COMPILES, entry_point
+from pushplan.planners.collision.separation import separation
+from pushplan.planners.problem.problem import TRIES, Problem, extend
+from pushplan.planners.problem.steering import MAX_WORDS, connect
 
 
 @structref.register
@@ -63,7 +63,7 @@ def make_handle(problem: Problem, nodes: FloatArray, word: FloatArray) -> Handle
     return Handle(problem, nodes, word)  # type: ignore[no-untyped-call]
 
 
-if config.DISABLE_JIT:  # type: ignore[attr-defined]  # for debuggers and coverage; there numba's reference would call itself for ever
+if not COMPILES:  # for debuggers and coverage; there numba's reference would call itself for ever
     make_handle = _HandleInPython  # type: ignore[assignment]
 
 
@@ -101,7 +101,7 @@ def room_at(handle: Handle, x: float, y: float, theta: float) -> float:
     return separation(scene, x, y, theta, 2.0 * scene.clearance) - scene.clearance
 
 
-@lean
+@no_refcount
 def _grow(
     problem: Problem,
     nodes: FloatArray,
@@ -131,7 +131,7 @@ RoomAt = Callable[[Handle, float, float, float], float]
 
 def ready(handle: Handle) -> tuple[Grow, RoomAt]:
     """Return `grow` and `room_at` for references like this one, without numba's look-up of types at every call."""
-    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+    if not COMPILES:
         return grow, room_at
     return _ready(typeof(handle))  # type: ignore[no-untyped-call]
 
@@ -141,11 +141,6 @@ def _ready(kind: Any) -> tuple[Grow, RoomAt]:
     """Return both functions for a type of reference."""
     whole, real = types.int64, types.float64
     return (
-        _for_types(grow, (kind, whole, whole, real, real, real, real)),
-        _for_types(room_at, (kind, real, real, real)),
+        entry_point(grow, (kind, whole, whole, real, real, real, real)),
+        entry_point(room_at, (kind, real, real, real)),
     )
-
-
-def _for_types(function: Any, kinds: tuple[Any, ...]) -> Any:
-    function.compile(kinds)  # or loads it
-    return function.get_overload(kinds)

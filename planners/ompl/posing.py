@@ -16,9 +16,9 @@ from ompl import base as ob
 from ompl import control as oc
 from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
+from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.propagator import Propagator, wrapped
-from pushplan.planners.session import Session
-from pushplan.planners.steering import MAX_WORDS, connect
+from pushplan.planners.problem.steering import MAX_WORDS, connect
 
 CELLS = 40
 """Cells of the projection, which EST and KPIECE1 count nodes in, along the sampling box's diagonal."""

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.grow import make_handle, ready
-from pushplan.planners.search import NODE, remaining, trace
-from pushplan.planners.session import Session
+from pushplan.planners.problem.problem import NODE, remaining, trace
 
 OUTSIDE = 1e9
 """First coordinate, m, that marks a state as invalid."""

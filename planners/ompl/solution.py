@@ -9,11 +9,11 @@ import numpy as np
 from ompl import control as oc
 from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
+from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
+from pushplan.planners.improve.session import SHORTEST_ARC, Session
 from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.posing import PushInformation, free_word, information_of, state_at
-from pushplan.planners.session import SHORTEST_ARC, Session
-from pushplan.sim.kinematic import pose_error
 
 AT_GOAL = 1e-9
 """Error (m, rad) at which a path ends at the goal itself and needs no word that leads there."""

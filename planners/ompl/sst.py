@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pushplan.planners.ompl.anytime import AnytimePlanner
 from pushplan.planners.ompl.posing import PushInformation
-from pushplan.planners.sparse_rounds import SparseRounds
+from pushplan.planners.search.sparse_rounds import SparseRounds
 
 
 class StableSparseRRT(AnytimePlanner):

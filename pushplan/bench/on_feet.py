@@ -12,7 +12,7 @@ import shapely
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport
-from pushplan.scenario import scenario_from_document
+from pushplan.reading.scenario_file import scenario_from_document
 
 INSET = 0.1
 """Distance of the feet from the edge of an object, over its narrower side."""

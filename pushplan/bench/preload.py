@@ -23,7 +23,7 @@ def load() -> None:
     from pushplan.bench.work import perform
     from pushplan.kernels import warm_up
     from pushplan.names import PLANNERS, STABLE_SETS
-    from pushplan.scenario import load_scenario
+    from pushplan.reading.scenario_file import load_scenario
 
     scenario = load_scenario("two-crates")
     for name in PLANNERS:

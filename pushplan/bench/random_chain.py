@@ -12,7 +12,7 @@ from pushplan.bench.parameters import GeneratorError, ProblemParameters, Range
 from pushplan.bench.random_shapes import FlushShape, random_box, random_flush_polygon, rounded
 from pushplan.bench.scenario_yaml import scenario_yaml
 from pushplan.mechanics.chain import Chain
-from pushplan.scenario import scenario_from_text
+from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.stable_sets.named import stable_set
 
 DRAWS = 10

@@ -13,8 +13,8 @@ from pushplan.bench.suite_schema import Generator, SuiteFile
 from pushplan.bench.suite_schema import Problem as StatedProblem
 from pushplan.errors import ScenarioError
 from pushplan.reading.report import Report
+from pushplan.reading.scenario_file import load_scenario, scenario_from_text
 from pushplan.reading.yaml_node import Place
-from pushplan.scenario import load_scenario, scenario_from_text
 
 
 def make_problems(file: SuiteFile, folder: Path, report: Report) -> tuple[Problem, ...]:

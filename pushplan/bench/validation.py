@@ -8,13 +8,12 @@ import numpy as np
 import shapely
 
 from pushplan.arrays import FloatArray
-from pushplan.geometry.se2 import rotate
+from pushplan.execution import Execution
+from pushplan.geometry.se2 import pose_error, rotate
 from pushplan.names import AUTO
-from pushplan.planners.checker import densify, find_collision
+from pushplan.planners.validation.checker import densify, find_collision
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
-from pushplan.sim.execution import Execution
-from pushplan.sim.kinematic import pose_error
 
 EXACT = 1e-6
 """Goal error (m, rad) of a motion that reaches its goal exactly."""

@@ -11,9 +11,10 @@ from pushplan.bench.child import resident_megabytes
 from pushplan.bench.outcome import Figures, Task
 from pushplan.bench.validation import clearance, flaw, with_kept_margin
 from pushplan.errors import EmptyStableSetError, PlanningError
+from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.result import Run
 from pushplan.run import run
-from pushplan.scenario import Scenario, scenario_from_text
+from pushplan.scenario import Scenario
 from pushplan.stopwatch import Stopwatch
 
 LOG = "run.mcap"

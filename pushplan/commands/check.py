@@ -24,7 +24,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
     from pushplan.commands import understood
     from pushplan.commands.stable_set import describe, document, rows
-    from pushplan.scenario import load_scenario
+    from pushplan.reading.scenario_file import load_scenario
 
     check_outputs(args.scenario, args.plot)
     scenario = load_scenario(args.scenario)
@@ -56,7 +56,7 @@ def require_pushable(scenario: Scenario) -> None:
     Raises:
         ScenarioError: With the findings.
     """
-    from pushplan.scenario import check_scenario
+    from pushplan.reading.scenario_check import check_scenario
 
     findings = check_scenario(scenario)
     if findings:

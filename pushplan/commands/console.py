@@ -71,7 +71,7 @@ class Console:
     def computing(self, what: str) -> Iterator[Progress]:
         """Show the same of work with stable sets, and tell when their code is being compiled."""
         with self.working(what) as progress:
-            from pushplan.compiling import announced
+            from pushplan.compiled.announcement import announced
 
             with announced(progress.announce):
                 yield progress

@@ -11,7 +11,7 @@ from pushplan.commands.console import Console
 from pushplan.commands.options import add_output
 
 if TYPE_CHECKING:
-    from pushplan.logging.recorded import RecordedRun
+    from pushplan.logging.messages.recorded import RecordedRun
 
 WRITERS = {
     "html": ("export.html", "write_html", "write a page that plays the run"),

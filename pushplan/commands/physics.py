@@ -10,7 +10,7 @@ from pushplan.commands.console import Console
 
 if TYPE_CHECKING:
     from pushplan.scenario import Scenario
-    from pushplan.sim.physics_report import PhysicsReport
+    from pushplan.sim.physics.report import PhysicsReport
     from pushplan.trajectory import Trajectory
 
 
@@ -31,7 +31,7 @@ def require_executable(scenario: Scenario) -> None:
         MissingEngineError: When it is not installed.
         PhysicsError: When a load is not known, or nothing rubs on the floor.
     """
-    from pushplan.sim.physics_engine import PhysicsError, engine
+    from pushplan.sim.physics.engine import PhysicsError, engine
 
     engine()
     unknown = [obj.name for obj in scenario.chain.objects if not obj.support.known]
@@ -50,7 +50,7 @@ def execute(scenario: Scenario, trajectory: Trajectory | None, console: Console)
         console.say("nothing to execute in the physics engine: no plan was found")
         return None
     with console.working(f"executing {trajectory.duration:.1f} s in the physics engine") as progress:
-        from pushplan.sim.physics_verdict import verdict_of_physics
+        from pushplan.sim.physics.verdict import verdict_of_physics
 
         report = verdict_of_physics(
             scenario.chain,

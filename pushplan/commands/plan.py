@@ -26,9 +26,9 @@ from pushplan.names import COSTS
 from pushplan.naming import planner_names, stable_set_names
 
 if TYPE_CHECKING:
+    from pushplan.execution import Execution
     from pushplan.result import PlanResult, Run
     from pushplan.scenario import Scenario
-    from pushplan.sim.kinematic import Execution
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -25,7 +25,7 @@ class PlanUsageError(PushplanError, ValueError):
 def load(args: argparse.Namespace, console: Console) -> Scenario:
     """Read the scenario, check it and what is asked for, and load what planning needs."""
     from pushplan.commands import physics
-    from pushplan.scenario import load_scenario
+    from pushplan.reading.scenario_file import load_scenario
 
     if args.no_log and (args.output or args.runs):
         raise PlanUsageError("--no-log does not go together with -o and --runs; leave one of them out")

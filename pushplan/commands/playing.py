@@ -10,8 +10,8 @@ from pushplan.commands.console import Console
 from pushplan.errors import PushplanError
 
 if TYPE_CHECKING:
+    from pushplan.logging.messages.recorded import RecordedRun
     from pushplan.logging.play.playback import Playback
-    from pushplan.logging.recorded import RecordedRun
 
 LINGER = 2.0
 """Seconds for which a server stays after the end, so that the last messages arrive."""

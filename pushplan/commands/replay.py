@@ -17,7 +17,7 @@ from pushplan.commands.runs import log_meant
 from pushplan.errors import PushplanError, RunLogError
 
 if TYPE_CHECKING:
-    from pushplan.logging.recorded import RecordedRun
+    from pushplan.logging.messages.recorded import RecordedRun
     from pushplan.logging.verify import VerifyReport
 
 

@@ -12,15 +12,15 @@ import numpy as np
 from pushplan.commands.console import Console
 from pushplan.commands.failure import DONE, MISMATCH, NO_PLAN
 from pushplan.commands.numbers import counted, time_text
+from pushplan.execution import inertia_warning
 from pushplan.mechanics.chain import Chain
-from pushplan.sim.execution import inertia_warning
 
 if TYPE_CHECKING:
     from pushplan.arrays import FloatArray
+    from pushplan.execution import Execution, StabilityLoss
     from pushplan.path import PushPath
     from pushplan.result import PlanResult
     from pushplan.scenario import Scenario
-    from pushplan.sim.kinematic import Execution, StabilityLoss
 
 
 def exit_code(plan: PlanResult, execution: Execution | None) -> int:

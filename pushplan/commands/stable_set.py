@@ -18,7 +18,7 @@ from pushplan.naming import stable_set_names
 if TYPE_CHECKING:
     from pushplan.mechanics.sphere import TurningRadii
     from pushplan.scenario import Scenario
-    from pushplan.stable_sets.cor_region import Window
+    from pushplan.stable_sets.cor.cor_region import Window
     from pushplan.stable_sets.stable_set import StableSet
 
 
@@ -59,7 +59,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    from pushplan.scenario import load_scenario
+    from pushplan.reading.scenario_file import load_scenario
 
     check_outputs(args.scenario, args.plot)
     scenario = load_scenario(args.scenario)
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
 def describe(scenario: Scenario, name: str) -> Described:
     """Compute a stable set and what is said about it."""
-    from pushplan.planners.turning import drive_radii
+    from pushplan.planners.infeasible.turning import drive_radii
 
     begin, drive = perf_counter(), scenario.chain.pusher.drive
     stable = scenario.stable_set(name)

@@ -32,9 +32,9 @@ from pushplan.stable_sets.cor_window import default_window
 from pushplan.stable_sets.stable_set import StableSet
 
 if TYPE_CHECKING:
+    from pushplan.execution import Execution
     from pushplan.result import PlanResult
     from pushplan.scenario import Scenario
-    from pushplan.sim.kinematic import Execution
 
 # The layout, in inches.
 _LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 0.62, 0.92, 0.34, 0.2, 0.72

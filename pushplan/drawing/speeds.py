@@ -11,8 +11,8 @@ from matplotlib.lines import Line2D
 
 from pushplan.arrays import FloatArray
 from pushplan.drawing.figure import FAINT, INK, axes_at, figure_for
-from pushplan.mechanics.admissible_speeds import AdmissibleSpeeds
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds
 
 _COLOURS = ("#2a6f97", "#b5533c", "#5b8c5a", "#8c6bb1", "#c08a2d", "#4f9da6", "#a34d7c")
 _FILL = "#dfe7ec"

@@ -13,6 +13,11 @@ def wrap_angle(angle: ArrayLike) -> FloatArray:
     return (np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi
 
 
+def pose_error(pose: FloatArray, goal: FloatArray) -> tuple[float, float]:
+    """Return the distance (m) and the absolute angle (rad) between two poses (3,)."""
+    return float(np.hypot(*(pose[:2] - goal[:2]))), float(abs(wrap_angle(pose[2] - goal[2])))
+
+
 def rotate(angle: ArrayLike, vectors: ArrayLike) -> FloatArray:
     """Turn (..., 2) `vectors` counter-clockwise by `angle` (...), rad."""
     vectors = np.asarray(vectors, dtype=np.float64)

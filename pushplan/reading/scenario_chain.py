@@ -10,7 +10,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain, Limits, PushedObject, Pusher
-from pushplan.mechanics.interval_chain import IntervalChain
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.names import RESERVED_NAMES, ROBOT
 from pushplan.reading.chain_contacts import find_segments, make_contacts
 from pushplan.reading.contact_friction import contact_frictions

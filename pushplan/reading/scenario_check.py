@@ -13,7 +13,7 @@ from pushplan.stable_sets.weakest import emptiness
 
 
 def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
-    """Return what is wrong with the stable set of a scenario; see `pushplan.scenario.check_scenario`."""
+    """Return what is wrong with the stable set of a scenario; see `pushplan.reading.scenario_check.check_scenario`."""
     report = Report(read_document(scenario.source))
     unknown = [obj.name for obj in scenario.chain.objects if not obj.support.known]
     if unknown and scenario.stability.set in KNOWN_LOAD_SETS:

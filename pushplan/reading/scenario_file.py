@@ -19,7 +19,7 @@ from pushplan.scenario import Scenario
 
 
 def load_scenario(source: str | Path) -> Scenario:
-    """Read a file, or a packaged example by its name; see `pushplan.scenario.load_scenario`."""
+    """Read a file, or a packaged example by its name; see `pushplan.reading.scenario_file.load_scenario`."""
     path = Path(source)
     if isinstance(source, str) and source in example_names() and not path.is_file():
         path = Path(str(example_file(source)))
@@ -34,7 +34,7 @@ def load_scenario(source: str | Path) -> Scenario:
 def scenario_from_text(
     text: str | bytes, path: str | Path = "scenario.yaml", attachments: Mapping[str, bytes] | None = None
 ) -> Scenario:
-    """Read a text; see `pushplan.scenario.scenario_from_text`."""
+    """Read a text; see `pushplan.reading.scenario_file.scenario_from_text`."""
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     return _read(data, Path(path), Attachments(dict(attachments or {})))
 
@@ -44,7 +44,7 @@ def scenario_from_document(
     path: str | Path = "scenario.json",
     attachments: Mapping[str, bytes] | None = None,
 ) -> Scenario:
-    """Read plain data; see `pushplan.scenario.scenario_from_document`."""
+    """Read plain data; see `pushplan.reading.scenario_file.scenario_from_document`."""
     try:
         text = json.dumps(document, default=_plain, indent=1)
     except (TypeError, ValueError, RecursionError) as error:

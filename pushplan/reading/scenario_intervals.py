@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.interval_chain import IntervalChain
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.reading.interval import Span
 from pushplan.reading.scenario_schema import ScenarioFile
 from pushplan.reading.schema_objects import Object, PlacedSupport

@@ -9,7 +9,6 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.polygon import area_moments
-from pushplan.mechanics.interval_chain import fractions_within
 from pushplan.mechanics.support import (
     FeetSupport,
     PressureMapSupport,
@@ -17,6 +16,7 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
+from pushplan.mechanics.worst_case.interval_chain import fractions_within
 from pushplan.reading.report import Report
 from pushplan.reading.scenario_intervals import foot_spans
 from pushplan.reading.schema_objects import Object, PlacedSupport

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.mechanics.carried import carried_objects, common_centers
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.contact_kernel import contact_margins_of
-from pushplan.mechanics.friction import cof
-from pushplan.mechanics.packed import pack_chain
-from pushplan.stable_sets.cor_region import Window
-from pushplan.stable_sets.half_spaces import cor_polygon, unit_rows, velocity_rows
+from pushplan.mechanics.contacts.carried import carried_objects, common_centers
+from pushplan.mechanics.contacts.contact_kernel import contact_margins_of
+from pushplan.mechanics.contacts.friction import cof
+from pushplan.mechanics.friction.packed import pack_chain
+from pushplan.stable_sets.cor.cor_region import Window
+from pushplan.stable_sets.cor.half_spaces import cor_polygon, unit_rows, velocity_rows
 from pushplan.stable_sets.stable_set import StableSet
 
 if TYPE_CHECKING:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.contact_kernel import contact_margins_of, margins_of, wrenches_of
-from pushplan.mechanics.packed import pack_chain
-from pushplan.stable_sets.compiled_refinement import refine_compiled
-from pushplan.stable_sets.refined_meridians import RefinedMeridians
+from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, margins_of, wrenches_of
+from pushplan.mechanics.friction.packed import pack_chain
+from pushplan.stable_sets.boundary.compiled_refinement import refine_compiled
+from pushplan.stable_sets.boundary.refined_meridians import RefinedMeridians
 from pushplan.stable_sets.stable_set import StableSet
 
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray, frozen
 from pushplan.errors import PushplanError
-from pushplan.mechanics.carried import carried_objects
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.quadrature import load_elements
-from pushplan.stable_sets.cor_region import Window, window_box
+from pushplan.mechanics.contacts.carried import carried_objects
+from pushplan.mechanics.friction.quadrature import load_elements
+from pushplan.stable_sets.cor.cor_region import Window, window_box
 
 _CHUNK = 1000
 

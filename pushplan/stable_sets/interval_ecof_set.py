@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.mechanics.interval_chain import IntervalChain
-from pushplan.mechanics.interval_rows import IntervalRows
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
+from pushplan.mechanics.worst_case.interval_rows import IntervalRows
 from pushplan.stable_sets.stable_set import StableSet
 
 _MANY = 500

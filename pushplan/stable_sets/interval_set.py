@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pushplan.errors import PushplanError, SupportError
-from pushplan.mechanics.interval_chain import IntervalChain
-from pushplan.mechanics.load_area import load_areas
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
+from pushplan.mechanics.worst_case.load_area import load_areas
 from pushplan.names import STABLE_SETS
 from pushplan.stable_sets.interval_ecof_set import IntervalEcofSet
 from pushplan.stable_sets.robust_set import RobustSet

@@ -9,12 +9,16 @@ from numpy.typing import ArrayLike
 
 from pushplan.arrays import FloatArray, frozen
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.envelope_kernel import start_twist, worst_loads
-from pushplan.mechanics.packed_areas import pack_areas
-from pushplan.mechanics.robust_kernel import PackedAreas, robust_contact_margins_of, robust_margins_of
 from pushplan.mechanics.sphere import checked_twists
-from pushplan.stable_sets.compiled_refinement import refine_compiled
-from pushplan.stable_sets.refined_meridians import RefinedMeridians
+from pushplan.mechanics.worst_case.envelope_kernel import start_twist, worst_loads
+from pushplan.mechanics.worst_case.packed_areas import pack_areas
+from pushplan.mechanics.worst_case.robust_kernel import (
+    PackedAreas,
+    robust_contact_margins_of,
+    robust_margins_of,
+)
+from pushplan.stable_sets.boundary.compiled_refinement import refine_compiled
+from pushplan.stable_sets.boundary.refined_meridians import RefinedMeridians
 from pushplan.stable_sets.stable_set import StableSet
 
 CONDITIONS = ("sliding left", "sliding right", "tipping about the right end", "tipping about the left end")

@@ -8,7 +8,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray, frozen
 from pushplan.mechanics.sphere import POLE, TurningRadii, twists_at
-from pushplan.stable_sets.bracketing import inner_ends, maximise
+from pushplan.stable_sets.boundary.bracketing import inner_ends, maximise
 
 if TYPE_CHECKING:
     from pushplan.stable_sets.stable_set import StableSet

@@ -17,12 +17,12 @@ from pushplan.arrays import BoolArray, FloatArray
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import Meridians, TurningRadii, angles_of, checked_twists, twists_at
-from pushplan.stable_sets.cor_region import Window, cor_polygons
-from pushplan.stable_sets.intervals import Samples
-from pushplan.stable_sets.meridian_tracking import track_meridians
-from pushplan.stable_sets.meridians import find_meridians
-from pushplan.stable_sets.peaks import margin_peaks
-from pushplan.stable_sets.refined_meridians import RefinedMeridians, refine_meridians
+from pushplan.stable_sets.boundary.intervals import Samples
+from pushplan.stable_sets.boundary.meridian_tracking import track_meridians
+from pushplan.stable_sets.boundary.meridians import find_meridians
+from pushplan.stable_sets.boundary.peaks import margin_peaks
+from pushplan.stable_sets.boundary.refined_meridians import RefinedMeridians, refine_meridians
+from pushplan.stable_sets.cor.cor_region import Window, cor_polygons
 from pushplan.stable_sets.stable_extent import sphere_area, translation_cone, turning_radii
 
 if TYPE_CHECKING:

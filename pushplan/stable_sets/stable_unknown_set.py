@@ -25,12 +25,12 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry.polygon import convex_hull
-from pushplan.mechanics.carried import carried_objects, center_range
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.load_area import load_areas
-from pushplan.mechanics.packed import contact_rows
-from pushplan.stable_sets.cor_region import Window
-from pushplan.stable_sets.half_spaces import cor_polygon, smallest_sines, unit_rows, velocity_rows
+from pushplan.mechanics.contacts.carried import carried_objects, center_range
+from pushplan.mechanics.friction.packed import contact_rows
+from pushplan.mechanics.worst_case.load_area import load_areas
+from pushplan.stable_sets.cor.cor_region import Window
+from pushplan.stable_sets.cor.half_spaces import cor_polygon, smallest_sines, unit_rows, velocity_rows
 from pushplan.stable_sets.stable_set import StableSet
 
 if TYPE_CHECKING:

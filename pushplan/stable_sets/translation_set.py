@@ -11,8 +11,8 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import Meridians, twists_at
+from pushplan.stable_sets.boundary.intervals import Samples
 from pushplan.stable_sets.cof_set import CofSet
-from pushplan.stable_sets.intervals import Samples
 from pushplan.stable_sets.stable_set import StableSet
 
 

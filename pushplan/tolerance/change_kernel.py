@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray, IntArray
-from pushplan.compiled import compiled, lean
-from pushplan.mechanics.friction_kernel import carried_wrench
-from pushplan.mechanics.friction_series import ComplexArray
+from pushplan.compiled import compiled, no_refcount
+from pushplan.mechanics.friction.kernel import carried_wrench
+from pushplan.mechanics.friction.series import ComplexArray
 from pushplan.tolerance.instants import Instants
 
 
@@ -37,7 +37,7 @@ class Variants(NamedTuple):
     holds: FloatArray
 
 
-@lean
+@no_refcount
 def _moved_wrench(
     objects: FloatArray,
     parts: FloatArray,
@@ -61,7 +61,7 @@ def _moved_wrench(
     out[2] = m + x * out[1] - y * out[0]
 
 
-@lean
+@no_refcount
 def _add_inertia(
     mass: float, moment: float, center: FloatArray, v: FloatArray, dv: FloatArray, out: FloatArray
 ) -> None:

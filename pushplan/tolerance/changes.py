@@ -13,7 +13,7 @@ import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray
 from pushplan.geometry.contact_segments import SHORTEST_CONTACT
-from pushplan.mechanics.packed import AFFINE
+from pushplan.mechanics.friction.packed import AFFINE
 from pushplan.mechanics.support import UniformSupport
 from pushplan.tolerance.change_kernel import Variants
 from pushplan.tolerance.model import Model

@@ -11,7 +11,7 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import PushedObject
-from pushplan.mechanics.packed import PackedChain
+from pushplan.mechanics.friction.packed import PackedChain
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray, IntArray
 from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.mechanics.friction.packed import PackedChain, pack_chain
 from pushplan.mechanics.inertia import InertiaTable, inertia_table
-from pushplan.mechanics.packed import PackedChain, pack_chain
 from pushplan.tolerance.change_kernel import Variants, facet_values, floor_wrenches_of
 from pushplan.tolerance.footing import Footing
 from pushplan.tolerance.instants import Instants

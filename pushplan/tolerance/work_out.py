@@ -8,7 +8,6 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
-from pushplan.sim.kinematic import directions
 from pushplan.tolerance.changes import Change, FloorChange, LoadChange, Shift, Turn
 from pushplan.tolerance.instants import thinned_instants
 from pushplan.tolerance.model import Model
@@ -40,7 +39,7 @@ def tolerance_of(chain: Chain, trajectory: Trajectory) -> Tolerance:
     """
     if not all(obj.support.known for obj in chain.objects):
         return Tolerance()
-    twists, rates = directions(trajectory), trajectory.rates_at(trajectory.t)
+    twists, rates = trajectory.directions, trajectory.rates_at(trajectory.t)
     return tolerance_along(chain, twists, rates)
 
 

@@ -12,8 +12,9 @@ from pushplan.bench.generator import enlarged, generate
 from pushplan.bench.parameters import GeneratorError, ProblemParameters
 from pushplan.bench.random_chain import LEAST_MARGIN, tightest_turn
 from pushplan.geometry.se2 import compose
-from pushplan.planners.checker import find_collision
-from pushplan.scenario import CircleObstacle, Scenario, scenario_from_text
+from pushplan.planners.validation.checker import find_collision
+from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario import CircleObstacle, Scenario
 from pushplan.stable_sets.named import stable_set
 
 DRIVES = ("omnidirectional", "differential", "car")

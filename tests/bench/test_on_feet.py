@@ -12,7 +12,7 @@ from pushplan.bench.on_feet import on_feet
 from pushplan.bench.parameters import ProblemParameters
 from pushplan.examples import example_names, example_text
 from pushplan.mechanics.support import FeetSupport
-from pushplan.scenario import scenario_from_document
+from pushplan.reading.scenario_file import scenario_from_document
 
 TEXTS = {
     **{name: example_text(name) for name in example_names()},

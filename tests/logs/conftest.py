@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pushplan.execution import Execution
 from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.timing import time_path
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.result import Diagnosis, PlanResult, ProgressPoint
-from pushplan.scenario import Scenario, scenario_from_text
-from pushplan.sim.kinematic import Execution
+from pushplan.scenario import Scenario
 from pushplan.tolerance.tolerance import Tolerance
 
 SCENARIO = """\

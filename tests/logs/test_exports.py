@@ -22,8 +22,8 @@ from pushplan.logging.export.mp4 import write_mp4
 from pushplan.logging.export.parquet import write_parquet
 from pushplan.logging.export.ros2 import write_ros2
 from pushplan.logging.export.ros2_messages import TYPES, definition
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.view.window import window
 from pushplan.logging.writer import RunLogWriter
 

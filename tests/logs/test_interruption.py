@@ -23,8 +23,8 @@ from pushplan.errors import RunLogError
 from pushplan.interruption import Interruption
 from pushplan.logging.cut_off import with_best_path
 from pushplan.logging.messages import plan_message, schemas
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify import verify
 from pushplan.result import ProgressPoint
 

@@ -18,11 +18,11 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
 from pushplan.errors import PushplanError
 from pushplan.logging.messages import schemas
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.play.live import LiveServer
 from pushplan.logging.play.playback import Pace, Playback, ticks
 from pushplan.logging.play.terminal import TerminalView, play_in_terminal
 from pushplan.logging.reader import read_run
-from pushplan.logging.recorded import RecordedRun
 
 
 class FakeClock:

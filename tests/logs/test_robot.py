@@ -18,11 +18,11 @@ from pushplan.geometry.se2 import transform_points
 from pushplan.logging.export.film_frames import HEIGHT, WIDTH, Film
 from pushplan.logging.export.html import render
 from pushplan.logging.export.ros2 import write_ros2
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.play.terminal import TerminalView
 from pushplan.logging.reader import read_run
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.view.window import window
-from pushplan.scenario import scenario_from_document
+from pushplan.reading.scenario_file import scenario_from_document
 
 FOOTPRINT = [
     {"polygon": [[-0.03, -0.08], [-0.03, 0.08], [-0.2, 0.14], [-0.12, 0.0], [-0.2, -0.14]]},

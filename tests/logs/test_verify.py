@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify import verify
-from pushplan.planners.lower_bound import lower_bound
-from pushplan.planners.margins import margins_to_try
-from pushplan.run import execute
+from pushplan.planners.infeasible.lower_bound import lower_bound
+from pushplan.planners.problem.margins import margins_to_try
+from pushplan.sim.judging import execute
 from pushplan.tolerance.work_out import tolerance_of
 
 SERIES = ("t", "poses", "twists", "margins", "dynamic_margins", "friction_margins", "lambdas", "forces")

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import settings
 
 from pushplan.errors import ScenarioError
-from pushplan.scenario import Scenario, scenario_from_text
+from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario import Scenario
 
 # The first example of a test pays for imports, and machines that test are often busy.
 settings.register_profile("unhurried", deadline=None)

@@ -13,11 +13,13 @@ from pushplan.errors import PushplanError, ScenarioError
 from pushplan.logging.reader import read_run
 from pushplan.logging.verify import verify
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.dynamics import dynamic_margins
+from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
 from pushplan.plan import plan
+from pushplan.reading.scenario_check import check_scenario
+from pushplan.reading.scenario_file import scenario_from_document, scenario_from_text
 from pushplan.run import run
-from pushplan.scenario import Scenario, check_scenario, scenario_from_document, scenario_from_text
+from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import stable_set
 
 TEXT = """\

@@ -16,6 +16,8 @@ from hypothesis import strategies as st
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.examples import example_names, example_text
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
+from pushplan.reading.scenario_check import check_scenario
+from pushplan.reading.scenario_file import load_scenario, scenario_from_text
 from pushplan.scenario import (
     CircleObstacle,
     PlannerSettings,
@@ -23,9 +25,6 @@ from pushplan.scenario import (
     Scenario,
     StabilitySettings,
     Workspace,
-    check_scenario,
-    load_scenario,
-    scenario_from_text,
 )
 
 SMALLEST = """\

@@ -8,7 +8,8 @@ from typing import Protocol
 import pytest
 
 from pushplan.errors import ScenarioError
-from pushplan.scenario import Scenario, load_scenario, scenario_from_text
+from pushplan.reading.scenario_file import load_scenario, scenario_from_text
+from pushplan.scenario import Scenario
 
 
 class Changed(Protocol):

@@ -13,7 +13,8 @@ from pushplan.arrays import FloatArray
 from pushplan.commands.understood import document, rows
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import PLATE
-from pushplan.scenario import Scenario, scenario_from_document, scenario_from_text
+from pushplan.reading.scenario_file import scenario_from_document, scenario_from_text
+from pushplan.scenario import Scenario
 
 
 def text(objects: list[str], snap: str = "snap: 5 mm", pusher: str = "width: 0.6, friction: 0.5") -> str:

@@ -13,9 +13,11 @@ from pushplan.arrays import FloatArray
 from pushplan.commands.understood import document, rows
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.mechanics.chain import Chain, PushedObject
-from pushplan.mechanics.load_cells import load_cells
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport
-from pushplan.scenario import Scenario, check_scenario, scenario_from_document, scenario_from_text
+from pushplan.mechanics.worst_case.load_cells import load_cells
+from pushplan.reading.scenario_check import check_scenario
+from pushplan.reading.scenario_file import scenario_from_document, scenario_from_text
+from pushplan.scenario import Scenario
 from pushplan.stable_sets.interval_set import stable_set_over
 from pushplan.stable_sets.named import stable_set
 

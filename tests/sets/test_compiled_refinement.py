@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pushplan.mechanics.sphere import twists_at
-from pushplan.stable_sets.cor_region import cor_polygons
+from pushplan.stable_sets.boundary.refined_meridians import RefinedMeridians
+from pushplan.stable_sets.cor.cor_region import cor_polygons
 from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.refined_meridians import RefinedMeridians
 from pushplan.stable_sets.stable_set import StableSet
 
 if TYPE_CHECKING:

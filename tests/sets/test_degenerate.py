@@ -9,9 +9,9 @@ import pytest
 
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.interval_chain import IntervalChain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, UniformSupport
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.names import STABLE_SETS
 from pushplan.stable_sets.interval_set import stable_set_over
 from pushplan.stable_sets.named import stable_set

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pushplan.errors import PushplanError, SupportError
-from pushplan.mechanics.quadrature import load_elements
+from pushplan.mechanics.friction.quadrature import load_elements
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UniformSupport, UnknownSupport
 from pushplan.stable_sets.grid_cor_set import grid_cor_set

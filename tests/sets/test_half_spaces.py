@@ -14,10 +14,10 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.friction import cof
-from pushplan.mechanics.load_area import load_areas
+from pushplan.mechanics.contacts.friction import cof
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UnknownSupport
+from pushplan.mechanics.worst_case.load_area import load_areas
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 

@@ -11,10 +11,10 @@ import pytest
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import ChainError, PushplanError, SupportError
-from pushplan.mechanics.carried import center_range
 from pushplan.mechanics.chain import GRAVITY, Chain
-from pushplan.mechanics.interval_chain import IntervalChain
+from pushplan.mechanics.contacts.carried import center_range
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.stable_sets.interval_set import stable_set_over
 from pushplan.stable_sets.named import stable_set
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.mechanics.area_table import pack_area, table_rows
-from pushplan.mechanics.load_area import LoadArea
-from pushplan.mechanics.robust_kernel import PackedAreas, central_loads
+from pushplan.mechanics.worst_case.area_table import pack_area, table_rows
+from pushplan.mechanics.worst_case.load_area import LoadArea
+from pushplan.mechanics.worst_case.robust_kernel import PackedAreas, central_loads
 
 
 def packed(area: LoadArea) -> PackedAreas:

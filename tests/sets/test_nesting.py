@@ -11,7 +11,7 @@ import pytest
 from pushplan.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.load_area import load_areas
+from pushplan.mechanics.worst_case.load_area import load_areas
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 

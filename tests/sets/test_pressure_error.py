@@ -7,11 +7,11 @@ import pytest
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import SupportError
-from pushplan.mechanics import load_cells as cells
 from pushplan.mechanics.chain import PushedObject
-from pushplan.mechanics.load_cells import load_cells
-from pushplan.mechanics.pressure_error import PressureError
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
+from pushplan.mechanics.worst_case import load_cells as cells
+from pushplan.mechanics.worst_case.load_cells import load_cells
+from pushplan.mechanics.worst_case.pressure_error import PressureError
 
 LENGTH = 0.5
 SQUARE = np.array([[-0.05, -0.05], [0.05, -0.05], [0.05, 0.05], [-0.05, 0.05]])

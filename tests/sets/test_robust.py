@@ -15,11 +15,11 @@ from scipy.optimize import linprog
 from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import convex_hull
-from pushplan.mechanics.area_table import pack_area, table_rows
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.envelope_kernel import least_load, start_twist
-from pushplan.mechanics.load_area import LoadArea
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
+from pushplan.mechanics.worst_case.area_table import pack_area, table_rows
+from pushplan.mechanics.worst_case.envelope_kernel import least_load, start_twist
+from pushplan.mechanics.worst_case.load_area import LoadArea
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.robust_set import CONDITIONS, RobustSet
 

@@ -10,16 +10,16 @@ import shapely
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import TimingError
-from pushplan.mechanics.admissible_speeds import SpeedWindow, admissible_speeds
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, admissible_speeds
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.sphere import twists_at
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.arc_limits import ROOM, arc_limits, contact_limits
-from pushplan.planners.bounds import Bounds, contact_dynamics
-from pushplan.planners.profile import ArcLimits, rest_to_rest
-from pushplan.planners.section import PASSED, passing_speeds
-from pushplan.planners.timing import time_path
+from pushplan.planners.blending.section import PASSED, passing_speeds
+from pushplan.planners.timing.arc_limits import ROOM, arc_limits, contact_limits
+from pushplan.planners.timing.bounds import Bounds, contact_dynamics
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
 from pushplan.reading.scenario_file import load_scenario
 
 if TYPE_CHECKING:

@@ -15,17 +15,17 @@ from pushplan.arrays import FloatArray
 from pushplan.examples import example_names
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.path import PushPath, cost_rate
 from pushplan.plan import plan
-from pushplan.planners.arc_limits import arc_limits, contact_limits
-from pushplan.planners.blend_search import Blend
-from pushplan.planners.blending import blend_path
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.checker import find_collision
-from pushplan.planners.joining import corners_of
-from pushplan.planners.profile import ArcLimits, rest_to_rest
-from pushplan.planners.timing import time_path
+from pushplan.planners.blending.blend_search import Blend
+from pushplan.planners.blending.blending import blend_path
+from pushplan.planners.blending.joining import corners_of
+from pushplan.planners.timing.arc_limits import arc_limits, contact_limits
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
+from pushplan.planners.validation.checker import find_collision
 from pushplan.scenario import CircleObstacle, Scenario
 from pushplan.sim.kinematic import simulate
 from pushplan.stable_sets.named import stable_set

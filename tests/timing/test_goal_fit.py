@@ -8,8 +8,8 @@ import pytest
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.goal_fit import NoFitError, fit_lengths
-from pushplan.planners.nudge import LengthRows, effects_on, no_rows
+from pushplan.planners.blending.goal_fit import NoFitError, fit_lengths
+from pushplan.planners.blending.nudge import LengthRows, effects_on, no_rows
 
 
 def _path(seed: int, arcs: int) -> PushPath:

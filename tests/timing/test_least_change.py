@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import LinearConstraint, minimize
 
 from pushplan.arrays import FloatArray
-from pushplan.planners.least_change import least_change
+from pushplan.planners.blending.least_change import least_change
 
 
 def _square(y: FloatArray) -> float:

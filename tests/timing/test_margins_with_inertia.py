@@ -13,11 +13,12 @@ from pushplan.arrays import FloatArray
 from pushplan.examples import example_names
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Contact, PushedObject
-from pushplan.mechanics.dynamics import dynamic_margins
+from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
 from pushplan.plan import plan
+from pushplan.reading.scenario_file import load_scenario, scenario_from_document
 from pushplan.result import PlanResult
-from pushplan.scenario import Scenario, load_scenario, scenario_from_document
+from pushplan.scenario import Scenario
 from pushplan.trajectory import Trajectory
 
 H = 1e-3

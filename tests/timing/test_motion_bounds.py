@@ -8,7 +8,7 @@ import pytest
 from pushplan.arrays import FloatArray
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.motion_bounds import limit_use, top_rates
+from pushplan.planners.timing.motion_bounds import limit_use, top_rates
 from pushplan.trajectory import Trajectory
 
 LIMITS = Limits(0.3, 0.7, 3.0, 1.5, 2.5, 30.0)

@@ -11,13 +11,13 @@ import pytest
 
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain, Limits
-from pushplan.mechanics.dynamics import ContactDynamics
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.blending import blend_path
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.timing import time_path
+from pushplan.planners.blending.blending import blend_path
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
 from pushplan.scenario import Scenario
-from pushplan.sim.physics import simulate_trajectory
+from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from pushplan.arrays import FloatArray
-from pushplan.planners.step_sum import Pieces, ordered_widths, step_sum
+from pushplan.planners.timing.step_sum import Pieces, ordered_widths, step_sum
 
 
 def _at(pieces: Pieces, times: FloatArray) -> FloatArray:

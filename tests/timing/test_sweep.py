@@ -12,11 +12,11 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.path import PushPath, cost_rate
-from pushplan.planners.bounds import Bounds
-from pushplan.planners.nudge import nudges
-from pushplan.planners.scene import build_scene
-from pushplan.planners.sweep import Touches, find_touches
-from pushplan.planners.timing import time_path
+from pushplan.planners.blending.nudge import nudges
+from pushplan.planners.blending.sweep import Touches, find_touches
+from pushplan.planners.collision.scene import build_scene
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
 from pushplan.trajectory import Trajectory
 
 if TYPE_CHECKING:

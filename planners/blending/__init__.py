@@ -1,0 +1,1 @@
+"""Trajectories that do not stop where the twist changes."""

@@ -1,0 +1,44 @@
+"""The checks that a blended trajectory has to pass: stable at every sample, and free of collision."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.validation.checker import find_collision
+from pushplan.scenario import Scenario
+from pushplan.stable_sets.stable_set import StableSet
+from pushplan.trajectory import Trajectory
+
+RESTING = 1e-9
+"""Twist components below this (m/s, rad/s) are rest."""
+
+
+def unstable_times(
+    scenario: Scenario, stable: StableSet, trajectory: Trajectory, bounds: Bounds
+) -> FloatArray:
+    """Return when (k,) the trajectory does not keep more than the scenario's margins, worst first, s.
+
+    It is looked at its samples, its breaks and half-way between them; where the pusher rests, nothing is asked.
+    """
+    breaks = trajectory.breaks
+    times = np.unique(np.concatenate([trajectory.t, breaks, 0.5 * (breaks[:-1] + breaks[1:])]))
+    twists = trajectory.twists_at(times)
+    moving = np.abs(twists).max(axis=1) > RESTING
+    spare = stable.margin(twists[moving]) - scenario.required_margin
+    if bounds.contacts is not None:
+        rates = trajectory.rates_at(times[moving])
+        with_inertia = bounds.contacts.margins(twists[moving], rates).min(axis=1)
+        spare = np.minimum(spare, with_inertia - bounds.margin)
+    worst = np.argsort(spare, kind="stable")
+    return np.asarray(times[moving][worst][spare[worst] <= 0.0])
+
+
+def collision_times(scenario: Scenario, trajectory: Trajectory) -> FloatArray:
+    """Return the time of the sample nearest to the first collision that the independent checker finds, if any."""
+    hit = find_collision(scenario, trajectory.poses)
+    if hit is None:
+        return np.zeros(0)
+    away = np.abs(trajectory.poses - np.array(hit.pose)).sum(axis=1)
+    return trajectory.t[[int(np.argmin(away))]]

@@ -1,0 +1,158 @@
+"""The search for a blend's stops and arc lengths: try, look what fails, nudge lengths or stop there, try again."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.path import PushPath
+from pushplan.planners.blending.blend_check import collision_times, unstable_times
+from pushplan.planners.blending.driven import Driven
+from pushplan.planners.blending.goal_fit import NoFitError
+from pushplan.planners.blending.joining import (
+    corners_of,
+    driven_arcs,
+    fitted,
+    joined,
+    nearest_corners,
+    sharpest_corner,
+    slowed,
+    split_part,
+)
+from pushplan.planners.blending.nudge import LengthRows, no_rows, nudges
+from pushplan.planners.blending.section import make_driven
+from pushplan.planners.blending.sweep import find_touches
+from pushplan.planners.problem.posing import body_reach, scenario_scene
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.scenario import Scenario
+from pushplan.stable_sets.stable_set import StableSet
+from pushplan.trajectory import Trajectory
+
+NUDGES = 6
+"""How often lengths are changed to keep away from what is touched before a stop is made."""
+
+WORTH_A_STOP = 0.5
+"""Delay (s) by slowing down a whole section from which on a stop at its worst corner is preferred."""
+
+
+@dataclass(frozen=True, eq=False)
+class Blend:
+    """A blended trajectory and what was done to the path for it.
+
+    Attributes:
+        trajectory: Ends where the path ends.
+        stops: Indices of the path's arcs at whose end the pusher stops although the path goes on.
+    """
+
+    trajectory: Trajectory
+    stops: frozenset[int]
+
+
+class Nudging(NamedTuple):
+    """What is tried to keep away from things without a further stop.
+
+    Attributes:
+        rows: Conditions on the lengths.
+        suspects: The corner nearest to what was touched last.
+        tries: How often conditions were added.
+    """
+
+    rows: LengthRows
+    suspects: frozenset[int] = frozenset()
+    tries: int = 0
+
+    def further(self, rows: LengthRows, suspects: frozenset[int]) -> Nudging:
+        """Return it with more conditions."""
+        return Nudging(self.rows.joined(rows), suspects, self.tries + 1)
+
+
+class BlendSearch:
+    """The search for the stops and lengths of one blend.
+
+    Args:
+        scenario: Limits of the pusher, margin to keep, and what is in the way.
+        path: Constant-twist arcs.
+        goal: (3,) pose in the world to end on, near the path's end.
+        stable: The set whose margin has to be kept.
+        rate: Samples per second of the trajectory.
+        bounds: What limits the motion.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        path: PushPath,
+        goal: FloatArray,
+        stable: StableSet,
+        rate: float,
+        bounds: Bounds,
+    ) -> None:
+        self.scenario, self.path, self.goal, self.stable = scenario, path, goal, stable
+        self.rate, self.bounds = rate, bounds
+        self.scene, self.reach = scenario_scene(scenario), body_reach(scenario)
+        self.corners = corners_of(path)
+        self.stops: frozenset[int] = frozenset()
+        self.parts = [make_driven(path, driven_arcs(path), bounds)]
+        self.nudging = Nudging(no_rows(len(path.lengths)))
+
+    def blended(self, within: float, stops: float = math.inf) -> Blend | None:
+        """Return the blend; None when it takes `within` (s) or longer, or needs more `stops` or one at every corner.
+
+        It can be asked again, for more stops, and goes on from where it was.
+        """
+        while self.stops < self.corners and len(self.stops) <= stops and self._least_duration() < within:
+            blend = self._attempt()
+            if blend is not None:
+                return blend if blend.trajectory.duration < within else None
+        return None
+
+    def _least_duration(self) -> float:
+        """How long it takes with the present stops, s, if the lengths can stay and no step has to be widened."""
+        return sum(part.duration(self.path.lengths) for part in self.parts)
+
+    def _attempt(self) -> Blend | None:
+        """Return the trajectory with the present stops and nudges; None, after adding some, where it fails."""
+        try:
+            self.parts, lengths = fitted(self.path, self.goal, self.parts, self.nudging.rows)
+        except NoFitError:
+            self._stop(self.nudging.suspects or sharpest_corner(self.path, self.parts))
+            return None
+        parts, strained = slowed(self.parts, lengths, WORTH_A_STOP)
+        trajectory = joined(self.path, parts, lengths, self.rate)
+        if len(strained):
+            self._stop(nearest_corners(parts, lengths, strained))
+        elif self._is_stable(parts, lengths, trajectory) and self._is_free(parts, lengths, trajectory):
+            return Blend(trajectory, self.stops)
+        return None
+
+    def _is_stable(self, parts: list[Driven], lengths: FloatArray, trajectory: Trajectory) -> bool:
+        """Tell whether the margin is kept; stop at the corner where it is missed most if not."""
+        times = unstable_times(self.scenario, self.stable, trajectory, self.bounds)
+        if len(times):
+            self._stop(nearest_corners(parts, lengths, times[:1]))
+        return not len(times)
+
+    def _is_free(self, parts: list[Driven], lengths: FloatArray, trajectory: Trajectory) -> bool:
+        """Tell whether nothing is touched; if not, keep away from it the next time, or stop near it."""
+        touches = find_touches(self.scene, trajectory, self.reach)
+        times = touches.times[[int(np.argmin(touches.gaps))]] if len(touches.times) else np.zeros(0)
+        if len(times) and self.nudging.tries < NUDGES:
+            rows = nudges(self.scene, self.path, trajectory, lengths, touches, self.reach)
+            self.nudging = self.nudging.further(rows, nearest_corners(parts, lengths, times))
+            return False
+        times = times if len(times) else collision_times(self.scenario, trajectory)
+        if len(times):
+            self._stop(nearest_corners(parts, lengths, times))
+        return not len(times)
+
+    def _stop(self, corners: frozenset[int]) -> None:
+        """Stop at more corners, and see anew what is touched then."""
+        self.stops |= corners
+        self.parts = [
+            piece for part in self.parts for piece in split_part(self.path, part, self.stops, self.bounds)
+        ]
+        self.nudging = Nudging(no_rows(len(self.path.lengths)))

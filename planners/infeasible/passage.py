@@ -1,0 +1,97 @@
+"""The widest passage between start and goal, and what of the chain has to pass through it.
+
+A disc that fits into the chain goes wherever the chain goes. So where obstacles and walls, grown by its radius and
+the clearance, part its centre at the start from its centre at the goal, no motion whatever joins the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import shapely
+
+from pushplan.arrays import FloatArray
+from pushplan.names import CLEARANCE_ROOM
+from pushplan.planners.infeasible.free_space import body, largest_disc, room
+from pushplan.result import Diagnosis
+from pushplan.scenario import Scenario
+
+RESOLUTION = 1e-5
+"""Widths are found to this accuracy, m."""
+
+NEAR = 1e-6
+"""A point this close to a region (m) counts as inside."""
+
+
+def passage_faults(scenario: Scenario, headings: FloatArray) -> list[Diagnosis]:
+    """Return that the passage between start and goal is too narrow, proven or perhaps, or nothing.
+
+    Args:
+        scenario: The problem.
+        headings: (k, 2) directions, in the chain frame, in which the chain can be pushed straight.
+    """
+    disc = largest_disc(scenario.chain)
+    needed = disc.radius + scenario.clearance - CLEARANCE_ROOM
+    ends = [disc.at(pose) for pose in (scenario.start, scenario.goal.pose_chain)]
+
+    def joined(radius: float, within: float = NEAR) -> bool:
+        near = [shapely.distance(_parts(scenario, radius), end) <= within for end in ends]
+        return bool((near[0] & near[1]).any())
+
+    if not joined(needed):
+        return [_proven(2.0 * disc.radius, 2.0 * needed, 2.0 * _widest(joined, 0.0, needed))]
+    swept, reach = _swept_width(scenario, headings), _reach(scenario)
+    wanted = 0.5 * swept + scenario.clearance
+    if wanted <= needed or joined(wanted, reach):
+        return []
+    return [_guess(swept, 2.0 * wanted, 2.0 * _widest(lambda r: joined(r, reach), needed, wanted))]
+
+
+def _parts(scenario: Scenario, radius: float) -> np.ndarray:
+    return np.asarray(shapely.get_parts(room(scenario, radius)))
+
+
+def _widest(joined: Callable[[float], bool], low: float, high: float) -> float:
+    """Largest radius that is `joined`, between one that is (or 0) and one that is not, to half the resolution."""
+    while high - low > 0.5 * RESOLUTION:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if joined(middle) else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _swept_width(scenario: Scenario, headings: FloatArray) -> float:
+    """Smallest width (m) of the chain across its straight pushes, or across +x where there is none."""
+    corners = shapely.get_coordinates(body(scenario.chain))
+    across = corners @ np.stack([-headings[:, 1], headings[:, 0]]) if len(headings) else corners[:, 1:]
+    return float(np.ptp(across, axis=0).min())
+
+
+def _reach(scenario: Scenario) -> float:
+    """Size of the chain: the diameter of a circle around it, m."""
+    return 2.0 * float(shapely.minimum_bounding_radius(body(scenario.chain)))
+
+
+def _proven(width: float, needed: float, passage: float) -> Diagnosis:
+    numbers = {"passage": passage, "disc": width, "needed": needed}
+    if passage < RESOLUTION:
+        text = "obstacles and walls separate the start from the goal: no passage joins them"
+        return Diagnosis("gap", text, True, numbers)
+    text = (
+        f"the chain cannot pass: the widest passage from start to goal is {_mm(passage)} wide, and the chain, into "
+        f"which a disc of {_mm(width)} fits, needs at least {_mm(needed)} with its clearance"
+    )
+    return Diagnosis("gap", text, True, numbers)
+
+
+def _guess(swept: float, needed: float, passage: float) -> Diagnosis:
+    numbers = {"passage": passage, "swept": swept, "needed": needed}
+    text = (
+        f"perhaps the passage is too narrow: the widest one from start to goal is about {_mm(passage)} wide, and the "
+        f"chain is {_mm(swept)} wide across its straight pushes, {_mm(needed)} with its clearance"
+    )
+    return Diagnosis("gap", text, False, numbers)
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.4g} mm"

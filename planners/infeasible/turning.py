@@ -1,0 +1,152 @@
+"""What the turns that a chain can make, or cannot, say about the way to its goal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.errors import EmptyStableSetError
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Drive
+from pushplan.mechanics.sphere import TurningRadii
+from pushplan.planners.problem.controls import control_segments, segment_ends
+from pushplan.result import Diagnosis
+from pushplan.scenario import Scenario
+from pushplan.stable_sets.stable_set import StableSet
+
+ROUNDING = 1e-9
+"""Headings and directions (rad) that differ by less are the same."""
+
+FEW_MERIDIANS = 128
+"""Meridians for radii that are only told: exact ones take seconds where loads are intervals."""
+
+
+def drive_radii(stable: StableSet, drive: Drive, minimum: float = 0.0) -> TurningRadii:
+    """Return the smallest radii at which a drive turns the chain frame's origin, within the set.
+
+    Args:
+        stable: The set.
+        drive: Of the robot that carries the plate; an omnidirectional one turns as tightly as the set allows.
+        minimum: Every turn has more than this margin.
+    """
+    if drive.axle is None:
+        return stable.turning_radii(minimum)
+    try:
+        return _radii(control_segments(stable, drive, minimum))
+    except EmptyStableSetError:
+        return TurningRadii(math.inf, math.inf)
+
+
+def turning_faults(scenario: Scenario, stable: StableSet, segments: FloatArray) -> list[Diagnosis]:
+    """Return what the chain's turns, or their absence, may have to do with a path that is not found.
+
+    Args:
+        scenario: The problem.
+        stable: The set that limits the pushes.
+        segments: (k, 6) its twists that the drive can make; see `controls`.
+    """
+    ends = segment_ends(segments)
+    goal = scenario.goal.pose_chain
+    turn = float(se2.wrap_angle(goal[2] - scenario.start[2]))
+    if (ends[:, 2] == 0.0).all():
+        return _no_turning(scenario, stable, turn)
+    radii = _radii(segments)
+    return [*_one_sided(scenario, stable, turn, radii), *_too_wide(scenario, stable, turn, radii)]
+
+
+def _too_wide(scenario: Scenario, stable: StableSet, turn: float, radii: TurningRadii) -> Iterator[Diagnosis]:
+    """Yield that the tightest circle does not fit into the workspace, if the goal asks for a turn."""
+    area, radius = scenario.workspace, min(radii)
+    if area is None or abs(turn) <= ROUNDING:
+        return
+    across = min(area.xmax - area.xmin, area.ymax - area.ymin)
+    if 2.0 * radius > across:
+        of_set = _of_set(scenario, stable)
+        made, alone = ("", "") if of_set is None else _drive_words(scenario, f"{min(of_set):.3g} m")
+        text = (
+            f"perhaps the turns are too wide: the tightest one{made}, of radius {radius:.3g} m{alone}, makes a "
+            f"circle that does not fit into the workspace, {across:.3g} m across"
+        )
+        yield Diagnosis("wide turns", text, False, {"radius": radius, "across": across, **_numbers(of_set)})
+
+
+def _of_set(scenario: Scenario, stable: StableSet) -> TurningRadii | None:
+    """Radii of the stable set itself, where the drive makes only a part of its turns, to about a per cent."""
+    if scenario.chain.pusher.drive.axle is None:
+        return None
+    return _radii(control_segments(stable, Drive(), scenario.required_margin, FEW_MERIDIANS))
+
+
+def _drive_words(scenario: Scenario, of_set: str) -> tuple[str, str]:
+    """Return what to say of turns that a drive makes, and of those that the set would allow without it."""
+    return f" that the {scenario.chain.pusher.drive.kind} drive can make", f" (without the drive: {of_set})"
+
+
+def _numbers(of_set: TurningRadii | None) -> dict[str, float]:
+    if of_set is None:
+        return {}
+    return {f"{side}_of_set": r for side, r in of_set._asdict().items() if math.isfinite(r)}
+
+
+def _radii(segments: FloatArray) -> TurningRadii:
+    ends = segment_ends(segments)
+    return TurningRadii(*(_radius(ends[side * ends[:, 2] > 0.0]) for side in (1.0, -1.0)))
+
+
+def _radius(twists: FloatArray) -> float:
+    """Smallest radius (m) at which twists (k, 3) turn the chain frame's origin, infinite without any."""
+    return float(np.min(np.hypot(twists[:, 0], twists[:, 1]) / np.abs(twists[:, 2]), initial=math.inf))
+
+
+def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diagnosis]:
+    """Without turns the heading stays, and the way lies within the cone of the straight pushes."""
+    made = "" if scenario.chain.pusher.drive.axle is None else _drive_words(scenario, "")[0]
+    set_name = f"no push of the set {stable.name}{made} turns the chain"
+    if abs(turn) > ROUNDING:
+        text = (
+            f"the goal cannot be reached: {set_name}, and it asks for a turn by {math.degrees(turn):.4g} deg"
+        )
+        return [Diagnosis("heading", text, True, {"turn": turn})]
+    cone = stable.translation_cone(scenario.required_margin)
+    if cone is None or scenario.chain.pusher.drive.axle is not None:
+        return []
+    away = scenario.goal.pose_chain[:2] - scenario.start[:2]
+    lowest, highest = np.arctan2(cone[:, 1], cone[:, 0])
+    direction = math.atan2(away[1], away[0]) - scenario.start[2]
+    opening = (highest - lowest) % (2.0 * math.pi)
+    if opening >= math.pi or (direction - lowest) % (2.0 * math.pi) <= opening + ROUNDING:
+        return []
+    aside = float(se2.wrap_angle(direction))
+    text = (
+        f"the goal cannot be reached: {set_name}, straight pushes go {math.degrees(lowest):.4g} to "
+        f"{math.degrees(highest):.4g} deg from straight ahead, and the goal lies at {math.degrees(aside):.4g} deg"
+    )
+    numbers = {"direction": aside, "lowest": float(lowest), "highest": float(highest)}
+    return [Diagnosis("direction", text, True, numbers)]
+
+
+def _one_sided(scenario: Scenario, stable: StableSet, turn: float, radii: TurningRadii) -> list[Diagnosis]:
+    """The goal asks for a turn, or lies, to the side to which the chain does not turn."""
+    if math.isfinite(max(radii)):
+        return []
+    able, unable, sign = ("left", "right", -1.0) if math.isfinite(radii.left) else ("right", "left", 1.0)
+    away = scenario.goal.pose_chain[:2] - scenario.start[:2]
+    aside = math.cos(scenario.start[2]) * away[1] - math.sin(scenario.start[2]) * away[0]
+    if sign * turn <= ROUNDING and sign * aside <= ROUNDING:
+        return []
+    radius, of_set = min(radii), _of_set(scenario, stable)
+    made, alone = ("", "") if of_set is None else _drive_words(scenario, _sides(of_set))
+    text = (
+        f"perhaps the one-sided turning is the reason: every stable turn{made} goes to the {able}, with a radius of "
+        f"{radius:.3g} m or more{alone}, and the goal asks for a way to the {unable}"
+    )
+    numbers = {"radius": radius, "turn": turn, "aside": aside, **_numbers(of_set)}
+    return [Diagnosis("one-sided", text, False, numbers)]
+
+
+def _sides(radii: TurningRadii) -> str:
+    sides = [f"{r:.3g} m to the {side}" for side, r in radii._asdict().items() if math.isfinite(r)]
+    return " and ".join(sides) or "none"

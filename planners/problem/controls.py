@@ -1,0 +1,190 @@
+"""The controls of a planner: the stable set cut down to what the pusher's drive can do.
+
+Both come as arrays of stable twists: segments, of which every positive combination of the two ends is
+stable (meridians of the twist sphere, or pieces of the drive's own family), and steering families for exact
+connections.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.errors import EmptyStableSetError
+from pushplan.mechanics.chain import Drive
+from pushplan.mechanics.sphere import twists_at
+from pushplan.path import cost_rate
+from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT
+from pushplan.stable_sets.stable_set import StableSet
+from pushplan.stable_sets.weakest import HELP, contact_words, emptiness, weakest_contact
+
+MARGIN_FLOOR = 1e-6
+"""Planned twists keep this much more than the margin asked for, so that rounding cannot put them outside."""
+
+MERIDIANS = 512
+"""Meridians of the stable set that an omnidirectional pusher's controls are taken from."""
+
+TURNS = 1024
+"""Turning rates at which a drive's family is scanned for changes between stable and not."""
+
+
+def control_segments(stable: StableSet, drive: Drive, margin: float, count: int = MERIDIANS) -> FloatArray:
+    """Return the segments (k, 6) of stable twists that the drive can make.
+
+    Args:
+        stable: The set.
+        drive: Of the robot that carries the plate.
+        margin: Every twist has more than this.
+        count: Meridians of an omnidirectional pusher's set.
+
+    Raises:
+        EmptyStableSetError: When there are none.
+    """
+    if drive.axle is None:
+        meridians = stable.meridians(margin, count)
+        length = stable.chain.characteristic_length
+        ends = [twists_at(meridians.longitude, lat, length) for lat in (meridians.lower, meridians.upper)]
+        segments = np.hstack(ends)
+    else:
+        turns = _stable_turns(stable, drive, margin)
+        segments = np.hstack([_drive_twists(drive.axle, turns[:, 0]), _drive_twists(drive.axle, turns[:, 1])])
+    if len(segments) == 0:
+        raise EmptyStableSetError(_why_empty(stable, drive, margin))
+    return segments
+
+
+def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
+    """Tell which contact does not hold, in general or under what the drive can do."""
+    asked = max(0.0, margin - MARGIN_FLOOR)
+    what, _ = emptiness(stable, asked)
+    if what or drive.axle is None:
+        return what or f"no push has a margin above {margin:g}"
+    twists = _drive_twists(drive.axle, _drive_turns(stable, drive))
+    margins = stable.margin(twists)
+    best = int(np.argmax(margins))
+    weakest = contact_words(stable.chain, weakest_contact(stable, twists[best]))
+    return (
+        f"the {drive.kind} cannot push the chain: its best push keeps {weakest} with a margin of "
+        f"{margins[best]:.3g}, it must be above {asked:.3g}; an omnidirectional pusher could; allowed: {HELP}, "
+        "or another place of the axle"
+    )
+
+
+def best_drive_margin(stable: StableSet, drive: Drive) -> float:
+    """Return the largest margin among the twists at which a wheeled drive's family is scanned."""
+    assert drive.axle is not None
+    return float(stable.margin(_drive_twists(drive.axle, _drive_turns(stable, drive))).max())
+
+
+def segment_ends(segments: FloatArray) -> FloatArray:
+    """Return the twists (2 k, 3) at both ends of segments (k, 6)."""
+    return np.concatenate([segments[:, :3], segments[:, 3:]])
+
+
+def steering_families(segments: FloatArray) -> FloatArray:
+    """Return families (3, 3, 3) of left, straight and right twists, scaled to a cost rate of 1, for connections.
+
+    The turns are those with the closest CORs among the ends of the segments. The straight pushes are the one along
+    which these turns combine to Dubins' car, as nearly as there is one, and the two that lean most. Rows of zeros
+    stand for motions that are not stable.
+
+    Args:
+        segments: (k, 6) stable twists; see `control_segments`.
+    """
+    ends = segment_ends(segments)
+    left, right = _closest_turns(ends)
+    families = np.zeros((3, 3, 3))
+    families[:, LEFT], families[:, RIGHT] = left, right
+    straight = straight_pushes(segments)
+    if len(straight):
+        ahead = _dubins_heading(left, right)
+        order = np.arctan2(straight @ [-ahead[1], ahead[0]], straight @ ahead)
+        chosen = [np.argmin(np.abs(order)), np.argmin(order), np.argmax(order)]
+        families[:, STRAIGHT, :2] = straight[chosen]
+    return families
+
+
+def _closest_turns(ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The left and the right turn (3,) with the closest CORs, scaled; zero where there is no turn to that side."""
+    lefts, rights = ends[ends[:, 2] > 0.0], ends[ends[:, 2] < 0.0]
+    lefts, rights = (turns / cost_rate(turns)[:, None] for turns in (lefts, rights))
+    if not len(lefts) or not len(rights):
+        best = [
+            turns[np.argmax(np.abs(turns[:, 2]))] if len(turns) else np.zeros(3) for turns in (lefts, rights)
+        ]
+        return best[0], best[1]
+    apart = _cors(lefts)[:, None] - _cors(rights)[None]
+    i, j = np.unravel_index(np.argmin(np.hypot(apart[..., 0], apart[..., 1])), apart.shape[:2])
+    return lefts[i], rights[j]
+
+
+def _cors(twists: FloatArray) -> FloatArray:
+    """Centres of rotation (k, 2) of turning twists (k, 3)."""
+    return np.asarray(np.stack([-twists[:, 1], twists[:, 0]], axis=1) / twists[:, 2:])
+
+
+def straight_pushes(segments: FloatArray) -> FloatArray:
+    """Directions (m, 2) of the translations on segments."""
+    low, high = segments[:, 2], segments[:, 5]
+    across = segments[(low <= 0.0) & (high >= 0.0) | (low >= 0.0) & (high <= 0.0)]
+    span = np.abs(across[:, 2]) + np.abs(across[:, 5])
+    share = np.where(span > 0.0, np.abs(across[:, 2]) / np.where(span > 0.0, span, 1.0), 0.0)[:, None]
+    velocity = (1.0 - share) * across[:, :2] + share * across[:, 3:5]
+    return np.asarray(velocity / np.linalg.norm(velocity, axis=1, keepdims=True))
+
+
+def _dubins_heading(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Direction (2,) of J (cR - cL), along which equal parts of both turns translate; +x where one is missing."""
+    if left[2] == 0.0 or right[2] == 0.0:
+        return np.array([1.0, 0.0])
+    x, y = (_cors(right[None]) - _cors(left[None]))[0]
+    return np.asarray(np.array([-y, x]) / np.hypot(x, y))
+
+
+def _drive_twists(axle: FloatArray, turns: FloatArray) -> FloatArray:
+    """Twists (k, 3) that move the axle's middle ahead at 1 m/s while turning at `turns` (k,) rad/m."""
+    x, y, heading = axle
+    return np.column_stack([np.cos(heading) + turns * y, np.sin(heading) - turns * x, turns])
+
+
+def _stable_turns(stable: StableSet, drive: Drive, margin: float) -> FloatArray:
+    """Intervals (k, 2) of turns per metre, rad/m, that are stable, their ends found by bisection on the inside."""
+    assert drive.axle is not None
+    turns = _drive_turns(stable, drive)
+    inside = _stable_at(stable, drive.axle, turns, margin)
+    steps = np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))
+    firsts, lasts = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) - 1
+    low = [_bisect(stable, drive.axle, turns, int(i), int(i) - 1, margin) for i in firsts]
+    high = [_bisect(stable, drive.axle, turns, int(i), int(i) + 1, margin) for i in lasts]
+    return np.column_stack([low, high]) if low else np.zeros((0, 2))
+
+
+def _drive_turns(stable: StableSet, drive: Drive) -> FloatArray:
+    """Turns per metre (k,) at which a drive's family is scanned, increasing, rad/m."""
+    limit = math.inf if drive.min_radius == 0.0 else 1.0 / drive.min_radius
+    angles = np.linspace(-0.5, 0.5, TURNS + 2)[1:-1] * np.pi
+    turns = np.tan(angles) / stable.chain.characteristic_length
+    return np.unique(np.append(np.clip(turns, -limit, limit), 0.0))
+
+
+def _stable_at(stable: StableSet, axle: FloatArray, turns: FloatArray, margin: float) -> np.ndarray:
+    return np.asarray(stable.margin(_drive_twists(axle, turns)) > margin)
+
+
+def _bisect(
+    stable: StableSet, axle: FloatArray, turns: FloatArray, inside: int, outside: int, margin: float
+) -> float:
+    """Turn per metre at the edge of the set between two scanned ones, on the stable side."""
+    good = float(turns[inside])
+    if not 0 <= outside < len(turns):
+        return good
+    bad = float(turns[outside])
+    for _ in range(60):
+        middle = 0.5 * (good + bad)
+        if _stable_at(stable, axle, np.array([middle]), margin)[0]:
+            good = middle
+        else:
+            bad = middle
+    return good

@@ -1,0 +1,53 @@
+"""The margin that a plan keeps: what `stability.margin: auto` means, and what is tried where that is too much."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pushplan.mechanics.chain import Drive
+from pushplan.mechanics.sphere import twists_at
+from pushplan.names import AUTO
+from pushplan.planners.problem.controls import best_drive_margin
+from pushplan.scenario import Scenario
+from pushplan.stable_sets.stable_set import StableSet
+
+MOST = 0.05
+"""What `auto` asks for where the chain can have it.
+
+With it 89 % of plans survive nine perturbations (frictions, loads, places), without it 39 %, for 0.4 % more way.
+"""
+
+SHARE = 0.5
+"""What `auto` asks for at most, as a share of the largest margin there is."""
+
+HALVINGS = 5
+"""So many times a margin is halved where no path is found with it."""
+
+LOOKS = (48, 25)
+"""Longitudes and latitudes of twists that are looked at before the largest margin is sought."""
+
+
+def margins_to_try(scenario: Scenario, stable: StableSet) -> tuple[float, ...]:
+    """Return the margins to plan with, one after the other until there is a path; a stated number is the only one."""
+    stated = scenario.stability.margin
+    if stated != AUTO:
+        return (stated,)
+    most = automatic_margin(stable, scenario.chain.pusher.drive)
+    return tuple(most * 0.5**k for k in range(HALVINGS + 1))
+
+
+def automatic_margin(stable: StableSet, drive: Drive) -> float:
+    """Return min(`MOST`, `SHARE` of the largest margin that the drive can have); 0 where nothing is stable."""
+    return min(MOST, SHARE * _best_margin(stable, drive, MOST / SHARE))
+
+
+def _best_margin(stable: StableSet, drive: Drive, enough: float) -> float:
+    """Return the largest margin, or one that is at least `enough`."""
+    if drive.axle is not None:
+        return max(0.0, best_drive_margin(stable, drive))
+    longitudes, latitudes = (
+        np.linspace(-0.5, 0.5, count + 2)[1:-1] * np.pi for count in LOOKS
+    )  # forward pushes: a contact cannot pull
+    twists = twists_at(longitudes[:, None], latitudes[None, :], stable.chain.characteristic_length)
+    found = float(stable.margin(twists.reshape(-1, 3)).max())
+    return found if found >= enough else max(found, float(stable.peaks[1].max(initial=0.0)))

@@ -1,0 +1,1 @@
+"""The compiled searches: trees from both ends, sparse trees, cells of poses, and ways to guide them."""

@@ -1,0 +1,1 @@
+"""How fast the arcs of a path may be driven: limits of pusher and contacts, and jerk-limited profiles."""

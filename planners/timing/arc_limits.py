@@ -1,0 +1,145 @@
+"""How fast an arc of constant body twist may be driven: limits of the pusher and of the contacts.
+
+Along an arc of twist xi = (v, omega) with parameter s, the contact midpoint has the acceleration
+(s'' v, s'^2 omega v) and the jerk (s''' v - s'^3 omega^2 v, 3 s' s'' omega v), tangential and normal. The
+limits of the arc parameter are chosen so that the magnitudes of both stay within the pusher's limits
+whatever the profile does.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pushplan.arrays import BoolArray, FloatArray
+from pushplan.errors import TimingError
+from pushplan.mechanics.chain import Limits
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.profile import ArcLimits
+
+ROOM = 0.98
+"""Share of what a contact condition has to spare above the margin to keep that inertia may use up.
+
+The rest is for what lies between the places at which blended motions are looked at.
+"""
+
+SPLITS = 24
+"""Top speeds tried when speed and acceleration compete for the same contact condition."""
+
+CREEP = 10.0
+"""An arc that the contacts slow down by more than this factor is refused: its twist leaves no room to accelerate."""
+
+
+LEAST = 1e-6
+"""Smallest acceleration of the arc parameter (1/s^2) with which anything is driven."""
+
+SHARES = (np.arange(SPLITS) + 1.0) / SPLITS
+"""Shares of the top speed that are tried."""
+
+
+def arc_limits(twists: FloatArray, limits: Limits, top: float | FloatArray = math.inf) -> ArcLimits:
+    """Return bounds on s', s'' and s''' that keep arcs within the pusher's limits.
+
+    Args:
+        twists: (..., 3) body twists per unit of s.
+        limits: Of the contact midpoint and of the turning.
+        top: Bound on s' from elsewhere (...); a lower one leaves more for s'' and s'''.
+    """
+    v, omega = np.hypot(twists[..., 0], twists[..., 1]), np.abs(twists[..., 2])
+    bend = v * omega
+    jerk = np.where(
+        bend > 0.0, limits.jerk / math.sqrt(2.0), limits.jerk
+    )  # shared by tangential and normal part
+    speed = np.minimum(top, np.minimum(_ratio(limits.speed, v), _ratio(limits.angular_speed, omega)))
+    speed = np.minimum(speed, np.sqrt(_ratio(limits.acceleration / math.sqrt(2.0), bend)))
+    speed = np.minimum(speed, np.cbrt(_ratio(0.5 * jerk, omega * bend)))
+    tangential = np.sqrt(limits.acceleration**2 - (speed**2 * bend) ** 2)
+    acceleration = np.minimum(_ratio(tangential, v), _ratio(limits.angular_acceleration, omega))
+    acceleration = np.minimum(acceleration, _ratio(jerk, 3.0 * speed * bend))
+    third = np.minimum(_ratio(jerk - speed**3 * omega * bend, v), _ratio(limits.angular_jerk, omega))
+    return ArcLimits(speed, acceleration, acceleration, third)
+
+
+def contact_limits(twist: FloatArray, length: float, bounds: Bounds) -> ArcLimits:
+    """Return `contact_limits_of` of one arc, twist (3,), as numbers.
+
+    Raises:
+        TimingError: When the twist is so close to the boundary of the stable set that the arc would take
+            `CREEP` times as long.
+    """
+    found, able = contact_limits_of(twist[None], np.array([length]), bounds)
+    if able[0]:
+        return ArcLimits(*(float(bound[0]) for bound in found))
+    assert bounds.contacts is not None
+    least = float(bounds.contacts.rows(twist, bounds.margin).alpha.min())
+    kept = f" above a margin of {bounds.margin:.3g}" if bounds.margin > 0.0 else ""
+    raise TimingError(
+        f"an arc along the twist {np.round(twist, 4).tolist()} leaves the contacts no room for inertia: one "
+        f"condition holds by {least:.3g} N only{kept}; raise stability.margin, or use quasi-static contact limits"
+    )
+
+
+def contact_limits_of(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> tuple[ArcLimits, BoolArray]:
+    """Return `arc_limits`, cut down so that inertia uses at most `ROOM` of what every contact has to spare.
+
+    The conditions are linear in (s'^2, s''), so they hold on the rectangle [0, speed^2] x [-deceleration,
+    acceleration] if they hold at its corners. Of all such rectangles within the pusher's limits, the one is
+    taken that makes the arc shortest in time.
+
+    Args:
+        twists: (k, 3) body twists per unit of s.
+        lengths: (k,) of the arcs, in s.
+        bounds: What limits the motion.
+
+    Returns:
+        The limits (k,), and (k,) whether the arc is driven in less than `CREEP` times its usual time with them.
+    """
+    free = arc_limits(twists, bounds.limits)
+    if bounds.contacts is None:
+        return free, np.ones(len(twists), dtype=np.bool_)
+    alpha, beta, gamma, beta_down = bounds.contacts.rows_along(twists, bounds.margin)
+    falling = np.where(gamma < 0.0, -gamma, 0.0)
+    steady = np.sqrt(_ratio(np.maximum(alpha, 0.0), falling).min(axis=(1, 2)))
+    top = np.minimum(free.speed, math.sqrt(ROOM) * steady)
+    tried = arc_limits(twists[:, None], bounds.limits, SHARES * top[:, None])
+    left = ROOM * alpha[:, None] - falling[:, None] * tried.speed[..., None, None] ** 2
+    tried = tried._replace(
+        acceleration=np.minimum(tried.acceleration, _bearable(left, -beta[:, None])),
+        deceleration=np.minimum(tried.deceleration, _bearable(left, -beta_down[:, None])),
+    )
+    times = np.where(
+        np.minimum(tried.acceleration, tried.deceleration) > LEAST, _times(lengths[:, None], tried), np.inf
+    )
+    best = np.argmin(times, axis=1)[:, None]
+    able = np.take_along_axis(times, best, axis=1)[:, 0] <= CREEP * _times(lengths, free)
+    return ArcLimits(*(np.take_along_axis(bound, best, axis=1)[:, 0] for bound in tried)), able
+
+
+def _times(lengths: FloatArray, limits: ArcLimits) -> FloatArray:
+    """Return how long arcs take from rest to rest, s; where the speed is not reached, as if the arc were longer.
+
+    A lower speed, which leaves more for acceleration, is reached there.
+    """
+    rises = [_rise(limits.speed, bound, limits.jerk) for bound in (limits.acceleration, limits.deceleration)]
+    ramps = 0.5 * (rises[0] + rises[1])
+    return np.asarray(np.maximum(lengths, limits.speed * ramps) / np.maximum(limits.speed, 1e-300) + ramps)
+
+
+def _rise(speed: FloatArray, acceleration: FloatArray, jerk: FloatArray) -> FloatArray:
+    """Return the time from rest to a speed, s."""
+    safe = np.maximum(acceleration, 1e-300)
+    return np.asarray(
+        np.where(speed * jerk >= safe**2, speed / safe + safe / jerk, 2.0 * np.sqrt(speed / jerk))
+    )
+
+
+def _bearable(left: FloatArray, cost: FloatArray) -> FloatArray:
+    """Largest x (...) with cost x <= left for every row (..., n, 4)."""
+    most = _ratio(np.maximum(left, 0.0), np.maximum(cost, 0.0)).min(axis=(-2, -1))
+    return np.where((left >= 0.0).all(axis=(-2, -1)), most, 0.0)
+
+
+def _ratio(limit: float | FloatArray, rate: FloatArray) -> FloatArray:
+    """Return limit / rate, infinite where the rate is 0."""
+    return np.asarray(limit / np.where(rate > 0.0, rate, 1.0) + np.where(rate > 0.0, 0.0, np.inf))

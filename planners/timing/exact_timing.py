@@ -1,0 +1,62 @@
+"""Exact timing of a path: a jerk-limited profile from rest to rest along each twist, computed by Ruckig.
+
+Neighbouring arcs of the same twist are driven as one, without a stop between them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pushplan.arrays import FloatArray, IntArray
+from pushplan.path import PushPath
+from pushplan.planners.timing.arc_limits import contact_limits
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.profile import rest_to_rest, split
+from pushplan.trajectory import SAMPLE_RATE, Trajectory
+
+SAME = 1e-12
+"""Twists that differ by less (m/s, rad/s) are the same motion."""
+
+
+def time_path(path: PushPath, bounds: Bounds, rate: float = SAMPLE_RATE) -> Trajectory:
+    """Return the trajectory that stops wherever the path's twist changes.
+
+    Args:
+        path: Constant-twist arcs.
+        bounds: What limits the motion.
+        rate: Samples per second of the trajectory.
+
+    Raises:
+        TimingError: When an arc cannot be timed.
+    """
+    durations: list[FloatArray] = [np.zeros(0)]
+    coefficients: list[FloatArray] = [np.zeros((0, 3, 3))]
+    arcs: list[FloatArray] = [np.zeros(0)]
+    for run in runs(path):
+        spent, pieces, owner = time_run(path.twists[run[0]], path.lengths[run], bounds)
+        durations.append(spent)
+        coefficients.append(pieces)
+        arcs.append(run[owner].astype(np.float64))
+    breaks = np.concatenate([[0.0], np.cumsum(np.concatenate(durations))])
+    return Trajectory(path.start, breaks, np.concatenate(coefficients), np.concatenate(arcs), rate)
+
+
+def runs(path: PushPath) -> list[IntArray]:
+    """Return the indices of the arcs that have a length, neighbours of the same twist together."""
+    kept = np.flatnonzero(path.lengths > 0.0)
+    change = np.abs(np.diff(path.twists[kept], axis=0)).max(axis=1, initial=0.0) > SAME
+    return np.split(kept, np.flatnonzero(change) + 1) if len(kept) else []
+
+
+def time_run(
+    twist: FloatArray, lengths: FloatArray, bounds: Bounds
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Drive arcs of the same twist from rest to rest.
+
+    Returns:
+        durations (q,) in s, coefficients (q, 3, 3) of the twist, and (q,) which of the arcs each piece is on.
+    """
+    total = float(lengths.sum())
+    profile = rest_to_rest(total, contact_limits(twist, total, bounds))
+    pieces, passed = split(profile, np.cumsum(lengths)[:-1])
+    return pieces.durations, pieces.rates[:, :, None] * twist, passed

@@ -1,0 +1,1 @@
+"""Independent checks of a path: no code shared with the planners."""

@@ -1,0 +1,48 @@
+"""Whether a result is a solution: judged by code that the planners do not use."""
+
+from __future__ import annotations
+
+from pushplan.arrays import FloatArray
+from pushplan.execution import Execution
+from pushplan.geometry.se2 import pose_error
+from pushplan.path import PushPath
+from pushplan.planners.validation.checker import find_collision
+from pushplan.scenario import Scenario
+from pushplan.stable_sets.stable_set import StableSet
+from pushplan.trajectory import Trajectory
+
+EXACT = 1e-7
+"""Largest error (m, rad) of a path's end that counts as reaching the goal pose."""
+
+
+def verdict(
+    scenario: Scenario, stable: StableSet, path: PushPath, trajectory: Trajectory, execution: Execution
+) -> str:
+    """Return why a path with its trajectory, executed, is no solution, empty if it is one."""
+    error = pose_error(path.end, scenario.goal.pose_chain)
+    if max(error) > EXACT:
+        return f"the path misses the goal by {error[0]:.2g} m and {error[1]:.2g} rad"
+    return lost_contact(scenario, execution) or flaw(scenario, stable, path, trajectory.poses)
+
+
+def lost_contact(scenario: Scenario, execution: Execution) -> str:
+    """Return where an execution loses a contact, empty if it does not."""
+    loss = execution.loss
+    if loss is None:
+        return ""
+    contact = scenario.chain.contact_name(loss.contact)
+    return (
+        f"the plan does not hold when it is executed: contact {contact} is lost after {loss.time:.2f} s, "
+        f"with a margin of {loss.margin:.3g}"
+    )
+
+
+def flaw(scenario: Scenario, stable: StableSet, path: PushPath, poses: FloatArray) -> str:
+    """Return why a path, driven through poses (m, 3), is not stable or not free; empty if it is both."""
+    margin = float(stable.margin(path.twists).min())
+    if margin <= scenario.required_margin:
+        return f"the path's smallest margin is {margin:.3g}; it must be above {scenario.required_margin:g}"
+    hit = find_collision(scenario, poses)
+    if hit is not None:
+        return f"the path is not free: {hit}; it must stay {1e3 * scenario.clearance:.3g} mm away"
+    return ""

@@ -1,0 +1,32 @@
+"""The decorators of compiled functions, their cache on disk, and what the user is told while they are compiled."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from numba import njit
+
+from pushplan.compiled import private
+from pushplan.compiled.cache import discard_stale_cache
+
+discard_stale_cache()
+
+compiled = njit(cache=True, error_model="numpy")
+"""Compile a function on its first call, or load it from the cache; x / 0 is infinite as in NumPy."""
+
+if TYPE_CHECKING:
+    no_refcount = compiled
+else:
+    no_refcount = njit(cache=True, error_model="numpy", **private.NO_REFCOUNT)
+"""Compile a function that makes no arrays but those of `scratch`: it counts no references to the ones it is given.
+
+Counting takes more than half of the time of short functions that look into tuples of arrays. `compiled` gives the
+same results, slower.
+"""
+
+inlined = njit(inline="always", error_model="numpy")
+"""Compile a function into its caller instead, for code with one caller.
+
+LLVM optimises a function anew with everything it calls at each level of calls, so every level above a large one costs
+compile time.
+"""

@@ -1,0 +1,1 @@
+"""What every contact has to carry, and whether it holds."""

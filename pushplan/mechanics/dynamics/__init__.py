@@ -1,0 +1,1 @@
+"""What the objects' inertia adds to the contact conditions."""

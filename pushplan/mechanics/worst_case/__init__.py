@@ -1,0 +1,1 @@
+"""Contact conditions for all loads and pressures that are possible."""

@@ -1,0 +1,1 @@
+"""Where a stable set ends: its exact boundary on the sphere of twists."""

@@ -1,0 +1,1 @@
+"""Stable sets as polygons of centres of rotation."""

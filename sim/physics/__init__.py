@@ -1,0 +1,1 @@
+"""Pushes with real contacts in MuJoCo: the judge of what the stable sets promise."""

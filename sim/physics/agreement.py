@@ -1,0 +1,132 @@
+"""Predicted against simulated: does a push move a contact exactly when the contact conditions say so?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from pushplan.arrays import BoolArray, FloatArray, frozen
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.contacts.contact_state import contact_state
+from pushplan.mechanics.sphere import checked_twists
+from pushplan.sim.physics.settings import PhysicsSettings
+from pushplan.sim.physics.simulate import simulate_twist
+
+FINE = PhysicsSettings(tolerance=1e-4, indentation=5e-6)
+"""Hard contacts that count as moved from a ten-thousandth of the segment on: slips soon get there, holds never."""
+_NOWHERE = -1e3
+"""Stands for a force that is parallel to the segment: it passes nowhere near it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """Pushes with known loads, predicted by the conditions on the exact friction wrench, and simulated.
+
+    Attributes:
+        twists: (k, 3) body twists in the chain frame.
+        angle: (k,) smallest angle from a contact's force to the edge of its friction cone, rad; negative outside.
+        inset: (k,) smallest distance from where a contact's force passes to the end of its segment, over the length
+            of the segment; negative outside.
+        displacement: (k,) largest slide or opening of a contact in the simulation, over the length of its segment.
+        footprint: (k,) whether the centre of rotation lies under an object.
+        tolerance: Displacement above which a contact counts as moved.
+    """
+
+    twists: FloatArray
+    angle: FloatArray
+    inset: FloatArray
+    displacement: FloatArray
+    footprint: BoolArray
+    tolerance: float
+
+    def __post_init__(self) -> None:
+        for name in ("angle", "inset", "displacement"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (len(self.twists),), name))
+
+    @property
+    def predicted(self) -> BoolArray:
+        """(k,) whether every contact should hold."""
+        return np.asarray((self.angle > 0.0) & (self.inset > 0.0))
+
+    @property
+    def kept(self) -> BoolArray:
+        """(k,) whether every contact held in the simulation."""
+        return np.asarray(self.displacement <= self.tolerance)
+
+    @property
+    def agreed(self) -> BoolArray:
+        """(k,) whether simulation and prediction say the same."""
+        return np.asarray(self.predicted == self.kept)
+
+    def depth(self, angle: float, inset: float) -> FloatArray:
+        """Return (k,) how deep each push is in the stable set, in half widths of a band; negative outside.
+
+        Args:
+            angle: Half width of the band in the friction cones, rad.
+            inset: Half width of the band at the ends of the segments, over their length.
+        """
+        return np.minimum(self.angle / angle, self.inset / inset)
+
+    def confusion(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Return counts: ((stable and held, stable but moved), (unstable but held, unstable and moved))."""
+        held, said = self.kept, self.predicted
+        return (
+            (int((said & held).sum()), int((said & ~held).sum())),
+            (int((~said & held).sum()), int((~said & ~held).sum())),
+        )
+
+    def joined(self, other: Agreement) -> Agreement:
+        """Return the pushes of both."""
+        names = ("twists", "angle", "inset", "displacement", "footprint")
+        parts = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        return Agreement(**parts, tolerance=self.tolerance)
+
+
+def compare(
+    chain: Chain,
+    twists: ArrayLike,
+    settings: PhysicsSettings = FINE,
+    tell: Callable[[int], None] | None = None,
+) -> Agreement:
+    """Predict and simulate constant twists (k, 3) of a chain.
+
+    Args:
+        chain: Objects with known loads.
+        twists: Only their directions matter.
+        settings: Of the simulation.
+        tell: Called with the number of each push before it is simulated.
+
+    Raises:
+        MissingEngineError: When the physics engine is not installed.
+        PushplanError: As `simulate_twist`.
+    """
+    checked = checked_twists(twists)
+    state = contact_state(chain, checked)
+    inset = np.minimum(state.lambdas, 1.0 - state.lambdas)
+    moved = []
+    for i, twist in enumerate(checked):
+        if tell is not None:
+            tell(i)
+        moved.append(float(simulate_twist(chain, twist, settings=settings).displacement.max()))
+    return Agreement(
+        twists=checked,
+        angle=state.friction_margins.min(axis=1),
+        inset=np.where(np.isfinite(inset), inset, _NOWHERE).min(axis=1),
+        displacement=np.array(moved),
+        footprint=under_objects(chain, checked),
+        tolerance=settings.tolerance,
+    )
+
+
+def under_objects(chain: Chain, twists: FloatArray) -> BoolArray:
+    """Return (k,) whether the centres of rotation of twists (k, 3) lie under an object."""
+    omega = np.where(twists[:, 2] == 0.0, np.nan, twists[:, 2])
+    cors = np.stack([-twists[:, 1], twists[:, 0]], axis=1) / omega[:, None]
+    ground = shapely.union_all([shapely.Polygon(obj.outline_chain) for obj in chain.objects])
+    known: BoolArray = np.asarray(np.isfinite(cors).all(axis=1))
+    x, y = np.ascontiguousarray(np.where(known[:, None], cors, 0.0).T)
+    return known & np.asarray(shapely.contains_xy(ground, x, y), dtype=np.bool_)

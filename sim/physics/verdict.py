@@ -1,0 +1,69 @@
+"""Whether a trajectory holds in the physics engine, at its own speed: the question of `--physics` and the benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import ceil
+
+from pushplan.arrays import FloatArray
+from pushplan.mechanics.chain import Chain
+from pushplan.sim.physics.report import PhysicsReport
+from pushplan.sim.physics.settings import PhysicsSettings
+from pushplan.sim.physics.simulate import simulate_trajectory
+from pushplan.trajectory import Trajectory
+
+HARD = PhysicsSettings(time_step=1e-3, indentation=5e-6)
+"""Hard contacts creep least, and a longer time step is enough. Where contacts slip, they slip too far with these."""
+FINER = 0.25
+"""Share of the time step at which a contact that moved is looked at once more.
+
+The engine's friction creeps: what it holds still slides a little, in proportion to the way and to the time step. On
+20 m of way that reaches the thousandth of a segment at which a contact counts as moved: 1.0e-3 with a step of 1 ms,
+0.8e-3 with 0.25 ms (random 4 of benchmarks/plans_in_physics.py). A contact that slips does so with both.
+"""
+LOOKS = 50.0
+"""Looks per second at a motion, which may open a contact and close it again."""
+
+
+def verdict_of_physics(
+    chain: Chain,
+    trajectory: Trajectory,
+    *,
+    placed: FloatArray | None = None,
+    until_moved: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> PhysicsReport:
+    """Execute a trajectory at full speed; where a contact moved, once more in smaller steps, whose report counts.
+
+    Args:
+        chain: Objects with known loads.
+        trajectory: What the plate is made to do.
+        placed: (n, 3) how the objects stand off their places (see `sim.misplaced`), None for not at all.
+        until_moved: End as soon as a contact counts as moved.
+        progress: Called now and then with the share of the trajectory that is done.
+
+    Raises:
+        MissingEngineError: When the engine is not installed.
+        PhysicsError: When there is nothing to simulate, or the simulation does not stay finite.
+        SupportError: When a load is not known.
+    """
+    hard = replace(HARD, samples=max(HARD.samples, ceil(LOOKS * trajectory.duration)))
+    finer = replace(hard, time_step=FINER * hard.time_step)
+    report = _simulate(chain, trajectory, hard, placed, True, progress)
+    if report.kept:
+        return report
+    return _simulate(chain, trajectory, finer, placed, until_moved, progress)
+
+
+def _simulate(
+    chain: Chain,
+    trajectory: Trajectory,
+    settings: PhysicsSettings,
+    placed: FloatArray | None,
+    until_moved: bool,
+    progress: Callable[[float], None] | None,
+) -> PhysicsReport:
+    return simulate_trajectory(
+        chain, trajectory, settings=settings, placed=placed, until_moved=until_moved, progress=progress
+    )

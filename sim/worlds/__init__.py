@@ -1,0 +1,1 @@
+"""Chains that are not what a plan believes."""
