@@ -72,7 +72,7 @@ HOUR = 3600.0
 
 def timed(scenario: Scenario, log: Path | None) -> tuple[float, float]:
     began = time.perf_counter()
-    done = run(scenario, log=log)
+    done = run(scenario, log=log or False)
     return time.perf_counter() - began, done.seconds.get("logging", 0.0)
 
 

@@ -32,7 +32,7 @@ def plan_again(run: RecordedRun) -> PlanResult:
     )
     if plan.path is None or plan.trajectory is None:
         return settled
-    scenario = _as_told(run.scenario, words)
+    scenario = as_told(run.scenario, words)
     stable = planning_set(scenario, settled.stable_set)
     margins = margins_to_try(scenario, stable)
     margin = plan.margin if plan.margin in margins else margins[0]  # a lower one only the search can tell
@@ -59,7 +59,7 @@ def timed_by_other_rules(scenario: Scenario, plan: PlanResult) -> bool:
     return plan.margin is None and scenario.chain.pusher.limits.contact == "dynamic"
 
 
-def _as_told(scenario: Scenario, words: Mapping[str, str]) -> Scenario:
+def as_told(scenario: Scenario, words: Mapping[str, str]) -> Scenario:
     """Return the scenario with the cost and the margin that the run was told."""
     cost, margin = words.get("cost"), words.get("margin")
     if cost in COSTS:

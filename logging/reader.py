@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 from google.protobuf.message import DecodeError
@@ -12,12 +13,14 @@ from pushplan.logging.mcap.budget import MESSAGE_LIMIT
 from pushplan.logging.mcap.cursor import DamageError
 from pushplan.logging.mcap.items import Attachment, Item, Message, Metadata
 from pushplan.logging.mcap.mcap_file import McapFile
-from pushplan.logging.mcap.partial_file import SUFFIX
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.contents import TOPICS, Contents
 from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.scenario_files import ScenarioFiles
+from pushplan.logging.messages.seal import unsealed
+from pushplan.outputs.partial_file import SUFFIX
+from pushplan.result import ProgressPoint
 
 _OURS = "pushplan."
 
@@ -81,11 +84,13 @@ class _Reading:
     def _take_metadata(self, item: Metadata) -> None:
         if not item.name.startswith(_OURS):
             return
-        words = metadata.unsealed(item.words)
+        words = unsealed(item.words)
         if item.name in self._words:
             raise ValueError("a name that was there already")
         if item.name == metadata.RUN:
             self._check_format(words["format"], item.offset)
+        if item.name.startswith(metadata.PROGRESS):
+            float(words["found_s"])
         if item.name == metadata.PLANNING:
             self._contents.effort = Effort.from_words(words)
         self._words[item.name] = words
@@ -118,6 +123,17 @@ class _Reading:
             lines=tuple(self._contents.lines),
             words=self._words,
             losses=tuple(self._file.losses),
+            progress=self._progress(),
+        )
+
+    def _progress(self) -> tuple[ProgressPoint, ...]:
+        """Return the improvements with the times of the plan or, of a run that was cut off, of their metadata."""
+        if self._contents.plan is not None:
+            return self._contents.plan.progress
+        words = (self._words.get(f"{metadata.PROGRESS}.{k:04d}", {}) for k in count())
+        seconds = (float(found.get("found_s", "nan")) for found in words)
+        return tuple(
+            replace(point, seconds=at) for point, at in zip(self._contents.progress, seconds, strict=False)
         )
 
 

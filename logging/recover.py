@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 
-from pushplan.errors import RunLogError
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.sentences import execution_sentence, plan_sentence
@@ -21,29 +19,20 @@ def recover(source: Path | str, target: Path | str) -> RecordedRun:
     numbered anew; at a gap their times leap. What viewers see is made anew from plan and execution.
 
     Raises:
-        RunLogError: When too little is left of the log, or the new one is there already or cannot be written.
+        RunLogError: When too little is left of the log.
+        OutputError: When the new one is there already or cannot be written.
     """
-    source, target = Path(source), Path(target)
-    if os.path.lexists(target):
-        raise RunLogError(str(target), "there is a file of this name; recovering overwrites none")
     run = read_run(source, recover=True)
-    aside = target.with_name(
-        f"{target.name}.recovered"
-    )  # run.mcap.partial, likely the source, is no place to write
-    _write(run, aside)
-    try:
-        os.link(aside, target)  # unlike a renaming, this never replaces a file
-    except OSError as error:
-        raise RunLogError(str(target), f"cannot create the file: {error.strerror}") from error
-    finally:
-        aside.unlink()
+    _write(run, target)
     return run
 
 
-def _write(run: RecordedRun, path: Path) -> None:
-    with RunLogWriter.create(path, run.scenario, {}, _run_words(run)) as log:
+def _write(run: RecordedRun, path: Path | str) -> None:
+    with RunLogWriter.create(path, run.scenario, {}, _run_words(run), new=True) as log:
         for line in _others(run, begun=False):
             log.log(*line)
+        for point in run.progress if run.plan is None else ():
+            log.improved(point)
         if run.plan is not None:
             log.plan(run.plan)
         if run.execution is not None:

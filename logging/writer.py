@@ -4,6 +4,7 @@ The log grows as NAME.mcap.partial and becomes NAME.mcap when it is finished. Tw
 the same bytes, except in these words of the metadata (as long in both, on one machine with the same versions):
 
 - `pushplan.run`: `started_at`, `machine`, `git`, `crc32`;
+- `pushplan.progress.N`: `found_s`, `crc32`;
 - `pushplan.planning` and `pushplan.result`: times (`..._s`, `..._at`), `extensions`, `crc32`.
 """
 
@@ -19,9 +20,8 @@ import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from pushplan.arrays import IntArray
-from pushplan.errors import RunLogError
+from pushplan.errors import OutputError
 from pushplan.execution import Execution, inertia_warning
-from pushplan.logging.mcap.partial_file import PartialFile
 from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
 from pushplan.logging.messages.channels import Channels
 from pushplan.logging.messages.effort import Effort, exact
@@ -31,7 +31,9 @@ from pushplan.logging.view import views
 from pushplan.logging.view.frames import chain_frames, placed, poses_in_world
 from pushplan.logging.view.scene import scene, tree
 from pushplan.logging.view.window import PATH_SPACING, smoothed_times
-from pushplan.result import PlanResult
+from pushplan.outputs.open_file import OpenFile
+from pushplan.outputs.write import open_output
+from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 
 _STRETCH = 60
@@ -49,12 +51,13 @@ class RunLogWriter:
     Without `finish`, or with an exception inside, the file stays under `partial` and its metadata say why.
     """
 
-    def __init__(self, file: PartialFile, scenario: Scenario) -> None:
+    def __init__(self, file: OpenFile, scenario: Scenario) -> None:
         self._file = file
         self._scenario = scenario
         self._channels = Channels(file)
         self._words: dict[str, str] = {}
         self._finished = False
+        self._improvements = 0
 
     @classmethod
     def create(
@@ -63,6 +66,7 @@ class RunLogWriter:
         scenario: Scenario,
         settings: Mapping[str, object],
         words: Mapping[str, str] | None = None,
+        new: bool = False,
     ) -> Self:
         """Begin a log: what the run starts from is written when this returns.
 
@@ -71,11 +75,12 @@ class RunLogWriter:
             scenario: What the run is about.
             settings: Names and values for the metadata `pushplan.run`: planner, set, seed, ...
             words: The metadata `pushplan.run` of a run that is over; None for one that begins now.
+            new: Refuse a name that there is already.
 
         Raises:
-            RunLogError: When the file cannot be written.
+            OutputError: When the file cannot be written.
         """
-        file = PartialFile(Path(path))
+        file = open_output(path, new=new)
         try:
             log = cls(file, scenario)
             log._begin(metadata.run_words(scenario, settings) if words is None else words)
@@ -110,7 +115,7 @@ class RunLogWriter:
 
         Raises:
             ValueError: When the level is none of them.
-            RunLogError: When the file cannot be written.
+            OutputError: When the file cannot be written.
         """
         if level not in schemas.LEVELS:
             raise ValueError(f"level {level!r} is none of {', '.join(schemas.LEVELS)}")
@@ -123,23 +128,21 @@ class RunLogWriter:
         """Write metadata under a name that begins with `pushplan.`.
 
         Raises:
-            RunLogError: When the file cannot be written.
+            OutputError: When the file cannot be written.
         """
         self._channels.note(name, words)
 
     def plan(self, plan: PlanResult) -> None:
-        """Write what planning found, and what it took.
+        """Write what planning found, and what it took; improvements that `improved` has written are not repeated.
 
         Raises:
-            RunLogError: When the file cannot be written.
+            OutputError: When the file cannot be written.
         """
         channels = self._channels
         effort = Effort.from_plan(plan).to_words()
         channels.note(metadata.PLANNING, effort)
-        for point in plan.progress:
-            stamp = channels.stamp
-            progress = schemas.Progress(timestamp=stamp, iterations=point.iterations, cost=point.cost)
-            channels.send(schemas.PROGRESS, progress)
+        for point in plan.progress[self._improvements :]:
+            self._send_progress(point)
         message = plan_message.encode(plan)
         message.timestamp.CopyFrom(channels.stamp)
         channels.send(schemas.PLAN, message)
@@ -147,6 +150,23 @@ class RunLogWriter:
         self.log("info" if plan.solved else "warning", plan_sentence(plan))
         self._words |= {**effort, **metadata.plan_words(plan)}
         channels.flush()
+
+    def improved(self, point: ProgressPoint) -> None:
+        """Write an improvement of the best path; when this returns, no kill can lose it.
+
+        Raises:
+            OutputError: When the file cannot be written.
+        """
+        words = {"found_s": exact(point.seconds), "path_cost": repr(point.cost)}
+        self._channels.note(f"{metadata.PROGRESS}.{self._improvements:04d}", words)
+        self._send_progress(point)
+        self._channels.flush()
+
+    def _send_progress(self, point: ProgressPoint) -> None:
+        message = plan_message.encode_progress(point)
+        message.timestamp.CopyFrom(self._channels.stamp)
+        self._channels.send(schemas.PROGRESS, message)
+        self._improvements += 1
 
     def _show_plan(self, plan: PlanResult) -> None:
         self._channels.send(schemas.PLAN_TREE, tree(plan.tree))
@@ -162,7 +182,7 @@ class RunLogWriter:
         """Write what the simulator made of the plan, one simulated second after the other.
 
         Raises:
-            RunLogError: When the file cannot be written.
+            OutputError: When the file cannot be written.
         """
         channels, instants = self._channels, self._channels.instants(execution.t)
         seconds = list(execution_message.seconds(execution.t))
@@ -200,7 +220,7 @@ class RunLogWriter:
             seconds: Wall-clock time of each phase, for the metadata `pushplan.result`.
 
         Raises:
-            RunLogError: When the file cannot be written; what is there stays under `partial`.
+            OutputError: When the file cannot be written; what is there stays under `partial`.
         """
         times = {f"{phase}_s": exact(spent) for phase, spent in (seconds or {}).items()}
         self._end({"outcome": outcome, **times})
@@ -220,13 +240,17 @@ class RunLogWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close the file; if it was not finished, say so in it and leave it under `partial`."""
+        """Close the file; see `abandon`."""
+        self.abandon(error)
+
+    def abandon(self, error: BaseException | None) -> None:
+        """Close the file; if it was not finished, say why in it, as far as that can be written, and leave it."""
         if not self._finished:
-            with contextlib.suppress(RunLogError):  # nothing more can be written; the first error counts
-                self._abandon(error)
+            with contextlib.suppress(OutputError):  # nothing more can be written; the first error counts
+                self._say_why(error)
         self._file.close()
 
-    def _abandon(self, error: BaseException | None) -> None:
+    def _say_why(self, error: BaseException | None) -> None:
         if error is None:
             self._end({"outcome": "unfinished"})
             return

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         EmptyStableSetError,
         Finding,
         ImportedFileError,
+        OutputError,
         PlanningError,
         PushplanError,
         RunLogError,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
         UndefinedEcofError,
     )
     from pushplan.examples import example_names, example_text
-    from pushplan.execution import Execution, StabilityLoss
     from pushplan.logging.messages.recorded import RecordedRun
     from pushplan.logging.reader import read_run
     from pushplan.mechanics.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from pushplan.plan import plan
     from pushplan.reading.scenario_check import check_scenario
     from pushplan.reading.scenario_file import load_scenario, scenario_from_document, scenario_from_text
+    from pushplan.recording import IncompleteLogError
     from pushplan.result import Diagnosis, PlanResult, ProgressPoint, Run
     from pushplan.run import run
     from pushplan.scenario import Scenario
@@ -77,13 +78,14 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "mechanics.chain": "Chain Contact Drive Limits PushedObject Pusher",
-    "errors": "ChainError EmptyStableSetError Finding ImportedFileError PlanningError PushplanError RunLogError "
-    "ScenarioError SupportError TimingError UndefinedEcofError",
+    "errors": "ChainError EmptyStableSetError Finding ImportedFileError OutputError PlanningError PushplanError "
+    "RunLogError ScenarioError SupportError TimingError UndefinedEcofError",
     "examples": "example_names example_text",
     "mechanics.contacts.friction": "cof ecof friction_wrench",
     "logging.reader": "read_run",
     "logging.messages.recorded": "RecordedRun",
     "path": "PushPath",
+    "recording": "IncompleteLogError",
     "plan": "plan",
     "drawing.run": "plot_plan",
     "drawing.scenario": "plot_scenario",
@@ -129,8 +131,10 @@ __all__ = [
     "Goal",
     "GridCorSet",
     "ImportedFileError",
+    "IncompleteLogError",
     "IntervalChain",
     "Limits",
+    "OutputError",
     "PlanResult",
     "PlannerSettings",
     "PlanningError",

@@ -1,6 +1,6 @@
 """`python -m pushplan` is the command line."""
 
-from pushplan.cli import entry
+from pushplan.entry import entry
 
 if __name__ == "__main__":
     entry()

@@ -9,14 +9,16 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from typing import NoReturn, TextIO
 
-from pushplan.commands import bench, check, completion, examples, new, plan, replay, schema, stable_set
+from pushplan.commands import bench, check, completion, examples, new, plan, replay, runs, schema, stable_set
 from pushplan.commands.console import Console
 from pushplan.commands.failure import PIPE_CLOSED, WRONG_INPUT, report_failure
+from pushplan.interruption import Interruption, leaving_at_once
 
 COMMANDS = {
     "plan": plan,
     "stable-set": stable_set,
     "replay": replay,
+    "runs": runs,
     "bench": bench,
     "check": check,
     "new": new,
@@ -45,11 +47,12 @@ def entry() -> NoReturn:
     The process ends without the interpreter's clean-up: there the bindings of OMPL write a list of the objects
     that they call leaked onto the user's screen.
     """
-    sys.stdout, sys.stderr = _writable(sys.stdout), _writable(sys.stderr)
-    code = main(sys.argv[1:])
-    for stream in (sys.stdout, sys.stderr):
-        code = _flushed(stream, code)
-    os._exit(code)
+    with leaving_at_once():
+        sys.stdout, sys.stderr = _writable(sys.stdout), _writable(sys.stderr)
+        code = main(sys.argv[1:])
+        for stream in (sys.stdout, sys.stderr):
+            code = _flushed(stream, code)
+        os._exit(code)
 
 
 def main(argv: Sequence[str]) -> int:
@@ -62,11 +65,13 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit as stop:  # argparse has written its help or what is wrong
         return int(stop.code or 0)
     console = Console(json=args.json, verbose=args.verbose)
+    interruption = Interruption()
     try:
-        code: int = COMMANDS[args.command].run(args, console)
-        sys.stdout.flush()
+        with interruption.raising():
+            code: int = COMMANDS[args.command].run(args, console)
+            sys.stdout.flush()
     except (Exception, KeyboardInterrupt) as error:
-        return report_failure(error, console)
+        return report_failure(KeyboardInterrupt() if interruption.requested else error, console)
     return code
 
 

@@ -71,6 +71,14 @@ class TimingError(PushplanError):
     """A path cannot be timed within the pusher's limits."""
 
 
+class OutputError(PushplanError, ValueError):
+    """A file cannot be written where `path` says."""
+
+    def __init__(self, path: str, what: str) -> None:
+        self.path = path
+        super().__init__(f"{path}: {what}")
+
+
 class RunLogError(PushplanError, ValueError):
     """A run log is damaged, hostile, of another kind or version; `offset` is the byte where it shows."""
 

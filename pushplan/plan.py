@@ -56,6 +56,7 @@ def plan(
     progress: Callable[[ProgressPoint], None] | None = None,
     tell: Callable[[str], None] | None = None,
     watch: Stopwatch | None = None,
+    stop: Callable[[], bool] | None = None,
 ) -> PlanResult:
     """Plan a push to the goal pose.
 
@@ -75,6 +76,7 @@ def plan(
         gap: Share above the lower bound (`planners.lower_bound`) at which a path is good enough to stop.
         progress: Called with every improvement.
         tell: Called with sentences for the user about what takes long.
+        stop: Asked many times a second whether the search has to end at once; the best path until then counts.
         watch: Takes the time of the phases `posing`, `search`, `timing`, `execution` and `checking`.
 
     Returns:
@@ -95,7 +97,9 @@ def plan(
     used_seed = scenario.planner.seed if seed is None else seed
     limit = scenario.planner.time_limit if time_limit is None else time_limit
     good_enough = scenario.planner.gap if gap is None else gap
-    budget = Budget(limit, int(STALL * math.sqrt(limit)), max(good_enough, ROUNDING), first, iterations)
+    budget = Budget(
+        limit, int(STALL * math.sqrt(limit)), max(good_enough, ROUNDING), first, iterations, stop=stop
+    )
     with watch("search"):
         attempt = Search(stable, make, budget, used_seed, good_enough, progress).with_margins(
             scenario, margins
@@ -108,7 +112,9 @@ def plan(
         execution = None if trajectory is None else execute_trajectory(posed, stable.name, trajectory)
     with watch("checking"):
         failure = None
-        if attempt.path is None:
+        if attempt.path is None and stop is not None and stop():
+            reason = "the search was interrupted before it found a path"
+        elif attempt.path is None:
             failure = explain_failure(session, posed, stable, attempt.doubts)
             reason = failure.reason
         elif path is not None and trajectory is not None and execution is not None:

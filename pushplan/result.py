@@ -20,11 +20,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ProgressPoint:
-    """The cost (m) of the best path known after `seconds` of planning (wall clock)."""
+    """The cost (m) of the best path known after `seconds` of planning (wall clock).
+
+    `path` is that path; None in logs of older versions.
+    """
 
     seconds: float
     cost: float
     iterations: int
+    path: PushPath | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -141,7 +145,7 @@ class Run:
         scenario: What was asked.
         plan: What was planned.
         execution: What the simulator made of it; None when there was nothing to execute.
-        log: The log file, or None.
+        log: The log file; None when there is none, or it could not be written to its end.
         seconds: Wall-clock time by phase: `posing`, `search`, `timing`, `checking`, `execution`, `logging`; s.
     """
 

@@ -8,6 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from pushplan.errors import PushplanError
+from pushplan.outputs.write import write_whole
 from pushplan.reading.schema_objects import NAME
 from pushplan.reading.schema_types import NAME_PATTERN
 
@@ -15,7 +16,7 @@ _SUFFIX = ".yaml"
 
 
 class TemplateError(PushplanError, ValueError):
-    """A new scenario cannot be called or placed so."""
+    """A new scenario cannot be called so."""
 
 
 def write_new_scenario(name: str) -> Path:
@@ -25,18 +26,13 @@ def write_new_scenario(name: str) -> Path:
         name: Of the scenario, or a path that ends with it; `.yaml` is added where it is missing.
 
     Raises:
-        TemplateError: When the file exists already, its folder does not, or no scenario may be called so.
+        TemplateError: When no scenario may be called so.
+        OutputError: When the file exists already or cannot be written.
     """
     path = Path(name if name.endswith(_SUFFIX) else name + _SUFFIX)
     if not re.fullmatch(NAME_PATTERN, path.stem):
         raise TemplateError(f"'{path.stem}' cannot be a scenario's name; allowed: {NAME}")
-    if not path.parent.is_dir():
-        raise TemplateError(f"{path}: there is no folder {path.parent}")
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(new_scenario_text(path.stem))
-    except FileExistsError as error:
-        raise TemplateError(f"{path}: this file exists already; choose another name or remove it") from error
+    write_whole(path, new_scenario_text(path.stem).encode(), new=True)
     return path
 
 

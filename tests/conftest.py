@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -152,6 +152,14 @@ class ChainMaker:
         if not feet:
             return UniformSupport(outline)
         return FeetSupport(outline, rng.dirichlet(np.full(len(outline), 2.0)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _recorded_runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep the runs that tests record, also in processes of their own, out of the user's home."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PUSHPLAN_RUNS", str(tmp_path_factory.mktemp("runs")))
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -15,10 +15,10 @@ from pushplan.commands import progress as progress_module
 from pushplan.commands.console import Console, takes_colour
 from pushplan.commands.failure import report_failure
 from pushplan.commands.numbers import counted, time_text
-from pushplan.commands.options import OutputError, check_outputs
+from pushplan.commands.options import check_outputs
 from pushplan.commands.progress import Progress
 from pushplan.drawing.format import PlotError
-from pushplan.errors import Finding, PlanningError, ScenarioError
+from pushplan.errors import Finding, OutputError, PlanningError, ScenarioError
 
 Captured = pytest.CaptureFixture[str]
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.errors import PushplanError
-from pushplan.logging.mcap.partial_file import write_pieces
 from pushplan.logging.messages.recorded import RecordedRun
+from pushplan.outputs.write import write_pieces
 
 _AT_ONCE = 10_000
 """Rows that exist as text in memory."""
@@ -24,12 +24,12 @@ def write_csv(run: RecordedRun, path: Path | str) -> None:
 
     Raises:
         PushplanError: When nothing was executed.
-        RunLogError: When the file cannot be written.
+        OutputError: When the file cannot be written.
     """
     columns = table(run)
     rows = np.column_stack(list(columns.values()))
     parts = (rows[begin : begin + _AT_ONCE].tolist() for begin in range(0, len(rows), _AT_ONCE))
-    write_pieces(Path(path), map(_lines, chain([[list(columns)]], parts)))
+    write_pieces(path, map(_lines, chain([[list(columns)]], parts)))
 
 
 def _lines(rows: Iterable[Iterable[object]]) -> bytes:

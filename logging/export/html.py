@@ -16,12 +16,12 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.execution import Execution
-from pushplan.logging.mcap.partial_file import write_whole
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import obstacle_outline
 from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import path_points, window
 from pushplan.mechanics.chain import Chain
+from pushplan.outputs.write import write_whole
 from pushplan.result import PlanResult, Run
 from pushplan.scenario import Scenario
 
@@ -35,9 +35,9 @@ def write_html(run: Run | RecordedRun, path: Path | str) -> None:
     """Write the page of `run`.
 
     Raises:
-        RunLogError: When the file cannot be written.
+        OutputError: When the file cannot be written.
     """
-    write_whole(Path(path), render(run).encode())
+    write_whole(path, render(run).encode())
 
 
 def render(run: Run | RecordedRun) -> str:

@@ -13,8 +13,8 @@ from PIL.Image import Image
 from pushplan.errors import PushplanError
 from pushplan.extras import optional
 from pushplan.logging.export.film_frames import HEIGHT, WIDTH, Film
-from pushplan.logging.mcap.partial_file import write_whole
 from pushplan.logging.messages.recorded import RecordedRun
+from pushplan.outputs.write import write_whole
 from pushplan.result import Run
 
 PICTURES_PER_SECOND = 25
@@ -31,7 +31,7 @@ def write_mp4(run: Run | RecordedRun, path: Path | str, *, rate: float = 1.0) ->
     Raises:
         MissingExtraError: When av is not installed.
         PushplanError: When nothing was executed.
-        RunLogError: When the file cannot be written.
+        OutputError: When the file cannot be written.
     """
     av = optional("av", "a film", "av", "mp4")
     execution = run.execution
@@ -41,7 +41,7 @@ def write_mp4(run: Run | RecordedRun, path: Path | str, *, rate: float = 1.0) ->
         target = Path(folder) / "run.mp4"
         pictures = Film(run, execution).pictures(PICTURES_PER_SECOND / rate, 0.0, float(execution.t[-1]))
         _encode(av, pictures, target)
-        write_whole(Path(path), target.read_bytes())
+        write_whole(path, target.read_bytes())
 
 
 def _encode(av: Any, pictures: Iterable[Image], target: Path) -> None:

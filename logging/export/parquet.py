@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pushplan.extras import optional
 from pushplan.logging.export.csv import table
-from pushplan.logging.mcap.partial_file import write_whole
 from pushplan.logging.messages.recorded import RecordedRun
+from pushplan.outputs.write import write_whole
 
 
 def write_parquet(run: RecordedRun, path: Path | str) -> None:
@@ -17,7 +17,7 @@ def write_parquet(run: RecordedRun, path: Path | str) -> None:
     Raises:
         MissingExtraError: When pyarrow is not installed.
         PushplanError: When nothing was executed.
-        RunLogError: When the file cannot be written.
+        OutputError: When the file cannot be written.
     """
     arrow = optional("pyarrow", "a Parquet file", "pyarrow", "parquet")
     parquet = optional("pyarrow.parquet", "a Parquet file", "pyarrow", "parquet")
@@ -25,4 +25,4 @@ def write_parquet(run: RecordedRun, path: Path | str) -> None:
     columns = arrow.table(table(run)).replace_schema_metadata(words)
     buffer = io.BytesIO()
     parquet.write_table(columns, buffer, compression="zstd")
-    write_whole(Path(path), buffer.getvalue())
+    write_whole(path, buffer.getvalue())

@@ -23,7 +23,6 @@ from mcap.writer import CompressionType, Writer
 from pushplan.arrays import FloatArray
 from pushplan.logging.export import ros2_messages as ros2
 from pushplan.logging.export.cdr import encode
-from pushplan.logging.mcap.partial_file import write_whole
 from pushplan.logging.messages.recorded import LogLine, RecordedRun
 from pushplan.logging.messages.schemas import LEVELS
 from pushplan.logging.view.scene import CHAIN, WORLD, scene
@@ -31,6 +30,7 @@ from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import PATH_SPACING, smoothed_times
 from pushplan.mechanics.chain import Chain
 from pushplan.names import PUSHER
+from pushplan.outputs.write import write_whole
 
 Message = dict[str, Any]
 
@@ -48,7 +48,7 @@ def write_ros2(run: RecordedRun, path: Path | str) -> None:
     """Write the bag, an .mcap file.
 
     Raises:
-        RunLogError: When the file cannot be written.
+        OutputError: When the file cannot be written.
     """
     buffer = io.BytesIO()
     bag = _Bag(buffer)
@@ -61,7 +61,7 @@ def write_ros2(run: RecordedRun, path: Path | str) -> None:
     for line in run.lines:
         bag.send("/log", ros2.LOG, line.time, _line(line))
     bag.finish()
-    write_whole(Path(path), buffer.getvalue())
+    write_whole(path, buffer.getvalue())
 
 
 class _Bag:

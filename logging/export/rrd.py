@@ -15,13 +15,13 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.execution import Execution
 from pushplan.extras import optional
-from pushplan.logging.mcap.partial_file import write_whole
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import CHAIN, WORLD, scene, tree
 from pushplan.logging.view.shapes import corners
 from pushplan.logging.view.window import path_points, window
 from pushplan.mechanics.chain import Chain
 from pushplan.names import PUSHER
+from pushplan.outputs.write import write_whole
 
 TIMELINE = "time"
 """Name of the timeline: simulated seconds."""
@@ -37,7 +37,7 @@ def write_rrd(run: RecordedRun, path: Path | str) -> None:
 
     Raises:
         MissingExtraError: When rerun-sdk is not installed.
-        RunLogError: When the file cannot be written.
+        OutputError: When the file cannot be written.
     """
     rerun = optional("rerun", "a Rerun recording", "rerun-sdk", "rerun")
     name = run.words.get("pushplan.run", {}).get("scenario_sha256", run.scenario.name)
@@ -48,7 +48,7 @@ def write_rrd(run: RecordedRun, path: Path | str) -> None:
         _record(rerun, recording, run)
         recording.flush()
         recording.disconnect()
-        write_whole(Path(path), target.read_bytes())
+        write_whole(path, target.read_bytes())
 
 
 def _record(rerun: Any, recording: Any, run: RecordedRun) -> None:

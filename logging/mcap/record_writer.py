@@ -20,7 +20,7 @@ from pushplan.arrays import IntArray
 from pushplan.logging.mcap import message_head, opcodes
 from pushplan.logging.mcap.batch import Batch
 from pushplan.logging.mcap.message_template import ByteRows
-from pushplan.logging.mcap.partial_file import PartialFile
+from pushplan.outputs.open_file import OpenFile
 
 CHUNK_SIZE = 256 << 10
 """A chunk is written when it has grown so large, bytes; until then its messages exist in memory only."""
@@ -40,7 +40,7 @@ def encoded(record: records.McapRecord) -> bytes:
 class RecordWriter:
     """Writes records to a file; the times of messages never go back."""
 
-    def __init__(self, file: PartialFile, library: str) -> None:
+    def __init__(self, file: OpenFile, library: str) -> None:
         self._file = file
         self._compressor = zstandard.ZstdCompressor()
         self._chunk = bytearray()

@@ -11,10 +11,11 @@ from pushplan.arrays import FloatArray, IntArray
 from pushplan.errors import RunLogError
 from pushplan.logging.mcap.batch import Batch
 from pushplan.logging.mcap.message_template import ByteRows
-from pushplan.logging.mcap.partial_file import PartialFile
 from pushplan.logging.mcap.record_writer import RecordWriter
-from pushplan.logging.messages.metadata import sealed, version_of
+from pushplan.logging.messages.metadata import version_of
 from pushplan.logging.messages.schemas import TOPICS, MessageClass, Topic
+from pushplan.logging.messages.seal import sealed
+from pushplan.outputs.open_file import OpenFile
 
 _NANO = 1_000_000_000
 _LATEST = 1 << 33
@@ -24,7 +25,7 @@ _LATEST = 1 << 33
 class Channels:
     """Writes messages on all `TOPICS` to a file; the time stands still or goes on, but never back."""
 
-    def __init__(self, file: PartialFile) -> None:
+    def __init__(self, file: OpenFile) -> None:
         self._file = file
         self._writer = RecordWriter(file, f"pushplan {version_of('pushplan')}")
         self._now = 0
@@ -48,7 +49,7 @@ class Channels:
         wrong = np.flatnonzero(~((times >= before) & (times < _LATEST)))
         if len(wrong):
             time, last = times[wrong[0]], before[wrong[0]]
-            raise RunLogError(str(self._file.final), f"time {time} s cannot follow {last} s")
+            raise RunLogError(str(self._file.path), f"time {time} s cannot follow {last} s")
         return np.rint(times * _NANO).astype(np.int64)
 
     @property

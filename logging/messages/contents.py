@@ -11,13 +11,13 @@ from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.execution_message import Collector
 from pushplan.logging.messages.recorded import LogLine
 from pushplan.logging.messages.schemas import MessageClass, Topic
-from pushplan.result import PlanResult
+from pushplan.result import PlanResult, ProgressPoint
 
 TOPICS = (schemas.PROGRESS, schemas.PLAN, schemas.EXECUTION, schemas.EXECUTION_END, schemas.LOG)
 """What is read back; the other topics are for viewers, and follow from these and the scenario."""
 
 _LINE, _BLOCK = 1 << 10, 12 << 10
-"""Memory, in bytes, charged for a line or an improvement beside its text, and at least for a block of samples: both
+"""Memory, in bytes, charged for a line beside its text, and at least for a block of samples or an improvement: all
 take microseconds to read, so that this bounds the time, too."""
 
 
@@ -28,6 +28,7 @@ class Contents:
         effort: What planning took, once the metadata have told.
         contacts: Returns the number of contacts of the chain.
         plan: The plan, once it has come.
+        progress: The improvements so far; their wall-clock times are NaN.
         lines: The lines of /log so far.
     """
 
@@ -37,7 +38,7 @@ class Contents:
         self.contacts = contacts
         self.plan: PlanResult | None = None
         self.lines: list[LogLine] = []
-        self._progress: list[tuple[int, float]] = []
+        self.progress: list[ProgressPoint] = []
         self._samples: Collector | None = None
         self._execution: Execution | None = None
         self._handlers: dict[str, tuple[Topic, Callable[[MessageClass], None]]] = {
@@ -71,7 +72,9 @@ class Contents:
     def memory(message: Message) -> int:
         """Return the bytes that the message may take once it is decoded."""
         size = len(message.data)
-        return max(size, _BLOCK) if message.topic == schemas.EXECUTION.name else 4 * size + _LINE
+        if message.topic in (schemas.EXECUTION.name, schemas.PROGRESS.name):
+            return max(4 * size if message.topic == schemas.PROGRESS.name else size, _BLOCK)
+        return 4 * size + _LINE
 
     @property
     def gaps(self) -> list[tuple[int, int]]:
@@ -90,14 +93,14 @@ class Contents:
         return self._execution
 
     def _take_progress(self, message: MessageClass) -> None:
-        self._progress.append((message.iterations, message.cost))
+        self.progress.append(plan_message.decode_progress(message))
 
     def _take_plan(self, message: MessageClass) -> None:
         if self.plan is not None:
             raise ValueError("there is a plan already")
         if self.effort is None:
             raise ValueError("the metadata 'pushplan.planning' have not come before it")
-        self.plan = plan_message.decode(message, self.effort, self._progress)
+        self.plan = plan_message.decode(message, self.effort, self.progress)
 
     def _take_samples(self, message: MessageClass) -> None:
         if self._execution is not None:

@@ -1,14 +1,10 @@
-"""The metadata of a run log: who wrote it, from what, and how it ended.
-
-MCAP keeps no checksum of metadata, so each of ours holds one of its own words.
-"""
+"""The metadata of a run log: who wrote it, from what, and how it ended."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import platform
-import zlib
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import cache
@@ -24,34 +20,13 @@ FORMAT = 1
 
 RUN = "pushplan.run"
 PLANNING = "pushplan.planning"
+PROGRESS = "pushplan.progress"
+"""Followed by `.0000`, `.0001`, ...: what /planner/progress leaves out of improvements logged when found."""
 RESULT = "pushplan.result"
 RECOVERY = "pushplan.recovery"
 """In logs that were written from a damaged one: its name, and what of it was lost."""
 
-_CHECKSUM = "crc32"
 _DEPENDENCIES = ("numpy", "numba", "scipy", "shapely", "ompl", "ruckig", "mcap", "protobuf")
-
-
-def sealed(words: Mapping[str, str]) -> dict[str, str]:
-    """Return `words` with their checksum."""
-    return {**words, _CHECKSUM: _checksum(words)}
-
-
-def unsealed(words: Mapping[str, str]) -> dict[str, str]:
-    """Return `words` without their checksum.
-
-    Raises:
-        ValueError: When the checksum is missing or does not fit.
-    """
-    rest = {key: value for key, value in words.items() if key != _CHECKSUM}
-    if words.get(_CHECKSUM) != _checksum(rest):
-        raise ValueError("the checksum of the metadata does not fit")
-    return rest
-
-
-def _checksum(words: Mapping[str, str]) -> str:
-    text = "".join(f"{len(part)}:{part}" for pair in sorted(words.items()) for part in pair)
-    return f"{zlib.crc32(text.encode()):08x}"
 
 
 def run_words(scenario: Scenario, settings: Mapping[str, object]) -> dict[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from pushplan.trajectory import Trajectory
 
 _MOST_REASONS = 1000
 """Diagnoses of a plan, and numbers in one, at most: there are some ten."""
+
+_ROUNDING = 1e-6
+"""Share by which the cost of an improvement may differ from its path's, whose arcs of no length are left out."""
 
 
 def encode(plan: PlanResult) -> MessageClass:
@@ -40,8 +43,7 @@ def encode(plan: PlanResult) -> MessageClass:
     )
     for field, path in (("path", plan.path), ("approximate_path", plan.approximate_path)):
         if path is not None:
-            for name in ("start", "twists", "lengths"):
-                getattr(getattr(message, field), name).extend(getattr(path, name).ravel())
+            _fill(getattr(message, field), path)
     if plan.tolerance is not None:
         message.tolerance.SetInParent()
         for name, value in vars(plan.tolerance).items():
@@ -54,13 +56,39 @@ def encode(plan: PlanResult) -> MessageClass:
     return message
 
 
-def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, float]]) -> PlanResult:
+def encode_progress(point: ProgressPoint) -> MessageClass:
+    """Return the `Progress` message of an improvement, without a time stamp."""
+    message = schemas.Progress(iterations=point.iterations, cost=point.cost)
+    if point.path is not None:
+        _fill(message.path, point.path)
+    return message
+
+
+def decode_progress(message: MessageClass) -> ProgressPoint:
+    """Return the improvement that `message` holds; its wall-clock time, which it does not hold, is NaN.
+
+    Raises:
+        ValueError: When the numbers do not make a path of that cost.
+        PushplanError: Likewise.
+    """
+    path = _path(message.path) if message.HasField("path") else None
+    if path is not None and abs(path.cost - message.cost) > _ROUNDING * max(1.0, path.cost):
+        raise ValueError(f"a path of {path.cost:g} m is said to cost {message.cost:g} m")
+    return ProgressPoint(math.nan, message.cost, message.iterations, path)
+
+
+def _fill(message: MessageClass, path: PushPath) -> None:
+    for name in ("start", "twists", "lengths"):
+        getattr(message, name).extend(getattr(path, name).ravel())
+
+
+def decode(message: MessageClass, effort: Effort, progress: Sequence[ProgressPoint]) -> PlanResult:
     """Return the plan that `message` holds.
 
     Args:
         message: A `Plan` message.
         effort: What it took.
-        progress: (iterations, cost) of each improvement, as many as `effort.progress_s`.
+        progress: The improvements, as many as `effort.progress_s`.
 
     Raises:
         ValueError: When the numbers do not make a plan.
@@ -73,17 +101,21 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[tuple[int, 
     if len(progress) != len(effort.progress_s):
         raise ValueError(f"{len(effort.progress_s)} times for {len(progress)} improvements")
     points = zip(effort.progress_s, progress, strict=True)
+    path = _path(message.path) if message.HasField("path") else None
+    found = [point.path.start for point in progress if point.path is not None]
+    if path is not None and any((start != path.start).any() for start in found):
+        raise ValueError("a path that was found begins elsewhere than the plan's")
     return PlanResult(
         solved=message.solved,
         reason=message.reason,
         planner=message.planner,
         stable_set=message.stable_set,
         seed=message.seed,
-        path=_path(message.path) if message.HasField("path") else None,
+        path=path,
         trajectory=_trajectory(message.trajectory) if message.HasField("trajectory") else None,
         first_solution_s=effort.first_solution_s,
         planning_s=effort.planning_s,
-        progress=tuple(ProgressPoint(seconds, cost, iterations) for seconds, (iterations, cost) in points),
+        progress=tuple(replace(point, seconds=seconds) for seconds, point in points),
         extensions=effort.extensions,
         min_margin=_optional(message, "min_margin"),
         tree=frozen(_array(message.tree, (-1, 2, 3)), (None, 2, 3), "tree"),

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from pushplan.arrays import FloatArray
 from pushplan.execution import Execution
-from pushplan.result import PlanResult
+from pushplan.path import PushPath
+from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.trajectory import Trajectory
 
@@ -33,7 +34,9 @@ class RecordedRun:
         execution: What the simulator made of it; None when nothing was executed or the log ends before. Where the
             log ends in the middle, its samples so far, and NaN for the goal error.
         lines: The lines of /log.
-        words: The metadata by name: `pushplan.run`, `pushplan.planning`, `pushplan.result`.
+        words: The metadata by name: `pushplan.run`, `pushplan.planning`, `pushplan.result`,
+            and `pushplan.progress.0000` and so on for improvements that were logged when found.
+        progress: The improvements of the best path; seconds are NaN where the log does not say.
         losses: What of the file could not be read, in words; empty for a whole one.
     """
 
@@ -44,6 +47,7 @@ class RecordedRun:
     lines: tuple[LogLine, ...]
     words: Mapping[str, Mapping[str, str]]
     losses: tuple[str, ...]
+    progress: tuple[ProgressPoint, ...] = ()
 
     @property
     def trajectory(self) -> Trajectory | None:
@@ -54,6 +58,13 @@ class RecordedRun:
     def margins(self) -> FloatArray | None:
         """(m, n) margin of each contact during the execution, if there was one."""
         return None if self.execution is None else self.execution.margins
+
+    @property
+    def best_path(self) -> PushPath | None:
+        """The best path that the log holds: the plan's, or of a run that was cut off the last one found."""
+        if self.plan is not None:
+            return self.plan.path
+        return self.progress[-1].path if self.progress else None
 
     @property
     def outcome(self) -> str:

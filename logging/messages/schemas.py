@@ -4,7 +4,8 @@ The messages of our own (package `pushplan`) are declared in `_MESSAGES` and bui
 code has to be kept. Field numbers never change their meaning; new fields take new numbers. SI units, radians.
 
 - `Plan`: what planning found, complete: arcs of the path, polynomial of the trajectory, search tree; or why nothing.
-- `Progress`: one improvement of the best path. Wall-clock times are in the metadata `pushplan.planning`.
+- `Progress`: one improvement of the best path. Wall-clock times are in the metadata `pushplan.progress.N` and
+  `pushplan.planning`.
 - `Twist`, `Margins`: what the pusher does and how far every contact is from slipping, for people and plots.
 - `Execution`: the samples of one stretch of the execution, bit for bit (see `blocks`), and `ExecutionEnd`.
 """
@@ -40,7 +41,7 @@ _MESSAGES: dict[str, tuple[str, ...]] = {
         "6 foxglove.Point2 point",
     ),
     "Margins": (_STAMP, "2 double smallest", "3 repeated pushplan.ContactMargin contacts"),
-    "Progress": (_STAMP, "2 uint64 iterations", "3 double cost"),
+    "Progress": (_STAMP, "2 uint64 iterations", "3 double cost", "4 pushplan.Path path"),
     "Path": ("1 repeated double start", "2 repeated double twists", "3 repeated double lengths"),
     "Trajectory": (
         "1 repeated double start",

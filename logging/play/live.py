@@ -11,11 +11,11 @@ from pushplan.errors import PushplanError
 from pushplan.extras import optional
 from pushplan.logging.mcap.items import Message
 from pushplan.logging.mcap.mcap_file import McapFile
-from pushplan.logging.mcap.partial_file import SUFFIX
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.schemas import Topic
 from pushplan.logging.play.playback import Pace, Playback
+from pushplan.outputs.partial_file import SUFFIX
 
 PORT = 8765
 """The port that these viewers try by themselves."""

@@ -10,11 +10,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from pushplan.logging.mcap.partial_file import write_whole
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import WORLD
 from pushplan.logging.view.window import window
+from pushplan.outputs.write import write_whole
 from pushplan.result import Run
 
 _SCENE, _MARGINS, _FORCES, _PROGRESS, _LOG = (
@@ -30,9 +30,9 @@ def write_layout(run: Run | RecordedRun, path: Path | str) -> None:
     """Write the layout for `run` as a JSON file.
 
     Raises:
-        RunLogError: When the file cannot be written.
+        OutputError: When the file cannot be written.
     """
-    write_whole(Path(path), (json.dumps(layout(run), indent=1) + "\n").encode())
+    write_whole(path, (json.dumps(layout(run), indent=1) + "\n").encode())
 
 
 def layout(run: Run | RecordedRun) -> dict[str, Any]:

@@ -23,6 +23,10 @@ def summary(run: RecordedRun) -> list[tuple[str, str]]:
     if run.execution is not None:
         contacts = run.execution.margins.shape[1]
         rows.append(("samples", f"{len(run.execution.t)} of {contacts} contacts"))
+    if run.plan is not None and metadata.PLANNING not in run.words:
+        rows.append(
+            ("plan", "the best path that the log holds, timed and executed anew: the run was cut off before")
+        )
     warnings = [line for line in run.lines if line.level not in ("debug", "info")]
     rows += [(line.level, f"{line.time:.3f} s: {line.text}") for line in warnings]
     earlier = run.words.get(metadata.RECOVERY, {})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 
@@ -20,6 +21,7 @@ class Budget:
         patience: Share of the iterations where they are given, else of the time, after which a search without a
             path is over.
         enough: Likewise of a search that has a path.
+        stop: Asked now and then whether the search has to end at once.
     """
 
     time_limit: float
@@ -29,9 +31,12 @@ class Budget:
     iterations: int | None = None
     patience: float = 1.0
     enough: float = 1.0
+    stop: Callable[[], bool] | None = None
 
     def is_used_up(self, seconds: float, iterations: int, share: float = 1.0) -> bool:
-        """Tell whether a share of the iterations or of the time is spent, or all of the time."""
+        """Tell whether a share of the iterations or of the time is spent, or all of the time, or `stop` says so."""
+        if self.stop is not None and self.stop():
+            return True
         if self.iterations is None:
             return seconds >= share * self.time_limit
         return iterations >= share * self.iterations or seconds >= self.time_limit

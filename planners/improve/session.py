@@ -244,6 +244,6 @@ class Session:
         self.bound = self.horizon - GAIN
         if self.horizon < self._reference * (1.0 - WORTHWHILE):
             self._reference, self._improved_at = self.horizon, self.iterations
-        self.progress.append(ProgressPoint(self.elapsed, self.best_cost, self.iterations))
+        self.progress.append(ProgressPoint(self.elapsed, self.best_cost, self.iterations, self.best_path))
         if self._on_progress is not None:
             self._on_progress(self.progress[-1])

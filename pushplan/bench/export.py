@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from importlib.util import find_spec
 from pathlib import Path
 
 from pushplan.bench.arena import ATTRIBUTES
 from pushplan.bench.results import Results, RunRow
+from pushplan.outputs.write import write_whole
 
 WORDS = ("key", "problem", "planner", "stable_set", "seed", "outcome", "message", "log", "host")
 
@@ -46,19 +48,19 @@ def _progress(results: Results) -> list[dict[str, object]]:
 
 
 def _write_csv(columns: list[str], rows: list[dict[str, object]], path: Path) -> Path:
-    part = path.with_name(f".{path.name}.new")
-    with part.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, columns)
-        writer.writeheader()
-        writer.writerows(rows)
-    return part.replace(path)
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, columns)
+    writer.writeheader()
+    writer.writerows(rows)
+    write_whole(path, text.getvalue().encode())
+    return path
 
 
 def _write_parquet(columns: list[str], rows: list[dict[str, object]], path: Path) -> Path:
     import pyarrow
     from pyarrow import parquet
 
-    part = path.with_name(f".{path.name}.new")
-    table = pyarrow.table({name: [row[name] for row in rows] for name in columns})
-    parquet.write_table(table, part)
-    return part.replace(path)
+    table, buffer = pyarrow.table({name: [row[name] for row in rows] for name in columns}), io.BytesIO()
+    parquet.write_table(table, buffer)
+    write_whole(path, buffer.getvalue())
+    return path

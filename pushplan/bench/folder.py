@@ -14,6 +14,7 @@ from pathlib import Path
 from pushplan.bench.outcome import Outcome
 from pushplan.bench.suite import RunSpec, Suite
 from pushplan.errors import PushplanError
+from pushplan.outputs.write import write_whole
 
 
 class FolderError(PushplanError, ValueError):
@@ -43,7 +44,7 @@ class ResultsFolder:
     @property
     def scratch(self) -> Path:
         """Where runs have their folders while they go on."""
-        return self.path / "scratch"
+        return self.path / ".scratch"
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -56,7 +57,7 @@ class ResultsFolder:
             self.path.mkdir(parents=True, exist_ok=True)
         except FileExistsError as error:
             raise FolderError(f"{self.path} is a file; allowed: a folder, which may be new") from error
-        with (self.path / ".lock").open("w") as lock:
+        with os.fdopen(os.open(self.path / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC), "rb") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
@@ -70,11 +71,11 @@ class ResultsFolder:
 
     def keep_suite(self, suite: Suite) -> None:
         """Write the suite and its problems, so that the folder says what was run."""
-        _replace(self.path / "suite.yaml", suite.source)
+        write_whole(self.path / "suite.yaml", suite.source)
         problems = self.path / "problems"
         problems.mkdir(exist_ok=True)
         for problem in suite.problems:
-            _replace(problems / f"{_plain(problem.name)}.yaml", problem.scenario.source)
+            write_whole(problems / f"{_plain(problem.name)}.yaml", problem.scenario.source)
 
     def keep_log(self, run: RunSpec, result: Outcome) -> str | None:
         """Write the log of a run, whole or in part, in place of an earlier one; return its name in the folder."""
@@ -87,17 +88,10 @@ class ResultsFolder:
         if result.log is None:
             return None
         target = whole if result.whole else part
-        _replace(target, result.log)
+        write_whole(target, result.log)
         return str(target.relative_to(self.path))
 
 
 def _plain(word: str) -> str:
     """Return a word with nothing in it that file names do not like."""
     return re.sub(r"[^\w.+-]+", "_", word, flags=re.ASCII)
-
-
-def _replace(path: Path, data: bytes) -> None:
-    """Write a file so that it is there in whole or not at all."""
-    part = path.with_name(f".{path.name}.new")
-    part.write_bytes(data)
-    os.replace(part, path)

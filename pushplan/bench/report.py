@@ -14,6 +14,7 @@ from pushplan.bench.outcome import INVALID
 from pushplan.bench.report_tables import Table
 from pushplan.bench.report_worst import failures, pictures, worst_runs
 from pushplan.bench.results import MISSING, Results, RunRow
+from pushplan.outputs.write import write_whole
 
 MOST_FAILURES = 200
 """Failed runs that are listed, at most."""
@@ -38,9 +39,7 @@ def write_report(results: Results, path: Path, with_pictures: bool = True) -> No
         path: HTML file to write, in the folder of the results, so that its links lead to the logs.
         with_pictures: Draw the runs most worth a look, which takes about a second each.
     """
-    part = path.with_name(f".{path.name}.new")
-    part.write_text(render(results, with_pictures), encoding="utf-8")
-    part.replace(path)
+    write_whole(path, render(results, with_pictures).encode())
 
 
 def render(results: Results, with_pictures: bool = True) -> str:

@@ -17,6 +17,7 @@ from pushplan.bench.machine import Machine
 from pushplan.bench.outcome import OK, STATUSES, Figures, Outcome
 from pushplan.bench.suite import Problem, RunSpec, Suite
 from pushplan.errors import PushplanError
+from pushplan.outputs.target import look
 
 FORMAT = 1
 """Version of our own tables."""
@@ -39,6 +40,8 @@ class Store:
     def __init__(self, path: Path) -> None:
         """Open the file, or create it."""
         self.path = path
+        if look(path).streamed:
+            raise StoreError(f"{path} is a pipe or a device; name another folder")
         self._database = sqlite3.connect(path, timeout=BUSY, isolation_level=None)
         try:
             self._prepare()

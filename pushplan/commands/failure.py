@@ -6,13 +6,13 @@ import traceback
 
 from pushplan.commands.console import Console
 from pushplan.errors import PushplanError, ScenarioError
+from pushplan.interruption import INTERRUPTED
 
 DONE = 0
 DEFECT = 1
 WRONG_INPUT = 2
 NO_PLAN = 3
 MISMATCH = 4
-INTERRUPTED = 130
 PIPE_CLOSED = 141
 """What a shell reports for a program that writes to a closed pipe."""
 
@@ -28,7 +28,7 @@ def report_failure(error: BaseException, console: Console) -> int:
         if console.verbose and code == DEFECT:
             console.note("".join(traceback.format_exception(error)).rstrip())
         console.note(message)
-        console.emit({"error": {"kind": type(error).__name__, "message": str(error), **_details(error)}})
+        console.emit({"error": error_document(error)})
     except BrokenPipeError:
         return PIPE_CLOSED
     return code
@@ -53,6 +53,11 @@ def _explain(error: BaseException) -> tuple[int, str]:
         "This is a defect of pushplan, not of your input. Please report it with the command and its scenario; "
         "--verbose shows where it happened."
     )
+
+
+def error_document(error: BaseException) -> dict[str, object]:
+    """Return what went wrong as a JSON object."""
+    return {"kind": type(error).__name__, "message": str(error), **_details(error)}
 
 
 def _details(error: BaseException) -> dict[str, object]:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import os
 from math import isfinite
 from pathlib import Path
 from typing import Literal
 
 from pushplan.drawing.format import check_picture_path
-from pushplan.errors import PushplanError
+from pushplan.errors import OutputError
 from pushplan.names import AUTO
-
-
-class OutputError(PushplanError, ValueError):
-    """A file that the command line names for output cannot be written there."""
+from pushplan.outputs.target import look
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +26,16 @@ def add_output(parser: argparse.ArgumentParser, *flags: str, help: str) -> None:
 def add_plot(parser: argparse.ArgumentParser, what: str) -> None:
     """Declare the option that asks for a picture."""
     add_output(parser, "--plot", help=f"{what} (PNG, SVG or PDF by the suffix)")
+
+
+def add_runs(parser: argparse.ArgumentParser) -> None:
+    """Declare the option that names the folder of the recorded runs."""
+    parser.add_argument(
+        "--runs",
+        metavar="DIR",
+        type=Path,
+        help="folder of the recorded runs (default: $PUSHPLAN_RUNS, else ~/.local/state/pushplan/runs)",
+    )
 
 
 def seconds(text: str) -> float:
@@ -84,7 +90,7 @@ def check_outputs(source: str, picture: Path | None, *others: Path | None) -> No
 
     Raises:
         PlotError: When the picture has a suffix that is not known.
-        OutputError: When a folder is missing or closed, or a file is a folder, is named twice, or is the source.
+        OutputError: When one cannot be written (see `outputs.target.look`), is named twice, or is the source.
     """
     if picture is not None:
         check_picture_path(picture)
@@ -92,12 +98,7 @@ def check_outputs(source: str, picture: Path | None, *others: Path | None) -> No
     for path in (picture, *others):
         if path is None:
             continue
-        if not path.parent.is_dir():
-            raise OutputError(f"{path}: there is no folder {path.parent}")
-        if not os.access(path.parent, os.W_OK):
-            raise OutputError(f"{path}: nothing may be written in the folder {path.parent}")
-        if path.is_dir():
-            raise OutputError(f"{path}: this is a folder; name a file in it")
-        if path.resolve() in taken:
-            raise OutputError(f"{path}: this file is read or written already; name another one")
+        target = look(path)
+        if path.resolve() in taken and not (target.streamed and path.is_char_device()):
+            raise OutputError(str(path), "this file is read or written already; name another one")
         taken.add(path.resolve())

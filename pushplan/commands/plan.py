@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.commands.check import require_pushable
 from pushplan.commands.console import Console
+from pushplan.commands.failure import DEFECT, MISMATCH, error_document
 from pushplan.commands.options import (
     add_output,
     add_plot,
+    add_runs,
     add_scenario,
-    check_outputs,
     count,
     margin,
     seconds,
@@ -21,19 +20,25 @@ from pushplan.commands.options import (
     share,
 )
 from pushplan.commands.physics import add_physics
+from pushplan.commands.plan_steps import load, plan_and_record, report
+from pushplan.interruption import Interruption, leaving_at_once
 from pushplan.names import COSTS
 from pushplan.naming import planner_names, stable_set_names
 
 if TYPE_CHECKING:
     from pushplan.execution import Execution
-    from pushplan.result import PlanResult, ProgressPoint, Run
+    from pushplan.result import PlanResult, Run
     from pushplan.scenario import Scenario
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command; what they leave open is taken from the scenario."""
     add_scenario(parser)
-    add_output(parser, "-o", "--output", help="write the run's log (MCAP), solved or not")
+    add_output(parser, "-o", "--output", help="write the run's log (MCAP), solved or not, here")
+    parser.add_argument(
+        "--no-log", action="store_true", help="write no log; else one is recorded without -o, too"
+    )
+    add_runs(parser)
     planners, sets = planner_names(), stable_set_names()
     parser.add_argument("--planner", choices=planners, metavar="NAME", help=f"one of {planners.words}")
     parser.add_argument("--set", choices=sets, metavar="NAME", help=f"one of {sets.words}")
@@ -63,65 +68,31 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    from pushplan.commands import physics
-    from pushplan.commands.failure import MISMATCH
-    from pushplan.commands.report import document, exit_code, headline, rows
-    from pushplan.reading.scenario_file import load_scenario
+    with leaving_at_once():  # nothing is lost yet
+        scenario = load(args, console)
+    interruption = Interruption()
+    done, incomplete = plan_and_record(args, scenario, interruption, console)
+    code, told = report(done, interruption.requested, console)
+    if incomplete is not None:
+        console.note(f"error: {incomplete}")
+    if args.physics and not interruption.requested:
+        from pushplan.commands import physics
 
-    check_outputs(args.scenario, args.plot, args.output, args.html)
-    scenario = load_scenario(args.scenario)
-    if args.physics:
-        physics.require_executable(scenario)
-    done = _run(args, scenario, console)
+        found = physics.execute(scenario, done.plan.trajectory, console)
+        told["physics"] = physics.document(found)
+        code = MISMATCH if found is not None and not found.kept else code
+    _draw_outputs(done, args, console)
+    console.emit(told if incomplete is None else {**told, "error": error_document(incomplete)})
+    return code if incomplete is None else DEFECT
+
+
+def _draw_outputs(done: Run, args: argparse.Namespace, console: Console) -> None:
     if args.plot is not None:
         draw(done.scenario, done.plan, done.execution, args.plot, console)
     if args.html is not None:
         from pushplan.logging.export.html import write_html
 
         write_html(done, args.html)
-    console.say(headline(done.scenario, done.plan, console))
-    console.table(rows(done.scenario, done.plan, done.execution, done.log))
-    told = document(done.scenario, done.plan, done.execution, done.log)
-    code = exit_code(done.plan, done.execution)
-    if args.physics:
-        found = physics.execute(scenario, done.plan.trajectory, console)
-        told["physics"] = physics.document(found)
-        code = MISMATCH if found is not None and not found.kept else code
-    console.emit(told)
-    return code
-
-
-def _run(args: argparse.Namespace, scenario: Scenario, console: Console) -> Run:
-    with console.computing("loading the planner"):
-        from pushplan.kernels import warm_up
-        from pushplan.run import run as run_push
-        from pushplan.scenario import StabilitySettings
-        from pushplan.stable_sets.named import add_set
-
-        warm_up(args.planner or scenario.planner.name)
-        chosen = add_set(args.set or scenario.stability.set)
-        kept = scenario.stability.margin if args.margin is None else args.margin
-        require_pushable(replace(scenario, stability=StabilitySettings(chosen, kept)))
-    limit = scenario.planner.time_limit if args.time_limit is None else args.time_limit
-    with console.working(f"planning, up to {limit:g} s") as progress:
-
-        def improved(point: ProgressPoint) -> None:
-            progress.tell(f"best path so far {point.cost:.3f} m")
-
-        return run_push(
-            scenario,
-            log=args.output,
-            planner=args.planner,
-            stable_set=args.set,
-            seed=args.seed,
-            time_limit=args.time_limit,
-            iterations=args.iterations,
-            first=args.first,
-            cost=args.cost,
-            margin=args.margin,
-            gap=args.gap,
-            progress=improved,
-        )
 
 
 def draw(

@@ -10,19 +10,31 @@ from typing import TYPE_CHECKING
 from pushplan.commands.console import Console
 from pushplan.commands.exports import asked_for, declare_exports, write_exports
 from pushplan.commands.failure import DONE, MISMATCH
-from pushplan.commands.options import OutputError, add_plot, check_outputs
+from pushplan.commands.options import add_plot, add_runs, check_outputs
 from pushplan.commands.physics import add_physics
 from pushplan.commands.playing import declare_playing, play
-from pushplan.errors import RunLogError
+from pushplan.commands.runs import log_meant
+from pushplan.errors import PushplanError, RunLogError
 
 if TYPE_CHECKING:
     from pushplan.logging.messages.recorded import RecordedRun
     from pushplan.logging.verify import VerifyReport
 
 
+class ReplayUsageError(PushplanError, ValueError):
+    """Words of the command do not go together."""
+
+
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command."""
-    parser.add_argument("log", metavar="RUN", help="a log (.mcap), or what a killed run left (.mcap.partial)")
+    parser.add_argument(
+        "log",
+        metavar="RUN",
+        nargs="?",
+        help="a log (.mcap), or what a killed run left (.mcap.partial); @3 is the third last recorded run, and "
+        "without any it is the last",
+    )
+    add_runs(parser)
     parser.add_argument(
         "recovered", metavar="OUT", nargs="?", type=Path, help="with --recover: the clean log, a new file"
     )
@@ -41,16 +53,20 @@ def run(args: argparse.Namespace, console: Console) -> int:
     from pushplan.commands import physics
 
     if args.recover != (args.recovered is not None):
-        raise OutputError("--recover needs two names, of the damaged log and of the new one; others take one")
+        raise ReplayUsageError(
+            "--recover needs two names, of the damaged log and of the new one; others take one"
+        )
+    args.log = log_meant(args.log, args.runs)
     check_outputs(args.log, args.plot, args.recovered, *asked_for(args).values())
     with console.working(f"reading {args.log}"):
         recorded = _read(args)
     if args.physics:
         physics.require_executable(recorded.scenario)
+    kept, recorded = recorded, _with_plan(recorded, console)
     _tell(recorded, console)
     if args.recover:
         console.say(f"{args.recovered}: a clean log of what is whole")
-    report = _verify(recorded, console) if args.verify else None
+    report = _verify(kept, console) if args.verify else None
     found = physics.execute(recorded.scenario, recorded.trajectory, console) if args.physics else None
     _export(recorded, args, console)
     play(recorded, args, console)
@@ -70,6 +86,16 @@ def _read(args: argparse.Namespace) -> RecordedRun:
     from pushplan.logging.reader import read_run
 
     return read_run(args.log)
+
+
+def _with_plan(recorded: RecordedRun, console: Console) -> RecordedRun:
+    """Return a run that was cut off with the plan that its best path leads to; others as they are."""
+    if recorded.plan is not None or recorded.best_path is None:
+        return recorded
+    with console.computing("timing and executing the best path"):
+        from pushplan.logging.cut_off import with_best_path
+
+        return with_best_path(recorded)
 
 
 def _tell(recorded: RecordedRun, console: Console) -> None:

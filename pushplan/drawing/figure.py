@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from pushplan.drawing.format import check_picture_path
+from pushplan.outputs.write import write_whole
 
 INK = "#2f3338"
 """Text and the outlines that matter."""
@@ -57,12 +59,15 @@ def figure_for(path: str | Path, width: float, height: float) -> Iterator[Figure
 
     Raises:
         PlotError: On a suffix that is none of these.
+        OutputError: When the file cannot be written.
     """
     path = check_picture_path(path)
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(width, height))
         yield figure
-        figure.savefig(path, dpi=_DPI, metadata=dict(_METADATA[path.suffix.lower()]))
+        kind, picture = path.suffix.lower(), BytesIO()
+        figure.savefig(picture, format=kind.removeprefix("."), dpi=_DPI, metadata=dict(_METADATA[kind]))
+        write_whole(path, picture.getvalue())
 
 
 def axes_at(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:

@@ -74,7 +74,7 @@ def test_planted_faults_end_as_rows_with_the_right_status(
     assert tally.failed == sum(planted.fate_of(seed) not in ("fine", "no plan") for seed in range(count))
     assert [t.done for t in seen] == list(range(1, count + 1))
     assert seen[-1].to_end == 0.0
-    assert not (tmp_path / "scratch").exists()
+    assert not (tmp_path / ".scratch").exists()
 
 
 @pytest.mark.parametrize("kind", ["planted", "real"])
@@ -168,7 +168,7 @@ def test_an_interrupt_stops_cleanly_and_can_be_resumed(planted: Any, tmp_path: P
     with pytest.raises(KeyboardInterrupt):
         _run(suite, tmp_path, work=planted.work, tell=interrupt)
     assert len(rows(tmp_path)) == 3
-    assert not (tmp_path / "scratch").exists()
+    assert not (tmp_path / ".scratch").exists()
     _run(suite, tmp_path, work=planted.work, choice=Choice(resume=True))
     _check_planted(rows(tmp_path), planted, 6)
 

@@ -73,7 +73,7 @@ def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
         in rest
     )
     assert "Traceback" not in rest
-    assert not (tmp_path / "results" / "scratch").exists()
+    assert not (tmp_path / "results" / ".scratch").exists()
     assert (tmp_path / "results" / "results.db").exists()
 
 

@@ -18,6 +18,8 @@ from typing import Any
 
 import zstandard
 
+from pushplan.logging.messages import schemas
+
 BOMBS: dict[str, Callable[[bytes], bytes]] = {}
 
 PADDING = int(os.environ.get("PUSHPLAN_PADDING", "0"))
@@ -90,6 +92,16 @@ def lines_of_megabytes(log: bytes) -> bytes:
 @bomb
 def hundreds_of_thousands_of_lines(log: bytes) -> bytes:
     return exploding(log, [packed(repeated(message(log, "/log", b"\x10\x02\x1a\x01x")))] * 60)
+
+
+@bomb
+def hundreds_of_thousands_of_improvements(log: bytes) -> bytes:
+    point = schemas.Progress(cost=1.0)
+    point.path.start.extend([0.0] * 3)
+    point.path.twists.extend([1.0, 0.0, 0.0])
+    point.path.lengths.append(1.0)
+    improvement = message(log, "/planner/progress", point.SerializeToString())
+    return exploding(log, [packed(repeated(improvement))] * 60)
 
 
 @bomb

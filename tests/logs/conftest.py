@@ -6,6 +6,7 @@ import dataclasses
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -147,7 +148,9 @@ def whole_log(case: Case, tmp_path_factory: pytest.TempPathFactory) -> bytes:
 def _metadata_places(log: bytes) -> dict[str, slice]:
     """Return where each word of the metadata lies in a log, found without the project's reader."""
     places = {}
-    for name in ("pushplan.run", "pushplan.planning", "pushplan.result"):
+    improvements = (f"pushplan.progress.{k:04d}" for k in count())
+    logged = takewhile(lambda name: name.encode() in log, improvements)
+    for name in ("pushplan.run", *logged, "pushplan.planning", "pushplan.result"):
         marker = struct.pack("<I", len(name)) + name.encode()
         at = log.index(marker) + len(marker)
         end = at + 4 + struct.unpack_from("<I", log, at)[0]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pushplan.errors import RunLogError
+from pushplan.errors import OutputError
 from pushplan.logging.export.html import MOST_SAMPLES, render, write_html
 from pushplan.logging.reader import read_run
 from pushplan.result import Run
@@ -101,7 +101,7 @@ def test_a_long_run_stays_a_small_page(run: Run) -> None:
 
 
 def test_a_page_that_cannot_be_written_is_an_error_with_its_path(run: Run, tmp_path: Path) -> None:
-    with pytest.raises(RunLogError, match=r"no/page\.html: cannot create the file"):
+    with pytest.raises(OutputError, match=r"no/page\.html: there is no folder"):
         write_html(run, tmp_path / "no" / "page.html")
 
 

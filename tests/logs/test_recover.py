@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pushplan.cli import main
-from pushplan.errors import RunLogError
+from pushplan.errors import OutputError, RunLogError
 from pushplan.logging.reader import read_run
 from pushplan.logging.recover import recover
 
@@ -128,7 +128,7 @@ def test_a_log_cut_anywhere_gives_a_clean_one_or_an_error(whole_log: bytes, tmp_
 def test_no_file_is_overwritten(whole_log: bytes, tmp_path: Path) -> None:
     source, target = damaged(whole_log, tmp_path / "a.mcap"), tmp_path / "b.mcap"
     target.write_text("precious")
-    with pytest.raises(RunLogError, match="there is a file of this name"):
+    with pytest.raises(OutputError, match="this file exists already"):
         recover(source, target)
     assert target.read_text() == "precious"
     assert main(["replay", "--recover", str(source), str(source)]) == 2

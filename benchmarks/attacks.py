@@ -1,0 +1,269 @@
+"""Attacks on what must not be lost or hurt: every output against what it could destroy, and kills of planning runs.
+
+Run `python benchmarks/attacks.py -o DIR [--kills 200] [--commands 20] [--seed 1] [--only outputs|kills|commands]`.
+
+- *outputs*: every output option of every command against a device, a full and a closed file system in a mount
+  namespace of their own, and against a link, a pipe and a folder in DIR.
+- *kills*: SIGKILL at random moments of `pushplan.run`, in a process that tells every improvement of its path. The log
+  must hold all that was told by then, and its best path must be one that drives to the goal.
+- *commands*: SIGKILL at random moments of `pushplan plan`, from its first instruction on; what it leaves must be no
+  log, or one that `pushplan replay` takes.
+
+What is done is kept in DIR and not done again. Prints a table; exits 1 when anything was lost or hurt.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import stat
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from random import Random
+from threading import Thread
+
+import numpy as np
+
+TESTS = Path(__file__).parents[1] / "tests"
+sys.path.insert(0, str(TESTS))
+
+from output_options import OPTIONS, words  # noqa: E402 (in tests, where the path has just been set)
+
+from pushplan.errors import PushplanError  # noqa: E402
+from pushplan.kernels import warm_up  # noqa: E402
+from pushplan.logging.cut_off import with_best_path  # noqa: E402
+from pushplan.logging.messages.recorded import RecordedRun  # noqa: E402
+from pushplan.logging.reader import read_run  # noqa: E402
+from pushplan.result import ProgressPoint  # noqa: E402
+from pushplan.run import run  # noqa: E402
+from pushplan.scenario import load_scenario  # noqa: E402
+
+SCENARIOS = ("two-crates", "one-box", "narrow-gap", "free-space")
+LIMIT = 1.5
+"""Time limit of each plan, s."""
+AFTER = 1.5
+"""Moments lie up to so long after it, s: paths are timed, executed and logged then."""
+
+Row = dict[str, object]
+
+
+def main() -> int:
+    """Attack, print what became of it and return the exit code."""
+    options = _options()
+    folder = Path(options.output)
+    folder.mkdir(parents=True, exist_ok=True)
+    parts: dict[str, Callable[[], Iterator[tuple[str, Callable[[], Row]]]]] = {
+        "outputs": lambda: _outputs(folder),
+        "kills": lambda: _kills(folder, options.kills, options.seed),
+        "commands": lambda: _commands(folder, options.commands, options.seed),
+    }
+    wrong = 0
+    for part, attacks in parts.items():
+        if options.only in (None, part):
+            wrong += _print(part, _done(folder / f"{part}.jsonl", attacks()))
+    return int(wrong > 0)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("-o", "--output", required=True, metavar="DIR")
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--commands", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", choices=("outputs", "kills", "commands"))
+    return parser.parse_args()
+
+
+def _done(path: Path, attacks: Iterator[tuple[str, Callable[[], Row]]]) -> list[Row]:
+    """Do the attacks that are not done yet; return what became of all of them."""
+    lines = path.read_text().splitlines() if path.exists() else []
+    rows = {str(row["key"]): row for row in map(json.loads, lines)}
+    found: list[Row] = []
+    with path.open("a") as file:
+        for key, attack in attacks:
+            if key not in rows:
+                rows[key] = {"key": key, **attack()}
+                file.write(json.dumps(rows[key]) + "\n")
+                file.flush()
+            found.append(rows[key])
+    return found
+
+
+def _print(part: str, rows: list[Row]) -> int:
+    """Print how many attacks ended how, and every wrong one; return how many are wrong."""
+    wrong = [row for row in rows if row["verdict"] == "WRONG"]
+    print(f"{part}: {len(rows)} attacks, {len(wrong)} wrong")
+    for (group, verdict), count in sorted(
+        Counter((str(r["group"]), str(r["verdict"])) for r in rows).items()
+    ):
+        print(f"  {group:28}{verdict:44}{count:5}")
+    for row in wrong:
+        print(f"  WRONG {json.dumps(row)}")
+    sys.stdout.flush()
+    return len(wrong)
+
+
+def _outputs(folder: Path) -> Iterator[tuple[str, Callable[[], Row]]]:
+    log = folder / "attacked.mcap"
+    if not log.exists():
+        run(load_scenario("one-box"), log=log, first=True)
+    for command, option, suffix in OPTIONS:
+        for place in ("link", "pipe", "folder"):
+            key = f"{command} {option} {place}"
+            yield key, lambda c=command, o=option, s=suffix, p=place: _attack_output(folder, log, c, o, s, p)
+    unshare = ["unshare", "--map-root-user", "--mount"]
+    if subprocess.run([*unshare, "true"], check=False).returncode:
+        print("  no mount namespace here: devices and file systems are left out")
+        return
+    where = folder / f"places-{os.getpid()}"
+    where.mkdir()
+    script = [*unshare, sys.executable, str(TESTS / "outputs_in_namespace.py"), str(where), str(log)]
+    done = subprocess.run(script, check=True, capture_output=True, text=True)
+    for place, command, option, code, error, kind, others in json.loads(done.stdout):
+        kept = kind == ("character device" if place == "devices" else "nothing") and not others
+        verdict = {0: "written", 2: "refused"}.get(code, "WRONG") if kept else "WRONG"
+        row: Row = {"group": place, "verdict": verdict, "error": error}
+        yield f"{command} {option} {place}", lambda row=row: row
+
+
+def _attack_output(folder: Path, log: Path, command: str, option: str, suffix: str, place: str) -> Row:
+    """Run a command whose output is named like a link, a pipe or a folder; look whether that is still there."""
+    path, aside = folder / f"{place}{suffix}", folder / f"aside{suffix}"
+    for old in (path, aside):
+        if old.is_dir() and not old.is_symlink():
+            old.rmdir()
+        else:
+            old.unlink(missing_ok=True)
+    kinds = {"link": stat.S_IFLNK, "pipe": stat.S_IFIFO, "folder": stat.S_IFDIR}
+    if place == "link":
+        aside.write_text("old")
+        path.symlink_to(aside.name)
+    elif place == "pipe":
+        os.mkfifo(path)
+        Thread(target=path.read_bytes, daemon=True).start()
+    else:
+        path.mkdir()
+    program = [sys.executable, "-m", "pushplan", *words(command, option, path, log)]
+    code = subprocess.run(program, check=False, capture_output=True).returncode
+    kept = stat.S_IFMT(os.lstat(path).st_mode) == kinds[place]
+    if place == "pipe":  # nobody may have opened it: let its reader go
+        os.close(os.open(path, os.O_RDWR))
+    verdict = {0: "written", 2: "refused"}.get(code, "WRONG") if kept else "WRONG"
+    return {"group": place, "verdict": verdict, "code": code}
+
+
+def _kills(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Callable[[], Row]]]:
+    for name in SCENARIOS if count else ():
+        warm_up(load_scenario(name).planner.name)
+        run(load_scenario(name), log=False, time_limit=0.3)
+    for k in range(count):
+        yield f"{seed}-{k}", lambda k=k: _kill(folder, Random(f"{seed}-{k}"))
+
+
+def _kill(folder: Path, random: Random) -> Row:
+    """Kill a run at a random moment and compare its log with what it had told."""
+    name, moment = random.choice(SCENARIOS), random.uniform(0.0, LIMIT + AFTER)
+    log = folder / "killed.mcap"
+    for path in (log, log.with_name("killed.mcap.partial")):
+        path.unlink(missing_ok=True)
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        _run_and_tell(name, log, random.randrange(1000), writing)
+    os.close(writing)
+    time.sleep(moment)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    with os.fdopen(reading) as pipe:
+        told = [float.fromhex(line) for line in pipe.read().splitlines(keepends=True) if line.endswith("\n")]
+    return {"group": name, "moment": moment, "told": len(told), **_judged(log, told)}
+
+
+def _run_and_tell(name: str, log: Path, seed: int, writing: int) -> None:
+    def improved(point: ProgressPoint) -> None:
+        os.write(writing, f"{point.cost.hex()}\n".encode())
+
+    try:
+        run(load_scenario(name), log=log, seed=seed, time_limit=LIMIT, progress=improved)
+    finally:
+        os._exit(0)
+
+
+def _judged(log: Path, told: list[float]) -> Row:
+    """Return the verdict on what a killed run has left, when it had told paths of these costs."""
+    left = log if log.exists() else log.with_name(f"{log.name}.partial")
+    if not left.exists() or left.stat().st_size == 0:
+        return {"verdict": "WRONG" if told else "no log"}
+    try:
+        found = read_run(left)
+        costs = [point.cost for point in found.progress]
+        if costs[: len(told)] != told:
+            return {"verdict": "WRONG", "why": f"told {len(told)} paths, {len(costs)} in the log"}
+        return _replayed(found, bool(told), left == log)
+    except PushplanError as error:
+        if told or left == log:
+            return {"verdict": "WRONG", "why": str(error)}
+        return {"verdict": "a log without its scenario"}
+
+
+def _replayed(found: RecordedRun, told: bool, whole: bool) -> Row:
+    completed = with_best_path(found)
+    if completed.plan is None or completed.plan.path is None:
+        return {"verdict": "WRONG" if told and found.plan is None else "replays, no path was known"}
+    plan, execution = completed.plan, completed.execution
+    assert plan.trajectory is not None
+    goal = found.scenario.goal
+    off = plan.trajectory.poses[-1] - goal.pose_chain
+    if np.hypot(off[0], off[1]) > goal.position_tolerance or (
+        execution is not None and execution.loss is not None
+    ):
+        return {"verdict": "WRONG", "why": "the best path does not lead to the goal"}
+    if whole:
+        return {"verdict": "whole log"}
+    return {"verdict": "replays its best path" if found.plan is None else "replays its plan"}
+
+
+def _commands(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Callable[[], Row]]]:
+    began = time.monotonic()
+    plan = ["plan", "two-crates", "--time-limit", str(LIMIT)]
+    program = [sys.executable, "-m", "pushplan"]
+    if count:
+        subprocess.run([*program, *plan, "--no-log"], check=True, capture_output=True)
+    whole = time.monotonic() - began
+    for k in range(count):
+        moment = Random(f"{seed}-command-{k}").uniform(0.0, whole)
+        yield f"{seed}-{k}", lambda moment=moment: _kill_command(folder, program, plan, moment)
+
+
+def _kill_command(folder: Path, program: list[str], plan: list[str], moment: float) -> Row:
+    runs = folder / "runs"
+    for old in runs.glob("*.mcap*") if runs.exists() else ():
+        old.unlink()
+    process = subprocess.Popen(
+        [*program, *plan, "--runs", str(runs)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    time.sleep(moment)
+    process.kill()
+    process.wait()
+    left = [path for path in runs.glob("*.mcap*") if path.stat().st_size] if runs.exists() else []
+    if not left:
+        return {"group": "pushplan plan", "moment": moment, "verdict": "no log"}
+    done = subprocess.run(
+        [*program, "replay", "--runs", str(runs), "--json"], check=False, capture_output=True, text=True
+    )
+    row: Row = {"group": "pushplan plan", "moment": moment, "verdict": "WRONG", "why": done.stderr[-300:]}
+    if done.returncode == 0:
+        told = json.loads(done.stdout)
+        row |= {"verdict": f"replays, {told['outcome']}", "cost": told.get("path_cost")}
+    return row
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,50 @@
+"""Every word of the command line that names a file to write, and a command line that writes it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pushplan.cli import COMMANDS, parser
+
+_SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "name": ".yaml"}
+"""By the option's name; an export's suffix is its name."""
+
+_FOLDERS = {"compare", "runs"}
+
+
+def _declared() -> list[tuple[str, str]]:
+    """Return command and name of everything that takes a path."""
+    commands = next(
+        action for action in parser()._actions if isinstance(action, argparse._SubParsersAction)
+    ).choices
+    return [
+        (command, action.dest)
+        for command in COMMANDS
+        for action in commands[command]._actions
+        if action.type is Path or (command, action.dest) == ("new", "name")
+    ]
+
+
+OPTIONS = [
+    (command, option, _SUFFIXES.get(option, f".{option}"))
+    for command, option in _declared()
+    if option not in _FOLDERS and (command, option) != ("bench", "output")
+]
+"""Command, option and suffix of every output."""
+
+
+def words(command: str, option: str, path: Path, log: Path) -> list[str]:
+    """Return a command line that writes an output to `path`; replays read `log`."""
+    match command, option:
+        case "new", _:
+            return ["new", str(path)]
+        case "replay", "recovered":
+            return ["replay", "--recover", str(log), str(path)]
+        case "replay", _:
+            return ["replay", str(log), f"--{option}", str(path)]
+        case "plan", _:
+            return ["plan", "one-box", "--first", f"--{option}", str(path)]
+        case "check" | "stable-set", _:
+            return [command, "one-box", f"--{option}", str(path)]
+    raise ValueError(f"say how {command} writes {option}")

@@ -1,0 +1,211 @@
+"""Outputs: whole or not there, written through links, streamed into pipes, and nothing that is no file destroyed."""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+import stat
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pushplan.errors import OutputError
+from pushplan.outputs.target import look
+from pushplan.outputs.write import open_output, write_pieces, write_whole
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(found.name for found in folder.iterdir())
+
+
+def test_a_file_written_whole_replaces_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    write_whole(path, b"one")
+    write_whole(path, b"two")
+    assert path.read_bytes() == b"two"
+    assert names(tmp_path) == ["a.csv"]
+
+
+def test_nothing_is_written_behind_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a write has failed, later ones must not go on behind the gap."""
+    file = open_output(tmp_path / "a")
+    file.write(b"sound")
+    write = os.write
+
+    def half(descriptor: int, data: bytes) -> int:
+        write(descriptor, bytes(data)[:2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "write", half)
+    with pytest.raises(OutputError, match="No space left on device"):
+        file.write(b"broken")
+    monkeypatch.setattr(os, "write", write)
+    with pytest.raises(OutputError, match="No space left on device"):
+        file.write(b"more")
+    file.close()
+    assert file.partial.read_bytes() == b"sound"
+
+
+def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path: Path) -> None:
+    """Also over two links, and where there is nothing at their end yet."""
+    (tmp_path / "there").mkdir()
+    link, over = tmp_path / "link", tmp_path / "over"
+    link.symlink_to("there/file")
+    over.symlink_to(link)
+    for path, data in ((link, b"first"), (over, b"second")):
+        write_whole(path, data)
+        assert (tmp_path / "there" / "file").read_bytes() == data
+        assert link.is_symlink()
+        assert over.is_symlink()
+    assert names(tmp_path / "there") == ["file"]
+
+
+def test_a_link_that_leads_nowhere_or_to_itself_is_refused(tmp_path: Path) -> None:
+    loop, nowhere = tmp_path / "loop", tmp_path / "nowhere"
+    loop.symlink_to(loop)
+    nowhere.symlink_to(tmp_path / "no" / "file")
+    with pytest.raises(OutputError, match=r"loop: Too many levels of symbolic links"):
+        look(loop)
+    with pytest.raises(OutputError, match=r"nowhere: there is no folder .*no$"):
+        look(nowhere)
+
+
+def test_a_pipe_gets_the_bytes_and_stays_a_pipe(tmp_path: Path) -> None:
+    pipe, got = tmp_path / "pipe", list[bytes]()
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()))
+    reader.start()
+    for _ in range(1000):  # the reader counts once it waits in its call
+        try:
+            write_pieces(pipe, [b"x" * 100_000, b"y"])
+            break
+        except OutputError:
+            threading.Event().wait(0.01)
+    reader.join(10.0)
+    assert got == [b"x" * 100_000 + b"y"]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert names(tmp_path) == ["pipe"]
+
+
+def test_a_pipe_of_a_shell_that_has_no_name_is_streamed_into(tmp_path: Path) -> None:
+    """`-o >(gzip > run.gz)` names /dev/fd/N."""
+    end, begin = os.pipe()
+    os.dup2(begin, 123)
+    try:
+        write_whole(Path("/dev/fd/123"), b"data")
+        assert os.read(end, 10) == b"data"
+    finally:
+        for descriptor in (end, begin, 123):
+            os.close(descriptor)
+
+
+def test_a_pipe_that_nobody_reads_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OutputError, match="nobody reads this pipe; begin with its reader"):
+        write_whole(tmp_path / "pipe", b"")
+
+
+def test_a_reader_that_goes_away_ends_in_a_clear_error(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    file = open_output(pipe)
+    os.close(reader)
+    with pytest.raises(OutputError, match="pipe: cannot write the file: Broken pipe"):
+        file.write(b"data")
+    file.close()
+
+
+def test_a_terminal_is_refused() -> None:
+    user, terminal = os.openpty()
+    try:
+        with pytest.raises(OutputError, match="this is a terminal; name a file or a pipe"):
+            write_whole(os.ttyname(terminal), b"\x1b]0;owned\x07")
+    finally:
+        os.close(user)
+        os.close(terminal)
+
+
+def _socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(os.path.relpath(path))  # the names of sockets must be short
+
+
+@pytest.mark.parametrize(
+    ("make", "expected"), [(Path.mkdir, "this is a folder; name a file in it"), (_socket, "this is a socket")]
+)
+def test_what_takes_no_bytes_is_refused_also_behind_a_link(
+    make: Callable[[Path], None], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    thing, link = tmp_path / "thing", tmp_path / "link"
+    make(thing)
+    link.symlink_to(thing)
+    before = os.lstat(thing).st_ino
+    for path in (thing, link):
+        with pytest.raises(OutputError, match=expected):
+            write_whole(path, b"data")
+    assert os.lstat(thing).st_ino == before
+    assert names(tmp_path) == ["link", "thing"]
+
+
+def test_the_file_into_which_the_program_talks_is_not_replaced(tmp_path: Path) -> None:
+    path, saved = tmp_path / "out.txt", os.dup(1)
+    try:
+        with path.open("w") as file:
+            os.dup2(file.fileno(), 1)
+        for name in (path, Path("/dev/stdout")):
+            with pytest.raises(OutputError, match="what the command says goes into this file"):
+                look(name)
+    finally:
+        os.dup2(saved, 1)
+        os.close(saved)
+
+
+def test_what_takes_the_name_meanwhile_is_not_replaced(tmp_path: Path) -> None:
+    file = open_output(tmp_path / "a")
+    file.write(b"data")
+    os.mkfifo(tmp_path / "a")
+    with pytest.raises(OutputError, match="what has this name by now is no file"):
+        file.publish()
+    file.close()
+    assert stat.S_ISFIFO((tmp_path / "a").stat().st_mode)
+    assert file.partial.read_bytes() == b"data"
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to(path.with_name("b")), Path.mkdir])
+def test_what_has_the_name_of_the_part_is_left_alone(make: Callable[[Path], None], tmp_path: Path) -> None:
+    (tmp_path / "b").write_bytes(b"precious")
+    make(tmp_path / "a.partial")
+    before = os.lstat(tmp_path / "a.partial").st_ino
+    with pytest.raises(OutputError, match="cannot create the file"):
+        write_whole(tmp_path / "a", b"data")
+    assert os.lstat(tmp_path / "a.partial").st_ino == before
+    assert (tmp_path / "b").read_bytes() == b"precious"
+
+
+def test_a_new_file_replaces_nothing_not_even_a_link_to_nowhere(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to("nowhere")
+    (tmp_path / "file").write_bytes(b"precious")
+    for name in ("link", "file"):
+        with pytest.raises(OutputError, match="this file exists already"):
+            write_whole(tmp_path / name, b"data", new=True)
+    file = open_output(tmp_path / "late", new=True)
+    (tmp_path / "late").write_bytes(b"precious")
+    with pytest.raises(OutputError, match="File exists"):
+        file.publish()
+    file.discard()
+    write_whole(tmp_path / "new", b"data", new=True)
+    assert names(tmp_path) == ["file", "late", "link", "new"]
+    assert (tmp_path / "late").read_bytes() == b"precious"
+
+
+def test_one_process_at_a_time_writes_a_file(tmp_path: Path) -> None:
+    file = open_output(tmp_path / "a")
+    with pytest.raises(OutputError, match="another process is writing it"):
+        open_output(tmp_path / "a")
+    file.discard()
+    assert names(tmp_path) == []

@@ -1,0 +1,117 @@
+"""Every output of every command against links, pipes, folders, devices, closed and full file systems."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any
+
+import pytest
+from output_options import OPTIONS, words
+
+from pushplan.cli import main
+
+EVERY = pytest.mark.parametrize(("command", "option", "suffix"), OPTIONS)
+NEVER_REPLACING = {("new", "name"), ("replay", "recovered")}
+"""Outputs that refuse whatever is there already."""
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    assert main(["plan", "one-box", "--first", "-o", str(path)]) == 0
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _short_films(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pushplan.logging.export.mp4.PICTURES_PER_SECOND", 1)
+
+
+def test_there_are_as_many_as_the_documentation_names() -> None:
+    assert len(OPTIONS) == len(set(OPTIONS)) == 15
+
+
+@EVERY
+def test_a_link_stays_and_what_it_leads_to_is_written(
+    command: str, option: str, suffix: str, log: Path, tmp_path: Path
+) -> None:
+    link, file = tmp_path / f"link{suffix}", tmp_path / f"file{suffix}"
+    file.write_text("old")
+    link.symlink_to(file)
+    refused = (command, option) in NEVER_REPLACING
+    assert main(words(command, option, link, log)) == (2 if refused else 0)
+    assert link.is_symlink()
+    assert (file.read_bytes() == b"old") == refused
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@EVERY
+def test_a_pipe_is_streamed_into(command: str, option: str, suffix: str, log: Path, tmp_path: Path) -> None:
+    pipe, got = tmp_path / f"pipe{suffix}", list[bytes]()
+    os.mkfifo(pipe)
+    if (command, option) in NEVER_REPLACING:
+        assert main(words(command, option, pipe, log)) == 2
+    else:
+        reader = Thread(target=lambda: got.append(pipe.read_bytes()))
+        reader.start()
+        Event().wait(0.1)  # until it waits in its call
+        assert main(words(command, option, pipe, log)) == 0
+        reader.join(30.0)
+        assert len(got[0]) > 1000
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+@EVERY
+def test_a_folder_is_refused_before_the_work(
+    command: str, option: str, suffix: str, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / f"folder{suffix}"
+    folder.mkdir()
+    assert main(words(command, option, folder, log)) == 2
+    out, error = capsys.readouterr()
+    assert "this is a folder" in error or "exists already" in error
+    assert "solved" not in out
+    assert os.listdir(tmp_path) == [folder.name]
+    assert not os.listdir(folder)
+
+
+@pytest.fixture(scope="module")
+def in_namespace(log: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[Any, Any]:
+    """Return exit code, error, what is there, and other files, by place, command and option."""
+    unshare = ["unshare", "--map-root-user", "--mount"]
+    if shutil.which("unshare") is None or subprocess.run([*unshare, "true"], check=False).returncode:
+        pytest.skip("this machine lets nobody make a mount namespace")
+    script = Path(__file__).with_name("outputs_in_namespace.py")
+    command = [*unshare, sys.executable, str(script), str(tmp_path_factory.mktemp("places")), str(log)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return {tuple(row[:3]): row[3:] for row in json.loads(done.stdout)}
+
+
+@EVERY
+def test_a_device_is_written_and_stays_a_device(
+    command: str, option: str, suffix: str, in_namespace: dict[Any, Any]
+) -> None:
+    code, _, kind, _ = in_namespace["devices", command, option]
+    assert code == (2 if (command, option) in NEVER_REPLACING else 0)
+    assert kind == "character device"
+
+
+@EVERY
+@pytest.mark.parametrize("place", ["full", "closed"])
+def test_a_file_system_without_room_or_leave_ends_in_a_clear_error(
+    place: str, command: str, option: str, suffix: str, in_namespace: dict[Any, Any]
+) -> None:
+    code, error, kind, others = in_namespace[place, command, option]
+    assert code == 2
+    assert {"full": "No space left on device", "closed": "nothing may be written in the folder"}[
+        place
+    ] in error
+    assert kind == "nothing"
+    assert others == []
