@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         UndefinedEcofError,
     )
     from pushplan.examples import example_names, example_text
+    from pushplan.execution import Execution, StabilityLoss
     from pushplan.logging.messages.recorded import RecordedRun
     from pushplan.logging.reader import read_run
     from pushplan.mechanics.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
