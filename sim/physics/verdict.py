@@ -15,13 +15,15 @@ from pushplan.trajectory import Trajectory
 
 HARD = PhysicsSettings(time_step=1e-3, indentation=5e-6)
 """Hard contacts creep least, and a longer time step is enough. Where contacts slip, they slip too far with these."""
-FINER = 0.25
-"""Share of the time step at which a contact that moved is looked at once more.
+STEPS = (1.0, 0.25, 0.125)
+"""Shares of the time step that a motion is executed with, one after the other while a contact moves.
 
 The engine's friction creeps: what it holds still slides a little, in proportion to the way and to the time step. On
 20 m of way that reaches the thousandth of a segment at which a contact counts as moved: 1.0e-3 with a step of 1 ms,
-0.8e-3 with 0.25 ms (random 4 of benchmarks/plans_in_physics.py). A contact that slips does so with both.
+0.8e-3 with 0.25 ms (random 4 of benchmarks/plans_in_physics.py); on 35 m it is 2.6e-3 and 1.0e-3 (random 26).
 """
+LATER = 1.2
+"""What creeps counts as moved this much later, at least, in the next smaller step; what slips, at the same time."""
 LOOKS = 50.0
 """Looks per second at a motion, which may open a contact and close it again."""
 
@@ -34,7 +36,7 @@ def verdict_of_physics(
     until_moved: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> PhysicsReport:
-    """Execute a trajectory at full speed; where a contact moved, once more in smaller steps, whose report counts.
+    """Execute a trajectory at full speed, in smaller steps as long as a contact creeps; the last report counts.
 
     Args:
         chain: Objects with known loads.
@@ -48,22 +50,16 @@ def verdict_of_physics(
         PhysicsError: When there is nothing to simulate, or the simulation does not stay finite.
         SupportError: When a load is not known.
     """
-    hard = replace(HARD, samples=max(HARD.samples, ceil(LOOKS * trajectory.duration)))
-    finer = replace(hard, time_step=FINER * hard.time_step)
-    report = _simulate(chain, trajectory, hard, placed, True, progress)
-    if report.kept:
+    samples = max(HARD.samples, ceil(LOOKS * trajectory.duration))
+    moved_at = 0.0
+    for share in STEPS:
+        settings = replace(HARD, samples=samples, time_step=share * HARD.time_step)
+        report = simulate_trajectory(
+            chain, trajectory, settings=settings, placed=placed, until_moved=True, progress=progress
+        )
+        before, moved_at = moved_at, float(report.moved_at.min())
+        if report.kept or (before > 0.0 and moved_at <= LATER * before):
+            break
+    if report.kept or until_moved:
         return report
-    return _simulate(chain, trajectory, finer, placed, until_moved, progress)
-
-
-def _simulate(
-    chain: Chain,
-    trajectory: Trajectory,
-    settings: PhysicsSettings,
-    placed: FloatArray | None,
-    until_moved: bool,
-    progress: Callable[[float], None] | None,
-) -> PhysicsReport:
-    return simulate_trajectory(
-        chain, trajectory, settings=settings, placed=placed, until_moved=until_moved, progress=progress
-    )
+    return simulate_trajectory(chain, trajectory, settings=settings, placed=placed, progress=progress)
