@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -15,7 +16,6 @@ from pushplan.mechanics.support import UniformSupport
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.detours import detour
 from pushplan.planners.improve.polish import shorten
 from pushplan.planners.improve.session import Session
 from pushplan.planners.infeasible.pocket import LEVELS, make_steps, push_hull, reached
@@ -25,7 +25,7 @@ from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.prices import travel_prices
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.search.cell_rounds import CellRounds
-from pushplan.planners.search.guide import find_way, make_guide
+from pushplan.planners.search.lattice_rounds import LatticeRounds
 from pushplan.stable_sets.named import stable_set
 from pushplan.tolerance.work_out import tolerance_along
 
@@ -33,8 +33,6 @@ _BOX = (-2.0, -2.0, 3.0, 4.0)
 """Where the search may look, m: around a start and a goal that a wall keeps apart."""
 _HEADING_LENGTH = 0.1
 """What a turn by 1 rad counts in that search, m."""
-_ROUGH, _TIGHT = 1.0, 0.1
-"""What the floor of a way costs, see `find_way`."""
 
 
 def warm_up(planner: str, tell: Callable[[str], None] | None = None) -> None:
@@ -55,9 +53,6 @@ def _compile(planner: str) -> None:
         _compile_mechanics()
         _compile_polish()
         _compile_pockets()
-        if planner == "auto":
-            _compile_ways()
-            _compile_detours()
     compile_search(planner)
 
 
@@ -81,27 +76,20 @@ def _compile_pockets() -> None:
 
 
 def compile_search(planner: str) -> None:
-    """Run every kernel of a planner once, but for those of ways and detours."""
+    """Run every kernel of a planner once."""
     session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
     separation(session.problem.scene, 0.0, 0.0, 0.0, 1.0)  # of the ends of a problem that is posed
     arcs = arcs_at(session.problem, np.full((1, 4), 0.5))  # of a path in OMPL's form
     controls_of(session.problem, arcs)
     poses_along(session.problem, session.start, arcs)
     search(session, planner_named(planner)[1], _BOX, _HEADING_LENGTH)
-    if planner == "auto":  # it floods only after some rounds
+    if planner == "auto":  # it floods only after some rounds, and seeks no better path than the first here
         begun = session.extensions
         CellRounds(session, _BOX).run_next(lambda: session.extensions > begun)
-
-
-def _compile_ways() -> None:
-    guide = make_guide(_problem(_one_box()), np.zeros(3), _BOX)
-    way, state = np.empty((guide.space.size, 2)), np.zeros(1, dtype=np.uint64)
-    find_way(guide, _ROUGH, _TIGHT, state, way)
-
-
-def _compile_detours() -> None:
-    arcs, state = np.array([[1.0, 0.0, 0.0, 0.5]]), np.zeros(1, dtype=np.uint64)
-    detour(_problem(_one_box()), np.zeros(3), arcs, 0.1, 1.0, state)
+        again = Session(
+            session.problem, np.zeros(3), replace(session.budget, first=False, iterations=1), seed=0
+        )
+        LatticeRounds(again, _BOX).run(1)
 
 
 def _one_box() -> Chain:

@@ -189,10 +189,6 @@ class Session:
         """Count changes of a path that were tried."""
         self.iterations += changes
 
-    def excuse(self, iterations: int) -> None:
-        """Leave iterations out of those after which a search without a better path ends."""
-        self._improved_at += iterations
-
     def offer(self, arcs: FloatArray) -> None:
         """Take a path (k, 4) to the goal into account, as it is and polished."""
         self.take(merged(arcs))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.compiled import inlined, no_refcount
 from pushplan.planners.collision.separation import Scene, separation
-from pushplan.planners.search.cell_table import cell_key, free_slot
+from pushplan.planners.search.cell_table import cell_key, slot_of
 
 CLOSED, MET, OPEN = 0, 1, 2
 """How spreading ends: no more cells, near the other pose, or with too many cells to tell."""
@@ -106,7 +106,7 @@ def spread(
     Returns:
         (end, count): how it ended, and the cells found.
     """
-    table[free_slot(table, cell_key(ORIGIN, ORIGIN, 0))] = cell_key(ORIGIN, ORIGIN, 0)
+    table[slot_of(table, cell_key(ORIGIN, ORIGIN, 0))] = cell_key(ORIGIN, ORIGIN, 0)
     cells[0, 0], cells[0, 1], cells[0, 2] = ORIGIN, ORIGIN, 0
     near = max(steps.touching, 0.0) + steps.side
     count, done, looked, left = 1, 0, 1, CANDIDATES * table.shape[0]
@@ -129,8 +129,8 @@ def spread(
                 for line in range(math.ceil(j - 1.0 + ymin), math.floor(j + 1.0 + ymax) + 1):
                     left -= 1
                     key = cell_key(column, line, heading)
-                    slot = free_slot(table, key)
-                    if slot < 0:
+                    slot = slot_of(table, key)
+                    if table[slot] == key:
                         continue
                     looked += 1
                     if looked > cells.shape[0]:

@@ -10,10 +10,13 @@ from ompl import control as oc
 from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
+from pushplan.names import CLEARANCE_ROOM
 from pushplan.path import PushPath
 from pushplan.planners.improve.session import SHORTEST_ARC, Session
 from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.posing import PushInformation, free_word, information_of, state_at
+from pushplan.planners.problem.posing import ROUNDING
+from pushplan.planners.problem.problem import Problem
 
 AT_GOAL = 1e-9
 """Error (m, rad) at which a path ends at the goal itself and needs no word that leads there."""
@@ -56,7 +59,7 @@ def arcs_to_goal(definition: Any) -> FloatArray:
     if not definition.hasExactSolution():
         raise PlanningError("the problem has no exact solution")
     arcs = controlled_arcs(session, definition.getSolutionPath())
-    poses, free = poses_along(session.problem, session.start, arcs)
+    poses, free = poses_along(_proven(session.problem), session.start, arcs)
     if free < len(arcs):
         raise PlanningError(f"the planner left a path whose arc {free + 1} of {len(arcs)} is not free")
     end = poses[-1]
@@ -66,6 +69,18 @@ def arcs_to_goal(definition: Any) -> FloatArray:
     if word is None:
         raise PlanningError("the planner left a path that ends where no free word leads to the goal")
     return np.concatenate([arcs, word])
+
+
+def _proven(problem: Problem) -> Problem:
+    """Return the problem with the clearance that a search proves for every pose of its arcs.
+
+    A search looks at poses with more clearance than it proves between them. Where neighbours of the same motion have
+    been made one arc, other poses are looked at.
+    """
+    kept = problem.scene.kept
+    return problem._replace(
+        scene=problem.scene._replace(clearance=kept - ROUNDING, kept=kept - CLEARANCE_ROOM)
+    )
 
 
 def push_path(definition: Any) -> PushPath:

@@ -20,7 +20,7 @@ from pushplan.planners.collision.separation import step, sweep_is_free
 from pushplan.planners.problem.problem import TRIES, Problem, choose_twist, enter, random, trace
 from pushplan.planners.problem.rows import put
 from pushplan.planners.problem.steering import connect
-from pushplan.planners.search.cell_table import cell_key, free_slot
+from pushplan.planners.search.cell_table import pose_key, slot_of
 
 NODES, NEXT, PASSES, FINER, TRIED = 0, 1, 2, 3, 4
 """What is counted of a tree: nodes, the next one to expand, passes over all nodes with cells of the present size, how
@@ -74,13 +74,10 @@ class CellTrees(NamedTuple):
 @inlined
 def _free_slot(trees: CellTrees, which: int, x: float, y: float, theta: float) -> tuple[int, int]:
     """Slot of the table for the cell around a pose, -1 if it is taken or outside the box; and the cell's key."""
-    box, size = trees.box, trees.sizes[which]
-    if x < box[0] or y < box[1] or x > box[2] or y > box[3]:
-        return -1, 0
-    i, j = int((x - box[0]) / size[SIDE]), int((y - box[1]) / size[SIDE])
-    k = int((theta % (2.0 * math.pi)) / size[ANGLE])
-    key = cell_key(i, j, k)
-    return free_slot(trees.keys[which], key), key
+    size, keys = trees.sizes[which], trees.keys[which]
+    key = pose_key(trees.box, size[SIDE], size[ANGLE], x, y, theta)
+    slot = slot_of(keys, key)
+    return (-1 if keys[slot] == key else slot), key
 
 
 @inlined

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pushplan.arrays import IntArray
+import math
+
+from pushplan.arrays import FloatArray, IntArray
 from pushplan.compiled import inlined
 
 
@@ -13,12 +15,20 @@ def cell_key(i: int, j: int, k: int) -> int:
 
 
 @inlined
-def free_slot(table: IntArray, key: int) -> int:
-    """Slot of a table (a power of two up to 2^23,) for a key, -1 if it holds the key already; 0 marks free slots."""
+def pose_key(box: FloatArray, side: float, angle: float, x: float, y: float, theta: float) -> int:
+    """Key of the cell, `side` (m) wide and `angle` (rad) high, that a pose is in; 0 outside the box (4,)."""
+    if x < box[0] or y < box[1] or x > box[2] or y > box[3]:
+        return 0
+    return cell_key(
+        int((x - box[0]) / side), int((y - box[1]) / side), int((theta % (2.0 * math.pi)) / angle)
+    )
+
+
+@inlined
+def slot_of(table: IntArray, key: int) -> int:
+    """Slot of a table (a power of two up to 2^23,) that holds a key, or is free for it; 0 marks free slots."""
     last = table.shape[0] - 1
     slot = ((key * 0x9E3779B97F4A7C1) >> 40) & last  # columns do not change the bits below
-    while table[slot] != 0:
-        if table[slot] == key:
-            return -1
+    while table[slot] != 0 and table[slot] != key:
         slot = (slot + 1) & last
     return int(slot)

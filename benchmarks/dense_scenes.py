@@ -1,0 +1,139 @@
+"""Dense scenes with several passages, the same for the same number: where planners stay in a wrong passage.
+
+Three kinds in turn: a chain that is exactly a Dubins car with a turning radius of 0.5 m among fifteen polygons;
+random chains and drives among up to forty obstacles; and random chains in rooms with walls across, each with two or
+three gaps of different width at random places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+import yaml
+
+from pushplan.bench.parameters import GeneratorError, ProblemParameters
+from pushplan.bench.random_chain import random_chain
+from pushplan.bench.random_shapes import random_polygon
+from pushplan.bench.scenario_yaml import scenario_yaml
+from pushplan.geometry.se2 import rotate, transform_points
+from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario import Scenario
+
+Document = dict[str, Any]
+
+SIDE = 4.0
+CLEARANCE = 0.02
+OBSTACLES = {"car": (15, 15), "clutter": (20, 40), "walls": (0, 8)}
+SIZES = {"car": (0.3, 0.7), "clutter": (0.15, 0.5), "walls": (0.1, 0.3)}
+CHAINS = ProblemParameters(
+    objects=(1, 4), drives=("omnidirectional", "differential", "car"), turning_radius=0.5
+)
+LEAST_WAY = 2.0
+"""Distance of start and goal, m."""
+
+CAR: Document = yaml.safe_load("""
+floor: {friction: 0.3}
+objects:
+- {name: b1, shape: {box: [0.2, 0.24]}, mass: 1000, support: {feet: [[-0.099, -0.01, 0.5], [-0.099, 0.01, 0.5]]}}
+- {name: b2, shape: {box: [0.16, 0.2]}, mass: 10, support: {feet: [[-0.079, -0.01, 0.5], [-0.079, 0.01, 0.5]]}}
+- {name: b3, shape: {box: [0.24, 0.18]}, mass: 0.1, support: {feet: [[-0.119, -0.01, 0.5], [-0.119, 0.01, 0.5]]}}
+contacts: {friction: 5.0}
+pusher:
+  width: 0.3
+  thickness: 0.02
+  friction: 5.0
+  drive: {car: {axle: [0, 0, 0], min_radius: 0.5}}
+  limits: {contact: quasi-static}
+""")
+"""Chain and drive of the shared dense scenes: heavy objects loaded at their rear edge leave the drive as the limit."""
+
+KINDS = tuple(OBSTACLES)
+
+
+def scene(number: int) -> Document:
+    """Return the document of a scene; whether there is a path is left to chance.
+
+    Raises:
+        GeneratorError: When start and goal find no place.
+    """
+    rng = np.random.Generator(np.random.PCG64([17, number]))
+    kind = KINDS[number % len(KINDS)]
+    sections = CAR if kind == "car" else random_chain(rng, CHAINS)[0]
+    shapes = _walls(rng) if kind == "walls" else []
+    count = int(rng.integers(OBSTACLES[kind][0], OBSTACLES[kind][1] + 1))
+    shapes += [_polygon(rng, SIZES[kind]) for _ in range(count)]
+    body = _body(sections)
+    start, goal, kept = _ends(rng, body, shapes if kind == "walls" else [])
+    free = shapely.union_all(kept).buffer(CLEARANCE)
+    shapes = [shape for shape in shapes if not shapely.Polygon(shape).intersects(free)]
+    return {
+        "name": f"{kind}-{number}",
+        **sections,
+        "start": start.tolist(),
+        "goal": {"pose": goal.tolist()},
+        "workspace": {"x": [0.0, SIDE], "y": [0.0, SIDE]},
+        "clearance": 0.002,
+        "obstacles": [{"polygon": np.round(shape, 5).tolist()} for shape in shapes],
+        "stability": {"margin": 0.0 if kind == "car" else "auto"},
+        "planner": {"cost": "travel", "arc_price": 0.0},
+    }
+
+
+def scenes(numbers: Sequence[int]) -> Iterator[Scenario]:
+    """Yield the scenes of some numbers."""
+    for number in numbers:
+        yield scenario_from_text(scenario_yaml(scene(number)), f"scene {number}")
+
+
+def _body(sections: Document) -> np.ndarray[Any, Any]:
+    """Return the corners of all that moves, in the chain frame."""
+    whole = {**sections, "start": [0, 0, 0], "goal": {"pose": [9, 0, 0]}}
+    chain = scenario_from_text(scenario_yaml(whole), "chain").chain
+    return np.concatenate([moving.outline for moving in chain.bodies])
+
+
+def _polygon(rng: np.random.Generator, sizes: tuple[float, float]) -> np.ndarray[Any, Any]:
+    length, width = rng.uniform(*sizes, 2)
+    shape = rotate(rng.uniform(-np.pi, np.pi), random_polygon(rng, length, width))
+    return np.asarray(shape + rng.uniform(0.0, SIDE, 2))
+
+
+def _walls(rng: np.random.Generator) -> list[np.ndarray[Any, Any]]:
+    """Return the pieces of two or three parallel walls, each with two or three gaps."""
+    pieces, count, axis = [], int(rng.integers(2, 4)), int(rng.integers(0, 2))
+    for at in np.linspace(0.0, SIDE, count + 2)[1:-1] + rng.uniform(-0.15, 0.15, count):
+        gaps = np.sort(rng.uniform(0.3, SIDE - 0.3, int(rng.integers(2, 4))))
+        edges, thick = [0.0], rng.uniform(0.05, 0.15)
+        for gap in gaps:
+            half = 0.5 * rng.uniform(0.3, 0.5)
+            edges += [max(gap - half, edges[-1]), gap + half]
+        edges.append(max(SIDE, edges[-1]))
+        for low, high in zip(edges[::2], edges[1::2], strict=True):
+            if high - low > 0.02:
+                corners = np.array([[at, low], [at + thick, low], [at + thick, high], [at, high]])
+                pieces.append(corners if axis == 0 else corners[::-1, ::-1])
+    return pieces
+
+
+def _ends(
+    rng: np.random.Generator, body: np.ndarray[Any, Any], walls: list[np.ndarray[Any, Any]]
+) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], list[Any]]:
+    """Draw start and goal free of the walls, and what they cover with some way before the start and behind the goal."""
+    inside = shapely.box(0.0, 0.0, SIDE, SIDE).buffer(-CLEARANCE)
+    blocked = shapely.union_all([shapely.Polygon(wall) for wall in walls]).buffer(CLEARANCE)
+    for _ in range(2_000):
+        start, goal = (np.round([*rng.uniform(0.0, SIDE, 2), rng.uniform(-np.pi, np.pi)], 4) for _ in "sg")
+        if np.hypot(*(goal - start)[:2]) < LEAST_WAY:
+            continue
+        kept = [_covered(body, start, 0.3), _covered(body, goal, -0.3)]
+        if all(area.within(inside) and not area.intersects(blocked) for area in kept):
+            return start, goal, kept
+    raise GeneratorError("start and goal find no place")
+
+
+def _covered(body: np.ndarray[Any, Any], pose: np.ndarray[Any, Any], ahead: float) -> Any:
+    moved = transform_points(pose, body + np.array([ahead, 0.0]))
+    return shapely.MultiPoint(np.concatenate([transform_points(pose, body), moved])).convex_hull

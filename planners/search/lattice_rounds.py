@@ -1,0 +1,137 @@
+"""Rounds of best-first search over cells of poses: on levels of ever finer cells, each round with other arcs.
+
+A level has half as many rounds as the one below it (Luby, Sinclair and Zuckerman 1993): coarse rounds are over in
+milliseconds, and each is another chance to find the right passage.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pushplan.arrays import FloatArray
+from pushplan.planners.improve.session import Session
+from pushplan.planners.problem.problem import NODE, random
+from pushplan.planners.search.floor import distances_to, middle_of
+from pushplan.planners.search.lattice_kernel import (
+    NODES,
+    PARTNER,
+    TRIED,
+    Lattice,
+    expand_best,
+    path_of,
+    plant,
+)
+
+FIRST_SHARE = 0.03
+"""Side of the lowest level's cells, as a share of the sampling box's diagonal."""
+
+FIRST_HEADINGS = 28
+"""Headings that the lowest level tells apart; on higher ones they grow as the root of one by the side."""
+
+ARC_SIDES = 1.5
+"""Typical length of an arc, in sides of a cell: just enough to leave it."""
+
+SHRINK = 0.8
+"""Factor of the cells' sides from level to level."""
+
+HIGHEST = 7
+"""Highest level."""
+
+FIRST_ROOM = 1 << 12
+"""Nodes of a search on the lowest level, at most; twice as many on each higher one."""
+
+MOST_ROOM = 1 << 18
+"""Nodes of a search on any level, at most."""
+
+EXCESS = (1.0, 1.15)
+"""Shares of the best cost that a new path may have before polishing, in turn from round to round."""
+
+CHUNK = 1_000
+"""Arcs between two looks at the clock."""
+
+Box = tuple[float, float, float, float]
+
+
+class LatticeRounds:
+    """The rounds of one search, from the start and back from the goal.
+
+    Args:
+        session: The search that they serve.
+        box: (xmin, ymin, xmax, ymax) that the nodes stay in, m.
+    """
+
+    def __init__(self, session: Session, box: Box) -> None:
+        self._session, self._box = session, np.array(box)
+        self._diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
+        self._tables: Tables | None = None
+        self._rounds, self._tried = [0, 0], [0, 0]
+
+    def run(self, arcs: float) -> None:
+        """Run rounds until so many arcs have been tried in all, or a first path is found."""
+        session, pathless = self._session, self._session.best_arcs is None
+        while sum(self._tried) < arcs and not session.finished:
+            back = int(self._tried[1] < self._tried[0])
+            self._search(back)
+            if pathless and session.best_arcs is not None:
+                return
+
+    def _search(self, back: int) -> None:
+        """Search until nothing promises a path cheaper than the bound; offer the best one found."""
+        session = self._session
+        self._rounds[back] += 1
+        number = self._rounds[back]
+        lattice = self.planted(min((number & -number).bit_length() - 1, HIGHEST), back)
+        bound, word, over = EXCESS[number // 2 % 2] * session.horizon, np.zeros((3, 4)), False
+        while not over and not session.finished:
+            before = int(lattice.counts[TRIED])
+            bound, over = expand_best(session.problem, lattice, bound, CHUNK, word)
+            session.spent(int(lattice.counts[TRIED]) - before)
+        self._tried[back] += int(lattice.counts[TRIED])
+        nodes = lattice.nodes[: lattice.counts[NODES]]
+        session.branches.offer_nodes(nodes)
+        if lattice.counts[PARTNER] >= 0:
+            path = np.empty((len(nodes) + 3, 4))
+            session.offer(path[: path_of(lattice, word, path)])
+
+    def planted(self, level: int, back: int) -> Lattice:
+        """Return a search that has not begun, from the start or back from the goal, on a level."""
+        session = self._session
+        if self._tables is None:
+            self._tables = Tables(session, self._box)
+        tables = self._tables
+        side = self._diagonal * FIRST_SHARE * SHRINK**level
+        headings = round(FIRST_HEADINGS * SHRINK ** (-0.5 * level))
+        shift = np.array([side * random(session.random), side * random(session.random), 0.0, 0.0])
+        room = min(FIRST_ROOM << level, MOST_ROOM)
+        tables.keys[: 2 * room] = 0
+        ends = session.start, session.problem.goal
+        lattice = Lattice(
+            nodes=tables.nodes[:room],
+            keys=tables.keys[: 2 * room],
+            costs=tables.costs[: 2 * room],
+            queue=tables.queue[:room],
+            counts=np.zeros(4, dtype=np.int64),
+            box=self._box - shift,
+            sizes=np.array([side, 2.0 * math.pi / headings, ARC_SIDES * side, 1.0 - 2.0 * back]),
+            target=ends[1 - back],
+            away=tables.away[1 - back],
+            grid=tables.grid,
+            middle=middle_of(session.problem),
+            state=session.random,
+        )
+        plant(lattice, ends[back])
+        return lattice
+
+
+class Tables:
+    """What all rounds of a search share: room for nodes, and how far places are from the start and from the goal."""
+
+    def __init__(self, session: Session, box: FloatArray) -> None:
+        self.nodes, self.queue = np.empty((MOST_ROOM, NODE)), np.empty((MOST_ROOM, 2))
+        self.keys, self.costs = np.empty(2 * MOST_ROOM, dtype=np.int64), np.empty(2 * MOST_ROOM)
+        self.away: list[FloatArray] = []
+        for pose in (session.start, session.problem.goal):
+            away, self.grid = distances_to(pose, session.problem, box)
+            self.away.append(away)

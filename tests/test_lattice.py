@@ -1,0 +1,186 @@
+"""Best-first search over cells keeps its promises: free arcs, the cheapest node in a cell, bounds, true distances."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from plain import load_plain, plain
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from pushplan.arrays import FloatArray
+from pushplan.geometry import se2
+from pushplan.planners.collision.separation import sweep_is_free
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.session import Session
+from pushplan.planners.ompl.chart import poses_along
+from pushplan.planners.problem.posing import build_problem, sampling_box
+from pushplan.planners.problem.problem import Problem
+from pushplan.planners.search.floor import distances_to, middle_of
+from pushplan.planners.search.lattice_kernel import (
+    NODES,
+    OPEN,
+    PARTNER,
+    TRIED,
+    Lattice,
+    expand_best,
+    path_of,
+)
+from pushplan.planners.search.lattice_rounds import LatticeRounds
+from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario import Scenario
+
+TWO_PASSAGES = """
+format: pushplan/1
+floor: {friction: 0.3}
+objects: [{name: box, shape: {box: [0.1, 0.1]}, mass: 1.0}]
+contacts: {friction: 0.3}
+pusher: {width: 0.2, friction: 0.5}
+start: [0.0, 0.0, 0.0]
+goal: {pose: [3.0, 0.0, 0.0]}
+workspace: {x: [-0.5, 3.5], y: [-1.5, 1.5]}
+obstacles: [{box: [0.5, 2.0], pose: [1.5, LOWER, 0.0]}]
+"""
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return load_plain("three-boxes-clutter")
+
+
+@pytest.fixture(scope="module")
+def problem(scenario: Scenario) -> Problem:
+    return build_problem(scenario, scenario.stable_set())
+
+
+def _session(problem: Problem, scenario: Scenario, seed: int = 1) -> Session:
+    return Session(problem, scenario.start, Budget(60.0, stall=10**9), seed)
+
+
+def _searched(
+    problem: Problem, scenario: Scenario, back: int, bound: float = math.inf
+) -> tuple[Lattice, FloatArray, float]:
+    """Return a search that is over, the last word of its path, and its bound then."""
+    session = _session(problem, scenario)
+    lattice = LatticeRounds(session, sampling_box(scenario)).planted(2, back)
+    word, over = np.zeros((3, 4)), False
+    while not over:
+        bound, over = expand_best(problem, lattice, bound, 500, word)
+    return lattice, word, bound
+
+
+@pytest.mark.parametrize("back", [0, 1])
+def test_every_branch_is_a_free_stable_arc(problem: Problem, scenario: Scenario, back: int) -> None:
+    lattice, _, _ = _searched(problem, scenario, back)
+    nodes = lattice.nodes[: lattice.counts[NODES]].copy()
+    assert len(nodes) > 100
+    for node in nodes[1:]:
+        parent = nodes[int(node[4])]
+        first, last = (node, parent) if back else (parent, node)
+        end = se2.compose(first[:3], se2.exp(node[5:8] * node[8]))
+        np.testing.assert_allclose(last[:2], end[:2], atol=1e-9)
+        assert abs(se2.wrap_angle(last[2] - end[2])) < 1e-9
+        assert sweep_is_free(problem.scene, *[*parent[:3], *((1 - 2 * back) * node[5:8]), node[8]])
+        assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-9)
+    assert scenario.stable_set().margin(nodes[1:, 5:8]).min() > 0.0
+
+
+@pytest.mark.parametrize("back", [0, 1])
+def test_a_path_leads_free_from_start_to_goal_at_the_cost_that_is_said(
+    problem: Problem, scenario: Scenario, back: int
+) -> None:
+    lattice, word, bound = _searched(problem, scenario, back)
+    assert lattice.counts[PARTNER] >= 0
+    path = np.empty((lattice.counts[NODES] + 3, 4))
+    arcs = path[: path_of(lattice, word, path)]
+    poses, free = poses_along(problem, scenario.start, arcs)
+    assert free == len(arcs)
+    np.testing.assert_allclose(se2.relative(poses[-1], problem.goal), 0.0, atol=1e-9)
+    assert arcs[:, 3].sum() == pytest.approx(bound, abs=1e-9)
+
+
+def test_a_cell_remembers_its_cheapest_node(problem: Problem, scenario: Scenario) -> None:
+    lattice, _, _ = _searched(problem, scenario, 0)
+    nodes = lattice.nodes[1 : lattice.counts[NODES]]
+    side, angle = lattice.sizes[:2]
+    cells = np.column_stack(
+        [np.floor((nodes[:, :2] - lattice.box[:2]) / side), np.floor(nodes[:, 2] % (2.0 * np.pi) / angle)]
+    )
+    found, owner = np.unique(cells, axis=0, return_inverse=True)
+    cheapest = np.full(len(found), np.inf)
+    np.minimum.at(cheapest, owner, nodes[:, 3])
+    kept = np.sort(lattice.costs[lattice.keys > 0])
+    np.testing.assert_array_equal(kept, np.sort(cheapest))
+
+
+def test_no_path_above_the_bound_is_found(problem: Problem, scenario: Scenario) -> None:
+    _, _, best = _searched(problem, scenario, 0)
+    lattice, _, bound = _searched(problem, scenario, 0, 0.5 * best)
+    assert lattice.counts[PARTNER] < 0
+    assert bound == 0.5 * best
+
+
+def test_the_most_promising_comes_first(problem: Problem, scenario: Scenario) -> None:
+    session = _session(problem, scenario)
+    lattice = LatticeRounds(session, sampling_box(scenario)).planted(2, 0)
+    word = np.zeros((3, 4))
+    while lattice.counts[TRIED] < 400:
+        _, over = expand_best(problem, lattice, math.inf, 4, word)
+        assert not over
+        queue = lattice.queue[: lattice.counts[OPEN], 0]
+        parents = (np.arange(1, len(queue)) - 1) // 2
+        assert (queue[parents] <= queue[1:]).all()
+
+
+@pytest.mark.parametrize(("lower", "side"), [(-0.2, 1.0), (0.2, -1.0)])
+def test_the_shorter_of_two_passages_is_found(lower: float, side: float) -> None:
+    text = TWO_PASSAGES.replace("LOWER", str(lower))
+    scenario = plain(scenario_from_text(text, "two-passages.yaml"))
+    session = _session(build_problem(scenario, scenario.stable_set()), scenario)
+    LatticeRounds(session, sampling_box(scenario)).run(20_000)
+    assert session.best_path is not None
+    poses = session.best_path.sampled(0.01)
+    passed = poses[np.argmin(np.abs(poses[:, 0] - 1.5)), 1]
+    assert np.sign(passed) == side
+
+
+@pytest.mark.parametrize("name", ["three-boxes-clutter", "narrow-gap", "two-crates"])
+def test_distances_on_the_floor_are_those_of_dijkstra(name: str) -> None:
+    scenario = load_plain(name)
+    problem = build_problem(scenario, scenario.stable_set())
+    away, grid = distances_to(problem.goal, problem, sampling_box(scenario))
+    there = se2.transform_points(problem.goal, middle_of(problem)[:2])
+    goal = np.floor((there - grid[:2]) / grid[2]).astype(int)
+    expected = _dijkstra(np.isfinite(away), grid[2], goal)
+    np.testing.assert_allclose(away, expected, rtol=1e-9)
+    assert np.isfinite(away).mean() > 0.3
+
+
+def _dijkstra(free: np.ndarray[Any, Any], cell: float, goal: np.ndarray[Any, Any]) -> FloatArray:
+    """Lengths of the shortest ways to a cell along free cells and their diagonals."""
+    cells = np.arange(free.size).reshape(free.shape)
+    rows, columns, steps = [], [], []
+    for di, dj in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = cells[: free.shape[0] - di, max(0, -dj) : free.shape[1] - max(0, dj)]
+        there = cells[di:, max(0, dj) : free.shape[1] + min(0, dj)]
+        both = free.ravel()[here] & free.ravel()[there]
+        rows.append(here[both])
+        columns.append(there[both])
+        steps.append(np.full(both.sum(), cell * np.hypot(di, dj)))
+    graph = coo_array(
+        (np.concatenate(steps), (np.concatenate(rows), np.concatenate(columns))), (free.size, free.size)
+    )
+    found: Any = dijkstra(graph.tocsr(), directed=False, indices=int(cells[tuple(goal)]))  # type: ignore[call-overload]
+    return np.asarray(found.reshape(free.shape))
+
+
+def test_places_behind_a_wall_are_infinitely_far() -> None:
+    text = TWO_PASSAGES.replace("LOWER", "0.0").replace("[0.5, 2.0]", "[0.5, 2.98]")
+    scenario = plain(scenario_from_text(text, "walled.yaml"))
+    problem = build_problem(scenario, scenario.stable_set())
+    away, grid = distances_to(problem.goal, problem, sampling_box(scenario))
+    start = np.floor((scenario.start[:2] - grid[:2]) / grid[2]).astype(int)
+    assert away[tuple(start)] == np.inf
