@@ -66,7 +66,7 @@ class Session:
         closest_left: Lower bound on the cost that is missing from there, m.
         progress: Every improvement.
         extensions: Arcs propagated.
-        iterations: Arcs propagated and shortcuts tried.
+        iterations: Arcs propagated, some as a share of one, and shortcuts tried.
         stop: What tells planners that the search is over; by default when the budget is used up (`settled`).
         branches: What is kept of the trees.
     """
@@ -180,10 +180,10 @@ class Session:
         path = PushPath(self.start, arcs[:, :3], arcs[:, 3])
         self.closest_arcs, self.closest_left = merged(arcs), self.lower_bound_from(path.end)
 
-    def spent(self, extensions: int) -> None:
-        """Count arcs that were propagated."""
+    def spent(self, extensions: int, share: float = 1.0) -> None:
+        """Count arcs that were propagated, each as a share of an iteration."""
         self.extensions += extensions
-        self.tried(extensions)
+        self.tried(round(share * extensions))
 
     def tried(self, changes: int) -> None:
         """Count changes of a path that were tried."""

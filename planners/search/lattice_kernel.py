@@ -1,9 +1,9 @@
 """Compiled best-first search over cells of poses: hybrid A* (Dolgov, Thrun, Montemerlo and Diebel 2010).
 
 Nodes are exact poses; each cell of positions and headings keeps the cheapest one that came there. The node with the
-least f = g + h is expanded next: g is its cost, h what is left at least as the floor's distances and the cheapest word
-have it. From every expanded node an exact word is tried to the goal. Lengths of arcs and one arc of each node are
-drawn at random, so that every search is another one.
+least f = g + h is expanded next: g is its cost; h what is left, by the floor's distances and by the cheapest word.
+From every expanded node an exact word is tried to the goal. Lengths of arcs, and one arc of each node, are drawn at
+random, so that every search is another one.
 """
 
 from __future__ import annotations
