@@ -1,1 +1,1 @@
-"""The compiled searches: trees from both ends, sparse trees, cells of poses, and ways to guide them."""
+"""The compiled searches: trees from both ends, sparse trees, best-first search and flooding over cells of poses."""

@@ -1,0 +1,129 @@
+"""What each part of `auto` gains: the same searches without it, on dense, narrow and packaged scenes, by CPU time.
+
+Run `python benchmarks/ablation.py [--parts flooding lattice ...] [--seeds 6] [--seconds 1] [--scenes 30] [--hard]`.
+Every scene is searched with `auto` as it is and with one part after the other left out (`PARTS`). Prints for each the
+share of runs that find a path, the shares within 1 % of the cheapest path that any run here found, after 0.1, 0.3 and
+1 of the time, the share more than 20 % off, and first paths. `--hard` takes scenes in which a path is hard to find.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+from unittest import mock
+
+import numpy as np
+from convergence import FAR, NEAR, NEVER, Run, run
+from dense_scenes import HARD, NUMBERS
+from dense_scenes import scenes as dense_scenes
+
+from pushplan.bench.machine import Machine
+from pushplan.examples import example_names
+from pushplan.kernels import warm_up
+from pushplan.planners.improve.session import Session
+from pushplan.planners.ompl import auto
+from pushplan.planners.problem.margins import margins_to_try
+from pushplan.planners.problem.posing import build_problem
+from pushplan.planners.search import lattice_rounds
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario import Scenario
+
+
+def _nothing(*_: Any) -> None:
+    return None
+
+
+def _forward(self: Any, arcs: float) -> None:
+    """Run the rounds of `LatticeRounds.run` from the start only."""
+    session, pathless = self._session, self._session.best_arcs is None
+    while sum(self._tried) < arcs and not session.finished:
+        self._search(0)
+        if pathless and session.best_arcs is not None:
+            return
+
+
+PARTS: dict[str, Callable[[], Any]] = {
+    "nothing": lambda: mock.patch.object(auto, "REACH_SHARE", auto.REACH_SHARE),
+    "flooding": lambda: mock.patch.object(auto, "_flood", _nothing),
+    "lattice": lambda: mock.patch.object(lattice_rounds.LatticeRounds, "run", _nothing),
+    "lattice back from the goal": lambda: mock.patch.object(lattice_rounds.LatticeRounds, "run", _forward),
+    "random arcs of trees": lambda: mock.patch.object(auto, "BLIND", (0.0,)),
+    "room for polishing": lambda: mock.patch.object(lattice_rounds, "EXCESS", (1.0, 1.0)),
+    "refining": lambda: mock.patch.object(Session, "refine", _nothing),
+}
+"""What is left out, and how."""
+
+
+@contextmanager
+def without(part: str) -> Iterator[None]:
+    with PARTS[part]():
+        yield
+
+
+def scenes(arguments: argparse.Namespace) -> Iterator[Scenario]:
+    if arguments.hard:
+        yield from dense_scenes(HARD)
+        return
+    yield from (load_scenario(name) for name in example_names())
+    yield from dense_scenes(NUMBERS[: arguments.scenes])
+
+
+def measure(scenario: Scenario, arguments: argparse.Namespace) -> dict[str, list[Run]]:
+    scenario = replace(scenario, planner=replace(scenario.planner, cost="travel", arc_price=0.0))
+    stable = scenario.stable_set()
+    posed = scenario.with_margin(margins_to_try(scenario, stable)[0])
+    problem = build_problem(posed, stable)
+    found: dict[str, list[Run]] = {}
+    for part in arguments.parts:
+        with without(part):
+            found[part] = [
+                run(posed, problem, "auto", seed, arguments.seconds, NEVER)
+                for seed in range(1, arguments.seeds + 1)
+            ]
+    best = min(r.cost for runs in found.values() for r in runs)
+    return {
+        part: [replace(r, cost=r.cost / best, costs=tuple(c / best for c in r.costs)) for r in runs]
+        for part, runs in found.items()
+        if math.isfinite(best)
+    }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS))
+    parser.add_argument("--seeds", type=int, default=6)
+    parser.add_argument("--seconds", type=float, default=1.0)
+    parser.add_argument("--scenes", type=int, default=30, help="number of generated scenes")
+    parser.add_argument("--hard", action="store_true", help="scenes in which a path is hard to find")
+    arguments = parser.parse_args()
+    warm_up("auto")
+    time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
+    print(f"{Machine.this().words}, {arguments.seeds} seeds, {arguments.seconds:g} s of CPU each")
+    every: dict[str, list[Run]] = {part: [] for part in arguments.parts}
+    for scenario in scenes(arguments):
+        for part, runs in measure(scenario, arguments).items():
+            every[part] += runs
+        print(f"{scenario.name} done", file=sys.stderr, flush=True)
+    print(f"{'without':28} {'solved':>7}  {'within 1 % after 0.1, 0.3, 1':36} {'> 20 %':>7} first ms, 90 %")
+    for part, runs in every.items():
+        end, firsts = np.array([r.cost for r in runs]), 1e3 * np.array([r.first for r in runs])
+        near = " ".join(
+            f"{100 * share:7.1f}" for share in (np.array([r.costs for r in runs]) <= NEAR).mean(axis=0)
+        )
+        print(
+            f"{part:28} {100 * np.isfinite(end).mean():7.1f}  {near:36} {100 * (end > FAR).mean():7.1f} "
+            f"{np.median(firsts):8.2f} {np.quantile(firsts, 0.9):8.2f}"
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
