@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, TypedDict
 
 from pushplan.errors import PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error
@@ -39,6 +39,23 @@ STALL = 42_000
 
 Planning is done in a fraction of the limit as a rule, and then the same seed gives the same plan on any machine.
 """
+
+
+class PlanOptions(TypedDict, total=False):
+    """The keywords of `plan` that whatever plans hands on; see there."""
+
+    planner: str | Factory | None
+    stable_set: str | type[StableSet] | None
+    seed: int | None
+    time_limit: float | None
+    first: bool
+    iterations: int | None
+    cost: str | None
+    margin: float | Literal["auto"] | None
+    gap: float | None
+    progress: Callable[[ProgressPoint], None] | None
+    tell: Callable[[str], None] | None
+    stop: Callable[[], bool] | None
 
 
 def plan(

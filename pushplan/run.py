@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Unpack
 
-from pushplan.plan import plan
+from pushplan.plan import PlanOptions, plan
 from pushplan.planners.ompl.factories import planner_named
-from pushplan.planners.ompl.search import Factory
 from pushplan.recording import Recording, Where
 from pushplan.result import ProgressPoint, Run
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import add_set
-from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
 
 
@@ -22,18 +19,7 @@ def run(
     *,
     log: Where = None,
     runs: Path | str | None = None,
-    planner: str | Factory | None = None,
-    stable_set: str | type[StableSet] | None = None,
-    seed: int | None = None,
-    time_limit: float | None = None,
-    first: bool = False,
-    iterations: int | None = None,
-    cost: str | None = None,
-    margin: float | Literal["auto"] | None = None,
-    gap: float | None = None,
-    progress: Callable[[ProgressPoint], None] | None = None,
-    tell: Callable[[str], None] | None = None,
-    stop: Callable[[], bool] | None = None,
+    **options: Unpack[PlanOptions],
 ) -> Run:
     """Plan a push, execute it in the kinematic simulator, and record both.
 
@@ -43,18 +29,8 @@ def run(
             run that finds no plan, or is refused, is recorded as well.
         runs: Folder of recorded runs; None for $PUSHPLAN_RUNS, else `pushplan/runs` in $XDG_STATE_HOME or in
             ~/.local/state. One that cannot be written is a warning, and `Run.log` is None then.
-        planner: See `plan`.
-        stable_set: See `plan`.
-        seed: See `plan`.
-        time_limit: See `plan`.
-        first: See `plan`.
-        iterations: See `plan`.
-        cost: See `plan`.
-        margin: See `plan`.
-        gap: See `plan`.
-        progress: See `plan`.
-        tell: See `plan`; takes warnings about the recording, too.
-        stop: See `plan`; the outcome in the log of a run that was told to stop is `interrupted`.
+        **options: Keywords of `plan`, but for `watch`. `tell` takes warnings about the recording, too; the outcome in
+            the log of a run that was told to `stop` is `interrupted`.
 
     Raises:
         PushplanError: As `plan`.
@@ -62,37 +38,34 @@ def run(
             that has the run, after it.
     """
     watch = Stopwatch()
-    settings = {
-        "planner": planner_named(planner or scenario.planner.name)[0],
-        "set": add_set(stable_set or scenario.stability.set),
-        "seed": scenario.planner.seed if seed is None else seed,
-        "time_limit": scenario.planner.time_limit if time_limit is None else time_limit,
-        "cost": cost or scenario.planner.cost,
-        "margin": scenario.stability.margin if margin is None else margin,
-        "gap": scenario.planner.gap if gap is None else gap,
-    }
-    with Recording(scenario, settings, log, runs, tell, watch) as recording:
+    progress, stop = options.get("progress"), options.get("stop")
+    with Recording(scenario, _told(scenario, options), log, runs, options.get("tell"), watch) as recording:
 
         def improved(point: ProgressPoint) -> None:
             recording.improved(point)
             if progress is not None:
                 progress(point)
 
-        result = plan(
-            scenario,
-            planner=planner,
-            stable_set=stable_set,
-            seed=seed,
-            time_limit=time_limit,
-            first=first,
-            iterations=iterations,
-            cost=cost,
-            margin=margin,
-            gap=gap,
-            progress=improved,
-            tell=tell,
-            watch=watch,
-            stop=stop,
-        )
+        options["progress"] = improved
+        result = plan(scenario, **options, watch=watch)
         recording.end(result, interrupted=stop is not None and stop())
     return recording.finished(result)
+
+
+def _told(scenario: Scenario, options: PlanOptions) -> dict[str, object]:
+    """Return what the log says of the settings: the options, and the scenario's where they leave it open."""
+
+    def chosen(name: Literal["seed", "time_limit", "cost", "margin", "gap"], otherwise: object) -> object:
+        value = options.get(name)
+        return otherwise if value is None else value
+
+    own = scenario.planner
+    return {
+        "planner": planner_named(options.get("planner") or own.name)[0],
+        "set": add_set(options.get("stable_set") or scenario.stability.set),
+        "seed": chosen("seed", own.seed),
+        "time_limit": chosen("time_limit", own.time_limit),
+        "cost": chosen("cost", own.cost),
+        "margin": chosen("margin", scenario.stability.margin),
+        "gap": chosen("gap", own.gap),
+    }

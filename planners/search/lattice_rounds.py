@@ -66,7 +66,7 @@ class LatticeRounds:
     """
 
     def __init__(self, session: Session, box: Box) -> None:
-        self._session, self._box = session, np.array(box)
+        self._session, self._box = session, box
         self._diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
         self._tables: Tables | None = None
         self._rounds, self._tried = [0, 0], [0, 0]
@@ -116,7 +116,7 @@ class LatticeRounds:
             costs=tables.costs[: 2 * room],
             queue=tables.queue[:room],
             counts=np.zeros(4, dtype=np.int64),
-            box=self._box - shift,
+            box=np.array(self._box) - shift,
             sizes=np.array([side, 2.0 * math.pi / headings, ARC_SIDES * side, 1.0 - 2.0 * back]),
             target=ends[1 - back],
             away=tables.away[1 - back],
@@ -131,7 +131,7 @@ class LatticeRounds:
 class Tables:
     """What all rounds of a search share: room for nodes, and how far places are from the start and from the goal."""
 
-    def __init__(self, session: Session, box: FloatArray) -> None:
+    def __init__(self, session: Session, box: Box) -> None:
         self.nodes, self.queue = np.empty((MOST_ROOM, NODE)), np.empty((MOST_ROOM, 2))
         self.keys, self.costs = np.empty(2 * MOST_ROOM, dtype=np.int64), np.empty(2 * MOST_ROOM)
         self.away: list[FloatArray] = []
