@@ -1,9 +1,13 @@
-"""Attacks on what must not be lost or hurt: every output against what it could destroy, and kills of planning runs.
+"""Attacks on what must not be lost or hurt: outputs against what they could destroy, hostile logs, kills of plans.
 
-Run `python benchmarks/attacks.py -o DIR [--kills 200] [--commands 20] [--seed 1] [--only outputs|kills|commands]`.
+Run `python benchmarks/attacks.py -o DIR [--mutations 1000] [--bombs 200] [--kills 200] [--commands 20] [--seed 1]
+[--only outputs|mutations|bombs|kills|commands]`.
 
 - *outputs*: every output option of every command against a device, a full and a closed file system in a mount
   namespace of their own, and against a link, a pipe and a folder in DIR.
+- *mutations*: logs with records or bytes altered at random; *bombs*: logs of up to 50 MB that would take gigabytes or
+  hours if nothing bounded that, some of them altered, too. Each must be read, or refused with the one error that a
+  damaged log leads to, strictly and recovering, within 500 MB and 10 s of a processor.
 - *kills*: SIGKILL at random moments of `pushplan.run`, in a process that tells every improvement of its path. The log
   must hold all that was told by then, and its best path must be one that drives to the goal.
 - *commands*: SIGKILL at random moments of `pushplan plan`, from its first instruction on; what it leaves must be no
@@ -26,29 +30,35 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from random import Random
-from threading import Thread
+from threading import Thread, Timer
 
 import numpy as np
 
 TESTS = Path(__file__).parents[1] / "tests"
-sys.path.insert(0, str(TESTS))
+sys.path[:0] = [str(TESTS), str(TESTS / "logs")]
 
-from output_options import OPTIONS, words  # noqa: E402 (in tests, where the path has just been set)
+import bombs as bomb_files  # noqa: E402 (in tests, where the path has just been set)
+import hostile_files  # noqa: E402
+from output_options import OPTIONS, words  # noqa: E402
 
 from pushplan.errors import PushplanError  # noqa: E402
 from pushplan.kernels import warm_up  # noqa: E402
 from pushplan.logging.cut_off import with_best_path  # noqa: E402
 from pushplan.logging.messages.recorded import RecordedRun  # noqa: E402
 from pushplan.logging.reader import read_run  # noqa: E402
+from pushplan.reading.scenario_file import load_scenario  # noqa: E402
 from pushplan.result import ProgressPoint  # noqa: E402
 from pushplan.run import run  # noqa: E402
-from pushplan.scenario import load_scenario  # noqa: E402
 
 SCENARIOS = ("two-crates", "one-box", "narrow-gap", "free-space")
 LIMIT = 1.5
 """Time limit of each plan, s."""
-AFTER = 1.5
+AFTER = 0.5
 """Moments lie up to so long after it, s: paths are timed, executed and logged then."""
+
+MOST_MB, MOST_SECONDS = 500.0, 10.0
+"""What reading a log may take."""
+COSTS = (("peak_mb", "MB"), ("seconds", "s"))
 
 Row = dict[str, object]
 
@@ -60,6 +70,8 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     parts: dict[str, Callable[[], Iterator[tuple[str, Callable[[], Row]]]]] = {
         "outputs": lambda: _outputs(folder),
+        "mutations": lambda: _mutations(folder, options.mutations, options.seed),
+        "bombs": lambda: _bombs(folder, options.bombs, options.seed),
         "kills": lambda: _kills(folder, options.kills, options.seed),
         "commands": lambda: _commands(folder, options.commands, options.seed),
     }
@@ -73,10 +85,12 @@ def main() -> int:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("-o", "--output", required=True, metavar="DIR")
+    parser.add_argument("--mutations", type=int, default=1000)
+    parser.add_argument("--bombs", type=int, default=200)
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--commands", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", choices=("outputs", "kills", "commands"))
+    parser.add_argument("--only", choices=("outputs", "mutations", "bombs", "kills", "commands"))
     return parser.parse_args()
 
 
@@ -98,7 +112,10 @@ def _done(path: Path, attacks: Iterator[tuple[str, Callable[[], Row]]]) -> list[
 def _print(part: str, rows: list[Row]) -> int:
     """Print how many attacks ended how, and every wrong one; return how many are wrong."""
     wrong = [row for row in rows if row["verdict"] == "WRONG"]
-    print(f"{part}: {len(rows)} attacks, {len(wrong)} wrong")
+    most = [
+        f", at most {max(float(str(r[k])) for r in rows):.2f} {u}" for k, u in COSTS if rows and k in rows[0]
+    ]
+    print(f"{part}: {len(rows)} attacks, {len(wrong)} wrong{''.join(most)}")
     for (group, verdict), count in sorted(
         Counter((str(r["group"]), str(r["verdict"])) for r in rows).items()
     ):
@@ -110,9 +127,7 @@ def _print(part: str, rows: list[Row]) -> int:
 
 
 def _outputs(folder: Path) -> Iterator[tuple[str, Callable[[], Row]]]:
-    log = folder / "attacked.mcap"
-    if not log.exists():
-        run(load_scenario("one-box"), log=log, first=True)
+    log = _sound(folder)
     for command, option, suffix in OPTIONS:
         for place in ("link", "pipe", "folder"):
             key = f"{command} {option} {place}"
@@ -158,6 +173,96 @@ def _attack_output(folder: Path, log: Path, command: str, option: str, suffix: s
     return {"group": place, "verdict": verdict, "code": code}
 
 
+def _sound(folder: Path) -> Path:
+    """Return the log that attacks begin with."""
+    log = folder / "attacked.mcap"
+    if not log.exists():
+        run(load_scenario("one-box"), log=log, first=True)
+    return log
+
+
+class _Reader:
+    """A process that reads logs, begun anew when one ends it."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[str] | None = None
+
+    def read(self, path: Path) -> Row:
+        """Return what it makes of a log."""
+        if self._process is None or self._process.poll() is not None:
+            program = [sys.executable, str(TESTS / "logs" / "read_many.py")]
+            self._process = subprocess.Popen(
+                program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(f"{path}\n")
+        self._process.stdin.flush()
+        watch = Timer(20.0 * MOST_SECONDS, self._process.kill)
+        watch.start()
+        lines = [self._process.stdout.readline() for _ in range(2)]
+        watch.cancel()
+        if not all(lines):
+            return {
+                "verdict": "WRONG",
+                "why": "the process that read it has ended",
+                "seconds": 0.0,
+                "peak_mb": 0.0,
+            }
+        strict, recovering = map(json.loads, lines)
+        row: Row = {key: max(strict[key], recovering[key]) for key, _ in COSTS}
+        told = f"{_told(strict)}, {_told(recovering)} when recovered"
+        sound = all(one["kind"] in ("read", "RunLogError") for one in (strict, recovering))
+        within = row["peak_mb"] < MOST_MB and row["seconds"] < MOST_SECONDS  # type: ignore[operator]
+        return {**row, "verdict": told} if sound and within else {**row, "verdict": "WRONG", "why": lines}
+
+
+def _told(verdict: dict[str, object]) -> str:
+    return "refused" if verdict["kind"] == "RunLogError" else "read"
+
+
+def _mutations(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Callable[[], Row]]]:
+    log, reader = _sound(folder).read_bytes(), _Reader()
+    for k in range(count):
+        key = f"{seed}-mutation-{k}"
+        yield (
+            key,
+            lambda key=key: _attack_reader(
+                folder, reader, key, lambda: hostile_files.mutated(log, Random(key))
+            ),
+        )
+
+
+def _bombs(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Callable[[], Row]]]:
+    log, names, reader = _sound(folder).read_bytes(), [*bomb_files.BOMBS], _Reader()
+    for k in range(count):
+        name, key = names[k % len(names)], f"{seed}-bomb-{k}"
+        yield (
+            key,
+            lambda key=key, name=name: _attack_reader(
+                folder, reader, key, lambda: _bomb(log, name, Random(key))
+            ),
+        )
+
+
+def _bomb(log: bytes, name: str, random: Random) -> bytes:
+    """Return a bomb whose file is larger or smaller, every other one with a few bytes altered."""
+    bomb_files.PADDING = random.choice((0, 0, 0, 1, 3))
+    made = bytearray(bomb_files.BOMBS[name](log))
+    for _ in range(random.choice((0, random.randint(1, 5)))):
+        made[random.randrange(len(made))] ^= 1 << random.randrange(8)
+    return bytes(made)
+
+
+def _attack_reader(folder: Path, reader: _Reader, key: str, make: Callable[[], bytes]) -> Row:
+    path = folder / f"{key}.mcap"
+    path.write_bytes(make())
+    row = reader.read(path)
+    if row["verdict"] != "WRONG":  # one that is wrong is kept
+        path.unlink()
+    return {"group": "logs", **row}
+
+
 def _kills(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Callable[[], Row]]]:
     for name in SCENARIOS if count else ():
         warm_up(load_scenario(name).planner.name)
@@ -168,7 +273,7 @@ def _kills(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Callable[
 
 def _kill(folder: Path, random: Random) -> Row:
     """Kill a run at a random moment and compare its log with what it had told."""
-    name, moment = random.choice(SCENARIOS), random.uniform(0.0, LIMIT + AFTER)
+    name, moment = random.choice(SCENARIOS), random.triangular(0.0, LIMIT + AFTER, 0.0)  # most runs end soon
     log = folder / "killed.mcap"
     for path in (log, log.with_name("killed.mcap.partial")):
         path.unlink(missing_ok=True)

@@ -2,8 +2,9 @@
 
 Run `python benchmarks/bench.py [faults] [kills] [overhead] [throughput] [same]`; without words, all of it, in about
 a quarter of an hour on two processors. `faults`: 1,000 runs with planted segfaults, hangs, memory hogs and errors.
-`kills`: such a batch and one of real runs, each killed at 20 random moments and resumed. `overhead`: time per run
-beyond its phases. `throughput`: two jobs against one. `same`: the same costs and arcs on one job, two jobs and Dask.
+`kills`: a batch of real runs, killed at 20 random moments and resumed (more kills: batch_kills.py). `overhead`: time
+per run beyond its phases. `throughput`: two jobs against one. `same`: the same costs and arcs on one job, two jobs
+and Dask.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ import planted_runs  # noqa: E402
 from pushplan.bench.batch import Engine, run_suite  # noqa: E402
 from pushplan.bench.cluster import cluster_outcomes  # noqa: E402
 from pushplan.bench.folder import ResultsFolder  # noqa: E402
-from pushplan.bench.isolation import prepare  # noqa: E402
+from pushplan.bench.fork_server import supervisor  # noqa: E402
 from pushplan.bench.local import local_outcomes  # noqa: E402
 from pushplan.bench.machine import Machine  # noqa: E402
 from pushplan.bench.suite_file import suite_from_text  # noqa: E402
@@ -86,12 +87,9 @@ def faults(folder: Path, count: int = 1000) -> None:
     print(f"faults: {count} runs, {count} rows in {spent:.0f} s, each with the right outcome: {dict(counts)}")
 
 
-def kills(folder: Path, count: int = 300, times: int = 20) -> None:
-    for name, text, spread in (("planted", planted_runs.suite_text(count), 3.0), ("real", REAL, 0.5)):
-        (folder / f"{name}.yaml").write_text(text)
-        found = killed_and_resumed(folder / f"{name}.yaml", name, folder / name, times, spread)
-        if name == "planted":
-            check_planted(found, count)
+def kills(folder: Path, times: int = 20) -> None:
+    (folder / "real.yaml").write_text(REAL)
+    found = killed_and_resumed(folder / "real.yaml", folder / "killed", times)
     run(REAL, folder / "whole", lambda tasks: local_outcomes(tasks, 2), "test")
     expected = [row[:5] for row in rows(folder / "whole")]
     assert [row[:5] for row in found] == expected, (
@@ -100,10 +98,8 @@ def kills(folder: Path, count: int = 300, times: int = 20) -> None:
     print(f"kills: the {len(expected)} real runs have the same outcomes, costs and arcs as when left alone")
 
 
-def killed_and_resumed(
-    suite: Path, work: str, folder: Path, times: int, spread: float
-) -> list[tuple[Any, ...]]:
-    command = [sys.executable, str(PLANTED / "planted_runs.py"), str(folder), str(suite), work]
+def killed_and_resumed(suite: Path, folder: Path, times: int, spread: float = 0.5) -> list[tuple[Any, ...]]:
+    command = [sys.executable, str(PLANTED / "planted_runs.py"), str(folder), str(suite), "real"]
     rng, at = random.Random(1), []
     for _ in range(times):
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
@@ -114,13 +110,13 @@ def killed_and_resumed(
         at.append(len(rows(folder)))
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     found = rows(folder)
-    print(f"kills: {work} runs killed with {at} of {len(found)} rows, each there once in the end")
+    print(f"kills: real runs killed with {at} of {len(found)} rows, each there once in the end")
     return found
 
 
 def overhead(folder: Path, count: int = 100) -> None:
     text = f"format: pushplan-suite/1\nproblems: [one-box]\nplanners: [{{name: auto, first: true}}]\nseeds: {count}\n"
-    prepare()
+    supervisor().prepare()
     spent = run(text, folder, lambda tasks: local_outcomes(tasks, 1))
     found = rows(folder)
     phases = sum(row[5] - row[6] for row in found)
@@ -137,7 +133,7 @@ def throughput(folder: Path, count: int = 20, rounds: int = 4) -> None:
         "format: pushplan-suite/1\nproblems: [three-boxes-clutter]\nplanners: [auto]\n"
         f"seeds: {count}\nlimits: {{time: 60 s, iterations: 40000}}\n"
     )
-    prepare()
+    supervisor().prepare()
     spent: dict[int, list[float]] = {1: [], 2: []}
     for i in range(rounds):
         for jobs, times in spent.items():
@@ -167,8 +163,8 @@ def scaling(rounds: int) -> float:
 def same(folder: Path) -> None:
     for jobs in (1, 2):
         run(REAL, folder / str(jobs), lambda tasks, jobs=jobs: local_outcomes(tasks, jobs))
-    with dask(folder) as address:
-        run(REAL, folder / "dask", lambda tasks: cluster_outcomes(tasks, address))
+    with dask(folder) as cluster:
+        run(REAL, folder / "dask", lambda tasks: cluster_outcomes(tasks, cluster.address))
     found = [[row[1:5] for row in rows(folder / name)] for name in ("1", "2", "dask")]
     assert found[0] == found[1] == found[2], "costs or arcs differ"
     counts = Counter(row[0] for row in found[0])
@@ -178,32 +174,50 @@ def same(folder: Path) -> None:
 
 
 class dask:  # noqa: N801
-    """A scheduler and two workers for the time of a block."""
+    """A scheduler and two workers for the time of a block.
+
+    Attributes:
+        workers: Numbers of the workers' processes.
+    """
 
     def __init__(self, folder: Path) -> None:
-        file, environment = (
-            folder / "scheduler.json",
-            {**os.environ, "DASK_DISTRIBUTED__WORKER__DAEMON": "False"},
-        )
-        workers = [f"--scheduler-file={file}", f"--local-directory={folder}", "--nthreads=1", "--no-nanny"]
-        words = [["scheduler", "--port=0", f"--scheduler-file={file}"], *[["worker", *workers]] * 2]
-        self._file = file
-        self._programs = [
-            subprocess.Popen(
-                [sys.executable, "-m", f"distributed.cli.dask_{word}", "--no-dashboard", *more],
-                env=environment,
-                stderr=subprocess.DEVNULL,
-            )
-            for word, *more in words
-        ]
+        self._file, self._folder = folder / "scheduler.json", folder
+        self._scheduler = self._start("scheduler", "--port=0", f"--scheduler-file={self._file}")
+        self._workers = [self._worker() for _ in range(2)]
 
-    def __enter__(self) -> str:
+    def _worker(self) -> subprocess.Popen[bytes]:
+        where = (f"--scheduler-file={self._file}", f"--local-directory={self._folder}")
+        return self._start("worker", *where, "--nthreads=1", "--no-nanny")
+
+    def _start(self, word: str, *more: str) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, "-m", f"distributed.cli.dask_{word}", "--no-dashboard", *more],
+            env={**os.environ, "TMPDIR": str(self._folder)},
+            stderr=subprocess.DEVNULL,
+        )
+
+    @property
+    def address(self) -> str:
+        """Of the scheduler."""
         while not self._file.exists():
             time.sleep(0.1)
         return str(json.loads(self._file.read_text())["address"])
 
+    @property
+    def workers(self) -> list[int]:
+        return [worker.pid for worker in self._workers]
+
+    def replace_worker(self, i: int) -> None:
+        """Kill a worker and start another one."""
+        self._workers[i].kill()
+        self._workers[i].wait()
+        self._workers[i] = self._worker()
+
+    def __enter__(self) -> dask:
+        return self
+
     def __exit__(self, *error: object) -> None:
-        for program in self._programs:
+        for program in (self._scheduler, *self._workers):
             program.kill()
             program.wait()
 

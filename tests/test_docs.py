@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import importlib
 import io
 import re
 import shlex
 import shutil
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -143,3 +146,14 @@ def test_the_steps_are_a_scenario_and_its_mistake_is_told_as_printed(
 @pytest.mark.parametrize("script", sorted((ROOT / "benchmarks").glob("*.py")), ids=_id)
 def test_every_benchmark_is_on_its_page(script: Path) -> None:
     assert f"`{script.name}`" in (ROOT / "docs" / "benchmarks.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("script", sorted((ROOT / "benchmarks").glob("*.py")), ids=_id)
+def test_what_a_benchmark_imports_of_the_project_is_there(script: Path) -> None:
+    """Nothing else runs them, and a name that has moved would show when somebody wants figures."""
+    for node in ast.walk(ast.parse(script.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("pushplan"):
+            module = importlib.import_module(node.module or "")
+            for name in node.names:
+                found = hasattr(module, name.name) or find_spec(f"{node.module}.{name.name}")
+                assert found, f"{node.module} has no {name.name}"

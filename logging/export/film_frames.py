@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import cycle
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -26,6 +27,9 @@ _PLOT = 220
 _FINE = 2
 """Pictures are drawn so many times larger and then reduced, which smooths their edges."""
 
+_BLOCK = 2
+"""What is drawn anew falls on blocks of so many pixels: video has one colour for four of them."""
+
 _GROUND, _INK, _FAINT, _RULE, _BAD, _WAY, _GOAL = (
     "#fbfaf7", "#23262b", "#6f747c", "#dcdad3", "#c8322b", "#1f6fb2", "#2f9a55",
 )  # fmt: skip
@@ -40,8 +44,20 @@ Box = tuple[int, int, int, int]
 """Left, top, right and bottom in a picture before it is reduced."""
 
 
+class Patch(NamedTuple):
+    """A part of a picture: the pixels from column `x` and row `y` on."""
+
+    x: int
+    y: int
+    image: Image.Image
+
+
 class Film:
-    """Draws the pictures of a run that was executed."""
+    """Draws the pictures of a run that was executed.
+
+    Attributes:
+        still: What is the same in all pictures; where a `Patch` of one is not, the picture is this.
+    """
 
     def __init__(self, run: Run | RecordedRun, execution: Execution) -> None:
         self._run, self._execution = run, execution
@@ -53,25 +69,25 @@ class Film:
         self._margins = low - 0.05 * (high - low), high + 0.05 * (high - low)
         self._font = ImageFont.load_default(15 * _FINE)
         self._background = self._draw_background()
-        self._still = self._background.reduce(_FINE)
+        self.still = self._background.reduce(_FINE)
         self._canvas = self._background.copy()
 
-    def pictures(self, rate: float, begin: float, end: float) -> Iterator[Image.Image]:
-        """Yield `rate` pictures for each simulated second from `begin` to `end`, s."""
+    def pictures(self, rate: float, begin: float, end: float) -> Iterator[list[Patch]]:
+        """Yield what moves in `rate` pictures for each simulated second from `begin` to `end`, s."""
         for time in np.append(np.arange(begin, end, 1.0 / rate), end):
-            yield self.picture(float(time))
+            yield self.moving(float(time))
 
-    def picture(self, time: float) -> Image.Image:
-        """Return the picture at a simulated time, s: the still one, with what moves drawn anew."""
+    def moving(self, time: float) -> list[Patch]:
+        """Return what there is at a simulated time, s, in place of parts of the still picture.
+
+        A later part hides earlier ones. All begin at even pixels and have even sizes.
+        """
         pen = ImageDraw.Draw(self._canvas)
         boxes = [self._draw_chain(pen, time), *self._draw_now(pen, time)]
-        picture = self._still.copy()
-        for x, y, right, bottom in boxes:
-            drawn = self._canvas.crop((x, y, right, bottom)).reduce(_FINE)
-            picture.paste(drawn, (x // _FINE, y // _FINE))
+        parts = [Patch(b[0] // _FINE, b[1] // _FINE, self._canvas.crop(b).reduce(_FINE)) for b in boxes]
         for box in boxes:
             self._canvas.paste(self._background.crop(box), box)
-        return picture
+        return parts
 
     def _draw_chain(self, pen: ImageDraw.ImageDraw, time: float) -> Box:
         poses, t = self._execution.poses, self._execution.t
@@ -146,9 +162,10 @@ class Film:
 
 
 def _box(points: Points) -> Box:
-    """Return the box around points and the lines through them; it falls on whole pixels of the picture."""
-    low, high = np.min(points, axis=0), np.max(points, axis=0)
-    most = np.array([WIDTH, HEIGHT])
-    x, y = np.clip(np.floor(low / _FINE) - _LINE, 0, most - 1).astype(int) * _FINE
-    right, bottom = np.clip(np.ceil(high / _FINE) + _LINE, 1, most).astype(int) * _FINE
+    """Return the box around points and the lines through them; it falls on whole blocks of the picture."""
+    size = _FINE * _BLOCK
+    low, high = np.min(points, axis=0) - _FINE * _LINE, np.max(points, axis=0) + _FINE * _LINE
+    most = np.array([WIDTH, HEIGHT]) // _BLOCK
+    x, y = np.clip(np.floor(low / size), 0, most - 1).astype(int) * size
+    right, bottom = np.clip(np.ceil(high / size), 1, most).astype(int) * size
     return int(x), int(y), int(right), int(bottom)

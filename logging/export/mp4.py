@@ -8,10 +8,12 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from PIL.Image import Image
+import numpy as np
+from numpy.typing import NDArray
 
 from pushplan.errors import PushplanError
 from pushplan.extras import optional
+from pushplan.logging.export.film_colours import FilmColours
 from pushplan.logging.export.film_frames import HEIGHT, WIDTH, Film
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.outputs.write import write_whole
@@ -39,17 +41,23 @@ def write_mp4(run: Run | RecordedRun, path: Path | str, *, rate: float = 1.0) ->
         raise PushplanError("nothing was executed, so there is no film to make")
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "run.mp4"
-        pictures = Film(run, execution).pictures(PICTURES_PER_SECOND / rate, 0.0, float(execution.t[-1]))
-        _encode(av, pictures, target)
+        film = Film(run, execution)
+        colours = FilmColours(film.still)
+        pictures = film.pictures(PICTURES_PER_SECOND / rate, 0.0, float(execution.t[-1]))
+        _encode(av, map(colours.with_parts, pictures), target)
         write_whole(path, target.read_bytes())
 
 
-def _encode(av: Any, pictures: Iterable[Image], target: Path) -> None:
-    """Encode pictures to a file that players can start before they have read its end."""
+def _encode(av: Any, pictures: Iterable[NDArray[np.uint8]], target: Path) -> None:
+    """Encode pictures, yuv420p, to a file that players can start before they have read its end."""
     with av.open(str(target), "w", options={"movflags": "+faststart"}) as container:
-        how = {"crf": "20", "preset": "veryfast"}  # of flat colours slower presets make no smaller film
+        # Of flat colours that move little, slower presets and a finer search make no smaller film.
+        how = {"crf": "20", "preset": "veryfast", "x264-params": "subme=1:ref=1:scenecut=0"}
         stream = container.add_stream("libx264", rate=Fraction(PICTURES_PER_SECOND), options=how)
         stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.codec_context.thread_count = (
+            1  # more take more time in all, and others may want the processors
+        )
         for picture in pictures:
-            container.mux(stream.encode(av.VideoFrame.from_image(picture)))
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="yuv420p")))
         container.mux(stream.encode())

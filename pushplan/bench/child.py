@@ -4,19 +4,31 @@ from __future__ import annotations
 
 import faulthandler
 import fcntl
-import multiprocessing
 import os
+import pickle
 import resource
+import select
 import signal
+import struct
+import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import NoReturn
 
 from pushplan.bench import outcome
 from pushplan.bench.outcome import Figures, Task
 from pushplan.errors import PushplanError
+
+Work = Callable[[Task, Path], Figures]
+"""What a run's process does; a function of a module, so that the process finds it by name."""
+
+ORDER = "order.pickle"
+"""File in the run's folder that says what to do."""
+
+HEAD = struct.Struct("!Q")
+"""What is sent before a result: its length, so that a part of one is not taken for it."""
 
 OUTPUT = "output.txt"
 """File in the run's folder that takes the process's standard streams."""
@@ -34,19 +46,36 @@ class Ended:
     figures: Figures = field(default_factory=Figures)
 
 
-def guarded(writer: Connection, work: Callable[[Task, Path], Figures], task: Task, folder: Path) -> None:
-    """Do the work within the task's limits and send how it ended."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the supervisor
-    _end_with_parent()
-    _write_into(folder / OUTPUT)
-    writer.send(_ended(work, task, folder))
+def order(folder: Path, work: Work, task: Task) -> None:
+    """Leave in a run's folder what its process is to do."""
+    what = pickle.dumps((work, task))
+    (folder / ORDER).write_bytes(pickle.dumps((sys.path, what)))  # the path comes first, it finds the rest
 
 
-def idle() -> None:
-    """Do nothing: a process with this work has ended when the fork server is ready."""
+def carry_out(folder: Path, result: int, sentinel: int) -> NoReturn:
+    """Do what is ordered in a folder, within the task's limits, send how it ended, and end the process.
+
+    Args:
+        folder: Of the run.
+        result: Descriptor to send it to.
+        sentinel: Descriptor of a pipe whose closing at the other end ends the process.
+    """
+    try:
+        _end_with(sentinel)
+        _write_into(folder / OUTPUT)
+        sys.path[:], what = pickle.loads((folder / ORDER).read_bytes())
+        work, task = pickle.loads(what)
+        ended = pickle.dumps(_ended(work, task, folder))
+        with open(result, "wb") as stream:
+            stream.write(HEAD.pack(len(ended)) + ended)
+        os._exit(0)
+    except BaseException:
+        traceback.print_exc()
+        sys.stderr.flush()
+    os._exit(1)
 
 
-def _ended(work: Callable[[Task, Path], Figures], task: Task, folder: Path) -> Ended:
+def _ended(work: Work, task: Task, folder: Path) -> Ended:
     try:
         limit_memory(task.megabytes + ROOM)
         figures = work(task, folder)
@@ -60,16 +89,14 @@ def _ended(work: Callable[[Task, Path], Figures], task: Task, folder: Path) -> E
         return Ended(outcome.ERROR, f"{type(error).__name__}: {error}\n{traceback.format_exc()}")
 
 
-def _end_with_parent() -> None:
+def _end_with(sentinel: int) -> None:
     """Let the kernel end this process when the supervisor is gone, whatever runs here and however it went.
 
-    The sentinel is a pipe whose other end only the supervisor holds; its closing raises SIGIO, which ends a process.
+    The closing of the pipe's other end raises SIGIO, which ends a process.
     """
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, os.O_ASYNC | os.O_NONBLOCK)
-    if not parent.is_alive():  # gone before that: no signal will come
+    fcntl.fcntl(sentinel, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(sentinel, fcntl.F_SETFL, os.O_ASYNC | os.O_NONBLOCK)
+    if select.select([sentinel], [], [], 0.0)[0]:  # closed before that: no signal will come
         os.kill(os.getpid(), signal.SIGIO)
 
 

@@ -7,14 +7,14 @@ differs from that of the benchmark nothing is done at all.
 
 from __future__ import annotations
 
-import multiprocessing
 import uuid
 from collections.abc import Generator, Iterable
 from functools import partial
 from importlib import import_module
 from typing import Any
 
-from pushplan.bench.isolation import Work, isolated
+from pushplan.bench.child import Work
+from pushplan.bench.isolation import isolated
 from pushplan.bench.machine import package_version
 from pushplan.bench.outcome import CRASH, Outcome, Task
 from pushplan.bench.work import perform
@@ -72,10 +72,6 @@ def _remote(task: Task, work: Work) -> Outcome:
     if task.version != here:
         raise ClusterError(
             f"a worker has pushplan {here}, the benchmark {task.version}; install the same everywhere"
-        )
-    if multiprocessing.current_process().daemon:
-        raise ClusterError(
-            "a worker may not start processes; start workers with DASK_DISTRIBUTED__WORKER__DAEMON=False set"
         )
     return isolated(task, work=work)
 

@@ -1,8 +1,9 @@
 """One process a run: whatever happens in it ends that run alone, and becomes its outcome.
 
-A fork server, started once, has everything imported and compiled (`preload`). Each run is a fresh process forked from
-it within milliseconds, so that no run sees what another one left behind (memory, random numbers of libraries,
-caches), its peak memory is its own, and it can be killed at any moment.
+A fork server (`fork_server`) has everything imported and compiled (`preload`). Each run is a fresh process forked
+from it within milliseconds, so that no run sees what another one left behind (memory, random numbers of libraries,
+caches), its peak memory is its own, and it can be killed at any moment. A run whose process or exit code went with a
+lost server is begun anew.
 
 Memory counts as what a run takes on top of the code and kernels that it starts with. The supervisor looks at the
 resident set a few times a second and kills what has grown too large; a run that grows faster, or asks for a lot
@@ -12,66 +13,28 @@ at once, is refused memory by the kernel (RLIMIT_DATA), of which it can still te
 
 from __future__ import annotations
 
-import multiprocessing
 import shutil
 import signal
 import socket
-import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import cache
-from multiprocessing.connection import Connection, wait
-from multiprocessing.context import ForkServerContext
+from multiprocessing.connection import wait
 from pathlib import Path
-from threading import Lock
-from types import ModuleType
 
 from pushplan.bench import outcome
-from pushplan.bench.child import OUTPUT, Ended, guarded, idle, resident_megabytes
-from pushplan.bench.outcome import Figures, Outcome, Task
+from pushplan.bench.child import OUTPUT, Ended, Work, order, resident_megabytes
+from pushplan.bench.fork_server import supervisor
+from pushplan.bench.outcome import Outcome, Task
 from pushplan.bench.work import LOG, perform
-
-Work = Callable[[Task, Path], Figures]
-"""What a run's process does; a function of a module, so that the process finds it by name."""
 
 WATCH = 0.05
 """Seconds between two looks at what runs take."""
 
+ATTEMPTS = 3
+"""Times that a run is begun, at most, when it loses its server; a run may be what ends it."""
+
 MOST_OUTPUT = 4000
 """Characters of what a process that died has written, kept for people."""
-
-
-@cache
-def _context() -> ForkServerContext:
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["pushplan.bench.preload"])
-    return context
-
-
-@cache
-def prepare() -> None:
-    """Have the fork server ready: compiling, at the first time on a machine, takes a while that no run shall pay."""
-    with _without_main():
-        process = _context().Process(target=idle)
-        process.start()
-    process.join()
-
-
-_main_hidden = Lock()
-
-
-@contextmanager
-def _without_main() -> Iterator[None]:
-    """Hide the main program from processes that are started: they do not need it, and would load it one by one."""
-    with _main_hidden:
-        main = sys.modules["__main__"]
-        sys.modules["__main__"] = ModuleType("__main__")
-        try:
-            yield
-        finally:
-            sys.modules["__main__"] = main
 
 
 class IsolatedRun:
@@ -82,80 +45,95 @@ class IsolatedRun:
     """
 
     def __init__(self, task: Task, scratch: Path | None = None, work: Work = perform) -> None:
-        """Start the process.
+        """Have the process started, without waiting for it.
 
         Args:
             task: What to do.
             scratch: Where the run's folder is made; None for the system's place for temporary files.
             work: What to do with it.
+
+        Raises:
+            ForkServerError: When no process can be started from which runs are forked.
         """
-        prepare()
         self.task = task
-        self._folder = Path(tempfile.mkdtemp(prefix=f"{task.key}-", dir=scratch))
-        self._began = time.monotonic()
-        self._reader, writer = _context().Pipe(duplex=False)
-        self._process = _context().Process(
-            target=guarded, args=(writer, work, task, self._folder), name=task.key, daemon=True
-        )
-        with _without_main():
-            self._process.start()
-        writer.close()
-        self._base = resident_megabytes(self._process.pid)
+        self._scratch, self._work = scratch, work
+        self._lost = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._base: float | None = None
+        self._folder = Path(tempfile.mkdtemp(prefix=f"{self.task.key}-", dir=self._scratch)).absolute()
+        try:
+            order(self._folder, self._work, self.task)
+            self._server, self._forked = supervisor().fork(self._folder)
+        except BaseException:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            raise
 
     @property
-    def handles(self) -> list[Connection | int]:
+    def handles(self) -> list[int]:
         """What becomes ready when there is something to `poll` for."""
-        return [self._reader, self._process.sentinel]
+        return self._forked.handles
+
+    @property
+    def process(self) -> int | None:
+        """Number of the process; None until it is known."""
+        return self._forked.number
 
     def poll(self) -> Outcome | None:
         """Return what became of the run, None while it goes on; a run beyond its limits is killed."""
-        ended = self._ended()
+        self._forked.look()
+        ended = self._begun_anew() if self._forked.lost else self._ended()
         if ended is None:
             return None
+        result = self._outcome(ended)
         self.stop()
-        return ended
+        return result
 
     def stop(self) -> None:
         """Kill the process if it lives, leaving nothing behind."""
-        self._process.kill()
-        self._process.join()
-        self._reader.close()
+        self._forked.kill()
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def _ended(self) -> Outcome | None:
-        seconds = time.monotonic() - self._began
-        alive = self._process.is_alive()  # asked first: a process that has ended has sent all it had to send
-        if self._reader.poll():
-            return self._outcome(self._received(), seconds)
-        if not alive:
-            return self._outcome(self._died(), seconds)
-        if seconds > self.task.seconds:
-            text = f"killed after {self.task.seconds:g} s"
-            return self._outcome(Ended(outcome.TIMEOUT, self._with_output(text)), seconds)
-        return None if self._fits() else self._outcome(self._too_large(), seconds)
+    def _begun_anew(self) -> Ended | None:
+        """Begin once more with another server, unless the run may be what ends servers."""
+        if self._forked.started is not None:
+            self._lost += 1
+        if self._lost == ATTEMPTS:
+            text = f"the process from which runs are forked was lost {ATTEMPTS} times during this run"
+            return Ended(outcome.CRASH, self._with_output(text))
+        self.stop()
+        supervisor().replace(self._server)
+        self._begin()
+        return None
 
-    def _received(self) -> Ended:
-        try:
-            ended: Ended = self._reader.recv()
-        except EOFError:  # the process closed its end without a word
-            self._process.join()
-            return self._died()
-        return ended
-
-    def _died(self) -> Ended:
-        return Ended(outcome.CRASH, self._with_output(_death(self._process.exitcode)))
+    def _ended(self) -> Ended | None:
+        forked = self._forked
+        if forked.ended is not None:
+            return forked.ended
+        if forked.exit_code is not None:
+            return Ended(outcome.CRASH, self._with_output(_death(forked.exit_code)))
+        if forked.started is None or forked.died is not None:  # the server will tell
+            return None
+        if time.monotonic() - forked.started > self.task.seconds:
+            return Ended(outcome.TIMEOUT, self._with_output(f"killed after {self.task.seconds:g} s"))
+        return None if self._fits() else self._too_large()
 
     def _fits(self) -> bool:
-        return resident_megabytes(self._process.pid) - self._base <= self.task.megabytes
+        resident = resident_megabytes(self._forked.number)
+        if self._base is None:
+            self._base = resident
+        return resident - self._base <= self.task.megabytes
 
     def _too_large(self) -> Ended:
         return Ended(outcome.OUT_OF_MEMORY, f"killed with more than {self.task.megabytes:g} MB in use")
 
-    def _outcome(self, ended: Ended, seconds: float) -> Outcome:
+    def _outcome(self, ended: Ended) -> Outcome:
         log, whole = self._read_log()
+        began = self._forked.started
+        seconds = 0.0 if began is None else time.monotonic() - began
         host = socket.gethostname()
-        key = self.task.key
-        return Outcome(key, ended.status, ended.message, ended.figures, log, whole, seconds, host)
+        return Outcome(self.task.key, ended.status, ended.message, ended.figures, log, whole, seconds, host)
 
     def _read_log(self) -> tuple[bytes | None, bool]:
         """Return the bytes of the log, or of its part, and whether it is complete."""
@@ -183,9 +161,9 @@ def isolated(task: Task, scratch: Path | None = None, work: Work = perform) -> O
     return ended
 
 
-def _death(code: int | None) -> str:
+def _death(code: int) -> str:
     """Return what an exit code says about the end of a process."""
-    if code is None or code >= 0:
+    if code >= 0:
         return f"the process ended by itself with exit code {code}"
     name = signal.Signals(-code).name if -code in list(signal.Signals) else f"signal {-code}"
     hint = ", as the system does when memory runs out" if -code == signal.SIGKILL else ""

@@ -7,7 +7,8 @@ from itertools import islice
 from multiprocessing.connection import wait
 from pathlib import Path
 
-from pushplan.bench.isolation import WATCH, IsolatedRun, Work
+from pushplan.bench.child import Work
+from pushplan.bench.isolation import WATCH, IsolatedRun
 from pushplan.bench.outcome import Outcome, Task
 from pushplan.bench.work import perform
 

@@ -16,6 +16,9 @@ ERROR = "error"
 STATUSES = (OK, NO_PLAN, INVALID, CRASH, TIMEOUT, OUT_OF_MEMORY, ERROR)
 """How a run may end. `invalid`: a planner's path that does not stand up to the checks."""
 
+BROKEN = (CRASH, TIMEOUT, OUT_OF_MEMORY, ERROR)
+"""Of them, those that say nothing about the planner: the run did not get as far as it was to."""
+
 
 @dataclass(frozen=True)
 class Task:

@@ -5,7 +5,6 @@ Whatever fails here fails again in each run that needs it, and is told there.
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import gc
 import os
@@ -57,5 +56,3 @@ with contextlib.suppress(Exception):
     load()
 gc.collect()
 gc.freeze()  # or each process would copy all that is loaded as soon as it collects garbage
-# Without the interpreter's clean-up, in which the bindings of OMPL list what they call leaks on the user's screen.
-atexit.register(os._exit, 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from pushplan.bench.outcome import INVALID, NO_PLAN, OK, Outcome
+from pushplan.bench.outcome import NO_PLAN, OK, Outcome
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,6 @@ class Tally:
     def solved(self) -> int:
         """Runs done now that ended with a valid solution."""
         return self.counts.get(OK, 0)
-
-    @property
-    def invalid(self) -> int:
-        """Runs done now whose solution does not stand up to the checks."""
-        return self.counts.get(INVALID, 0)
 
     @property
     def failed(self) -> int:

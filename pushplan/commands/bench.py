@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import shlex
+from collections import Counter
 from collections.abc import Generator, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from pushplan.bench.batch import Engine
     from pushplan.bench.folder import ResultsFolder
     from pushplan.bench.outcome import Outcome, Task
+    from pushplan.bench.results import Results
     from pushplan.bench.suite import Suite
     from pushplan.bench.tally import Tally
 
@@ -48,6 +50,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     add("--rerun", metavar="KEY", default="", help="do the run with this key again, and only that")
     add(
+        "--accept-broken",
+        action="store_true",
+        help="exit code 0 also when runs crashed, took too much time or memory, or ended with an error",
+    )
+    add(
         "--compare",
         nargs=2,
         metavar=("OLD", "NEW"),
@@ -69,7 +76,9 @@ def run(args: argparse.Namespace, console: Console) -> int:
         from pushplan.commands.bench_compare import compare
 
         _refuse_together(
-            args, "--compare", ("suite", "output", "jobs", "scheduler", "resume", "filter", "rerun")
+            args,
+            "--compare",
+            ("suite", "output", "jobs", "scheduler", "resume", "filter", "rerun", "accept_broken"),
         )
         old, new = args.compare
         return compare(old, new, args.threshold, console)
@@ -82,7 +91,9 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
 def _refuse_together(args: argparse.Namespace, word: str, others: tuple[str, ...]) -> None:
     """Raise when words were given that `word` would leave without effect."""
-    given = [name if name == "suite" else f"--{name}" for name in others if getattr(args, name)]
+    given = [
+        name if name == "suite" else f"--{name.replace('_', '-')}" for name in others if getattr(args, name)
+    ]
     if given:
         raise BenchUsageError(
             f"{word} does not go together with {' and '.join(given)}; leave one of them out"
@@ -120,9 +131,13 @@ def _bench(args: argparse.Namespace, console: Console) -> int:
             if folder.database.exists():
                 console.note(f"stopped; go on with: {_resumption(args)}")
             raise
-        _report(folder, console)
-    _tell(suite, folder, tally, console)
-    return MISMATCH if tally.invalid else DONE
+        results = _report(folder, console)
+    from pushplan.bench.outcome import BROKEN, INVALID
+
+    ends = Counter(run.outcome for run in results.runs)  # now or before
+    broken = sum(ends[end] for end in BROKEN)
+    _tell(suite, folder, tally, broken, console)
+    return MISMATCH if ends[INVALID] or (broken and not args.accept_broken) else DONE
 
 
 def _resumption(args: argparse.Namespace) -> str:
@@ -151,10 +166,10 @@ def _engine(args: argparse.Namespace, folder: ResultsFolder) -> Engine:
         from pushplan.bench.cluster import cluster_engine
 
         return cluster_engine(args.scheduler)
-    from pushplan.bench.isolation import prepare
+    from pushplan.bench.fork_server import supervisor
     from pushplan.bench.local import local_outcomes
 
-    prepare()
+    supervisor().prepare()
 
     def engine(tasks: Iterable[Task]) -> Generator[Outcome]:
         return local_outcomes(tasks, args.jobs or 1, folder.scratch)
@@ -162,7 +177,7 @@ def _engine(args: argparse.Namespace, folder: ResultsFolder) -> Engine:
     return engine
 
 
-def _report(folder: ResultsFolder, console: Console) -> None:
+def _report(folder: ResultsFolder, console: Console) -> Results:
     with console.working("writing the report"):
         from pushplan.bench.export import write_tables
         from pushplan.bench.report import write_report
@@ -171,9 +186,10 @@ def _report(folder: ResultsFolder, console: Console) -> None:
         results = read_results(folder.path)
         write_tables(results, folder.path)
         write_report(results, folder.report)
+    return results
 
 
-def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, console: Console) -> None:
+def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: int, console: Console) -> None:
     state = f"{counted(tally.done, 'run')} in {time_left(tally.seconds)}"
     before = f", {tally.before} done before" if tally.before else ""
     console.say(f"{console.paint(suite.name, 'bold')}: {state}{before}")
@@ -182,6 +198,8 @@ def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, console: Console) -
         (console.paint(outcome, colours.get(outcome, "red")), str(count))
         for outcome, count in tally.counts.items()
     )
+    if broken:
+        console.say(f"{counted(broken, 'run')} broke off, which --accept-broken would take for done")
     console.say(f"report: {folder.report}")
     console.emit(
         {
@@ -191,6 +209,7 @@ def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, console: Console) -
             "done": tally.done,
             "left": tally.left,
             "outcomes": tally.counts,
+            "broken": broken,
             "seconds": tally.seconds,
             "folder": folder.path,
             "database": folder.database,

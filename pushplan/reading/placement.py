@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,10 @@ from pushplan.scenario_parts import CircleObstacle, Obstacle, Workspace
 
 ROUNDING = 1e-9
 """Distances that fall short of the clearance by less (m) are rounding."""
+
+
+MOST_TOLD = 20
+"""Obstacles near one body that are told one by one."""
 
 
 class Surroundings(NamedTuple):
@@ -42,8 +47,13 @@ def placement_troubles(
     for name, outline in bodies:
         troubles = list(_beyond_walls(outline, surroundings.workspace, clearance))
         near = _near(tree, outline, 2.0 * clearance)
-        troubles += [_too_near(outline, obstacles[i], f"obstacles[{i}]", clearance) for i in near]
-        yield from (f"at the {what}, '{name}' {trouble}" for trouble in filter(None, troubles))
+        all_near = filter(
+            None, (_too_near(outline, obstacles[i], f"obstacles[{i}]", clearance) for i in near)
+        )
+        troubles += islice(all_near, MOST_TOLD)
+        if any(all_near):
+            troubles.append(f"is as near to more obstacles than these {MOST_TOLD}, which are not listed")
+        yield from (f"at the {what}, '{name}' {trouble}" for trouble in troubles)
 
 
 def bodies_at(chain: Chain, pose: FloatArray) -> list[tuple[str, FloatArray]]:
@@ -52,7 +62,7 @@ def bodies_at(chain: Chain, pose: FloatArray) -> list[tuple[str, FloatArray]]:
 
 
 def _geometry(obstacle: Obstacle) -> shapely.Polygon:
-    """Return an obstacle for the search by bounding box; discs as squares."""
+    """Return an obstacle for the search by distance; discs as the squares around them."""
     if isinstance(obstacle, CircleObstacle):
         (x, y), r = obstacle.center, obstacle.radius
         return shapely.Polygon([(x - r, y - r), (x + r, y - r), (x + r, y + r), (x - r, y + r)])
@@ -60,8 +70,9 @@ def _geometry(obstacle: Obstacle) -> shapely.Polygon:
 
 
 def _near(tree: shapely.STRtree, outline: FloatArray, reach: float) -> list[int]:
-    (xmin, ymin), (xmax, ymax) = outline.min(axis=0) - reach, outline.max(axis=0) + reach
-    return [int(i) for i in np.sort(tree.query(shapely.box(xmin, ymin, xmax, ymax)))]
+    """Return the obstacles within reach of a body, and some discs that are a little farther away."""
+    found = tree.query(shapely.Polygon(outline), predicate="dwithin", distance=reach)
+    return [int(i) for i in np.sort(found)]
 
 
 def _beyond_walls(outline: FloatArray, workspace: Workspace | None, clearance: float) -> Iterator[str]:

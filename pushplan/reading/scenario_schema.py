@@ -152,7 +152,7 @@ class ScenarioFile(t.Strict):
     workspace: Area | None = Field(default=None, description="{x: [min, max], y: [min, max]}")
     obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(
         default=(),
-        description="a list of {polygon: ...}, {box: ..., pose: ...} and {circle: ..., center: ...}",
+        description="a list of at most 10000 {polygon: ...}, {box: ..., pose: ...} and {circle: ..., center: ...}",
     )
     clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description="a length in m")
     stability: StabilityChoice = Field(default_factory=StabilityChoice, description="{set: ..., margin: ...}")

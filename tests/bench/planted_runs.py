@@ -11,10 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.bench import isolation
+from pushplan.bench import fork_server
 from pushplan.bench.batch import Choice, run_suite
+from pushplan.bench.cluster import cluster_outcomes
 from pushplan.bench.folder import ResultsFolder
 from pushplan.bench.local import local_outcomes
+from pushplan.bench.machine import package_version
 from pushplan.bench.outcome import Figures, Task
 from pushplan.bench.suite_file import load_suite
 from pushplan.bench.work import perform
@@ -149,20 +151,24 @@ def suite_text(seeds: int, first: int = 0) -> str:
     )
 
 
-def main(folder: str, suite: str, kind: str) -> None:
-    """Do the runs of a suite file, planted or real, or go on with them, and say so run by run."""
+def main(folder: str, suite: str, kind: str, address: str = "") -> None:
+    """Do the runs of a suite file, planted or real, here or on a cluster, or go on with them; say so run by run."""
     if kind == "planted":
-        isolation._context().set_forkserver_preload(["planted_runs"])  # no planner is needed here
+        fork_server.PRELOAD = "planted_runs"  # no planner is needed here
     results = ResultsFolder(Path(folder))
     does = work if kind == "planted" else perform
     with results.locked():
         run_suite(
             load_suite(Path(suite)),
             results,
-            lambda tasks: local_outcomes(tasks, 2, results.scratch, does),
+            lambda tasks: (
+                cluster_outcomes(tasks, address, does)
+                if address
+                else local_outcomes(tasks, 2, results.scratch, does)
+            ),
             Choice(resume=True),
             tell=lambda tally: print(tally.done, flush=True),
-            version="test",
+            version=package_version() if address else "test",  # workers look at it
         )
 
 

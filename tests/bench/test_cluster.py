@@ -17,7 +17,6 @@ from pushplan.bench.batch import run_suite
 from pushplan.bench.cluster import ClusterError, cluster_outcomes
 from pushplan.bench.folder import ResultsFolder
 from pushplan.bench.local import local_outcomes
-from pushplan.bench.machine import package_version
 from pushplan.bench.outcome import Outcome, Task
 from pushplan.bench.suite_file import suite_from_text
 from pushplan.bench.tally import Tally
@@ -47,7 +46,6 @@ class Cluster:
         self._environment = {
             **os.environ,
             "PYTHONPATH": os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")]),
-            "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
         }
         self._folder = folder
         self._programs: list[subprocess.Popen[str]] = []
@@ -125,7 +123,7 @@ def test_a_cluster_gives_the_same_rows_also_when_a_worker_is_killed(
         if tally.done == 5:
             cluster.workers[0].send_signal(signal.SIGKILL)
         if tally.done == 10:
-            cluster.add_worker()
+            cluster.add_worker("--nanny")
 
     count = len(planted.FATES)
     _run(
@@ -147,18 +145,6 @@ def test_a_scheduler_that_is_nowhere_is_told(
     monkeypatch.setattr("pushplan.bench.cluster.CONNECT", 1.0)
     with pytest.raises(ClusterError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"):
         list(cluster_outcomes([make_task(1)], "tcp://127.0.0.1:9"))
-
-
-def test_workers_that_may_not_start_processes_are_told_how_to(
-    make_task: Callable[..., Task], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import multiprocessing
-
-    from pushplan.bench.cluster import _remote
-
-    monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)  # type: ignore[attr-defined]
-    with pytest.raises(ClusterError, match="DASK_DISTRIBUTED__WORKER__DAEMON=False"):
-        _remote(make_task(1, version=package_version()), lambda task, folder: pytest.fail("it ran"))
 
 
 def test_a_run_that_loses_all_its_workers_is_a_crash(make_task: Callable[..., Task]) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pushplan.bench.suite_file import suite_names
+from pushplan.bench.suite_file import load_suite, suite_names
 from pushplan.bench.tally import Tally
 from pushplan.cli import main
 from pushplan.commands.bench import progress_text, time_left
@@ -75,6 +75,25 @@ def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
     assert "Traceback" not in rest
     assert not (tmp_path / "results" / ".scratch").exists()
     assert (tmp_path / "results" / "results.db").exists()
+
+
+def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsys: Captured) -> None:
+    Path(suite).write_text(SUITE + "limits: {run: 1 ms}\n")
+    words = ["bench", suite, "-o", str(tmp_path / "results")]
+    assert main(words) == 4
+    assert "timeout  2" in (out := capsys.readouterr().out)
+    assert "2 runs broke off, which --accept-broken would take for done\n" in out
+    assert main([*words, "--resume", "--json"]) == 4
+    document = json.loads(capsys.readouterr().out)
+    assert (document["done"], document["broken"]) == (0, 2)
+    assert main([*words, "--resume", "--accept-broken"]) == 0
+
+
+def test_smoke_is_bound_by_iterations_alone() -> None:
+    """What it solves must not depend on how busy the machine is."""
+    suite = load_suite("smoke")
+    assert all(planner.iterations for planner in suite.planners)
+    assert all(60.0 <= planner.time < suite.limits_for(planner).seconds for planner in suite.planners)
 
 
 def test_packaged_suites_are_listed(capsys: Captured) -> None:

@@ -9,14 +9,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from multiprocessing import process
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from pushplan.bench.child import _end_with_parent
-from pushplan.bench.isolation import IsolatedRun, isolated, prepare
+from pushplan.bench.child import _end_with
+from pushplan.bench.fork_server import supervisor
+from pushplan.bench.isolation import IsolatedRun, isolated
 from pushplan.bench.outcome import STATUSES, Outcome, Task
 
 MakeTask = Callable[..., Task]
@@ -52,7 +52,7 @@ def _outcome(planted: Any, make_task: MakeTask, fate: str, folder: Path) -> Outc
 def test_every_end_has_its_status(
     fate: str, message: str, planted: Any, make_task: MakeTask, tmp_path: Path
 ) -> None:
-    prepare()
+    supervisor().prepare()
     began = time.monotonic()
     outcome = _outcome(planted, make_task, fate, tmp_path)
     assert outcome.status == planted.STATUS[fate]
@@ -120,7 +120,8 @@ def test_runs_die_with_their_supervisor_even_when_it_is_killed(tmp_path: Path) -
         "from planted_runs import FATES, work\n"
         "task = SimpleNamespace(seed=FATES.index('stubborn hang'), key='k', seconds=99.0, megabytes=99.0)\n"
         "run = IsolatedRun(task, Path(sys.argv[1]), work)\n"
-        "print(run._process.pid, flush=True); time.sleep(99.0)\n"
+        "while run.process is None: run.poll(); time.sleep(0.01)\n"
+        "print(run.process, flush=True); time.sleep(99.0)\n"
     )
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
     command = [sys.executable, "-c", script, str(tmp_path)]
@@ -137,16 +138,13 @@ def test_runs_die_with_their_supervisor_even_when_it_is_killed(tmp_path: Path) -
         pytest.fail("the run outlives its supervisor")
 
 
-def test_a_run_whose_supervisor_is_gone_before_it_begins_ends_at_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_run_whose_supervisor_is_gone_before_it_begins_ends_at_once() -> None:
     """The closing of the pipe from the supervisor is not seen then, only that it is closed."""
     reader, writer = os.pipe()
     os.close(writer)
-    monkeypatch.setattr(process, "_parent_process", process._ParentProcess("supervisor", 1, reader))  # type: ignore[attr-defined]
     child = os.fork()
     if child == 0:
-        _end_with_parent()
+        _end_with(reader)
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGIO
     os.close(reader)

@@ -106,6 +106,43 @@ def rebuild(records: list[Record]) -> bytes:
     return MAGIC + b"".join(raw(*record) for record in records) + end + MAGIC
 
 
+def mutated(log: bytes, rng: random.Random) -> bytes:
+    """Return a log with some of its records, or of its bytes, altered at random."""
+    if rng.random() < 0.4:
+        return _with_mutated_bytes(log, rng)
+    records = loose(log) if rng.random() < 0.5 else split(log)
+    for _ in range(rng.randint(1, 4)):
+        _mutate(records, rng)
+    return rebuild([record for record in records if record[0] not in (FOOTER, DATA_END)])
+
+
+def _with_mutated_bytes(log: bytes, rng: random.Random) -> bytes:
+    for _ in range(rng.randint(1, 4)):
+        at = rng.randrange(len(log) + 1)
+        end = min(len(log), at + rng.randrange(1, 1 << rng.randrange(1, 16)))
+        piece = rng.choice((b"", log[at:end] * 2, rng.randbytes(rng.randrange(1, 12))))
+        log = log[:at] + piece + log[end:]
+    return log
+
+
+def _mutate(records: list[Record], rng: random.Random) -> None:
+    """Alter, drop, repeat or exchange a record."""
+    i, j = rng.randrange(len(records)), rng.randrange(len(records))
+    opcode, body = records[i]
+    match rng.randrange(5):
+        case 0:
+            at, piece = rng.randint(0, len(body)), rng.randbytes(rng.randint(0, 12))
+            records[i] = (opcode, body[:at] + piece + body[at + len(piece) :])
+        case 1:
+            records[i] = (opcode, body[: rng.randint(0, len(body))])
+        case 2:
+            records[i], records[j] = records[j], records[i]
+        case 3:
+            records.insert(j, records[i])
+        case 4 if len(records) > 1:
+            del records[i]
+
+
 def with_chunk(log: bytes, body: bytes) -> bytes:
     records = [record for record in split(log) if record[0] != CHUNK]
     return build([*records[:1], (CHUNK, body), *records[1:]])

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import ImageDraw
+from PIL import Image, ImageDraw
 
 from pushplan.errors import PushplanError
 from pushplan.extras import MissingExtraError, optional
 from pushplan.geometry.se2 import transform_points
 from pushplan.logging.export.cdr import encode
 from pushplan.logging.export.csv import table, write_csv
+from pushplan.logging.export.film_colours import FilmColours
 from pushplan.logging.export.film_frames import Film
 from pushplan.logging.export.mp4 import write_mp4
 from pushplan.logging.export.parquet import write_parquet
@@ -235,6 +236,14 @@ def test_an_unsolved_run_becomes_a_recording(unsolved: RecordedRun, tmp_path: Pa
 # --- film --------------------------------------------------------------------------------------------------------
 
 
+def picture_of(film: Film, time: float) -> Image.Image:
+    """Return the picture of a film at a time."""
+    picture = film.still.copy()
+    for part in film.moving(time):
+        picture.paste(part.image, (part.x, part.y))
+    return picture
+
+
 def test_a_film_lasts_as_long_as_the_run_and_moves(recorded: RecordedRun, tmp_path: Path) -> None:
     av = pytest.importorskip("av")
     write_mp4(recorded, tmp_path / "run.mp4", rate=2.0)
@@ -253,7 +262,7 @@ def test_a_picture_shows_the_chain_where_it_is(recorded: RecordedRun) -> None:
     film = Film(recorded, recorded.execution)
     orange = np.array([0xE8, 0x91, 0x2D])
     for i in (0, 150, len(recorded.execution.t) - 1):
-        picture = np.asarray(film.picture(float(recorded.execution.t[i])), dtype=int)[:700]
+        picture = np.asarray(picture_of(film, float(recorded.execution.t[i])), dtype=int)[:700]
         rows, columns = np.nonzero(np.abs(picture - orange).max(axis=2) < 8)
         near = recorded.scenario.chain.objects[0]
         x, y = transform_points(recorded.execution.poses[i], near.pose_chain[:2])
@@ -270,8 +279,8 @@ def test_a_picture_holds_nothing_of_the_one_before(recorded: RecordedRun) -> Non
     assert recorded.execution is not None
     film, last = Film(recorded, recorded.execution), float(recorded.execution.t[-1])
     for time in (0.0, 0.4 * last, last, 0.5 * last):
-        fresh = Film(recorded, recorded.execution).picture(time)
-        assert film.picture(time).tobytes() == fresh.tobytes()
+        fresh = Film(recorded, recorded.execution)
+        assert picture_of(film, time).tobytes() == picture_of(fresh, time).tobytes()
 
 
 def test_a_picture_is_the_whole_drawn_anew(recorded: RecordedRun) -> None:
@@ -280,8 +289,25 @@ def test_a_picture_is_the_whole_drawn_anew(recorded: RecordedRun) -> None:
     pen = ImageDraw.Draw(film._canvas)
     film._draw_chain(pen, time)
     film._draw_now(pen, time)
-    whole = film._canvas.reduce(film._canvas.width // film._still.width)
-    assert Film(recorded, recorded.execution).picture(time).tobytes() == whole.tobytes()
+    whole = film._canvas.reduce(film._canvas.width // film.still.width)
+    assert picture_of(Film(recorded, recorded.execution), time).tobytes() == whole.tobytes()
+
+
+def test_a_film_has_the_colours_of_its_pictures(recorded: RecordedRun) -> None:
+    """What moves is converted alone; FFmpeg converts whole pictures."""
+    av = pytest.importorskip("av")
+    assert recorded.execution is not None
+    film, last = Film(recorded, recorded.execution), float(recorded.execution.t[-1])
+    colours = FilmColours(film.still)
+    for time in (0.0, 0.4 * last, 0.6 * last):
+        planes = colours.with_parts(film.moving(time)).astype(int)
+        whole = av.VideoFrame.from_image(picture_of(film, time)).to_ndarray(format="yuv420p").astype(int)
+        assert np.abs(planes - whole)[:960].max() <= 1
+        ours, theirs = (colours.reshape(2, 480, 640) for colours in (planes[960:], whole[960:]))
+        around = [np.roll(theirs, shift, axis) for axis in (1, 2) for shift in (-2, -1, 1, 2)]
+        even = np.all([near == theirs for near in around], axis=0)  # at edges it weighs others' colours, too
+        assert len(np.unique(theirs[even])) > 4
+        assert np.abs(ours - theirs)[even].max() <= 1
 
 
 def test_there_is_no_film_of_a_run_that_was_not_executed(unsolved: RecordedRun, tmp_path: Path) -> None:

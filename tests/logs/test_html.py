@@ -8,7 +8,9 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
+from contextlib import contextmanager
 from html.parser import HTMLParser
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -108,9 +110,9 @@ def test_a_page_that_cannot_be_written_is_an_error_with_its_path(run: Run, tmp_p
 # --- in a browser -----------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def page(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """Return a browser that shows the page."""
+@contextmanager
+def shown(run: Run, folder: Path, width: int = 1200) -> Iterator[Any]:
+    """Give a browser that shows the page of a run."""
     if CHROMIUM is None:
         pytest.skip("needs chromium")
     spec = importlib.util.spec_from_file_location("browser", Path(__file__).with_name("browser.py"))
@@ -118,10 +120,18 @@ def page(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     assert spec.loader is not None
     driver = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(driver)
-    folder = tmp_path_factory.mktemp("page")
     write_html(run, folder / "run.html")
     with driver.chromium(CHROMIUM, folder / "profile") as browser:
+        size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 500}
+        browser.call("Emulation.setDeviceMetricsOverride", **size)
         browser.open(folder / "run.html")
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def page(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """Return a browser that shows the page."""
+    with shown(run, tmp_path_factory.mktemp("page")) as browser:
         yield browser
 
 
@@ -139,6 +149,7 @@ def picture(page: Any) -> str:
 
 
 WAIT = "new Promise((done) => setTimeout(done, 400))"
+FRAMES = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 
 def test_the_page_plays_and_pauses(page: Any, run: Run) -> None:
@@ -179,6 +190,80 @@ def test_the_slider_scrubs_the_animation(page: Any, run: Run) -> None:
     assert time == pytest.approx(run.execution.t[-1] / 2, rel=0.05)
     assert picture(page) != before
     assert f"{time:.2f} / " in page.evaluate("document.getElementById('clock').textContent")
+
+
+def test_a_click_on_the_slider_while_it_plays_seeks(page: Any, run: Run) -> None:
+    assert run.execution is not None
+    slider, last = place(page, "time"), run.execution.t[-1]
+    y = slider["y"] + slider["height"] / 2
+    for share in (0.75, 0.25):
+        page.evaluate("document.getElementById('speed').value = '0.25'; window.pushplan.seek(0)")
+        page.evaluate("window.pushplan.play(true)")
+        page.evaluate(FRAMES)
+        there = (slider["x"] + share * slider["width"], y)
+        page.drag(there, there)
+        page.evaluate(FRAMES)
+        assert page.evaluate("window.pushplan.state.time") == pytest.approx(share * last, abs=0.05 * last)
+        assert page.evaluate("window.pushplan.state.playing") is False
+    page.evaluate("document.getElementById('speed').value = '1'")
+
+
+def test_a_bar_tells_the_scale(page: Any, run: Run) -> None:
+    bar = page.evaluate("window.pushplan.state.scale")
+    world, (xmin, ymin, xmax, ymax) = place(page, "world"), data_of(render(run))["window"]
+    pixels_per_metre = 0.96 * min(world["width"] / (xmax - xmin), world["height"] / (ymax - ymin))
+    assert bar["pixels"] == pytest.approx(bar["length"] * pixels_per_metre)
+    assert 48.0 <= bar["pixels"] <= 120.0
+    (text,) = [label["text"] for label in labels(page) if label["canvas"] == "world"]
+    number, unit = text.split()
+    assert float(number) * {"m": 1.0, "cm": 0.01, "mm": 0.001}[unit] == pytest.approx(bar["length"])
+
+
+def labels(page: Any) -> list[dict[str, Any]]:
+    """Return what is written in the drawings, with its place."""
+    found: list[dict[str, Any]] = page.evaluate("window.pushplan.labels()")
+    return found
+
+
+def overlapping(boxes: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """Return the pairs of boxes that have a point in common."""
+    return [
+        (a, b)
+        for a, b in combinations(boxes, 2)
+        if a["left"] < b["right"]
+        and b["left"] < a["right"]
+        and a["top"] < b["bottom"]
+        and b["top"] < a["bottom"]
+    ]
+
+
+@pytest.mark.parametrize("width", [390, 1200])
+@pytest.mark.parametrize("executed", [True, False])
+def test_nothing_overlaps_on_phones_or_without_an_execution(
+    width: int, executed: bool, run: Run, case: Any, tmp_path: Path
+) -> None:
+    """The names are made long, so that they need several lines on a phone."""
+    chain = run.scenario.chain
+    long = tuple(dataclasses.replace(one, name=f"{one.name}-of-a-long-name") for one in chain.objects)
+    scenario = dataclasses.replace(run.scenario, chain=dataclasses.replace(chain, objects=long))
+    which = Run(scenario, run.plan, run.execution, None)
+    if not executed:
+        which = Run(scenario, case.unsolved().plan, None, None)
+    with shown(which, tmp_path, width) as page:
+        page.evaluate(FRAMES)
+        for canvas in ("world", "plot"):
+            written, box = [label for label in labels(page) if label["canvas"] == canvas], place(page, canvas)
+            assert written
+            assert overlapping(written) == []
+            assert all(label["left"] >= 0.0 and label["right"] <= box["width"] for label in written)
+            assert all(label["top"] >= 0.0 and label["bottom"] <= box["height"] for label in written)
+        blocks = "[...document.querySelectorAll('h1, #facts, canvas, #legend > *, footer > *')]"
+        seen = f"{blocks}.filter((e) => e.offsetParent).map((e) => e.getBoundingClientRect().toJSON())"
+        assert overlapping(page.evaluate(seen)) == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        visible = page.evaluate("document.getElementById('forces').offsetParent !== null")
+        assert visible == executed
+        assert (place(page, "forces")["width"] > 0.0) == executed
 
 
 def test_keys_play_and_step(page: Any) -> None:

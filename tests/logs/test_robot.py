@@ -116,7 +116,10 @@ def test_the_film_shows_robot_plate_and_objects_in_their_colours(recorded: Recor
     assert recorded.execution is not None
     film, view = Film(recorded, recorded.execution), window(recorded.scenario, recorded.plan)
     pose = recorded.execution.poses[-1]
-    picture = np.asarray(film.picture(float(recorded.execution.t[-1])), dtype=int)
+    shown = film.still.copy()
+    for part in film.moving(float(recorded.execution.t[-1])):
+        shown.paste(part.image, (part.x, part.y))
+    picture = np.asarray(shown, dtype=int)
     scale = 0.97 * min(WIDTH / (view.xmax - view.xmin), (HEIGHT - 220) / (view.ymax - view.ymin))
     for body, colour in zip(
         recorded.scenario.chain.bodies, ["9aa6b5", "9aa6b5", "3c4048", "e8912d", "3a8ec9"], strict=True

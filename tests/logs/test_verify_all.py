@@ -154,47 +154,29 @@ def test_an_altered_field_is_found(topic: Topic, path: FieldPath, sound: Path, a
     assert found is not free
 
 
-WORDS = [
-    (name, key)
-    for name, keys in {
-        "pushplan.run": ("planner", "set", "seed", "cost", "format", "scenario", "scenario_sha256"),
-        "pushplan.planning": ("planning_s", "first_solution_s", "progress_s", "extensions"),
-        "pushplan.result": (
-            *("planning_s", "first_solution_s", "progress_s", "extensions"),
-            *("solved", "reason", "path_cost", "arcs", "duration", "outcome"),
-            *("goal_position_error", "goal_angle_error", "min_margin", "min_dynamic_margin"),
-            *("margin_asked", "margin"),
-        ),
-    }.items()
-    for key in keys
-]
+def test_every_word_that_is_altered_is_found_but_for_those_that_are_free(sound: Path) -> None:
+    said = read_run(sound).words
+    passed = {(name, key) for name in said for key in said[name] if not _is_found(sound, name, key)}
+    assert passed == {(name, key) for name, keys in FREE_WORDS.items() for key in keys}
 
 
-def test_every_word_is_altered_below_or_is_free(sound: Path) -> None:
-    said = {(name, key) for name, words in read_run(sound).words.items() for key in words}
-    free = {(name, key) for name, keys in FREE_WORDS.items() for key in keys}
-    assert said - free == set(WORDS)
-
-
-@pytest.mark.parametrize(("name", "key"), WORDS)
-def test_an_altered_word_is_found(name: str, key: str, sound: Path) -> None:
+def _is_found(sound: Path, name: str, key: str) -> bool:
+    """Tell whether another word in place of one is noticed."""
     words = dict(read_run(sound).words[name])
     words[key] = str(float(words[key]) + 1.0) if _is_number(words[key]) else words[key] + "x"
-    records = hostile.loose(sound.read_bytes())
     marker = struct.pack("<I", len(name)) + name.encode()
     edited = [
         (opcode, hostile.metadata(name, hostile.sealed(words)))
         if opcode == hostile.METADATA and body.startswith(marker)
         else (opcode, body)
-        for opcode, body in records
+        for opcode, body in hostile.loose(sound.read_bytes())
     ]
     altered = sound.with_name("altered.mcap")
     altered.write_bytes(hostile.rebuild(edited))
     try:
-        mismatches = verify(read_run(altered)).mismatches
+        return not verify(read_run(altered)).matches
     except RunLogError:
-        return
-    assert mismatches
+        return True
 
 
 def _is_number(text: str) -> bool:
