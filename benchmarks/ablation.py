@@ -41,10 +41,10 @@ def _nothing(*_: Any) -> None:
 
 def _forward(self: Any, arcs: float) -> None:
     """Run the rounds of `LatticeRounds.run` from the start only."""
-    session, pathless = self._session, self._session.best_arcs is None
+    session, pathless = self._session, not self._session.solved
     while sum(self._tried) < arcs and not session.finished:
         self._search(0)
-        if pathless and session.best_arcs is not None:
+        if pathless and session.solved:
             return
 
 

@@ -74,7 +74,7 @@ def run(scenario: Scenario, problem: Problem, planner: str, seed: int, seconds: 
     found = session.progress
     return Run(
         tuple(min((p.cost for p in found if p.seconds <= m * seconds), default=math.inf) for m in MARKS),
-        session.best_cost,
+        session.best.cost,
         found[0].seconds if found else math.inf,
         session.elapsed,
         session.extensions,

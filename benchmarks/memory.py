@@ -48,7 +48,7 @@ def long_search(name: str, seconds: float) -> None:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         print(
             f"{name}, {session.elapsed:5.1f} s: {peak:4.0f} MB, {session.extensions} extensions, "
-            f"{session.best_cost:.4f} m",
+            f"{session.best.cost:.4f} m",
             flush=True,
         )
 

@@ -46,7 +46,7 @@ class Failure:
 
 def explain_failure(session: Session, scenario: Scenario, stable: StableSet, doubts: Doubts) -> Failure:
     """Find out why there is no path, and how near to the goal one ends."""
-    path = session.closest_path
+    path = session.nearest_path
     sound = len(path.twists) > 0 and not flaw(scenario, stable, path, path.sampled(SPACING))
     error = pose_error(path.end if sound else path.start, scenario.goal.pose_chain)
     found = diagnose(doubts, session.extensions, error)

@@ -133,8 +133,8 @@ def test_same_seed_same_path(problem: Problem, scenario: Scenario) -> None:
         rounds = CellRounds(session, sampling_box(scenario))
         while not session.finished:
             rounds.run_next(lambda session=session: session.finished)  # type: ignore[misc]
-        assert session.best_arcs is not None
-        paths.append(session.best_arcs)
+        assert session.solved
+        paths.append(session.best.arcs)
     np.testing.assert_array_equal(paths[0], paths[1])
 
 

@@ -15,6 +15,7 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import sweep_is_free
 from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.incumbent import path_from
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.chart import poses_along
 from pushplan.planners.problem.posing import build_problem, sampling_box
@@ -141,8 +142,8 @@ def test_the_shorter_of_two_passages_is_found(lower: float, side: float) -> None
     scenario = plain(scenario_from_text(text, "two-passages.yaml"))
     session = _session(build_problem(scenario, scenario.stable_set()), scenario)
     LatticeRounds(session, sampling_box(scenario)).run(20_000)
-    assert session.best_path is not None
-    poses = session.best_path.sampled(0.01)
+    assert session.best.arcs is not None
+    poses = path_from(scenario.start, session.best.arcs).sampled(0.01)
     passed = poses[np.argmin(np.abs(poses[:, 0] - 1.5)), 1]
     assert np.sign(passed) == side
 

@@ -44,7 +44,7 @@ def _solved(scenario: Scenario, planner: str, seconds: float = 20.0) -> tuple[An
     made.setup()
     ou.RNG.setSeed(3)
     end = ob.timedPlannerTerminationCondition(seconds)
-    first = ob.PlannerTerminationCondition(lambda: end() or information.session.best_arcs is not None)
+    first = ob.PlannerTerminationCondition(lambda: end() or information.session.solved)
     assert made.solve(first).getStatus() == ob.PlannerStatus.EXACT_SOLUTION
     return information, definition
 

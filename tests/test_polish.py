@@ -40,8 +40,8 @@ def _first_path(scenario: Scenario, problem: Problem, seed: int) -> FloatArray:
     session = Session(problem, scenario.start, Budget(60.0, first=True), seed)
     if not session.finished:
         search(session, Auto, sampling_box(scenario), body_reach(scenario))
-    assert session.best_arcs is not None
-    return session.best_arcs
+    assert session.best.arcs is not None
+    return session.best.arcs
 
 
 def _random(seed: int) -> np.ndarray:

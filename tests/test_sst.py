@@ -113,7 +113,7 @@ def test_longer_rounds_find_shorter_paths(problem: Problem) -> None:
         session = _session(problem, iterations)
         search(session, StableSparseRRT, sampling_box(scenario), body_reach(scenario))
         assert session.iterations >= iterations or session.finished
-        costs.append(session.best_cost)
+        costs.append(session.best.cost)
     assert costs[1] < costs[0] < np.inf
     assert costs[1] > session.lower_bound
 

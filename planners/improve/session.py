@@ -1,19 +1,19 @@
-"""One planning run: the best path so far, its polishing and the budget, shared by every planner."""
+"""One planning run that every planner drives: its best path, its counters, and when it is over."""
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
 from pushplan.arrays import FloatArray
-from pushplan.geometry import se2
-from pushplan.path import TURN_WEIGHT, PushPath
+from pushplan.path import PushPath
 from pushplan.planners.improve.branches import Branches
 from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.polish import merged, price, shorten
+from pushplan.planners.improve.incumbent import Incumbent, path_from
+from pushplan.planners.improve.nearest import NearestApproach
+from pushplan.planners.improve.polish import merged, shorten
 from pushplan.planners.problem.problem import Problem, remaining
 from pushplan.result import ProgressPoint
 
@@ -31,12 +31,6 @@ PROMISE = 3.0
 
 REFINE_CHUNK = 2_000
 """Changes tried on the best path between two looks at the clock."""
-
-GAIN = 1e-9
-"""A path counts as better when it is cheaper by this much, m."""
-
-SHORTEST_ARC = 1e-10
-"""Arcs below this (m of cost) are rounding and are left out."""
 
 WORTHWHILE = 1e-3
 """Share of the cost that an improvement has to save to put off the end by stalling."""
@@ -59,16 +53,14 @@ class Session:
     Attributes:
         problem: What to plan.
         start: (3,) pose of the chain frame in the world.
-        best_arcs: (k, 4) twists and lengths of the best path, None while there is none.
-        best_cost: Its cost, m; infinite while there is none.
-        bound: Cost that a path has to stay below to be better, m.
-        closest_arcs: (k, 4) free path that ends nearest to the goal, kept while there is none to it.
-        closest_left: Lower bound on the cost that is missing from there, m.
+        random: (1,) state of the random generator.
+        best: The best path.
+        nearest: The free path that ends nearest to the goal, kept up while there is none to it.
+        branches: What is kept of the trees.
         progress: Every improvement.
         extensions: Arcs propagated.
         iterations: Arcs propagated, some as a share of one, and shortcuts tried.
         stop: What tells planners that the search is over; by default when the budget is used up (`settled`).
-        branches: What is kept of the trees.
     """
 
     def __init__(
@@ -86,57 +78,40 @@ class Session:
         self.budget = budget
         self.seed = seed
         self.random = np.array([seed], dtype=np.uint64)
-        self.best_arcs: FloatArray | None = None
-        self.best_cost = math.inf
-        self.closest_arcs, self.closest_left = np.zeros((0, 4)), self.lower_bound_from(self.start)
+        self.best = Incumbent(problem.prices)
         self.progress: list[ProgressPoint] = [] if before is None else list(before.progress)
         self.extensions: int = 0 if before is None else before.extensions
         self.iterations: int = 0 if before is None else before.iterations
-        self._best_price, self.bound = math.inf, math.inf
-        self._reference, self._improved_at = math.inf, self.iterations
-        self._lower_bound, self._refining = 0.0, REFINE_CHUNK
-        self._on_progress, self._hopeless = on_progress, hopeless
+        # stable then, stable now: searches go on with lower margins, never higher
+        self.nearest: NearestApproach = (
+            NearestApproach(self.start, problem.goal) if before is None else before.nearest
+        )
         self.branches: Branches = Branches() if before is None else before.branches
-        if before is not None:  # stable then, stable now: searches go on with lower margins, never higher
-            self.closest_arcs, self.closest_left = before.closest_arcs, before.closest_left
         self.began: float = time.perf_counter() if before is None else before.began
+        self._on_progress, self._hopeless = on_progress, hopeless
+        self._worth_beating, self._improved_at = float("inf"), self.iterations
+        self._lower_bound, self._refining = 0.0, REFINE_CHUNK
         self.stop: Callable[[], bool] = self.settled
+
+    @property
+    def solved(self) -> bool:
+        """Whether there is a path."""
+        return self.best.arcs is not None
 
     @property
     def lower_bound(self) -> float:
         """Cost that no path can beat, m: straight travel and the smallest turn, or a higher one that is known."""
-        return max(self._lower_bound, self.lower_bound_from(self.start))
-
-    def lower_bound_from(self, pose: FloatArray) -> float:
-        """Straight travel and the smallest turn from a pose (3,) to the goal, m."""
-        return float(remaining(pose[0], pose[1], pose[2], self.problem.goal))
+        x, y, theta = self.start
+        return max(self._lower_bound, float(remaining(x, y, theta, self.problem.goal)))
 
     def raise_lower_bound(self, cost: float) -> None:
         """Take over a cost (m) that no path can beat."""
         self._lower_bound = max(self._lower_bound, cost)
 
     @property
-    def best_path(self) -> PushPath | None:
-        """The best path, None while there is none."""
-        return None if self.best_arcs is None else self._path(self.best_arcs)
-
-    @property
-    def closest_path(self) -> PushPath:
+    def nearest_path(self) -> PushPath:
         """The path that ends nearest to the goal, as long as there is none to it."""
-        return self._path(self.closest_arcs)
-
-    def _path(self, arcs: FloatArray) -> PushPath:
-        arcs = arcs[arcs[:, 3] > SHORTEST_ARC]
-        return PushPath(self.start, arcs[:, :3], arcs[:, 3])
-
-    @property
-    def horizon(self) -> float:
-        """Cost (m) from which on no path can be better than the best one; infinite while there is none.
-
-        That is what its price would buy at the lowest rate, on a single arc.
-        """
-        prices = self.problem.prices
-        return (self._best_price - prices.per_arc) / prices.lowest
+        return path_from(self.start, self.nearest.arcs)
 
     @property
     def elapsed(self) -> float:
@@ -151,14 +126,15 @@ class Session:
     def settled(self) -> bool:
         """Return whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
         budget = self.budget
-        share = budget.patience if self.best_arcs is None else budget.enough
-        if budget.is_used_up(self.elapsed, self.iterations, share):
+        if budget.is_used_up(
+            self.elapsed, self.iterations, budget.enough if self.solved else budget.patience
+        ):
             return True
-        if self.best_arcs is None:
+        if not self.solved:
             return self._given_up()
-        if self.budget.first or self.horizon <= self.lower_bound * (1.0 + self.budget.gap) + 1e-12:
+        if budget.first or self.best.horizon <= self.lower_bound * (1.0 + budget.gap) + 1e-12:
             return True
-        return self.iterations - self._improved_at >= self.budget.stall
+        return self.iterations - self._improved_at >= budget.stall
 
     def _given_up(self) -> bool:
         """Whether it is known that there is no path; not asked where iterations end the search, as time must not."""
@@ -166,80 +142,56 @@ class Session:
             return False
         return self._hopeless(self.elapsed)
 
-    def nearer(self, poses: FloatArray) -> int:
-        """Return which of the poses (n, 3) is nearest to the goal, -1 if another one was nearer or reached it."""
-        if self.best_arcs is not None or len(poses) == 0:
-            return -1
-        turn = np.abs(se2.wrap_angle(self.problem.goal[2] - poses[:, 2]))
-        away = np.hypot(*(self.problem.goal[:2] - poses[:, :2]).T) + TURN_WEIGHT * turn
-        node = int(np.argmin(away))
-        return node if away[node] < self.closest_left - GAIN else -1
+    def note_nearest(self, poses: FloatArray, way_to: Callable[[int], FloatArray]) -> None:
+        """While there is no path, keep the way to that one of a tree's poses (n, 3) which is nearest to the goal.
 
-    def approach(self, arcs: FloatArray) -> None:
-        """Take over a free path (k, 4) that ends nearer to the goal than all before."""
-        path = PushPath(self.start, arcs[:, :3], arcs[:, 3])
-        self.closest_arcs, self.closest_left = merged(arcs), self.lower_bound_from(path.end)
+        Args:
+            poses: Of its nodes.
+            way_to: Returns the arcs (k, 4) from the start to a node, by its number.
+        """
+        node = -1 if self.solved else self.nearest.nearer(poses)
+        if node >= 0:
+            self.nearest.take(way_to(node), poses[node])
 
     def spent(self, extensions: int, share: float = 1.0) -> None:
         """Count arcs that were propagated, each as a share of an iteration."""
         self.extensions += extensions
-        self.tried(round(share * extensions))
-
-    def tried(self, changes: int) -> None:
-        """Count changes of a path that were tried."""
-        self.iterations += changes
+        self.iterations += round(share * extensions)
 
     def offer(self, arcs: FloatArray) -> None:
-        """Take a path (k, 4) to the goal into account, as it is and polished."""
+        """Take a path (k, 4) to the goal into account, as it is and polished while it promises to be the best."""
         self.take(merged(arcs))
         if self.budget.first:
             return
-        for polished in self.polishing(self.problem, self.start, arcs):
-            self.take(polished)
-
-    def polishing(
-        self, problem: Problem, start: FloatArray, arcs: FloatArray, to_beat: float = math.inf
-    ) -> Iterator[FloatArray]:
-        """Polish a path for as long as it promises to become cheaper than another one; yield it every time.
-
-        Args:
-            problem: What the path solves.
-            start: (3,) pose where it begins.
-            arcs: (k, 4) the path.
-            to_beat: Price of the other one, if that is not the best path.
-        """
-        before = price(problem.prices, arcs)
+        before = self.best.price_of(arcs)
         for _ in range(POLISH_ROUNDS):
-            arcs = self._polished(problem, start, arcs, POLISH_ATTEMPTS)
-            yield arcs
-            now = price(problem.prices, arcs)
-            if self.finished or now - PROMISE * (before - now) > min(to_beat, self._best_price):
+            arcs = self._polished(arcs, POLISH_ATTEMPTS)
+            self.take(arcs)
+            now = self.best.price_of(arcs)
+            if self.finished or now - PROMISE * (before - now) > self.best.price:
                 return
             before = now
 
     def refine(self) -> None:
         """Go on polishing the best path, if there is one."""
-        if self.best_arcs is None or self.budget.first:
+        if self.best.arcs is None or self.budget.first:
             return
-        before = self._best_price
-        self.take(self._polished(self.problem, self.start, self.best_arcs, self._refining))
-        gained = before - self._best_price > WORTHWHILE * before
+        before = self.best.price
+        self.take(self._polished(self.best.arcs, self._refining))
+        gained = before - self.best.price > WORTHWHILE * before
         self._refining = REFINE_CHUNK if gained else max(REFINE_CHUNK // 8, self._refining // 2)
 
-    def _polished(self, problem: Problem, start: FloatArray, arcs: FloatArray, attempts: int) -> FloatArray:
-        self.tried(attempts)
-        return np.asarray(shorten(problem, start, arcs, self.random, attempts))
+    def _polished(self, arcs: FloatArray, attempts: int) -> FloatArray:
+        self.iterations += attempts
+        return np.asarray(shorten(self.problem, self.start, arcs, self.random, attempts))
 
     def take(self, arcs: FloatArray) -> None:
         """Keep a path (k, 4) to the goal, free and without empty arcs, if it is better than the best one."""
-        arcs_price = price(self.problem.prices, arcs)
-        if arcs_price >= self._best_price - GAIN:
+        if not self.best.take(arcs):
             return
-        self.best_arcs, self._best_price = arcs.copy(), arcs_price
-        self.best_cost = float(arcs[:, 3].sum())
-        self.bound = self.horizon - GAIN
-        if self.horizon < self._reference * (1.0 - WORTHWHILE):
-            self._reference, self._improved_at = self.horizon, self.iterations
-        self.progress.append(ProgressPoint(self.elapsed, self.best_cost, self.iterations, self.best_path))
+        if self.best.horizon < self._worth_beating * (1.0 - WORTHWHILE):
+            self._worth_beating, self._improved_at = self.best.horizon, self.iterations
+        path = path_from(self.start, arcs)
+        self.progress.append(ProgressPoint(self.elapsed, self.best.cost, self.iterations, path))
         if self._on_progress is not None:
             self._on_progress(self.progress[-1])

@@ -35,9 +35,9 @@ class AnytimePlanner(ob.Planner):  # type: ignore[misc]
                 self.improve(information)
         finally:
             session.stop = session.settled  # OMPL's condition does not outlive the call
-        if session.best_arcs is None:
+        if session.best.arcs is None:
             return ob.PlannerStatus(ob.PlannerStatus.TIMEOUT)
-        leave_path(definition, session.best_arcs, self.name)
+        leave_path(definition, session.best.arcs, self.name)
         return ob.PlannerStatus(ob.PlannerStatus.EXACT_SOLUTION)
 
     @abstractmethod

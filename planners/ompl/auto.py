@@ -75,7 +75,7 @@ def _flood(session: Session, cells: CellRounds, grown: int) -> None:
     """Flood, as long as there is no path, until that has had its part of the extensions."""
 
     def enough() -> bool:
-        return session.finished or session.best_arcs is not None
+        return session.finished or session.solved
 
     while cells.extensions < FLOOD_RATIO * grown and not enough():
         cells.run_next(enough)
@@ -110,16 +110,15 @@ def _round(session: Session, forest: Forest, allowance: int, excess: float) -> i
     path = np.empty((3 * (len(forest.ahead) + len(forest.behind)) + 3, 4))
     used = 0
     while used < allowance and not session.finished:
-        bound = excess * session.horizon
+        bound = excess * session.best.horizon
         done, arcs = grow_both(session.problem, forest, bound, CHUNK, path)
         used += done
         session.spent(done)
         if arcs:
             session.offer(path[:arcs])
             return used
-    node = session.nearer(forest.ahead[: forest.counts[0], :3])
-    if node >= 0:
-        session.approach(_way_to(forest.ahead, node))
+    ahead = forest.ahead[: forest.counts[0]]
+    session.note_nearest(ahead[:, :3], lambda node: _way_to(ahead, node))
     return used
 
 

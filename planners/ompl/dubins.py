@@ -190,7 +190,7 @@ def _note(session: Session, planner: Any, words: SweptWords, car: Car) -> None:
     """Hand the branches of OMPL's tree to the session, and the way to its node nearest to the goal."""
     data = ob.PlannerData(planner.getSpaceInformation())
     planner.getPlannerData(data)
-    if session.best_arcs is not None and data.numEdges() <= session.branches.size:
+    if session.solved and data.numEdges() <= session.branches.size:
         return
     vertices = range(data.numVertices())
     poses = np.array([car.chain_at(data.getVertex(i).getState()) for i in vertices]).reshape(-1, 3)
@@ -199,9 +199,9 @@ def _note(session: Session, planner: Any, words: SweptWords, car: Car) -> None:
         parents[list(data.getEdges(i))] = i
     session.branches.offer((poses, parents))
     reached = np.flatnonzero(parents >= 0)
-    nearest = session.nearer(poses[reached])
-    if nearest >= 0:
-        session.approach(_way_to(int(reached[nearest]), poses, parents, session.start, words))
+    session.note_nearest(
+        poses[reached], lambda node: _way_to(int(reached[node]), poses, parents, session.start, words)
+    )
 
 
 def _way_to(

@@ -14,7 +14,7 @@ import numpy as np
 
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.grow import make_handle, ready
-from pushplan.planners.problem.problem import NODE, remaining, trace
+from pushplan.planners.problem.problem import NODE, branch, remaining
 
 OUTSIDE = 1e9
 """First coordinate, m, that marks a state as invalid."""
@@ -123,10 +123,7 @@ class Propagator:
         """Hand the branches of the tree to the session, and the way to its node nearest to the goal."""
         session, nodes = self._session, self.nodes[: self.count]
         session.branches.offer_nodes(nodes)
-        node = session.nearer(nodes[:, :3])
-        if node >= 0:
-            path = np.empty((self.count + 3, 4))
-            session.approach(path[: trace(self.nodes, node, np.zeros((3, 4)), path)])
+        session.note_nearest(nodes[:, :3], lambda node: branch(nodes, node))
 
 
 def wrapped(angle: float) -> float:

@@ -54,8 +54,8 @@ def search(session: Session, make: Factory, box: Box, heading_length: float) -> 
         planner.setProblemDefinition(definition)
         planner.setup()
         _run(planner, definition, information)
-    if session.best_arcs is not None:
-        leave_path(definition, session.best_arcs, name)
+    if session.best.arcs is not None:
+        leave_path(definition, session.best.arcs, name)
     return definition
 
 
@@ -70,7 +70,7 @@ def _run(planner: Any, definition: Any, information: PushInformation) -> None:
         return
     target = allowance
     while not session.finished:
-        propagator.bound = session.bound
+        propagator.bound = session.best.bound
         planner.solve(ob.PlannerTerminationCondition(_until(session, target)))
         if definition.hasExactSolution():
             session.offer(arcs_to_goal(definition))

@@ -12,7 +12,8 @@ from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
 from pushplan.names import CLEARANCE_ROOM
 from pushplan.path import PushPath
-from pushplan.planners.improve.session import SHORTEST_ARC, Session
+from pushplan.planners.improve.incumbent import path_from
+from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.posing import PushInformation, free_word, information_of, state_at
 from pushplan.planners.problem.posing import ROUNDING
@@ -86,8 +87,7 @@ def _proven(problem: Problem) -> Problem:
 def push_path(definition: Any) -> PushPath:
     """Return the path that solves a problem; see `arcs_to_goal`."""
     arcs = arcs_to_goal(definition)
-    arcs = arcs[arcs[:, 3] > SHORTEST_ARC]
-    return PushPath(information_of(definition).session.start, arcs[:, :3], arcs[:, 3])
+    return path_from(information_of(definition).session.start, arcs)
 
 
 def controlled_arcs(session: Session, path: Any) -> FloatArray:

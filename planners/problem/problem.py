@@ -154,6 +154,12 @@ def trace(nodes: FloatArray, node: int, last: FloatArray, path: FloatArray) -> i
     return depth
 
 
+def branch(nodes: FloatArray, node: int) -> FloatArray:
+    """Return the arcs (k, 4) from the root of a tree to a node."""
+    path = np.empty((len(nodes) + 3, 4))
+    return path[: trace(nodes, node, np.zeros((3, 4)), path)]
+
+
 @no_refcount
 def random(state: RandomState) -> float:
     """Draw a number in [0, 1) from the generator's state (1,) uint64 (splitmix64, Steele et al. 2014)."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.planners.improve.session import CHUNK, Session
-from pushplan.planners.problem.problem import NODE, random, trace
+from pushplan.planners.problem.problem import NODE, branch, random
 from pushplan.planners.search.cell_kernel import NODES, TRIED, CellTrees, flood
 
 FIRST_SHARE = 0.04
@@ -89,10 +89,7 @@ class CellRounds:
         session = self._session
         ahead, behind = (trees.nodes[k, : trees.counts[k, NODES]] for k in (0, 1))
         session.branches.offer_nodes(ahead, behind)
-        nearest = session.nearer(ahead[:, :3])
-        if nearest >= 0:
-            path = np.empty((len(ahead) + 3, 4))
-            session.approach(path[: trace(ahead, nearest, np.zeros((3, 4)), path)])
+        session.note_nearest(ahead[:, :3], lambda node: branch(ahead, node))
 
 
 def planted(session: Session, box: FloatArray, room: int, sizes: tuple[float, float, float]) -> CellTrees:

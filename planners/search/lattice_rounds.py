@@ -12,7 +12,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.planners.improve.session import Session
-from pushplan.planners.problem.problem import NODE, random
+from pushplan.planners.problem.problem import NODE, branch, random
 from pushplan.planners.search.floor import distances_to, middle_of
 from pushplan.planners.search.lattice_kernel import (
     NODES,
@@ -73,11 +73,11 @@ class LatticeRounds:
 
     def run(self, arcs: float) -> None:
         """Run rounds until so many arcs have been tried in all, or a first path is found."""
-        session, pathless = self._session, self._session.best_arcs is None
+        session, pathless = self._session, not self._session.solved
         while sum(self._tried) < arcs and not session.finished:
             back = int(self._tried[1] < self._tried[0])
             self._search(back)
-            if pathless and session.best_arcs is not None:
+            if pathless and session.solved:
                 return
 
     def _search(self, back: int) -> None:
@@ -86,7 +86,7 @@ class LatticeRounds:
         self._rounds[back] += 1
         number = self._rounds[back]
         lattice = self.planted(min((number & -number).bit_length() - 1, HIGHEST), back)
-        bound, word, over = EXCESS[number // 2 % 2] * session.horizon, np.zeros((3, 4)), False
+        bound, word, over = EXCESS[number // 2 % 2] * session.best.horizon, np.zeros((3, 4)), False
         while not over and not session.finished:
             before = int(lattice.counts[TRIED])
             bound, over = expand_best(session.problem, lattice, bound, CHUNK, word)
@@ -97,6 +97,8 @@ class LatticeRounds:
         if lattice.counts[PARTNER] >= 0:
             path = np.empty((len(nodes) + 3, 4))
             session.offer(path[: path_of(lattice, word, path)])
+        elif not back:
+            session.note_nearest(nodes[:, :3], lambda node: branch(nodes, node))
 
     def planted(self, level: int, back: int) -> Lattice:
         """Return a search that has not begun, from the start or back from the goal, on a level."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.planners.improve.session import CHUNK, Session
-from pushplan.planners.problem.problem import NODE, remaining, trace
+from pushplan.planners.problem.problem import NODE, branch, remaining
 from pushplan.planners.search.sst_kernel import ACTIVE, NODES, TO_GO, UNUSED, SparseTree, grow_sparse
 
 SELECTION_SHARE, PRUNING_SHARE = 0.08, 0.04
@@ -59,7 +59,7 @@ class SparseRounds:
             if tree.counts[0] + CHUNK > len(tree.nodes):
                 tree = doubled(tree)
                 path = np.empty((len(tree.nodes) + 3, 4))
-            done, arcs = grow_sparse(session.problem, tree, session.bound, CHUNK, path)
+            done, arcs = grow_sparse(session.problem, tree, session.best.bound, CHUNK, path)
             session.spent(done)
             left -= done
             self.extensions += done
@@ -89,10 +89,7 @@ def _note(session: Session, tree: SparseTree) -> None:
     parents[tree.unused[: tree.counts[UNUSED]]] = -1
     session.branches.offer((nodes[:, :3], parents))
     rows = np.append(0, np.flatnonzero(parents >= 0))
-    nearest = session.nearer(nodes[rows, :3])
-    if nearest >= 0:
-        path = np.empty((len(rows), 4))
-        session.approach(path[: trace(tree.nodes, int(rows[nearest]), np.zeros((3, 4)), path)])
+    session.note_nearest(nodes[rows, :3], lambda node: branch(tree.nodes, int(rows[node])))
 
 
 def doubled(tree: SparseTree) -> SparseTree:
