@@ -182,10 +182,13 @@ def test_a_server_that_cannot_start_is_told(capfd: pytest.CaptureFixture[str]) -
 
 @pytest.mark.parametrize("sign", [0, signal.SIGSTOP])
 def test_a_server_ends_with_its_supervisor_even_when_it_is_stopped(sign: int) -> None:
+    """The kernel lets go of stopped processes whose parent is gone, once they have stopped."""
     script = (
         "import os, sys; from pushplan.bench.fork_server import Supervisor\n"
         "supervisor = Supervisor('planted_runs'); supervisor.prepare()\n"
-        f"os.kill(supervisor.server.process.pid, {int(sign)})\n"
+        f"server = supervisor.server.process.pid; os.kill(server, {int(sign)})\n"
+        "def state(task): return open(f'/proc/{server}/task/{task}/stat').read().rpartition(')')[2].split()[0]\n"
+        f"while {int(sign)} and any(state(task) != 'T' for task in os.listdir(f'/proc/{{server}}/task')): pass\n"
         "print(supervisor.server.process.pid, flush=True); os.kill(os.getpid(), 9)\n"
     )
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
