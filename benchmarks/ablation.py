@@ -1,6 +1,6 @@
 """What each part of `auto` gains: the same searches without it, on dense, narrow and packaged scenes, by CPU time.
 
-Run `python benchmarks/ablation.py [--parts flooding lattice ...] [--seeds 6] [--seconds 1] [--scenes 30] [--hard]`.
+Run `python benchmarks/ablation.py [--parts lattice ...] [--seeds 6] [--seconds 1] [--scenes 30] [--hard]`.
 Every scene is searched with `auto` as it is and with one part after the other left out (`PARTS`). Prints for each the
 share of runs that find a path, the shares within 1 % of the cheapest path that any run here found, after 0.1, 0.3 and
 1 of the time, the share more than 20 % off, and first paths. `--hard` takes scenes in which a path is hard to find.
@@ -50,10 +50,9 @@ def _forward(self: Any, arcs: float) -> None:
 
 PARTS: dict[str, Callable[[], Any]] = {
     "nothing": lambda: mock.patch.object(auto, "REACH_SHARE", auto.REACH_SHARE),
-    "flooding": lambda: mock.patch.object(auto, "_flood", _nothing),
     "lattice": lambda: mock.patch.object(lattice_rounds.LatticeRounds, "run", _nothing),
     "lattice back from the goal": lambda: mock.patch.object(lattice_rounds.LatticeRounds, "run", _forward),
-    "random arcs of trees": lambda: mock.patch.object(auto, "BLIND", (0.0,)),
+    "trees after the first": lambda: mock.patch.object(auto, "LATTICE_RATIO", 1e9),
     "room for polishing": lambda: mock.patch.object(lattice_rounds, "EXCESS", (1.0, 1.0)),
     "refining": lambda: mock.patch.object(Session, "refine", _nothing),
 }

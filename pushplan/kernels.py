@@ -24,7 +24,6 @@ from pushplan.planners.ompl.factories import PLANNERS, planner_named
 from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.prices import travel_prices
 from pushplan.planners.problem.problem import Problem
-from pushplan.planners.search.cell_rounds import CellRounds
 from pushplan.planners.search.lattice_rounds import LatticeRounds
 from pushplan.stable_sets.named import stable_set
 from pushplan.tolerance.work_out import tolerance_along
@@ -83,9 +82,7 @@ def compile_search(planner: str) -> None:
     controls_of(session.problem, arcs)
     poses_along(session.problem, session.start, arcs)
     search(session, planner_named(planner)[1], _BOX, _HEADING_LENGTH)
-    if planner == "auto":  # it floods only after some rounds, and seeks no better path than the first here
-        begun = session.extensions
-        CellRounds(session, _BOX).run_next(lambda: session.extensions > begun)
+    if planner == "auto":  # it seeks no better path than the first here
         again = Session(
             session.problem, np.zeros(3), replace(session.budget, first=False, iterations=1), seed=0
         )

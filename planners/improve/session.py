@@ -153,10 +153,10 @@ class Session:
         if node >= 0:
             self.nearest.take(way_to(node), poses[node])
 
-    def spent(self, extensions: int, share: float = 1.0) -> None:
-        """Count arcs that were propagated, each as a share of an iteration."""
+    def spent(self, extensions: int, iterations: int | None = None) -> None:
+        """Count arcs that were propagated, and iterations: as many, if it is not said."""
         self.extensions += extensions
-        self.iterations += round(share * extensions)
+        self.iterations += extensions if iterations is None else iterations
 
     def offer(self, arcs: FloatArray) -> None:
         """Take a path (k, 4) to the goal into account, as it is and polished while it promises to be the best."""

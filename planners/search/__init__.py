@@ -1,1 +1,1 @@
-"""The compiled searches: trees from both ends, sparse trees, best-first search and flooding over cells of poses."""
+"""The compiled searches: trees from both ends, sparse trees, best-first search over cells of poses."""

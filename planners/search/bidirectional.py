@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray, RandomState
+from pushplan.arrays import FloatArray, IntArray
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
-from pushplan.planners.problem.problem import TRIES, Problem, apart, choose_twist, random, remaining
+from pushplan.planners.problem.problem import TRIES, Problem, apart, random, remaining
 from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
 from pushplan.planners.search.forest import Forest, draw_pose
@@ -108,16 +108,6 @@ def _add(
 
 
 @inlined
-def _random_arc(problem: Problem, state: RandomState, word: FloatArray) -> None:
-    """Fill a word (3, 4) with a single arc drawn from the stable set."""
-    for i in range(3):
-        for j in range(4):
-            word[i, j] = 0.0
-    word[0, 0], word[0, 1], word[0, 2] = choose_twist(problem, random(state), random(state))
-    word[0, 3] = random(state) * problem.longest
-
-
-@inlined
 def _extend(
     problem: Problem,
     forest: Forest,
@@ -131,17 +121,13 @@ def _extend(
     tree = forest.ahead if which == 0 else forest.behind
     near = scratch_integers(NEAREST)
     n = _nearest(tree, forest.counts[which], sample, forest.heading_length, near)
-    blind = random(forest.state) < forest.blind
     for i in range(n):
         parent = near[i]
         node = tree[parent, :3]
-        if blind:
-            _random_arc(problem, forest.state, word)
-        else:
-            first, last = (node, sample) if which == 0 else (sample, node)
-            if _best_word(problem.families[:1], first, last, words, word) == np.inf:
-                continue
-            _clip(word, forest.reach, which == 1)
+        first, last = (node, sample) if which == 0 else (sample, node)
+        if _best_word(problem.families[:1], first, last, words, word) == np.inf:
+            continue
+        _clip(word, forest.reach, which == 1)
         free, x, y, theta = _walk(problem.scene, node, word, 1.0 if which == 0 else -1.0)
         if not free:
             continue

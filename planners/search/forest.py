@@ -33,7 +33,6 @@ class Forest(NamedTuple):
         heading_length: Metres that a radian counts as in the choice of the nearest nodes.
         reach: Longest piece of a word that is added at a time, m of cost.
         state: (1,) of the random generator.
-        blind: Share of the extensions that take a random arc instead of a word towards the sample.
     """
 
     ahead: FloatArray
@@ -43,7 +42,6 @@ class Forest(NamedTuple):
     heading_length: float
     reach: float
     state: RandomState
-    blind: float
 
 
 def plant(forest: Forest, start: FloatArray, goal: FloatArray) -> None:

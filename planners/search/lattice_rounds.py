@@ -51,6 +51,9 @@ EXCESS = (1.0, 1.15)
 CHUNK = 1_000
 """Arcs between two looks at the clock."""
 
+SET_UP = 400
+"""A round takes as long as so many arcs before it begins; where no path can be better, it is over then."""
+
 ITERATIONS = 0.125
 """Each counts as this share of an iteration: it takes 1.5 us, a tree's extension or a change of a path 8 to 15 us."""
 
@@ -90,8 +93,10 @@ class LatticeRounds:
         while not over and not session.finished:
             before = int(lattice.counts[TRIED])
             bound, over = expand_best(session.problem, lattice, bound, CHUNK, word)
-            session.spent(int(lattice.counts[TRIED]) - before, ITERATIONS)
-        self._tried[back] += int(lattice.counts[TRIED])
+            tried = int(lattice.counts[TRIED]) - before
+            session.spent(tried, round(ITERATIONS * tried))
+        self._tried[back] += int(lattice.counts[TRIED]) + SET_UP
+        session.spent(0, round(ITERATIONS * SET_UP))
         nodes = lattice.nodes[: lattice.counts[NODES]]
         session.branches.offer_nodes(nodes)
         if lattice.counts[PARTNER] >= 0:
