@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -61,6 +62,7 @@ class Search:
         make: What makes the planner.
         budget: Of all searches together.
         seed: Of the random numbers.
+        began: `time.perf_counter` when posing began, which counts to the time limit.
         good_enough: Share above the lower bound at which a path is good enough; 0 asks for the best.
         progress: Called with every improvement.
     """
@@ -69,6 +71,7 @@ class Search:
     make: Factory
     budget: Budget
     seed: int
+    began: float
     good_enough: float = 0.0
     progress: Callable[[ProgressPoint], None] | None = None
 
@@ -119,8 +122,17 @@ class Search:
         else:
             prices = make_prices(scenario, self.stable, before.problem.segments)
             problem = before.problem._replace(prices=prices)
-        doubts = Doubts(scenario, self.stable, problem)
-        session = Session(problem, scenario.start, budget, self.seed, self.progress, doubts.settled, before)
+        doubts = Doubts(scenario, self.stable, problem, budget.time_limit)
+        session = Session(
+            problem,
+            scenario.start,
+            budget,
+            self.seed,
+            self.progress,
+            doubts.settled,
+            before,
+            time.perf_counter() - self.began,
+        )
         if known is not None:
             session.offer(np.column_stack([known.twists, known.lengths]))
         if self.good_enough > 0.0:

@@ -14,6 +14,9 @@ from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
+EXPLAINING = 0.5
+"""What finding out why there is no path may take after the search, s; more of it was done meanwhile."""
+
 SPACING = 0.01
 """Spacing (m of cost) of the poses handed to the checker, which refines them itself."""
 
@@ -49,5 +52,5 @@ def explain_failure(session: Session, scenario: Scenario, stable: StableSet, dou
     path = session.nearest_path
     sound = len(path.twists) > 0 and not flaw(scenario, stable, path, path.sampled(SPACING))
     error = pose_error(path.end if sound else path.start, scenario.goal.pose_chain)
-    found = diagnose(doubts, session.extensions, error)
+    found = diagnose(doubts, session.extensions, error, EXPLAINING)
     return Failure(found, path if sound else None, error, session.budget)

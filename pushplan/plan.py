@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, TypedDict
@@ -84,7 +85,8 @@ def plan(
         stable_set: What limits the pusher's twists: the name of a stable set, `module:attribute`, or a subclass of
             `StableSet`.
         seed: Of the random numbers; the same seed gives the same plan unless the time limit cuts it short.
-        time_limit: Wall-clock seconds of planning, at most.
+        time_limit: Wall-clock seconds of posing the problem and of planning, at most; executing and checking the
+            plan, or finding out why there is none, come on top.
         first: Stop at the first path instead of shortening it.
         iterations: Extensions and shortcuts, at most; where they, not the time limit, end the search, the same seed
             gives the same plan on every machine.
@@ -108,6 +110,7 @@ def plan(
     watch = watch or Stopwatch()
     with watch("posing"):
         warm_up(name, tell)
+        began = time.perf_counter()
         stable = planning_set(scenario, None if stable_set is None else add_set(stable_set))
         _check_ends(scenario)
         margins = margins_to_try(scenario, stable)
@@ -118,9 +121,8 @@ def plan(
         limit, int(STALL * math.sqrt(limit)), max(good_enough, ROUNDING), first, iterations, stop=stop
     )
     with watch("search"):
-        attempt = Search(stable, make, budget, used_seed, good_enough, progress).with_margins(
-            scenario, margins
-        )
+        search = Search(stable, make, budget, used_seed, began, good_enough, progress)
+        attempt = search.with_margins(scenario, margins)
     session, posed = attempt.session, attempt.scenario
     seconds = session.elapsed
     with watch("timing"):

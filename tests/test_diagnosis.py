@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,14 +26,12 @@ from pushplan.planners.infeasible.diagnosis import Doubts, diagnose
 from pushplan.planners.infeasible.passage import passage_faults
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.posing import build_problem
-from pushplan.planners.problem.problem import Problem
 from pushplan.planners.validation.checker import find_collision
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.result import CAUSES, Diagnosis, PlanResult
 from pushplan.run import run
 from pushplan.scenario import PolygonObstacle, Scenario
 from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
 
 ROOM = """
 obstacles:
@@ -59,7 +57,8 @@ def short(scenario: Scenario, planner: str = "auto") -> PlanResult:
 
 def faults(scenario: Scenario) -> list[Diagnosis]:
     segments = build_problem(scenario, stable_set(scenario.chain)).segments
-    return passage_faults(scenario, straight_pushes(segments))
+    steps = list(passage_faults(scenario, straight_pushes(segments)))
+    return steps[-1] if steps else []
 
 
 def diagnosed(scenario: Scenario, segments: FloatArray) -> tuple[Diagnosis, ...]:
@@ -223,33 +222,62 @@ def test_iterations_end_a_search_that_has_no_path_at_the_same_place() -> None:
     assert min(counts) >= 20_000
 
 
-@pytest.mark.parametrize(("patience", "steps"), [(0.0, 4), (1e9, 1)])
+@pytest.mark.parametrize(("patience", "steps"), [(0.0, 10), (1e9, 1)])
 def test_steps_of_finding_out_are_taken_in_proportion_to_the_search(
     patience: float, steps: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Passages, turns and few cells of poses; twice more cells; single pushes. With no patience, one at each look."""
+    """With no patience, one at each look."""
     monkeypatch.setattr(diagnosis, "PATIENCE", patience)
     monkeypatch.setattr(pocket, "LOOKS", (100, 200, 400))
-    taken = [0]
-
-    def counted(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:
-        for found in every_step(scenario, stable, problem):
-            taken[0] += 1
-            yield found
-
-    every_step = diagnosis._steps
-    monkeypatch.setattr(diagnosis, "_steps", counted)
-    scenario = gap(1.26)
-    stable = stable_set(scenario.chain)
-    doubts = Doubts(scenario, stable, build_problem(scenario, stable))
+    taken = _counted(monkeypatch)
+    doubts = _doubts(gap(1.26))
     assert not doubts.settled(0.5 * diagnosis.FIRST_DOUBT)
     assert (taken[0], doubts.reasons) == (0, [])
     for _ in range(10):
         assert not doubts.settled(10.0)
     assert taken[0] == steps
-    assert [item.cause for item in doubts.reasons] == ["gap"]
     assert [item.cause for item in diagnose(doubts, 10, (0.1, 0.1))] == ["gap", "time"]
-    assert taken[0] == 4
+
+
+def test_no_step_is_taken_that_is_likely_to_go_on_beyond_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = _counted(monkeypatch)
+    monkeypatch.setattr(diagnosis, "AN_OBSTACLE", 1.0)
+    scenario = gap(1.26)
+    doubts = _doubts(scenario, limit=len(scenario.obstacles) + 1.0)
+    assert not doubts.settled(1.5)
+    assert taken[0] == 0
+    assert [item.cause for item in diagnose(doubts, 10, (0.1, 0.1), 0.5 * len(scenario.obstacles))] == [
+        "time"
+    ]
+    assert not doubts.settled(0.5)
+    assert taken[0] == 1
+
+
+def test_a_passage_that_is_proven_too_narrow_ends_the_search_before_its_width_is_known() -> None:
+    doubts = _doubts(WALLED_IN)
+    assert doubts.settled(diagnosis.FIRST_DOUBT)
+    (at_once,) = doubts.proven
+    assert "passage" not in at_once.numbers
+    (told,) = diagnose(doubts, 10, (0.1, 0.1))
+    assert (told.cause, told.proven) == ("gap", True)
+    assert told.numbers["passage"] < told.numbers["needed"]
+
+
+def _doubts(scenario: Scenario, limit: float = math.inf) -> Doubts:
+    stable = stable_set(scenario.chain)
+    return Doubts(scenario, stable, build_problem(scenario, stable), limit)
+
+
+def _counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Count the steps that are taken from now on."""
+    taken, take_step = [0], Doubts._take_step
+
+    def counted(self: Doubts) -> None:
+        taken[0] += 1
+        take_step(self)
+
+    monkeypatch.setattr(Doubts, "_take_step", counted)
+    return taken
 
 
 def test_what_was_allowed_is_said_unless_it_is_proven_that_no_limit_would_do() -> None:

@@ -113,7 +113,7 @@ TIGHT = "stability: {margin: 1e-6}"
 
 def test_a_path_that_leaves_no_room_for_inertia_is_a_result_with_a_reason() -> None:
     """The shortest path turns at the boundary of the stable set; ranked by time, paths keep away from it."""
-    scenario = scenario_from_text(f"{example_text('two-crates')}\n{TIGHT}\n", "tight.yaml")
+    scenario = scenario_from_text(f"{example_text('free-space')}\n{TIGHT}\n", "tight.yaml")
     assert plan(scenario, time_limit=PATIENT, iterations=20_000).solved
     result = plan(scenario, time_limit=PATIENT, iterations=20_000, cost="travel")
     assert not result.solved

@@ -15,11 +15,12 @@ import numpy as np
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.blending.section import passing_speeds, step_windows
+from pushplan.planners.problem.margins import most_stable_twist
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.stable_sets.stable_set import StableSet
 
 SHARES = 2.0 ** np.arange(-12.0, -1.0)
-"""How far twists are moved inward: shares of the way to the path's most stable twist."""
+"""How far twists are moved inward: shares of the way to the path's most stable twist, or the set's."""
 
 SAFETY = 2.0
 """Multiple of the smallest share that helps: on its way in and out the twist is moved by a part of it only."""
@@ -50,15 +51,17 @@ def inset_path(path: PushPath, stable: StableSet, minimum: float, bounds: Bounds
         bounds: What limits the motion, for the time that a step takes.
     """
     arcs = np.flatnonzero(path.lengths > 0.0).tolist()
-    inside = _most_stable(path, stable)
+    insides = [_most_stable(path, stable), most_stable_twist(stable, stable.chain.pusher.drive)]
     rest = path.lengths.copy()
     heads: dict[int, FloatArray] = {}
     tails: dict[int, FloatArray] = {}
     for i, j in pairwise(arcs):
-        share = _share(path.twists[[i, j]], inside, stable, minimum)
+        pair = path.twists[[i, j]]
+        shares = ((_share(pair, inside, stable, minimum), inside) for inside in insides)
+        share, inside = next((found for found in shares if found[0] > 0.0), (0.0, pair[0]))
         if share > 0.0:
             spent = _spent(path, [i, j], bounds)
-            moved = _moved(path.twists[[i, j]], inside, share)
+            moved = _moved(pair, inside, share)
             tails[i], heads[j] = np.append(moved[0], spent[0]), np.append(moved[1], spent[1])
             rest[[i, j]] -= spent
     made = [

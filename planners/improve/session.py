@@ -23,6 +23,9 @@ CHUNK = 128
 POLISH_ATTEMPTS = 1_000
 """Changes tried on every path found."""
 
+POLISH_CHUNK = 125
+"""Changes between two looks at the clock."""
+
 POLISH_ROUNDS = 8
 """So many times, at most, as long as it promises to become the best one."""
 
@@ -30,7 +33,7 @@ PROMISE = 3.0
 """It does if its price may fall by so many times what the last round saved."""
 
 REFINE_CHUNK = 2_000
-"""Changes tried on the best path between two looks at the clock."""
+"""Changes tried on the best path between two rounds of search."""
 
 WORTHWHILE = 1e-3
 """Share of the cost that an improvement has to save to put off the end by stalling."""
@@ -49,6 +52,7 @@ class Session:
             found.
         before: The search whose time, extensions, iterations and nearest path count to this one's, if it goes on from
             there.
+        set_up: Seconds that posing the problem took, which count to the time limit, too.
 
     Attributes:
         problem: What to plan.
@@ -72,6 +76,7 @@ class Session:
         on_progress: Callable[[ProgressPoint], None] | None = None,
         hopeless: Callable[[float], bool] | None = None,
         before: Session | None = None,
+        set_up: float = 0.0,
     ) -> None:
         self.problem = problem
         self.start = np.array(start, dtype=np.float64)
@@ -88,6 +93,7 @@ class Session:
         )
         self.branches: Branches = Branches() if before is None else before.branches
         self.began: float = time.perf_counter() if before is None else before.began
+        self._set_up: float = set_up if before is None else before._set_up
         self._on_progress, self._hopeless = on_progress, hopeless
         self._worth_beating, self._improved_at = float("inf"), self.iterations
         self._lower_bound, self._refining = 0.0, REFINE_CHUNK
@@ -126,9 +132,8 @@ class Session:
     def settled(self) -> bool:
         """Return whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
         budget = self.budget
-        if budget.is_used_up(
-            self.elapsed, self.iterations, budget.enough if self.solved else budget.patience
-        ):
+        share = budget.enough if self.solved else budget.patience
+        if budget.is_used_up(self._set_up + self.elapsed, self.iterations, share):
             return True
         if not self.solved:
             return self._given_up()
@@ -182,8 +187,12 @@ class Session:
         self._refining = REFINE_CHUNK if gained else max(REFINE_CHUNK // 8, self._refining // 2)
 
     def _polished(self, arcs: FloatArray, attempts: int) -> FloatArray:
-        self.iterations += attempts
-        return np.asarray(shorten(self.problem, self.start, arcs, self.random, attempts))
+        for _ in range(0, attempts, POLISH_CHUNK):
+            if self.finished:
+                break
+            self.iterations += POLISH_CHUNK
+            arcs = shorten(self.problem, self.start, arcs, self.random, POLISH_CHUNK)
+        return np.asarray(arcs)
 
     def take(self, arcs: FloatArray) -> None:
         """Keep a path (k, 4) to the goal, free and without empty arcs, if it is better than the best one."""

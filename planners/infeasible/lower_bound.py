@@ -25,7 +25,7 @@ from pushplan.scenario import Scenario
 TOUCH = 1e-7
 """Ways may cut into what is blocked by so much (m): they run along its edges."""
 
-MOST_SIGHTS = 30_000
+MOST_SIGHTS = 10_000
 """Lines of sight looked at, at most; the bound found until then is returned."""
 
 

@@ -61,7 +61,7 @@ def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
     what, _ = emptiness(stable, asked)
     if what or drive.axle is None:
         return what or f"no push has a margin above {margin:g}"
-    twists = _drive_twists(drive.axle, _drive_turns(stable, drive))
+    twists = drive_twists(stable, drive)
     margins = stable.margin(twists)
     best = int(np.argmax(margins))
     weakest = contact_words(stable.chain, weakest_contact(stable, twists[best]))
@@ -72,10 +72,10 @@ def _why_empty(stable: StableSet, drive: Drive, margin: float) -> str:
     )
 
 
-def best_drive_margin(stable: StableSet, drive: Drive) -> float:
-    """Return the largest margin among the twists at which a wheeled drive's family is scanned."""
+def drive_twists(stable: StableSet, drive: Drive) -> FloatArray:
+    """Return the twists (k, 3) at which a wheeled drive's family is scanned."""
     assert drive.axle is not None
-    return float(stable.margin(_drive_twists(drive.axle, _drive_turns(stable, drive))).max())
+    return _drive_twists(drive.axle, _drive_turns(stable, drive))
 
 
 def segment_ends(segments: FloatArray) -> FloatArray:

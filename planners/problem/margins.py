@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import twists_at
 from pushplan.names import AUTO
-from pushplan.planners.problem.controls import best_drive_margin
+from pushplan.planners.problem.controls import drive_twists
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
@@ -43,11 +44,20 @@ def automatic_margin(stable: StableSet, drive: Drive) -> float:
 
 def _best_margin(stable: StableSet, drive: Drive, enough: float) -> float:
     """Return the largest margin, or one that is at least `enough`."""
+    found = float(stable.margin(most_stable_twist(stable, drive)))
     if drive.axle is not None:
-        return max(0.0, best_drive_margin(stable, drive))
-    longitudes, latitudes = (
-        np.linspace(-0.5, 0.5, count + 2)[1:-1] * np.pi for count in LOOKS
-    )  # forward pushes: a contact cannot pull
-    twists = twists_at(longitudes[:, None], latitudes[None, :], stable.chain.characteristic_length)
-    found = float(stable.margin(twists.reshape(-1, 3)).max())
+        return max(0.0, found)
     return found if found >= enough else max(found, float(stable.peaks[1].max(initial=0.0)))
+
+
+def most_stable_twist(stable: StableSet, drive: Drive) -> FloatArray:
+    """Return the twist (3,) with the largest margin of those that are looked at, which the drive can make."""
+    if drive.axle is not None:
+        twists = drive_twists(stable, drive)
+    else:
+        longitudes, latitudes = (
+            np.linspace(-0.5, 0.5, count + 2)[1:-1] * np.pi for count in LOOKS
+        )  # forward pushes: a contact cannot pull
+        length = stable.chain.characteristic_length
+        twists = twists_at(longitudes[:, None], latitudes[None, :], length).reshape(-1, 3)
+    return np.asarray(twists[np.argmax(stable.margin(twists))])
