@@ -44,7 +44,7 @@ def automatic_margin(stable: StableSet, drive: Drive) -> float:
 
 def _best_margin(stable: StableSet, drive: Drive, enough: float) -> float:
     """Return the largest margin, or one that is at least `enough`."""
-    found = float(stable.margin(most_stable_twist(stable, drive)))
+    found = float(stable.margin(most_stable_twist(stable, drive)[None])[0])
     if drive.axle is not None:
         return max(0.0, found)
     return found if found >= enough else max(found, float(stable.peaks[1].max(initial=0.0)))
