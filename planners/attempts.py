@@ -11,7 +11,7 @@ import numpy as np
 from pushplan.path import PushPath
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session
-from pushplan.planners.infeasible.diagnosis import Doubts
+from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.ompl.search import Factory, search
 from pushplan.planners.ompl.solution import push_path
@@ -41,14 +41,14 @@ class Attempt:
     Attributes:
         scenario: The problem, its margin a number.
         session: The search, over.
-        doubts: What may have kept it from a path.
+        monitor: What may have kept it from a path.
         path: The best path, as the planner left it in OMPL's form; None without any.
         others: Further paths that were best by another objective.
     """
 
     scenario: Scenario
     session: Session
-    doubts: Doubts
+    monitor: InfeasibilityMonitor
     path: PushPath | None
     others: tuple[PushPath, ...] = ()
 
@@ -98,7 +98,7 @@ class Search:
     def _is_over(self, attempt: Attempt) -> bool:
         """Whether no lower margin has time left, or could help."""
         session = attempt.session
-        proven = any(fault.cause == MARGIN_FREE for fault in attempt.doubts.proven)
+        proven = any(fault.cause == MARGIN_FREE for fault in attempt.monitor.proven)
         return proven or self.budget.is_used_up(session.elapsed, session.iterations)
 
     def _attempt(self, scenario: Scenario, budget: Budget, before: Attempt | None) -> Attempt:
@@ -122,14 +122,14 @@ class Search:
         else:
             prices = make_prices(scenario, self.stable, before.problem.segments)
             problem = before.problem._replace(prices=prices)
-        doubts = Doubts(scenario, self.stable, problem, budget.time_limit)
+        monitor = InfeasibilityMonitor(scenario, self.stable, problem, budget.time_limit)
         session = Session(
             problem,
             scenario.start,
             budget,
             self.seed,
             self.progress,
-            doubts.settled,
+            monitor.settled,
             before,
             time.perf_counter() - self.began,
         )
@@ -139,4 +139,4 @@ class Search:
             session.raise_lower_bound(lower_bound(scenario))
         definition = search(session, self.make, sampling_box(scenario), body_reach(scenario))
         path = push_path(definition) if definition.hasExactSolution() else None
-        return Attempt(scenario, session, doubts, path)
+        return Attempt(scenario, session, monitor, path)

@@ -8,7 +8,7 @@ from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session
-from pushplan.planners.infeasible.diagnosis import Doubts, diagnose
+from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.validation.verdict import flaw
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
@@ -47,10 +47,12 @@ class Failure:
         return f"no path found within the time limit of {self.budget.time_limit:g} s{limit}: {words}"
 
 
-def explain_failure(session: Session, scenario: Scenario, stable: StableSet, doubts: Doubts) -> Failure:
+def explain_failure(
+    session: Session, scenario: Scenario, stable: StableSet, monitor: InfeasibilityMonitor
+) -> Failure:
     """Find out why there is no path, and how near to the goal one ends."""
     path = session.nearest_path
     sound = len(path.twists) > 0 and not flaw(scenario, stable, path, path.sampled(SPACING))
     error = pose_error(path.end if sound else path.start, scenario.goal.pose_chain)
-    found = diagnose(doubts, session.extensions, error, EXPLAINING)
+    found = diagnose(monitor, session.extensions, error, EXPLAINING)
     return Failure(found, path if sound else None, error, session.budget)

@@ -134,7 +134,7 @@ def plan(
         if attempt.path is None and stop is not None and stop():
             reason = "the search was interrupted before it found a path"
         elif attempt.path is None:
-            failure = explain_failure(session, posed, stable, attempt.doubts)
+            failure = explain_failure(session, posed, stable, attempt.monitor)
             reason = failure.reason
         elif path is not None and trajectory is not None and execution is not None:
             reason = verdict(posed, stable, path, trajectory, execution)

@@ -22,7 +22,7 @@ from pushplan.plan import plan
 from pushplan.planners.failure import Failure
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.infeasible import diagnosis, pocket
-from pushplan.planners.infeasible.diagnosis import Doubts, diagnose
+from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.infeasible.passage import passage_faults
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.posing import build_problem
@@ -65,7 +65,7 @@ def diagnosed(scenario: Scenario, segments: FloatArray) -> tuple[Diagnosis, ...]
     """What is said of a scenario whose pushes are `segments` (k, 6)."""
     stable = stable_set(scenario.chain)
     problem = build_problem(scenario, stable)._replace(segments=segments)
-    return diagnose(Doubts(scenario, stable, problem), 1234, (0.25, 0.5))
+    return diagnose(InfeasibilityMonitor(scenario, stable, problem), 1234, (0.25, 0.5))
 
 
 def test_walls_all_around_are_proven_to_leave_no_way() -> None:
@@ -230,53 +230,53 @@ def test_steps_of_finding_out_are_taken_in_proportion_to_the_search(
     monkeypatch.setattr(diagnosis, "PATIENCE", patience)
     monkeypatch.setattr(pocket, "LOOKS", (100, 200, 400))
     taken = _counted(monkeypatch)
-    doubts = _doubts(gap(1.26))
-    assert not doubts.settled(0.5 * diagnosis.FIRST_DOUBT)
-    assert (taken[0], doubts.reasons) == (0, [])
+    monitor = _monitor(gap(1.26))
+    assert not monitor.settled(0.5 * diagnosis.FIRST_STEP)
+    assert (taken[0], monitor.reasons) == (0, [])
     for _ in range(10):
-        assert not doubts.settled(10.0)
+        assert not monitor.settled(10.0)
     assert taken[0] == steps
-    assert [item.cause for item in diagnose(doubts, 10, (0.1, 0.1))] == ["gap", "time"]
+    assert [item.cause for item in diagnose(monitor, 10, (0.1, 0.1))] == ["gap", "time"]
 
 
 def test_no_step_is_taken_that_is_likely_to_go_on_beyond_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = _counted(monkeypatch)
     monkeypatch.setattr(diagnosis, "AN_OBSTACLE", 1.0)
     scenario = gap(1.26)
-    doubts = _doubts(scenario, limit=len(scenario.obstacles) + 1.0)
-    assert not doubts.settled(1.5)
+    monitor = _monitor(scenario, limit=len(scenario.obstacles) + 1.0)
+    assert not monitor.settled(1.5)
     assert taken[0] == 0
-    assert [item.cause for item in diagnose(doubts, 10, (0.1, 0.1), 0.5 * len(scenario.obstacles))] == [
+    assert [item.cause for item in diagnose(monitor, 10, (0.1, 0.1), 0.5 * len(scenario.obstacles))] == [
         "time"
     ]
-    assert not doubts.settled(0.5)
+    assert not monitor.settled(0.5)
     assert taken[0] == 1
 
 
 def test_a_passage_that_is_proven_too_narrow_ends_the_search_before_its_width_is_known() -> None:
-    doubts = _doubts(WALLED_IN)
-    assert doubts.settled(diagnosis.FIRST_DOUBT)
-    (at_once,) = doubts.proven
+    monitor = _monitor(WALLED_IN)
+    assert monitor.settled(diagnosis.FIRST_STEP)
+    (at_once,) = monitor.proven
     assert "passage" not in at_once.numbers
-    (told,) = diagnose(doubts, 10, (0.1, 0.1))
+    (told,) = diagnose(monitor, 10, (0.1, 0.1))
     assert (told.cause, told.proven) == ("gap", True)
     assert told.numbers["passage"] < told.numbers["needed"]
 
 
-def _doubts(scenario: Scenario, limit: float = math.inf) -> Doubts:
+def _monitor(scenario: Scenario, limit: float = math.inf) -> InfeasibilityMonitor:
     stable = stable_set(scenario.chain)
-    return Doubts(scenario, stable, build_problem(scenario, stable), limit)
+    return InfeasibilityMonitor(scenario, stable, build_problem(scenario, stable), limit)
 
 
 def _counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Count the steps that are taken from now on."""
-    taken, take_step = [0], Doubts._take_step
+    taken, take_step = [0], InfeasibilityMonitor._take_step
 
-    def counted(self: Doubts) -> None:
+    def counted(self: InfeasibilityMonitor) -> None:
         taken[0] += 1
         take_step(self)
 
-    monkeypatch.setattr(Doubts, "_take_step", counted)
+    monkeypatch.setattr(InfeasibilityMonitor, "_take_step", counted)
     return taken
 
 

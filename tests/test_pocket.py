@@ -16,7 +16,7 @@ from pushplan.examples import example_names
 from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at
 from pushplan.planners.infeasible import pocket
-from pushplan.planners.infeasible.diagnosis import Doubts, diagnose
+from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.infeasible.pocket import LEVELS, Pocket, find_pocket, make_steps, push_hull, reached
 from pushplan.planners.infeasible.pocket_kernel import CLOSED, MET, OPEN, ORIGIN, Steps
 from pushplan.planners.problem.controls import segment_ends
@@ -72,7 +72,7 @@ def test_what_is_shut_in_is_found(is_goal: bool, seed: int) -> None:
     assert found.is_goal == is_goal
     away = scenario.goal.pose_chain[:2] - scenario.start[:2]
     assert 0.0 < found.radius < np.hypot(*away)
-    (told,) = diagnose(Doubts(scenario, stable, problem), 1234, (0.25, 0.5))
+    (told,) = diagnose(InfeasibilityMonitor(scenario, stable, problem), 1234, (0.25, 0.5))
     assert (told.cause, told.proven) == ("boxed in", True)
     name, words = ("goal", "it is") if is_goal else ("start", "the start is")
     assert told.text.startswith(f"the goal cannot be reached: {words} boxed in: pushes")

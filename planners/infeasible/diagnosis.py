@@ -19,7 +19,7 @@ from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
-FIRST_DOUBT = 0.1
+FIRST_STEP = 0.1
 """Seconds of a search without a path before the first step is taken."""
 
 PATIENCE = 80.0
@@ -35,7 +35,7 @@ AN_OBSTACLE = 1e-4
 """What an obstacle adds to the first step, at most, s: it is grown, and joined with those that it touches."""
 
 
-class Doubts:
+class InfeasibilityMonitor:
     """What may keep a search from a path, found out in steps, short ones first, until one proves that there is none.
 
     Args:
@@ -56,7 +56,7 @@ class Doubts:
             "passage": passage_faults(scenario, straight_pushes(problem.segments)),
             "pockets": _turns_and_pockets(scenario, stable, problem),
         }
-        self._limit, self._due, self._spent = limit, FIRST_DOUBT, 0.0
+        self._limit, self._due, self._spent = limit, FIRST_STEP, 0.0
         self._expected = AN_OBSTACLE * len(scenario.obstacles)
 
     @property
@@ -92,7 +92,7 @@ class Doubts:
         found = next(self._stages[stage], None)
         took = time.perf_counter() - began
         self._spent += took
-        self._due = max(FIRST_DOUBT, PATIENCE * self._spent)
+        self._due = max(FIRST_STEP, PATIENCE * self._spent)
         if found is None:
             del self._stages[stage]
             return
@@ -107,18 +107,18 @@ def _turns_and_pockets(scenario: Scenario, stable: StableSet, problem: Problem) 
 
 
 def diagnose(
-    doubts: Doubts, extensions: int, error: tuple[float, float], seconds: float = math.inf
+    monitor: InfeasibilityMonitor, extensions: int, error: tuple[float, float], seconds: float = math.inf
 ) -> tuple[Diagnosis, ...]:
     """Return what kept a search from finding a path: the proven reasons, or all that may be one.
 
     Args:
-        doubts: What may have kept it.
+        monitor: What may have kept it.
         extensions: Arcs that were propagated.
         error: How far (m, rad) from the goal the nearest pose was that the search reached.
         seconds: What finding out may still take.
     """
-    doubts.take_all_steps(seconds)
-    return doubts.proven or (*doubts.reasons, _just_time(extensions, error, bool(doubts.reasons)))
+    monitor.take_all_steps(seconds)
+    return monitor.proven or (*monitor.reasons, _just_time(extensions, error, bool(monitor.reasons)))
 
 
 def _just_time(extensions: int, error: tuple[float, float], guessed: bool) -> Diagnosis:

@@ -53,10 +53,10 @@ class Auto(AnytimePlanner):
 
 
 def _forest(session: Session, box: Box, heading_length: float) -> Forest:
-    ahead, behind = np.zeros((2, ROUND + CHUNK, NODE))
+    start_tree, goal_tree = np.zeros((2, ROUND + CHUNK, NODE))
     return Forest(
-        ahead=ahead,
-        behind=behind,
+        start_tree=start_tree,
+        goal_tree=goal_tree,
         counts=np.ones(2, dtype=np.int64),
         box=np.array(box, dtype=np.float64),
         heading_length=heading_length,
@@ -68,18 +68,18 @@ def _forest(session: Session, box: Box, heading_length: float) -> Forest:
 def _round(session: Session, forest: Forest, excess: float) -> None:
     """Grow fresh trees until they join or have used up their extensions."""
     plant(forest, session.start, session.problem.goal)
-    path = np.empty((3 * (len(forest.ahead) + len(forest.behind)) + 3, 4))
+    path = np.empty((3 * (len(forest.start_tree) + len(forest.goal_tree)) + 3, 4))
     used, arcs = 0, 0
     while used < ROUND and not arcs and not session.finished:
         done, arcs = grow_both(session.problem, forest, excess * session.best.horizon, CHUNK, path)
         used += done
         session.spent(done)
-    ahead, behind = forest.ahead[: forest.counts[0]], forest.behind[: forest.counts[1]]
-    session.branches.offer_nodes(ahead, behind)
+    start_tree, goal_tree = forest.start_tree[: forest.counts[0]], forest.goal_tree[: forest.counts[1]]
+    session.branches.offer_nodes(start_tree, goal_tree)
     if arcs:
         session.offer(path[:arcs])
     else:
-        session.note_nearest(ahead[:, :3], lambda node: _way_to(ahead, node))
+        session.note_nearest(start_tree[:, :3], lambda node: _way_to(start_tree, node))
 
 
 def _way_to(tree: FloatArray, node: int) -> FloatArray:

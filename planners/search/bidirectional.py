@@ -118,7 +118,7 @@ def _extend(
     word: FloatArray,
 ) -> int:
     """Grow one tree towards a sample; return the new node's row, or -1."""
-    tree = forest.ahead if which == 0 else forest.behind
+    tree = forest.start_tree if which == 0 else forest.goal_tree
     near = scratch_integers(NEAREST)
     n = _nearest(tree, forest.counts[which], sample, forest.heading_length, near)
     for i in range(n):
@@ -132,7 +132,7 @@ def _extend(
         if not free:
             continue
         so_far = tree[parent, 3] + word[0, 3] + word[1, 3] + word[2, 3]
-        root = forest.behind[0] if which == 0 else forest.ahead[0]
+        root = forest.goal_tree[0] if which == 0 else forest.start_tree[0]
         if so_far + remaining(x, y, theta, root) < bound:
             return _add(tree, forest.counts, which, parent, x, y, theta, word)
     return -1
@@ -147,7 +147,9 @@ def _join(
     Returns:
         (cost of the whole path, row in the other tree), infinite when nothing below the bound is free.
     """
-    tree, other = (forest.ahead, forest.behind) if which == 0 else (forest.behind, forest.ahead)
+    tree, other = (
+        (forest.start_tree, forest.goal_tree) if which == 0 else (forest.goal_tree, forest.start_tree)
+    )
     near = scratch_integers(NEAREST)
     n = _nearest(other, forest.counts[1 - which], tree[row, :3], forest.heading_length, near)
     best, partner = np.inf, -1
@@ -166,28 +168,28 @@ def _join(
 
 
 @inlined
-def _whole(forest: Forest, ahead: int, behind: int, word: FloatArray, path: FloatArray) -> int:
+def _whole(forest: Forest, start_node: int, goal_node: int, word: FloatArray, path: FloatArray) -> int:
     """Write the arcs start tree, connection, goal tree into `path`; return how many."""
     depth = 0
-    i = ahead
-    while forest.ahead[i, 4] >= 0.0:
+    i = start_node
+    while forest.start_tree[i, 4] >= 0.0:
         depth += 1
-        i = int(forest.ahead[i, 4])
+        i = int(forest.start_tree[i, 4])
     n = 3 * depth
-    i = ahead
+    i = start_node
     for k in range(depth - 1, -1, -1):
         for a in range(3):
-            put(path[3 * k + a], forest.ahead[i, 5 + 4 * a : 9 + 4 * a])
-        i = int(forest.ahead[i, 4])
+            put(path[3 * k + a], forest.start_tree[i, 5 + 4 * a : 9 + 4 * a])
+        i = int(forest.start_tree[i, 4])
     for a in range(3):
         put(path[n], word[a])
         n += 1
-    i = behind
-    while forest.behind[i, 4] >= 0.0:
+    i = goal_node
+    while forest.goal_tree[i, 4] >= 0.0:
         for a in range(3):
-            put(path[n], forest.behind[i, 5 + 4 * a : 9 + 4 * a])
+            put(path[n], forest.goal_tree[i, 5 + 4 * a : 9 + 4 * a])
             n += 1
-        i = int(forest.behind[i, 4])
+        i = int(forest.goal_tree[i, 4])
     return n
 
 
@@ -212,14 +214,14 @@ def grow_both(
     for done in range(1, iterations + 1):
         which = (forest.counts[0] > forest.counts[1]) * 1
         if random(forest.state) < GOAL_SHARE:
-            put(sample, forest.behind[0, :3] if which == 0 else forest.ahead[0, :3])
-        elif not draw_pose(problem, forest, forest.ahead[0], bound, sample):
+            put(sample, forest.goal_tree[0, :3] if which == 0 else forest.start_tree[0, :3])
+        elif not draw_pose(problem, forest, forest.start_tree[0], bound, sample):
             continue
         row = _extend(problem, forest, which, sample, bound, words, word)
         if row < 0:
             continue
         cost, partner = _join(problem, forest, which, row, bound, arcs)
         if cost < bound:
-            ahead, behind = (row, partner) if which == 0 else (partner, row)
-            return done, _whole(forest, ahead, behind, arcs, path)
+            start_node, goal_node = (row, partner) if which == 0 else (partner, row)
+            return done, _whole(forest, start_node, goal_node, arcs, path)
     return iterations, 0

@@ -26,8 +26,8 @@ class Forest(NamedTuple):
     """Both trees and what grows them.
 
     Attributes:
-        ahead: (capacity, NODE) tree from the start.
-        behind: (capacity, NODE) tree to the goal.
+        start_tree: (capacity, NODE) tree from the start.
+        goal_tree: (capacity, NODE) tree to the goal.
         counts: (2,) nodes in each.
         box: (4,) xmin, ymin, xmax, ymax that positions are drawn from.
         heading_length: Metres that a radian counts as in the choice of the nearest nodes.
@@ -35,8 +35,8 @@ class Forest(NamedTuple):
         state: (1,) of the random generator.
     """
 
-    ahead: FloatArray
-    behind: FloatArray
+    start_tree: FloatArray
+    goal_tree: FloatArray
     counts: IntArray
     box: FloatArray
     heading_length: float
@@ -46,12 +46,12 @@ class Forest(NamedTuple):
 
 def plant(forest: Forest, start: FloatArray, goal: FloatArray) -> None:
     """Reduce both trees to their roots."""
-    forest.ahead[0, :] = 0.0
-    forest.behind[0, :] = 0.0
-    forest.ahead[0, :3] = start
-    forest.behind[0, :3] = goal
-    forest.ahead[0, 4] = -1.0
-    forest.behind[0, 4] = -1.0
+    forest.start_tree[0, :] = 0.0
+    forest.goal_tree[0, :] = 0.0
+    forest.start_tree[0, :3] = start
+    forest.goal_tree[0, :3] = goal
+    forest.start_tree[0, 4] = -1.0
+    forest.goal_tree[0, 4] = -1.0
     forest.counts[:] = 1
 
 

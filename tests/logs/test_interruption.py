@@ -201,7 +201,9 @@ class Planning:
         for _ in range(6000):
             for log in self._runs.glob("*.partial") if self._runs.exists() else ():
                 if b"pushplan.progress.0000" in log.read_bytes():
-                    time.sleep(0.05)  # the path itself is there, its message comes within the same millisecond
+                    time.sleep(
+                        0.05
+                    )  # the path itself is there, its message comes within the same millisecond
                     return log
             time.sleep(0.01)
         raise AssertionError(self.process.communicate())
