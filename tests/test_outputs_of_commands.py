@@ -8,6 +8,7 @@ import shutil
 import stat
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
@@ -17,7 +18,17 @@ from output_options import OPTIONS, words
 
 from pushplan.cli import main
 
-EVERY = pytest.mark.parametrize(("command", "option", "suffix"), OPTIONS)
+NEEDS = {"parquet": "pyarrow", "mp4": "av", "rrd": "rerun"}
+"""Packages of extras that exports need; without them they are skipped."""
+
+EVERY = pytest.mark.parametrize(
+    ("command", "option", "suffix"),
+    [
+        pytest.param(*option, marks=pytest.mark.skipif(missing, reason="an extra is not installed"))
+        for option in OPTIONS
+        for missing in [option[1] in NEEDS and find_spec(NEEDS[option[1]]) is None]
+    ],
+)
 NEVER_REPLACING = {("new", "name"), ("replay", "recovered")}
 """Outputs that refuse whatever is there already."""
 
