@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Adds up the time that each phase takes.
+    """Adds up the time that each phase takes; what a phase inside another one takes is its own, not the other's.
 
     Attributes:
         seconds: Time by phase, s.
@@ -16,12 +16,16 @@ class Stopwatch:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+        self._inside = 0.0
 
     @contextmanager
     def __call__(self, phase: str) -> Iterator[None]:
         """Count the time spent inside towards a phase."""
-        began = time.perf_counter()
+        began, before = time.perf_counter(), self._inside
+        self._inside = 0.0
         try:
             yield
         finally:
-            self.seconds[phase] = self.seconds.get(phase, 0.0) + time.perf_counter() - began
+            took = time.perf_counter() - began
+            self.seconds[phase] = self.seconds.get(phase, 0.0) + took - self._inside
+            self._inside = before + took
