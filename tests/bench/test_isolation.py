@@ -88,7 +88,9 @@ def test_a_real_run_comes_back_with_its_log_and_figures(make_task: MakeTask, tmp
     assert figures.min_dynamic_margin > 0.5 * figures.margin
     phases = {"loading", "posing", "search", "timing", "checking", "execution", "logging", "validation"}
     assert set(figures.seconds) == phases
-    assert sum(figures.seconds.values()) < outcome.seconds + 0.1  # a run begins before its supervisor is told so
+    assert (
+        sum(figures.seconds.values()) < outcome.seconds + 0.1
+    )  # a run begins before its supervisor is told so
 
 
 def test_the_same_seed_gives_the_same_arcs_in_another_process(make_task: MakeTask) -> None:
