@@ -13,7 +13,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 from unittest import mock
@@ -49,7 +49,7 @@ def _forward(self: Any, arcs: float) -> None:
 
 
 PARTS: dict[str, Callable[[], Any]] = {
-    "nothing": lambda: mock.patch.object(auto, "REACH_SHARE", auto.REACH_SHARE),
+    "nothing": nullcontext,
     "lattice": lambda: mock.patch.object(lattice_rounds.LatticeRounds, "run", _nothing),
     "lattice back from the goal": lambda: mock.patch.object(lattice_rounds.LatticeRounds, "run", _forward),
     "trees after the first": lambda: mock.patch.object(auto, "LATTICE_RATIO", 1e9),
@@ -57,12 +57,6 @@ PARTS: dict[str, Callable[[], Any]] = {
     "refining": lambda: mock.patch.object(Session, "refine", _nothing),
 }
 """What is left out, and how."""
-
-
-@contextmanager
-def without(part: str) -> Iterator[None]:
-    with PARTS[part]():
-        yield
 
 
 def scenes(arguments: argparse.Namespace) -> Iterator[Scenario]:
@@ -80,7 +74,7 @@ def measure(scenario: Scenario, arguments: argparse.Namespace) -> dict[str, list
     problem = build_problem(posed, stable)
     found: dict[str, list[Run]] = {}
     for part in arguments.parts:
-        with without(part):
+        with PARTS[part]():
             found[part] = [
                 run(posed, problem, "auto", seed, arguments.seconds, NEVER)
                 for seed in range(1, arguments.seeds + 1)

@@ -51,17 +51,23 @@ def inset_path(path: PushPath, stable: StableSet, minimum: float, bounds: Bounds
         bounds: What limits the motion, for the time that a step takes.
     """
     arcs = np.flatnonzero(path.lengths > 0.0).tolist()
-    insides = [_most_stable(path, stable), most_stable_twist(stable, stable.chain.pusher.drive)]
+    inside = _most_stable(path, stable)
+    deepest: FloatArray | None = None
     rest = path.lengths.copy()
     heads: dict[int, FloatArray] = {}
     tails: dict[int, FloatArray] = {}
     for i, j in pairwise(arcs):
         pair = path.twists[[i, j]]
-        shares = ((_share(pair, inside, stable, minimum), inside) for inside in insides)
-        share, inside = next((found for found in shares if found[0] > 0.0), (0.0, pair[0]))
+        if _holds(pair[0], pair[1], stable, minimum):
+            continue
+        towards, share = inside, _share(pair, inside, stable, minimum)
+        if share == 0.0:
+            if deepest is None:  # a thousand margins, for the few paths that lie on a concave side of the set
+                deepest = most_stable_twist(stable, stable.chain.pusher.drive)
+            towards, share = deepest, _share(pair, deepest, stable, minimum)
         if share > 0.0:
             spent = _spent(path, [i, j], bounds)
-            moved = _moved(pair, inside, share)
+            moved = _moved(pair, towards, share)
             tails[i], heads[j] = np.append(moved[0], spent[0]), np.append(moved[1], spent[1])
             rest[[i, j]] -= spent
     made = [
@@ -88,15 +94,18 @@ def _moved(twists: FloatArray, inside: FloatArray, share: float) -> FloatArray:
     return np.asarray(mixed / cost_rate(mixed)[:, None])
 
 
-def _share(pair: FloatArray, inside: FloatArray, stable: StableSet, minimum: float) -> float:
-    """How far two twists (2, 3) have to be moved inward: 0 if not at all, or if nothing helps."""
+def _holds(a: FloatArray, b: FloatArray, stable: StableSet, minimum: float) -> bool:
+    """Whether the margin stays above the minimum on the straight way from one twist (3,) to another."""
     mix = np.linspace(0.0, 1.0, SAMPLES)[:, None]
+    return bool((stable.margin((1.0 - mix) * a + mix * b) > minimum).all())
+
+
+def _share(pair: FloatArray, inside: FloatArray, stable: StableSet, minimum: float) -> float:
+    """How far two twists (2, 3) have to be moved inward; 0 if nothing helps."""
 
     def holds(a: FloatArray, b: FloatArray) -> bool:
-        return bool((stable.margin((1.0 - mix) * a + mix * b) > minimum).all())
+        return _holds(a, b, stable, minimum)
 
-    if holds(*pair):
-        return 0.0
     for share in SHARES:
         a, b = _moved(pair, inside, SAFETY * share)
         if holds(*_moved(pair, inside, share)) and holds(a, b) and holds(pair[0], a) and holds(b, pair[1]):
