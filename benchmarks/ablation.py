@@ -23,7 +23,7 @@ from convergence import FAR, NEAR, NEVER, Run, run
 from dense_scenes import HARD, NUMBERS
 from dense_scenes import scenes as dense_scenes
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.planners.improve.session import Session

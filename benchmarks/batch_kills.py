@@ -26,8 +26,8 @@ from pathlib import Path
 import bench
 from bench import PLANTED, planted_runs, rows
 
-from pushplan.bench.child import OUTPUT
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.child import OUTPUT
+from pushplan.bench.processes.machine import Machine
 
 COUNT = 300
 

@@ -32,12 +32,12 @@ os.environ["PYTHONPATH"] = os.pathsep.join([str(PLANTED), os.environ.get("PYTHON
 import planted_runs  # noqa: E402
 
 from pushplan.bench.batch import Engine, run_suite  # noqa: E402
-from pushplan.bench.cluster import cluster_outcomes  # noqa: E402
-from pushplan.bench.folder import ResultsFolder  # noqa: E402
-from pushplan.bench.fork_server import supervisor  # noqa: E402
-from pushplan.bench.local import local_outcomes  # noqa: E402
-from pushplan.bench.machine import Machine  # noqa: E402
-from pushplan.bench.suite_file import suite_from_text  # noqa: E402
+from pushplan.bench.processes.cluster import cluster_outcomes  # noqa: E402
+from pushplan.bench.processes.fork_server import supervisor  # noqa: E402
+from pushplan.bench.processes.local import local_outcomes  # noqa: E402
+from pushplan.bench.processes.machine import Machine  # noqa: E402
+from pushplan.bench.storage.folder import ResultsFolder  # noqa: E402
+from pushplan.bench.suites.file import suite_from_text  # noqa: E402
 
 REAL = """\
 format: pushplan-suite/1

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.machine import Machine
 from pushplan.examples import example_names
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath

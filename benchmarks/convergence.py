@@ -24,7 +24,7 @@ import numpy as np
 from dense_scenes import NUMBERS
 from dense_scenes import scenes as dense_scenes
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.plan import STALL

@@ -15,10 +15,10 @@ import numpy as np
 import shapely
 import yaml
 
-from pushplan.bench.parameters import GeneratorError, ProblemParameters
-from pushplan.bench.random_chain import random_chain
-from pushplan.bench.random_shapes import random_polygon
-from pushplan.bench.scenario_yaml import scenario_yaml
+from pushplan.bench.random_problems.chain import random_chain
+from pushplan.bench.random_problems.parameters import GeneratorError, ProblemParameters
+from pushplan.bench.random_problems.scenario_yaml import scenario_yaml
+from pushplan.bench.random_problems.shapes import random_polygon
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import Scenario

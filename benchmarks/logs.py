@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.logging.messages.recorded import RecordedRun

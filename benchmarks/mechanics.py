@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 
 from pushplan.arrays import BoolArray, FloatArray
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.machine import Machine
 from pushplan.compiled import compiled
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contacts.contact_kernel import margin

@@ -14,7 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.planners.improve.budget import Budget

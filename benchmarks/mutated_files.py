@@ -25,15 +25,15 @@ from random import Random
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from pushplan.bench.machine import Machine
-from pushplan.bench.suite_file import suite_from_text, suite_text
+from pushplan.bench.processes.machine import Machine
+from pushplan.bench.suites.file import suite_from_text, suite_text
 from pushplan.cli import main as pushplan
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.examples import example_names, example_text
 from pushplan.plan import plan
 from pushplan.reading.scenario_check import check_scenario
 from pushplan.reading.scenario_file import load_scenario, scenario_from_text
-from pushplan.reading.yaml_tree import read_document
+from pushplan.reading.yaml.tree import read_document
 from pushplan.scenario import Scenario
 from pushplan.template import new_scenario_text
 

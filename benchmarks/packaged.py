@@ -12,8 +12,8 @@ import time
 
 import numpy as np
 
-from pushplan.bench.machine import Machine
-from pushplan.bench.validation import exactly, flaw, with_kept_margin
+from pushplan.bench.processes.machine import Machine
+from pushplan.bench.processes.validation import exactly, flaw, with_kept_margin
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.plan import plan

@@ -15,12 +15,12 @@ from functools import reduce
 import numpy as np
 
 from pushplan.arrays import BoolArray, FloatArray
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.machine import Machine
 from pushplan.geometry.se2 import compose, transform_points
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.sim.physics.agreement import Agreement, compare
-from pushplan.sim.physics.engine import engine
+from pushplan.sim.physics.model.engine import engine
 from pushplan.sim.physics.pushes import sample_pushes
 from pushplan.stable_sets.named import stable_set
 

@@ -21,8 +21,8 @@ from typing import Any
 
 import plain_ompl
 
-from pushplan.bench.machine import Machine
-from pushplan.bench.validation import exactly, plan_flaw
+from pushplan.bench.processes.machine import Machine
+from pushplan.bench.processes.validation import exactly, plan_flaw
 from pushplan.kernels import warm_up
 from pushplan.names import PLANNERS
 from pushplan.plan import plan

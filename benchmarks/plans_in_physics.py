@@ -31,17 +31,17 @@ import numpy as np
 import yaml
 
 from pushplan.arrays import FloatArray
-from pushplan.bench.generator import generate
-from pushplan.bench.machine import Machine
 from pushplan.bench.on_feet import on_feet
-from pushplan.bench.parameters import DRIVES, ProblemParameters
+from pushplan.bench.processes.machine import Machine
+from pushplan.bench.random_problems.generator import generate
+from pushplan.bench.random_problems.parameters import DRIVES, ProblemParameters
 from pushplan.errors import PushplanError
 from pushplan.examples import example_names, example_text
 from pushplan.kernels import warm_up
 from pushplan.mechanics.chain import Chain
 from pushplan.plan import plan
 from pushplan.reading.scenario_file import scenario_from_document
-from pushplan.sim.physics.engine import engine
+from pushplan.sim.physics.model.engine import engine
 from pushplan.sim.physics.verdict import verdict_of_physics
 from pushplan.sim.worlds.misjudged import (
     with_contact_friction,

@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pushplan.bench.generator import generate
-from pushplan.bench.machine import Machine
-from pushplan.bench.parameters import DRIVES, GeneratorError, ProblemParameters
-from pushplan.bench.validation import exactly, plan_flaw
+from pushplan.bench.processes.machine import Machine
+from pushplan.bench.processes.validation import exactly, plan_flaw
+from pushplan.bench.random_problems.generator import generate
+from pushplan.bench.random_problems.parameters import DRIVES, GeneratorError, ProblemParameters
 from pushplan.errors import PushplanError
 from pushplan.kernels import warm_up
 from pushplan.names import PLANNERS

@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.machine import Machine
 
 RUNS = 5
 

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from pushplan.mechanics.worst_case.interval_chain import IntervalChain
     from pushplan.path import PushPath
     from pushplan.plan import plan
+    from pushplan.reading.imported.outlines import read_csv_outlines, read_svg_outlines
+    from pushplan.reading.imported.ros_map import RosMap, read_ros_map
     from pushplan.reading.scenario_check import check_scenario
     from pushplan.reading.scenario_file import load_scenario, scenario_from_document, scenario_from_text
     from pushplan.recording import IncompleteLogError
@@ -94,6 +96,8 @@ _HOMES = {
     "result": "Diagnosis PlanResult ProgressPoint Run",
     "run": "run",
     "scenario": "Scenario",
+    "reading.imported.outlines": "read_csv_outlines read_svg_outlines",
+    "reading.imported.ros_map": "RosMap read_ros_map",
     "reading.scenario_check": "check_scenario",
     "reading.scenario_file": "load_scenario scenario_from_document scenario_from_text",
     "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle Snapped Snapping StabilitySettings "
@@ -148,6 +152,7 @@ __all__ = [
     "PushplanError",
     "RecordedRun",
     "RobustSet",
+    "RosMap",
     "Run",
     "RunLogError",
     "Scenario",
@@ -187,7 +192,10 @@ __all__ = [
     "plot_plan",
     "plot_scenario",
     "plot_stable_sets",
+    "read_csv_outlines",
+    "read_ros_map",
     "read_run",
+    "read_svg_outlines",
     "run",
     "scenario_from_document",
     "scenario_from_text",

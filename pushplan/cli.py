@@ -10,8 +10,8 @@ from io import TextIOWrapper
 from typing import NoReturn, TextIO
 
 from pushplan.commands import bench, check, completion, examples, new, plan, replay, runs, schema, stable_set
-from pushplan.commands.console import Console
-from pushplan.commands.failure import PIPE_CLOSED, WRONG_INPUT, report_failure
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.failure import PIPE_CLOSED, WRONG_INPUT, report_failure
 from pushplan.interruption import Interruption, leaving_at_once
 
 COMMANDS = {

@@ -18,14 +18,14 @@ def scenario_schema() -> dict[str, Any]:
     It accepts every file that the loader accepts. The loader also checks what no schema can say: the range of numbers
     with a unit, polygons that cross themselves, contacts, collisions.
     """
-    from pushplan.reading.scenario_schema import ScenarioFile
+    from pushplan.reading.schema.scenario import ScenarioFile
 
     return _schema_of(ScenarioFile, "pushplan scenario")
 
 
 def suite_schema() -> dict[str, Any]:
     """Return the JSON Schema of benchmark suites, likewise; it does not know names that installed packages add."""
-    from pushplan.bench.suite_schema import SuiteFile
+    from pushplan.bench.suites.schema import SuiteFile
 
     return _schema_of(SuiteFile, "pushplan benchmark suite")
 

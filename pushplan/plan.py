@@ -22,7 +22,7 @@ from pushplan.planners.ompl.search import Factory
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.validation.verdict import EXACT, verdict
-from pushplan.reading.placement import Surroundings, bodies_at, placement_troubles
+from pushplan.reading.arrangement.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.judging import execute_trajectory, planning_set

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from pushplan.errors import PushplanError
 from pushplan.outputs.write import write_whole
-from pushplan.reading.schema_objects import NAME
-from pushplan.reading.schema_types import NAME_PATTERN
+from pushplan.reading.schema.objects import NAME
+from pushplan.reading.schema.types import NAME_PATTERN
 
 _SUFFIX = ".yaml"
 

@@ -20,9 +20,9 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
-from pushplan.sim.physics.contact_edges import edge_extent
-from pushplan.sim.physics.feet import DEGREE, compressed, feet_of
-from pushplan.sim.physics.polygon_rule import Rule, polygon_rule
+from pushplan.sim.physics.model.contact_edges import edge_extent
+from pushplan.sim.physics.model.feet import DEGREE, compressed, feet_of
+from pushplan.sim.physics.model.polygon_rule import Rule, polygon_rule
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

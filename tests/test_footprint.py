@@ -11,9 +11,9 @@ import pytest
 import shapely
 
 from pushplan.arrays import FloatArray
-from pushplan.bench.validation import clearance
+from pushplan.bench.processes.validation import clearance
 from pushplan.cli import main
-from pushplan.commands.understood import room
+from pushplan.commands.steps.understood import room
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.path import cost_rate

@@ -16,10 +16,10 @@ from PIL import Image
 from pushplan.builders import box, build_scenario, plate
 from pushplan.errors import ImportedFileError
 from pushplan.extras import MissingExtraError
-from pushplan.reading.hole_free import covering, hole_free
-from pushplan.reading.import_outlines import read_csv_outlines, read_svg_outlines
-from pushplan.reading.import_ros_map import read_ros_map
-from pushplan.reading.schema_types import MOST_CORNERS
+from pushplan.reading.imported.hole_free import covering, hole_free
+from pushplan.reading.imported.outlines import read_csv_outlines, read_svg_outlines
+from pushplan.reading.imported.ros_map import read_ros_map
+from pushplan.reading.schema.types import MOST_CORNERS
 
 SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 400 200">
 <g transform="translate(20,20)">{}</g></svg>"""

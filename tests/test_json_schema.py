@@ -13,14 +13,14 @@ from typing import Any
 import jsonschema
 import pytest
 
-from pushplan.bench.suite_file import suite_names, suite_text
+from pushplan.bench.suites.file import suite_names, suite_text
 from pushplan.cli import main
 from pushplan.examples import example_names, example_text
 from pushplan.json_schema import SCHEMAS, scenario_schema, schema_file, schema_text, suite_schema
 from pushplan.reading.scenario_file import load_scenario
-from pushplan.reading.scenario_schema import ScenarioFile
-from pushplan.reading.schema_findings import validate
-from pushplan.reading.yaml_tree import read_document
+from pushplan.reading.schema.findings import validate
+from pushplan.reading.schema.scenario import ScenarioFile
+from pushplan.reading.yaml.tree import read_document
 from pushplan.template import new_scenario_text
 
 VARIED = ("two-crates", "feet", "carts", "hook")

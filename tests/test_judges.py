@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan.bench.validation import EXACT, exactly, flaw, plan_flaw, with_kept_margin
+from pushplan.bench.processes.validation import EXACT, exactly, flaw, plan_flaw, with_kept_margin
 from pushplan.execution import Execution, StabilityLoss
 from pushplan.path import PushPath
 from pushplan.planners.validation.verdict import flaw as path_flaw

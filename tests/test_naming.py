@@ -12,7 +12,7 @@ import pytest
 
 import pushplan
 from pushplan import naming
-from pushplan.bench.suite_file import suite_from_text
+from pushplan.bench.suites.file import suite_from_text
 from pushplan.cli import main
 from pushplan.errors import PlanningError, PushplanError
 from pushplan.planners.ompl.factories import planner_named

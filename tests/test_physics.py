@@ -24,12 +24,12 @@ from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.sim.physics.agreement import Agreement, compare, under_objects
-from pushplan.sim.physics.engine import MissingEngineError, PhysicsError
-from pushplan.sim.physics.load_transfer import LoadTransfer
-from pushplan.sim.physics.model import build_model
+from pushplan.sim.physics.model.chain_model import build_model
+from pushplan.sim.physics.model.engine import MissingEngineError, PhysicsError
+from pushplan.sim.physics.model.load_transfer import LoadTransfer
+from pushplan.sim.physics.model.settings import PhysicsSettings
 from pushplan.sim.physics.pushes import sample_pushes
 from pushplan.sim.physics.report import PhysicsReport
-from pushplan.sim.physics.settings import PhysicsSettings
 from pushplan.sim.physics.simulate import simulate_trajectory, simulate_twist
 from pushplan.stable_sets.named import stable_set
 from pushplan.trajectory import Trajectory

@@ -10,8 +10,8 @@ import shapely
 from plain import load_plain, plain
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.bench.generator import generate
-from pushplan.bench.parameters import DRIVES, ProblemParameters
+from pushplan.bench.random_problems.generator import generate
+from pushplan.bench.random_problems.parameters import DRIVES, ProblemParameters
 from pushplan.examples import example_names
 from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pushplan import run
-from pushplan.bench.work import figures
+from pushplan.bench.processes.work import figures
 from pushplan.cli import main
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins

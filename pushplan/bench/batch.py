@@ -7,12 +7,12 @@ from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 
-from pushplan.bench.folder import FolderError, ResultsFolder
-from pushplan.bench.machine import Machine, package_version
-from pushplan.bench.outcome import Outcome, Task
-from pushplan.bench.selection import chosen, with_key
-from pushplan.bench.store import Store
-from pushplan.bench.suite import RunSpec, Suite
+from pushplan.bench.processes.machine import Machine, package_version
+from pushplan.bench.processes.outcome import Outcome, Task
+from pushplan.bench.storage.folder import FolderError, ResultsFolder
+from pushplan.bench.storage.store import Store
+from pushplan.bench.suites.selection import chosen, with_key
+from pushplan.bench.suites.suite import RunSpec, Suite
 from pushplan.bench.tally import Tally
 
 Engine = Callable[[Iterable[Task]], Generator[Outcome]]

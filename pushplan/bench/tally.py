@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from pushplan.bench.outcome import NO_PLAN, OK, Outcome
+from pushplan.bench.processes.outcome import NO_PLAN, OK, Outcome
 
 
 @dataclass(frozen=True)

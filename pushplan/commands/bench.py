@@ -10,17 +10,17 @@ from collections.abc import Generator, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.commands.console import Console
-from pushplan.commands.failure import DONE, MISMATCH
-from pushplan.commands.numbers import counted
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.failure import DONE, MISMATCH
+from pushplan.commands.terminal.numbers import counted
 from pushplan.errors import PushplanError
 
 if TYPE_CHECKING:
     from pushplan.bench.batch import Engine
-    from pushplan.bench.folder import ResultsFolder
-    from pushplan.bench.outcome import Outcome, Task
-    from pushplan.bench.results import Results
-    from pushplan.bench.suite import Suite
+    from pushplan.bench.processes.outcome import Outcome, Task
+    from pushplan.bench.storage.folder import ResultsFolder
+    from pushplan.bench.storage.results import Results
+    from pushplan.bench.suites.suite import Suite
     from pushplan.bench.tally import Tally
 
 
@@ -73,7 +73,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
     if args.compare is not None:
-        from pushplan.commands.bench_compare import compare
+        from pushplan.commands.steps.bench_compare import compare
 
         _refuse_together(
             args,
@@ -101,7 +101,7 @@ def _refuse_together(args: argparse.Namespace, word: str, others: tuple[str, ...
 
 
 def _list(console: Console) -> int:
-    from pushplan.bench.suite_file import suite_names, suite_text
+    from pushplan.bench.suites.file import suite_names, suite_text
     from pushplan.commands.examples import first_comment
 
     about = {name: first_comment(suite_text(name)) for name in suite_names()}
@@ -119,8 +119,8 @@ def _bench(args: argparse.Namespace, console: Console) -> int:
             args, "--scheduler, which does as many runs at a time as its workers can,", ("jobs",)
         )
     with console.working(f"reading {args.suite}"):
-        from pushplan.bench.folder import ResultsFolder
-        from pushplan.bench.suite_file import load_suite
+        from pushplan.bench.storage.folder import ResultsFolder
+        from pushplan.bench.suites.file import load_suite
 
         suite = load_suite(args.suite)
     folder = ResultsFolder(args.output)
@@ -132,7 +132,7 @@ def _bench(args: argparse.Namespace, console: Console) -> int:
                 console.note(f"stopped; go on with: {_resumption(args)}")
             raise
         results = _report(folder, console)
-    from pushplan.bench.outcome import BROKEN, INVALID
+    from pushplan.bench.processes.outcome import BROKEN, INVALID
 
     ends = Counter(run.outcome for run in results.runs)  # now or before
     broken = sum(ends[end] for end in BROKEN)
@@ -163,11 +163,11 @@ def _run(args: argparse.Namespace, suite: Suite, folder: ResultsFolder, console:
 
 def _engine(args: argparse.Namespace, folder: ResultsFolder) -> Engine:
     if args.scheduler is not None:
-        from pushplan.bench.cluster import cluster_engine
+        from pushplan.bench.processes.cluster import cluster_engine
 
         return cluster_engine(args.scheduler)
-    from pushplan.bench.fork_server import supervisor
-    from pushplan.bench.local import local_outcomes
+    from pushplan.bench.processes.fork_server import supervisor
+    from pushplan.bench.processes.local import local_outcomes
 
     supervisor().prepare()
 
@@ -179,9 +179,9 @@ def _engine(args: argparse.Namespace, folder: ResultsFolder) -> Engine:
 
 def _report(folder: ResultsFolder, console: Console) -> Results:
     with console.working("writing the report"):
-        from pushplan.bench.export import write_tables
-        from pushplan.bench.report import write_report
-        from pushplan.bench.results import read_results
+        from pushplan.bench.reports.page import write_report
+        from pushplan.bench.storage.export import write_tables
+        from pushplan.bench.storage.results import read_results
 
         results = read_results(folder.path)
         write_tables(results, folder.path)

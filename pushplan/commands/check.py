@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from pushplan.commands.console import Console
-from pushplan.commands.failure import DONE
-from pushplan.commands.options import add_plot, add_scenario, check_outputs
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.failure import DONE
+from pushplan.commands.terminal.options import add_plot, add_scenario, check_outputs
 from pushplan.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    from pushplan.commands import understood
     from pushplan.commands.stable_set import describe, document, rows
+    from pushplan.commands.steps import understood
     from pushplan.reading.scenario_file import load_scenario
 
     check_outputs(args.scenario, args.plot)

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from pushplan.commands.console import Console
-from pushplan.commands.failure import DONE
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.failure import DONE
 
 SHELLS = ("bash", "zsh", "fish")
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from pushplan.commands.console import Console
-from pushplan.commands.failure import DONE
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.failure import DONE
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -6,9 +6,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.commands.console import Console
-from pushplan.commands.failure import DEFECT, MISMATCH, error_document
-from pushplan.commands.options import (
+from pushplan.commands.plan_steps import load, plan_and_record, report
+from pushplan.commands.steps.physics import add_physics
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.failure import DEFECT, MISMATCH, error_document
+from pushplan.commands.terminal.options import (
     add_output,
     add_plot,
     add_runs,
@@ -19,8 +21,6 @@ from pushplan.commands.options import (
     seed,
     share,
 )
-from pushplan.commands.physics import add_physics
-from pushplan.commands.plan_steps import load, plan_and_record, report
 from pushplan.interruption import Interruption, leaving_at_once
 from pushplan.names import COSTS
 from pushplan.naming import planner_names, stable_set_names
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     if incomplete is not None:
         console.note(f"error: {incomplete}")
     if args.physics and not interruption.requested:
-        from pushplan.commands import physics
+        from pushplan.commands.steps import physics
 
         found = physics.execute(scenario, done.plan.trajectory, console)
         told["physics"] = physics.document(found)

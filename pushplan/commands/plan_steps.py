@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pushplan.commands.check import require_pushable
-from pushplan.commands.console import Console
-from pushplan.commands.options import check_outputs
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.options import check_outputs
 from pushplan.errors import PushplanError
 from pushplan.interruption import INTERRUPTED, Interruption
 
@@ -24,7 +24,7 @@ class PlanUsageError(PushplanError, ValueError):
 
 def load(args: argparse.Namespace, console: Console) -> Scenario:
     """Read the scenario, check it and what is asked for, and load what planning needs."""
-    from pushplan.commands import physics
+    from pushplan.commands.steps import physics
     from pushplan.reading.scenario_file import load_scenario
 
     if args.no_log and (args.output or args.runs):
@@ -85,7 +85,7 @@ def plan_and_record(
 
 def report(done: Run, interrupted: bool, console: Console) -> tuple[int, dict[str, object]]:
     """Tell people about a run; return the exit code and the JSON object."""
-    from pushplan.commands.report import document, exit_code, headline, rows
+    from pushplan.commands.steps.report import document, exit_code, headline, rows
 
     console.say(headline(done.scenario, done.plan, console))
     table = rows(done.scenario, done.plan, done.execution, done.log)

@@ -7,13 +7,13 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.commands.console import Console
-from pushplan.commands.exports import asked_for, declare_exports, write_exports
-from pushplan.commands.failure import DONE, MISMATCH
-from pushplan.commands.options import add_plot, add_runs, check_outputs
-from pushplan.commands.physics import add_physics
-from pushplan.commands.playing import declare_playing, play
 from pushplan.commands.runs import log_meant
+from pushplan.commands.steps.exports import asked_for, declare_exports, write_exports
+from pushplan.commands.steps.physics import add_physics
+from pushplan.commands.steps.playing import declare_playing, play
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.failure import DONE, MISMATCH
+from pushplan.commands.terminal.options import add_plot, add_runs, check_outputs
 from pushplan.errors import PushplanError, RunLogError
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    from pushplan.commands import physics
+    from pushplan.commands.steps import physics
 
     if args.recover != (args.recovered is not None):
         raise ReplayUsageError(
@@ -99,7 +99,7 @@ def _with_plan(recorded: RecordedRun, console: Console) -> RecordedRun:
 
 
 def _tell(recorded: RecordedRun, console: Console) -> None:
-    from pushplan.commands.report import headline, rows
+    from pushplan.commands.steps.report import headline, rows
     from pushplan.logging.view.summary import summary
 
     if recorded.plan is None:
@@ -145,7 +145,7 @@ def _draw(recorded: RecordedRun, path: Path, console: Console) -> None:
 def _document(
     recorded: RecordedRun, report: VerifyReport | None, recovered: Path | None
 ) -> dict[str, object]:
-    from pushplan.commands.report import document
+    from pushplan.commands.steps.report import document
 
     plan = recorded.plan
     about: dict[str, object] = {"scenario": recorded.scenario.name, "log": recorded.path}

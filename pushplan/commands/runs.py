@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.commands.console import Console
-from pushplan.commands.failure import DONE
-from pushplan.commands.numbers import counted
-from pushplan.commands.options import add_runs, count
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.failure import DONE
+from pushplan.commands.terminal.numbers import counted
+from pushplan.commands.terminal.options import add_runs, count
 
 if TYPE_CHECKING:
     from pushplan.logging.runs.entries import RunEntry

@@ -9,10 +9,10 @@ from math import atan2, degrees, isfinite
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from pushplan.commands.console import Console
-from pushplan.commands.failure import DONE
-from pushplan.commands.numbers import time_text
-from pushplan.commands.options import add_plot, add_scenario, check_outputs
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.failure import DONE
+from pushplan.commands.terminal.numbers import time_text
+from pushplan.commands.terminal.options import add_plot, add_scenario, check_outputs
 from pushplan.naming import stable_set_names
 
 if TYPE_CHECKING:

@@ -12,15 +12,15 @@ from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH, find_touch
 from pushplan.mechanics.chain import Drive
 from pushplan.names import ROBOT
-from pushplan.reading.layout import Layout, Part
-from pushplan.reading.meeting import BACK, describe_overlap
-from pushplan.reading.report import Report
-from pushplan.reading.scenario_schema import ScenarioFile
-from pushplan.reading.schema_objects import Drive as StatedDrive
-from pushplan.reading.schema_objects import WheeledDrive
-from pushplan.reading.schema_robot import FootprintPart
-from pushplan.reading.shapes import outline_of
-from pushplan.reading.yaml_node import Place
+from pushplan.reading.arrangement.layout import Layout, Part
+from pushplan.reading.arrangement.meeting import BACK, describe_overlap
+from pushplan.reading.arrangement.shapes import outline_of
+from pushplan.reading.schema.objects import Drive as StatedDrive
+from pushplan.reading.schema.objects import WheeledDrive
+from pushplan.reading.schema.robot import FootprintPart
+from pushplan.reading.schema.scenario import ScenarioFile
+from pushplan.reading.yaml.node import Place
+from pushplan.reading.yaml.report import Report
 
 
 def footprint_parts(file: ScenarioFile) -> tuple[FootprintPart, ...]:

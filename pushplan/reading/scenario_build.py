@@ -8,15 +8,15 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.reading.placement import Surroundings, bodies_at, placement_troubles
-from pushplan.reading.report import Report
+from pushplan.reading.arrangement.placement import Surroundings, bodies_at, placement_troubles
+from pushplan.reading.arrangement.shapes import outline_of
 from pushplan.reading.scenario_chain import Bodies, build_bodies
 from pushplan.reading.scenario_files import Attachments
 from pushplan.reading.scenario_salvage import salvage
-from pushplan.reading.scenario_schema import ScenarioFile
-from pushplan.reading.schema_findings import nearest, validate
-from pushplan.reading.shapes import outline_of
-from pushplan.reading.yaml_node import Document, shorten
+from pushplan.reading.schema.findings import nearest, validate
+from pushplan.reading.schema.scenario import ScenarioFile
+from pushplan.reading.yaml.node import Document, shorten
+from pushplan.reading.yaml.report import Report
 from pushplan.scenario import Scenario
 from pushplan.scenario_parts import (
     CircleObstacle,

@@ -12,18 +12,18 @@ from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain, Limits, PushedObject, Pusher
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.names import RESERVED_NAMES, ROBOT
-from pushplan.reading.chain_contacts import find_segments, make_contacts
-from pushplan.reading.contact_friction import contact_frictions
-from pushplan.reading.interval import highest, lowest, middle
-from pushplan.reading.layout import Layout, Part, lay_out
-from pushplan.reading.report import Report
+from pushplan.reading.arrangement.contact_friction import contact_frictions
+from pushplan.reading.arrangement.contacts import find_segments, make_contacts
+from pushplan.reading.arrangement.layout import Layout, Part, lay_out
+from pushplan.reading.arrangement.shapes import outline_of
+from pushplan.reading.arrangement.snapping import SnapTolerance
 from pushplan.reading.robot import footprint_parts, make_drive, make_footprint
 from pushplan.reading.scenario_intervals import make_interval_chain, stated_floor_friction
-from pushplan.reading.scenario_schema import ScenarioFile, Snap
 from pushplan.reading.scenario_supports import ReadFile, make_support
-from pushplan.reading.shapes import outline_of
-from pushplan.reading.snapping import SnapTolerance
+from pushplan.reading.schema.scenario import ScenarioFile, Snap
 from pushplan.reading.uncertainty import widened
+from pushplan.reading.values.interval import highest, lowest, middle
+from pushplan.reading.yaml.report import Report
 from pushplan.scenario_parts import Snapping
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pushplan.errors import Finding, PushplanError
 from pushplan.mechanics.chain import PLATE
 from pushplan.names import AUTO, KNOWN_LOAD_SETS, STABLE_SETS
-from pushplan.reading.report import Report
-from pushplan.reading.yaml_tree import read_document
+from pushplan.reading.yaml.report import Report
+from pushplan.reading.yaml.tree import read_document
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stable_sets.weakest import emptiness

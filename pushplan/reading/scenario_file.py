@@ -9,12 +9,12 @@ from typing import Any
 
 from pushplan.errors import Finding, ScenarioError
 from pushplan.examples import example_file, example_names
-from pushplan.reading.report import Report
 from pushplan.reading.scenario_build import build_scenario
 from pushplan.reading.scenario_files import Attachments
-from pushplan.reading.schema_findings import nearest
-from pushplan.reading.yaml_text import MOST_BYTES, DocumentError
-from pushplan.reading.yaml_tree import read_document
+from pushplan.reading.schema.findings import nearest
+from pushplan.reading.yaml.report import Report
+from pushplan.reading.yaml.text import MOST_BYTES, DocumentError
+from pushplan.reading.yaml.tree import read_document
 from pushplan.scenario import Scenario
 
 

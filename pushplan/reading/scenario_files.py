@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path, PurePosixPath
 
 from pushplan.errors import SupportError
-from pushplan.reading.yaml_node import shorten
+from pushplan.reading.yaml.node import shorten
 
 MOST_ATTACHED = 16 << 20
 """Bytes up to which a file that a scenario names is read."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.reading.interval import Span
-from pushplan.reading.scenario_schema import ScenarioFile
-from pushplan.reading.schema_objects import Object, PlacedSupport
+from pushplan.reading.schema.objects import Object, PlacedSupport
+from pushplan.reading.schema.scenario import ScenarioFile
 from pushplan.reading.uncertainty import pressure_shares, widened
+from pushplan.reading.values.interval import Span
 
 
 def make_interval_chain(file: ScenarioFile, chain: Chain) -> IntervalChain | None:

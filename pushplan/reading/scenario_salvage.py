@@ -9,8 +9,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from pushplan.reading.scenario_schema import ScenarioFile
-from pushplan.reading.yaml_node import Place
+from pushplan.reading.schema.scenario import ScenarioFile
+from pushplan.reading.yaml.node import Place
 
 _SECTIONS: dict[str, Any] = {
     "format": "pushplan/1",

@@ -17,9 +17,9 @@ from pushplan.mechanics.support import (
     UnknownSupport,
 )
 from pushplan.mechanics.worst_case.interval_chain import fractions_within
-from pushplan.reading.report import Report
 from pushplan.reading.scenario_intervals import foot_spans
-from pushplan.reading.schema_objects import Object, PlacedSupport
+from pushplan.reading.schema.objects import Object, PlacedSupport
+from pushplan.reading.yaml.report import Report
 
 ReadFile = Callable[[str], bytes]
 """Returns the bytes of a file that the scenario names; raises SupportError when it cannot."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from pushplan.reading.interval import Span
-from pushplan.reading.scenario_schema import ScenarioFile
-from pushplan.reading.schema_objects import Contacts, Object, PlacedSupport
+from pushplan.reading.schema.objects import Contacts, Object, PlacedSupport
+from pushplan.reading.schema.scenario import ScenarioFile
+from pushplan.reading.values.interval import Span
 
 
 def widened(file: ScenarioFile) -> ScenarioFile:

@@ -13,7 +13,7 @@ from pushplan.arrays import BoolArray, FloatArray, frozen
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.sphere import checked_twists
-from pushplan.sim.physics.settings import PhysicsSettings
+from pushplan.sim.physics.model.settings import PhysicsSettings
 from pushplan.sim.physics.simulate import simulate_twist
 
 FINE = PhysicsSettings(tolerance=1e-4, indentation=5e-6)

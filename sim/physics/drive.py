@@ -10,10 +10,10 @@ import numpy as np
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
-from pushplan.sim.physics.engine import engine
-from pushplan.sim.physics.load_transfer import LoadTransfer
-from pushplan.sim.physics.model import PhysicsModel, build_model, joint_coordinates
-from pushplan.sim.physics.settings import PhysicsSettings
+from pushplan.sim.physics.model.chain_model import PhysicsModel, build_model, joint_coordinates
+from pushplan.sim.physics.model.engine import engine
+from pushplan.sim.physics.model.load_transfer import LoadTransfer
+from pushplan.sim.physics.model.settings import PhysicsSettings
 
 _BARELY = 1e-9
 """Least sliding speed that the feet are made for, m/s."""

@@ -19,9 +19,9 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.sphere import checked_twists
 from pushplan.sim.physics.drive import Motion, drive
-from pushplan.sim.physics.engine import PhysicsError
+from pushplan.sim.physics.model.engine import PhysicsError
+from pushplan.sim.physics.model.settings import PhysicsSettings
 from pushplan.sim.physics.report import PhysicsReport, contact_motion
-from pushplan.sim.physics.settings import PhysicsSettings
 from pushplan.sim.physics.watch import ContactWatch
 from pushplan.trajectory import Trajectory
 

@@ -8,8 +8,8 @@ from math import ceil
 
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
+from pushplan.sim.physics.model.settings import PhysicsSettings
 from pushplan.sim.physics.report import PhysicsReport
-from pushplan.sim.physics.settings import PhysicsSettings
 from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.trajectory import Trajectory
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from pushplan.bench.outcome import Task
+from pushplan.bench.processes.outcome import Task
 from pushplan.reading.scenario_file import load_scenario
 
 HERE = Path(__file__).parent

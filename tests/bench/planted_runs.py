@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.bench import fork_server
 from pushplan.bench.batch import Choice, run_suite
-from pushplan.bench.cluster import cluster_outcomes
-from pushplan.bench.folder import ResultsFolder
-from pushplan.bench.local import local_outcomes
-from pushplan.bench.machine import package_version
-from pushplan.bench.outcome import Figures, Task
-from pushplan.bench.suite_file import load_suite
-from pushplan.bench.work import perform
+from pushplan.bench.processes import fork_server
+from pushplan.bench.processes.cluster import cluster_outcomes
+from pushplan.bench.processes.local import local_outcomes
+from pushplan.bench.processes.machine import package_version
+from pushplan.bench.processes.outcome import Figures, Task
+from pushplan.bench.processes.work import perform
+from pushplan.bench.storage.folder import ResultsFolder
+from pushplan.bench.suites.file import load_suite
 
 FATES = (
     "fine",

@@ -16,13 +16,13 @@ from typing import Any
 
 import pytest
 
-from pushplan.bench import arena
-from pushplan.bench.arena_progress import SAMPLES, sampled
 from pushplan.bench.batch import run_suite
-from pushplan.bench.folder import ResultsFolder
-from pushplan.bench.outcome import STATUSES, Figures, Outcome, Task
-from pushplan.bench.store import Store, StoreError
-from pushplan.bench.suite_file import suite_from_text
+from pushplan.bench.processes.outcome import STATUSES, Figures, Outcome, Task
+from pushplan.bench.storage import arena
+from pushplan.bench.storage.arena_progress import SAMPLES, sampled
+from pushplan.bench.storage.folder import ResultsFolder
+from pushplan.bench.storage.store import Store, StoreError
+from pushplan.bench.suites.file import suite_from_text
 
 SUITE = """\
 format: pushplan-suite/1
@@ -240,7 +240,7 @@ def test_a_program_that_looks_at_the_results_meanwhile_does_not_disturb(tmp_path
 def test_a_database_that_another_program_has_locked_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pushplan.bench.store.BUSY", 0.1)
+    monkeypatch.setattr("pushplan.bench.storage.store.BUSY", 0.1)
     path = tmp_path / "results.db"
     Store(path).close()
     other = sqlite3.connect(path, isolation_level=None)
@@ -263,7 +263,7 @@ def test_results_from_before_margins_with_inertia_are_read_but_not_added_to(data
         ours.execute(f"ALTER TABLE runs DROP COLUMN {column}")
     ours.commit()
     ours.close()
-    read = import_module("pushplan.bench.results").read_results(database).runs
+    read = import_module("pushplan.bench.storage.results").read_results(database).runs
     found = [run.values for run in read if not math.isnan(run.values["solution_length"])]
     assert {values["min_margin"] for values in found} == {0.1}
     assert all(math.isnan(values[name]) for values in found for name in ("margin", "min_dynamic_margin"))
@@ -282,4 +282,4 @@ def test_a_run_in_the_middle_of_being_written_is_not_there(database: Path) -> No
         store.add(run, broken, None)
     assert store.done() == before
     store.close()
-    assert import_module("pushplan.bench.results").read_results(database).runs[0].key == run.key
+    assert import_module("pushplan.bench.storage.results").read_results(database).runs[0].key == run.key

@@ -16,11 +16,11 @@ from typing import Any
 import pytest
 
 from pushplan.bench.batch import Choice, Engine, run_suite
-from pushplan.bench.folder import FolderError, ResultsFolder
-from pushplan.bench.local import local_outcomes
-from pushplan.bench.outcome import Figures, Outcome, Task
-from pushplan.bench.suite import Suite
-from pushplan.bench.suite_file import suite_from_text
+from pushplan.bench.processes.local import local_outcomes
+from pushplan.bench.processes.outcome import Figures, Outcome, Task
+from pushplan.bench.storage.folder import FolderError, ResultsFolder
+from pushplan.bench.suites.file import suite_from_text
+from pushplan.bench.suites.suite import Suite
 from pushplan.bench.tally import Tally
 
 HERE = Path(__file__).parent

@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 
 from pushplan.bench.batch import run_suite
-from pushplan.bench.cluster import ClusterError, cluster_outcomes
-from pushplan.bench.folder import ResultsFolder
-from pushplan.bench.local import local_outcomes
-from pushplan.bench.outcome import Outcome, Task
-from pushplan.bench.suite_file import suite_from_text
+from pushplan.bench.processes.cluster import ClusterError, cluster_outcomes
+from pushplan.bench.processes.local import local_outcomes
+from pushplan.bench.processes.outcome import Outcome, Task
+from pushplan.bench.storage.folder import ResultsFolder
+from pushplan.bench.suites.file import suite_from_text
 from pushplan.bench.tally import Tally
 
 HERE = Path(__file__).parent
@@ -142,13 +142,13 @@ def test_a_scheduler_that_is_nowhere_is_told(
     make_task: Callable[..., Task], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("pushplan.bench.cluster.CONNECT", 1.0)
+    monkeypatch.setattr("pushplan.bench.processes.cluster.CONNECT", 1.0)
     with pytest.raises(ClusterError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"):
         list(cluster_outcomes([make_task(1)], "tcp://127.0.0.1:9"))
 
 
 def test_a_run_that_loses_all_its_workers_is_a_crash(make_task: Callable[..., Task]) -> None:
-    from pushplan.bench.cluster import _outcome
+    from pushplan.bench.processes.cluster import _outcome
 
     class KilledWorker(Exception):  # noqa: N818  the name that Dask gives it
         pass

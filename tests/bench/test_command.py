@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pushplan.bench.suite_file import load_suite, suite_names
+from pushplan.bench.suites.file import load_suite, suite_names
 from pushplan.bench.tally import Tally
 from pushplan.cli import main
 from pushplan.commands.bench import progress_text, time_left

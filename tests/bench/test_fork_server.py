@@ -14,11 +14,11 @@ from typing import Any
 
 import pytest
 
-from pushplan.bench import fork_server
-from pushplan.bench.fork_server import ForkServer, ForkServerError, Supervisor
-from pushplan.bench.isolation import ATTEMPTS, IsolatedRun
-from pushplan.bench.local import local_outcomes
-from pushplan.bench.outcome import Figures, Outcome, Task
+from pushplan.bench.processes import fork_server
+from pushplan.bench.processes.fork_server import ForkServer, ForkServerError, Supervisor
+from pushplan.bench.processes.isolation import ATTEMPTS, IsolatedRun
+from pushplan.bench.processes.local import local_outcomes
+from pushplan.bench.processes.outcome import Figures, Outcome, Task
 
 MakeTask = Callable[..., Task]
 
@@ -33,7 +33,7 @@ def server(
     """Return what gives the server that is asked now, of a supervisor that is quick to give up waiting."""
     monkeypatch.setattr(fork_server, "ANSWER", 0.5)
     made = Supervisor("planted_runs")
-    monkeypatch.setattr("pushplan.bench.isolation.supervisor", lambda: made)
+    monkeypatch.setattr("pushplan.bench.processes.isolation.supervisor", lambda: made)
     made.prepare()
     yield lambda: made.server
     made.server.end()
@@ -184,7 +184,7 @@ def test_a_server_that_cannot_start_is_told(capfd: pytest.CaptureFixture[str]) -
 def test_a_server_ends_with_its_supervisor_even_when_it_is_stopped(sign: int) -> None:
     """The kernel lets go of stopped processes whose parent is gone, once they have stopped."""
     script = (
-        "import os, sys; from pushplan.bench.fork_server import Supervisor\n"
+        "import os, sys; from pushplan.bench.processes.fork_server import Supervisor\n"
         "supervisor = Supervisor('planted_runs'); supervisor.prepare()\n"
         f"server = supervisor.server.process.pid; os.kill(server, {int(sign)})\n"
         "def state(task): return open(f'/proc/{server}/task/{task}/stat').read().rpartition(')')[2].split()[0]\n"

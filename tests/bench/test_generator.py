@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.bench.generator import enlarged, generate
-from pushplan.bench.parameters import GeneratorError, ProblemParameters
-from pushplan.bench.random_chain import LEAST_MARGIN, tightest_turn
+from pushplan.bench.random_problems.chain import LEAST_MARGIN, tightest_turn
+from pushplan.bench.random_problems.generator import enlarged, generate
+from pushplan.bench.random_problems.parameters import GeneratorError, ProblemParameters
 from pushplan.geometry.se2 import compose
 from pushplan.planners.validation.checker import find_collision
 from pushplan.reading.scenario_file import scenario_from_text

@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from pushplan.bench.child import _end_with
-from pushplan.bench.fork_server import supervisor
-from pushplan.bench.isolation import IsolatedRun, isolated
-from pushplan.bench.outcome import STATUSES, Outcome, Task
+from pushplan.bench.processes.child import _end_with
+from pushplan.bench.processes.fork_server import supervisor
+from pushplan.bench.processes.isolation import IsolatedRun, isolated
+from pushplan.bench.processes.outcome import STATUSES, Outcome, Task
 
 MakeTask = Callable[..., Task]
 
@@ -118,7 +118,7 @@ def test_runs_die_with_their_supervisor_even_when_it_is_killed(tmp_path: Path) -
     """A hanging run must not go on for ever when the benchmark was killed."""
     script = (
         "import sys, time; from pathlib import Path; from types import SimpleNamespace\n"
-        "from pushplan.bench.isolation import IsolatedRun\n"
+        "from pushplan.bench.processes.isolation import IsolatedRun\n"
         "from planted_runs import FATES, work\n"
         "task = SimpleNamespace(seed=FATES.index('stubborn hang'), key='k', seconds=99.0, megabytes=99.0)\n"
         "run = IsolatedRun(task, Path(sys.argv[1]), work)\n"

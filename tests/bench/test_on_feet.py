@@ -7,9 +7,9 @@ import pytest
 import shapely
 import yaml
 
-from pushplan.bench.generator import generate
 from pushplan.bench.on_feet import on_feet
-from pushplan.bench.parameters import ProblemParameters
+from pushplan.bench.random_problems.generator import generate
+from pushplan.bench.random_problems.parameters import ProblemParameters
 from pushplan.examples import example_names, example_text
 from pushplan.mechanics.support import FeetSupport
 from pushplan.reading.scenario_file import scenario_from_document

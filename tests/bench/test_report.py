@@ -13,18 +13,18 @@ import numpy as np
 import pytest
 
 from pushplan.bench.batch import run_suite
-from pushplan.bench.export import write_tables
-from pushplan.bench.folder import ResultsFolder
-from pushplan.bench.isolation import isolated
-from pushplan.bench.outcome import Figures, Outcome, Task
-from pushplan.bench.report import render, write_report
-from pushplan.bench.report_plots import cost_quartiles
-from pushplan.bench.report_tables import by_planner, comparisons, number, outcomes, seconds
-from pushplan.bench.report_worst import worst_runs
-from pushplan.bench.results import Results, read_results
-from pushplan.bench.store import StoreError
-from pushplan.bench.suite_file import suite_from_text
-from pushplan.bench.versions import compare_versions
+from pushplan.bench.processes.isolation import isolated
+from pushplan.bench.processes.outcome import Figures, Outcome, Task
+from pushplan.bench.reports.page import render, write_report
+from pushplan.bench.reports.plots import cost_quartiles
+from pushplan.bench.reports.tables import by_planner, comparisons, number, outcomes, seconds
+from pushplan.bench.reports.versions import compare_versions
+from pushplan.bench.reports.worst import worst_runs
+from pushplan.bench.storage.export import write_tables
+from pushplan.bench.storage.folder import ResultsFolder
+from pushplan.bench.storage.results import Results, read_results
+from pushplan.bench.storage.store import StoreError
+from pushplan.bench.suites.file import suite_from_text
 from pushplan.cli import main
 
 Make = Callable[[Task], Outcome]

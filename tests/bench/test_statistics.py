@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushplan.bench.statistics import (
+from pushplan.bench.reports.statistics import (
     RESAMPLES,
     Comparison,
     holm,

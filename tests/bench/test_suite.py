@@ -13,11 +13,11 @@ import shapely
 
 import pushplan
 from pushplan.bench.batch import Choice, run_suite
-from pushplan.bench.folder import ResultsFolder
-from pushplan.bench.local import local_outcomes
-from pushplan.bench.selection import SelectionError, chosen, with_key
-from pushplan.bench.suite import RunLimits, RunSpec, Suite
-from pushplan.bench.suite_file import SuiteError, load_suite, suite_from_text, suite_names
+from pushplan.bench.processes.local import local_outcomes
+from pushplan.bench.storage.folder import ResultsFolder
+from pushplan.bench.suites.file import SuiteError, load_suite, suite_from_text, suite_names
+from pushplan.bench.suites.selection import SelectionError, chosen, with_key
+from pushplan.bench.suites.suite import RunLimits, RunSpec, Suite
 from pushplan.commands.bench import time_left
 from pushplan.examples import example_text
 from pushplan.scenario import CircleObstacle, Scenario

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan.bench.validation import flaw, plan_flaw, with_kept_margin
-from pushplan.bench.work import figures
+from pushplan.bench.processes.validation import flaw, plan_flaw, with_kept_margin
+from pushplan.bench.processes.work import figures
 from pushplan.errors import PushplanError
 from pushplan.result import Run
 from pushplan.scenario import Scenario

@@ -16,7 +16,7 @@ from pushplan.geometry.contact_segments import TOUCH, find_touch
 from pushplan.geometry.penetration import exit_distance, overlap_depth
 from pushplan.geometry.polygon import simple_polygon
 from pushplan.geometry.simple import find_flaw
-from pushplan.reading.stacking import box_outline
+from pushplan.reading.arrangement.stacking import box_outline
 
 ANGLES = st.floats(-math.pi, math.pi)
 COORDINATES = st.floats(-2.0, 2.0)

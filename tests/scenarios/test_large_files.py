@@ -8,8 +8,8 @@ from collections.abc import Callable
 import pytest
 
 from pushplan.errors import ScenarioError
-from pushplan.reading import placement
-from pushplan.reading.placement import MOST_TOLD
+from pushplan.reading.arrangement import placement
+from pushplan.reading.arrangement.placement import MOST_TOLD
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import Scenario
 

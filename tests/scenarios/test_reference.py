@@ -10,8 +10,10 @@ from pydantic import BaseModel
 
 from pushplan import names
 from pushplan.names import CLEARANCE_ROOM
-from pushplan.reading import scenario_schema, schema_objects, schema_robot
-from pushplan.reading.scenario_schema import ScenarioFile
+from pushplan.reading.schema import objects as schema_objects
+from pushplan.reading.schema import robot as schema_robot
+from pushplan.reading.schema import scenario as scenario_schema
+from pushplan.reading.schema.scenario import ScenarioFile
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
 SECTIONS: dict[str, type[BaseModel]] = {

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pushplan.arrays import FloatArray
-from pushplan.commands.understood import document, rows
+from pushplan.commands.steps.understood import document, rows
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import PLATE
 from pushplan.reading.scenario_file import scenario_from_document, scenario_from_text

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pushplan.arrays import FloatArray
-from pushplan.commands.understood import document, rows
+from pushplan.commands.steps.understood import document, rows
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport

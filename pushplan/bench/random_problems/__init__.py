@@ -1,0 +1,1 @@
+"""Random push problems: a chain that can be pushed, in a room with walls and clutter."""

@@ -1,0 +1,1 @@
+"""What results say: the page of a report, its statistics, and comparisons."""

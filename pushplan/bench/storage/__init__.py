@@ -1,0 +1,1 @@
+"""The results on disk: a database that Planner Arena opens, and tables for other programs."""

@@ -1,0 +1,1 @@
+"""Words from and to the terminal: options, messages, numbers, progress."""

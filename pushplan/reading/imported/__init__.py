@@ -1,0 +1,1 @@
+"""Outlines and obstacles from files of other programs: drawings, tables, maps."""

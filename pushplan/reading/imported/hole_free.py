@@ -1,0 +1,67 @@
+"""Regions with holes as polygons without holes, of a bounded number of corners: what obstacles can be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+
+from pushplan.arrays import FloatArray
+from pushplan.geometry.simple import find_flaw
+from pushplan.reading.schema.types import MOST_CORNERS
+
+
+def hole_free(region: shapely.Geometry) -> Iterator[FloatArray]:
+    """Yield counter-clockwise outlines (v, 2) that cover a region; pieces that are no polygon are left out.
+
+    A polygon with a hole is cut in two along a line through the hole, one with too many corners in its middle.
+    """
+    pending = list(shapely.get_parts(region))
+    while pending:
+        part = pending.pop()
+        if not isinstance(part, shapely.Polygon) or part.is_empty:
+            continue
+        if part.interiors or len(part.exterior.coords) > MOST_CORNERS:
+            pending += _halves(part)
+            continue
+        outline = _without_repeats(shapely.get_coordinates(shapely.orient_polygons(part).exterior)[:-1])
+        if len(outline) > 2 and find_flaw(outline) is None:
+            yield outline
+
+
+def covering(region: shapely.Geometry, tolerance: float) -> shapely.Geometry:
+    """Return a region with fewer corners that covers `region`; it reaches at most three times `tolerance` farther.
+
+    What is left out lies within about the tolerance of the new edges; growing by as much covers it again. Where that
+    does not, the region is returned as it is.
+    """
+    simple = shapely.simplify(region, tolerance)
+    missed = shapely.points(shapely.get_coordinates(region))
+    reach = float(shapely.distance(missed, simple).max(initial=0.0))
+    while reach <= tolerance:
+        grown = shapely.buffer(simple, reach, join_style="mitre", mitre_limit=2.0)
+        if shapely.covers(grown, region):
+            return grown
+        reach = max(1.2 * reach, 1e-3 * tolerance)
+    return region
+
+
+def _halves(polygon: shapely.Polygon) -> list[shapely.Geometry]:
+    """Cut through the first hole's middle, or else through the polygon's, across its longer side."""
+    xmin, ymin, xmax, ymax = (polygon.interiors[0] if polygon.interiors else polygon).bounds
+    whole = polygon.bounds
+    if xmax - xmin >= ymax - ymin:
+        x = 0.5 * (xmin + xmax)
+        sides = shapely.box(whole[0], whole[1], x, whole[3]), shapely.box(x, whole[1], whole[2], whole[3])
+    else:
+        y = 0.5 * (ymin + ymax)
+        sides = shapely.box(whole[0], whole[1], whole[2], y), shapely.box(whole[0], y, whole[2], whole[3])
+    return [part for side in sides for part in shapely.get_parts(polygon & side)]
+
+
+def _without_repeats(outline: FloatArray) -> FloatArray:
+    """Return an outline without corners that lie within a micrometre of the one before."""
+    far = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1) > 1e-6
+    distinct: FloatArray = outline[far]
+    return distinct

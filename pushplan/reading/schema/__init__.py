@@ -1,0 +1,1 @@
+"""The scenario file as a typed model, and what is wrong in one as located sentences."""

@@ -1,0 +1,164 @@
+"""The scenario file as a typed model, and the defaults of everything that may be left out."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from pushplan import names
+from pushplan.reading.schema import types as t
+from pushplan.reading.schema.objects import FRICTION, NAME, POLYGON, Contacts, Object, Plate
+from pushplan.reading.schema.robot import Robot
+from pushplan.reading.values.quantity import fault
+
+
+def _one_of(words: tuple[str, ...]) -> str:
+    return f"one of {', '.join(words)}"
+
+
+_SHARE = "a share from 0 to 0.9, e.g. 20 %"
+_SNAP = "a length in m, e.g. 5 mm, or {position: 5 mm, angle: 2 deg}"
+
+
+class Uncertainty(t.Strict):
+    """By what share of the stated value coefficients and loads may be off; explicit intervals come before it."""
+
+    contact_friction: t.Share = Field(default=0.0, description=_SHARE)
+    floor_friction: t.Share = Field(default=0.0, description=_SHARE)
+    load: t.Share = Field(default=0.0, description=_SHARE)
+
+
+class Snap(t.Strict):
+    """How far objects with a stated pose may be from the contact that they are moved onto."""
+
+    position: t.SnapDistance = Field(description="a length in m")
+    angle: t.SnapAngle = Field(default=math.radians(2.0), description="an angle in rad")
+
+
+class Floor(t.Strict):
+    """The floor under every object that does not state its own friction."""
+
+    friction: t.FloorFriction = Field(description=FRICTION)
+
+
+class Tolerance(t.Strict):
+    """How far from the goal is still at the goal."""
+
+    position: t.PositionTolerance = Field(default=0.002, description="a length in m")
+    angle: t.AngleTolerance = Field(default=math.radians(0.2), description="an angle in rad")
+
+
+class GoalPose(t.Strict):
+    """Where to bring the chain."""
+
+    pose: t.Pose = Field(description="[x, y, theta] in the world")
+    of: str | None = Field(
+        default=None, description="the name of the object meant; left out, the chain frame is meant"
+    )
+    tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
+
+
+class Area(t.Strict):
+    """The rectangle in which robot, pusher and objects stay."""
+
+    x: t.Interval = Field(description="[min, max] in m")
+    y: t.Interval = Field(description="[min, max] in m")
+
+
+class Obstacle(t.Strict):
+    """A polygon or box, both at an optional pose in the world, or a circle."""
+
+    model_config = t.exactly_one(
+        "polygon",
+        "box",
+        "circle",
+        needs={"box": "pose", "circle": "center"},
+        only={"center": "circle", "pose": "polygon box"},
+    )
+
+    polygon: t.Polygon | None = Field(default=None, description=POLYGON)
+    box: t.Box | None = Field(default=None, description="[length along x, width along y]")
+    circle: t.Size | None = Field(default=None, description="a radius in m")
+    pose: t.Pose | None = Field(default=None, description="[x, y, theta] in the world, of a box or polygon")
+    center: t.Point | None = Field(default=None, description="[x, y] in the world, of a circle")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Obstacle:
+        t.require_one(self, "polygon", "box", "circle")
+        if self.circle is not None and self.center is None:
+            raise fault("is a circle without center", "{circle: radius, center: [x, y]}")
+        if self.circle is not None and self.pose is not None:
+            raise fault("is a circle with a pose", "{circle: radius, center: [x, y]}")
+        if self.circle is None and self.center is not None:
+            raise fault("has a center but is no circle", "{polygon: ...}, or {box: ..., pose: ...}")
+        if self.box is not None and self.pose is None:
+            raise fault("is a box without pose", "{box: [length, width], pose: [x, y, theta]}")
+        return self
+
+
+class StabilityChoice(t.Strict):
+    """Which stable set limits the pusher's twists, and how far inside it they stay."""
+
+    set: Literal[names.STABLE_SETS] = Field(  # type: ignore[valid-type]
+        default=names.DEFAULT_STABLE_SET, description=_one_of(names.STABLE_SETS)
+    )
+    margin: t.Margin = Field(default=names.AUTO, description="auto, or a margin from 0 to 0.99")
+
+
+class PlannerChoice(t.Strict):
+    """Which planner runs, for how long, with which random numbers."""
+
+    name: Literal[names.PLANNERS] = Field(  # type: ignore[valid-type]
+        default=names.DEFAULT_PLANNER, description=_one_of(names.PLANNERS)
+    )
+    time_limit: t.Duration = Field(default=2.0, description="a time in s")
+    seed: t.Seed = Field(default=1, description="a whole number")
+    cost: Literal[names.COSTS] = Field(  # type: ignore[valid-type]
+        default=names.DEFAULT_COST, description=_one_of(names.COSTS)
+    )
+    weight: t.Weight = Field(default=1.0, description="a weight from 0 to 1000")
+    gap: t.Gap = Field(default=0.0, description="a share from 0 to 100")
+    arc_price: t.ArcPrice = Field(default=0.03, description="a length in m")
+
+
+SnapChoice = Annotated[
+    Annotated[t.SnapDistance, Tag("<length>")] | Annotated[Snap, Tag("<mapping>")],
+    Discriminator(lambda value: "<mapping>" if isinstance(value, dict | t.Strict) else "<length>"),
+]
+
+
+class ScenarioFile(t.Strict):
+    """One push problem."""
+
+    format: Literal["pushplan/1"] = Field(description=names.SCENARIO_FORMAT)
+    name: t.Name | None = Field(default=None, description=NAME)
+    floor: Floor = Field(description="{friction: ...}")
+    uncertainty: Uncertainty = Field(
+        default_factory=Uncertainty, description="{contact_friction: ..., floor_friction: ..., load: ...}"
+    )
+    snap: SnapChoice | None = Field(default=None, description=_SNAP)
+    objects: Annotated[tuple[Object, ...], t.Several(1, 200)] = Field(
+        description="a list of 1 to 200 objects, from the pusher outward"
+    )
+    contacts: Contacts = Field(default_factory=Contacts, description="{friction: ..., between: [...]}")
+    pusher: Plate = Field(description="{width: ..., friction: ..., ...}")
+    robot: Robot = Field(default_factory=Robot, description="{footprint: ..., drive: ...}")
+    start: t.Pose = Field(
+        default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world"
+    )
+    goal: GoalPose = Field(description="{pose: [x, y, theta], ...}")
+    workspace: Area | None = Field(default=None, description="{x: [min, max], y: [min, max]}")
+    obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(
+        default=(),
+        description="a list of at most 10000 {polygon: ...}, {box: ..., pose: ...} and {circle: ..., center: ...}",
+    )
+    clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description="a length in m")
+    stability: StabilityChoice = Field(default_factory=StabilityChoice, description="{set: ..., margin: ...}")
+    trajectory: Literal[names.TRAJECTORIES] = Field(  # type: ignore[valid-type]
+        default=names.DEFAULT_TRAJECTORY, description=_one_of(names.TRAJECTORIES)
+    )
+    planner: PlannerChoice = Field(
+        default_factory=PlannerChoice, description="{name: ..., time_limit: ..., seed: ...}"
+    )

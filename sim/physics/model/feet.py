@@ -1,0 +1,94 @@
+"""Any known support as a few feet with exact loads: what a simulated object stands on.
+
+A pressure is replaced by a positive quadrature that has all its moments up to a degree (Tchakaloff's theorem:
+(d + 1)(d + 2) / 2 of any points that have them are enough; found as a non-negative least-squares solution).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import legvander2d
+from scipy.optimize import nnls
+
+from pushplan.arrays import FloatArray, frozen
+from pushplan.errors import SupportError
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
+from pushplan.sim.physics.model.polygon_rule import Rule, polygon_rule
+
+DEGREE = 9
+"""Degree up to which the feet have the moments of the pressure that they stand for."""
+
+_CANDIDATES = 12
+"""Gauss points along each side of a trapezoid that the feet are chosen from."""
+_RESIDUAL = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Feet:
+    """Points under an object.
+
+    Attributes:
+        positions: (k, 2) in the object's own frame, m.
+        fractions: (k,) part of the weight on each while nothing is pushed, summing to 1.
+        stiffness: (k,) share in carrying a load that shifts, summing to 1.
+    """
+
+    positions: FloatArray
+    fractions: FloatArray
+    stiffness: FloatArray
+
+    def __post_init__(self) -> None:
+        count = len(self.positions)
+        object.__setattr__(self, "positions", frozen(self.positions, (count, 2), "positions of the feet"))
+        object.__setattr__(self, "fractions", frozen(self.fractions, (count,), "fractions of the feet"))
+        object.__setattr__(self, "stiffness", frozen(self.stiffness, (count,), "stiffness of the feet"))
+
+
+def feet_of(support: Support, degree: int = DEGREE) -> Feet:
+    """Return the feet that stand for a support; feet with known loads as they are.
+
+    Raises:
+        SupportError: When the loads are not known.
+    """
+    if isinstance(support, UniformSupport):
+        return _feet_of_polygon(support, degree)
+    if isinstance(support, PressureMapSupport):
+        rule = compressed(Rule(support.points, support.fractions), degree)
+        return Feet(rule.points, rule.weights, rule.weights)
+    if isinstance(support, FeetSupport) and support.fractions is not None:
+        count = len(support.positions)
+        return Feet(support.positions, support.fractions, np.full(count, 1.0 / count))
+    raise SupportError(
+        "a physics simulation needs to know how the load rests on the floor: give a pressure, load fractions or a "
+        "pressure map"
+    )
+
+
+def _feet_of_polygon(support: UniformSupport, degree: int) -> Feet:
+    rule = compressed(polygon_rule(support.outline, _CANDIDATES), degree)
+    share = rule.weights / rule.weights.sum()
+    pressure = 1.0 + support.moments.area * (rule.points - support.moments.centroid) @ support.gradient
+    loads = share * pressure
+    return Feet(rule.points, loads / loads.sum(), share)
+
+
+def compressed(rule: Rule, degree: int) -> Rule:
+    """Return a rule on at most (degree + 1)(degree + 2) / 2 of the points with the same moments up to `degree`.
+
+    Raises:
+        SupportError: When rounding keeps the moments from being met.
+    """
+    low, high = rule.points.min(axis=0), rule.points.max(axis=0)
+    scaled = (2.0 * rule.points - low - high) / np.maximum(high - low, 1e-300)
+    powers = np.add.outer(np.arange(degree + 1), np.arange(degree + 1)).reshape(-1)
+    moments = legvander2d(scaled[:, 0], scaled[:, 1], [degree, degree])[:, powers <= degree].T
+    total = float(rule.weights.sum())
+    if len(rule.weights) <= len(moments):
+        return rule
+    weights, residual = nnls(moments, moments @ rule.weights / total)
+    if residual > _RESIDUAL:
+        raise SupportError(f"no feet have the moments of the pressure: {residual:.2g} is left over")
+    kept = weights > 0.0
+    return Rule(rule.points[kept], total * weights[kept])

@@ -1,0 +1,50 @@
+"""How a push is simulated with real contacts: step sizes, stiffness of the contacts, when one counts as moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from pushplan.errors import PushplanError
+from pushplan.sim.physics.model.feet import DEGREE
+
+
+@dataclass(frozen=True)
+class PhysicsSettings:
+    """Settings that all simulations share; lengths are relative, so that they suit chains of any size.
+
+    Attributes:
+        step: Travel in one time step over the chain's characteristic length L, where inertia is switched off.
+        inertia: v^2 / (mu g L) where inertia is switched off: inertial over friction forces. Well below `step`:
+            then friction stops a body that is let go within one time step, and contacts neither chatter nor open
+            by the second-order errors of a step.
+        time_step: Time step at full speed, s.
+        degree: Degree up to which the feet have the moments of a pressure (see `feet_of`).
+        softness: How much softer a foot rests on the floor than the convex contact model of the engine lifts a
+            sliding one: above 1 no foot ever loses the floor, so that each carries exactly its load.
+        friction_stiffness: The engine's `impratio`: friction creeps below the share
+            softness mu^2 / friction_stiffness of the pusher's speed; above it, it is Coulomb's.
+        indentation: How deep a corner sinks into a face under the friction of one object, over L.
+        taking_up: Travel over L, where inertia is switched off, in which the contacts take up their load and corners
+            sink into faces; slides and gaps count from there on.
+        run_in: Time steps in which everything moves as one while the feet settle.
+        tolerance: Slide or gap over the length of the contact segment at which a contact counts as moved.
+        samples: Number of intervals that a report is sampled at, at most.
+    """
+
+    step: float = 2.5e-4
+    inertia: float = 1e-5
+    time_step: float = 5e-4
+    degree: int = DEGREE
+    softness: float = 5.0
+    friction_stiffness: float = 1e4
+    indentation: float = 1e-4
+    taking_up: float = 6e-3
+    run_in: int = 40
+    tolerance: float = 1e-3
+    samples: int = 200
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not value > 0:
+                raise PushplanError(f"{field.name} of the physics settings is {value}; it must be > 0")
