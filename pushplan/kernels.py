@@ -12,7 +12,9 @@ from pushplan.compiled.announcement import announced
 from pushplan.compiled.second_compiler import second_compiler
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contacts.contact_state import contact_state
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.support import UniformSupport
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.improve.budget import Budget
@@ -25,6 +27,7 @@ from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.prices import travel_prices
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.search.lattice_rounds import LatticeRounds
+from pushplan.stable_sets.interval_set import stable_set_over
 from pushplan.stable_sets.named import stable_set
 from pushplan.tolerance.work_out import tolerance_along
 
@@ -34,15 +37,21 @@ _HEADING_LENGTH = 0.1
 """What a turn by 1 rad counts in that search, m."""
 
 
-def warm_up(planner: str, tell: Callable[[str], None] | None = None) -> None:
+def warm_up(
+    planner: str, tell: Callable[[str], None] | None = None, stable: str = "ecof", intervals: bool = False
+) -> None:
     """Make all compiled code of a plan ready.
 
     Args:
         planner: Name of the planner that will run; one that is not the project's own needs what OMPL's need.
         tell: Called with a sentence for the user if that takes long.
+        stable: Name of the stable set to plan in.
+        intervals: Whether loads or frictions are intervals.
     """
     with announced(tell):
         _compile(planner if planner in PLANNERS else "rrt")
+        if stable == "robust" or (intervals and stable == "ecof"):
+            _compile_worst_case(stable)
 
 
 @cache
@@ -60,6 +69,18 @@ def _compile_mechanics() -> None:
     stable_set(chain, "ecof").meridians(count=8)
     contact_state(chain, np.array([[1.0, 0.0, 0.0]]))
     tolerance_along(chain, np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3)))
+
+
+@cache
+def _compile_worst_case(name: str) -> None:
+    """Run the kernels of a set for all loads once, also those that count inertia."""
+    chain = _one_box()
+    interval = IntervalChain.from_ranges(chain, mass={"box": (0.9, 1.1)}, pressures={"box": 0.1})
+    dynamics = ContactDynamics(chain, worst_case=name == "robust", interval=interval)
+    dynamics.margins(np.array([[1.0, 0.0, 0.0]]), np.zeros((1, 3)))
+    stable = stable_set_over(interval, name)
+    stable.meridians(count=8)
+    stable.contact_margins(np.array([[1.0, 0.0, 0.0]]))
 
 
 def _compile_polish() -> None:

@@ -109,9 +109,10 @@ def plan(
     name, make = planner_named(planner or scenario.planner.name)
     watch = watch or Stopwatch()
     with watch("posing"):
-        warm_up(name, tell)
+        wanted = scenario.stability.set if stable_set is None else add_set(stable_set)
+        warm_up(name, tell, wanted, scenario.interval is not None)
         began = time.perf_counter()
-        stable = planning_set(scenario, None if stable_set is None else add_set(stable_set))
+        stable = planning_set(scenario, wanted)
         _check_ends(scenario)
         margins = margins_to_try(scenario, stable)
     used_seed = scenario.planner.seed if seed is None else seed

@@ -40,8 +40,8 @@ def load(args: argparse.Namespace, console: Console) -> Scenario:
         from pushplan.stable_sets.named import add_set
 
         del pushplan
-        warm_up(args.planner or scenario.planner.name)
         chosen = add_set(args.set or scenario.stability.set)
+        warm_up(args.planner or scenario.planner.name, stable=chosen, intervals=scenario.interval is not None)
         kept = scenario.stability.margin if args.margin is None else args.margin
         require_pushable(replace(scenario, stability=StabilitySettings(chosen, kept)))
     return scenario

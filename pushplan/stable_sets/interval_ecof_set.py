@@ -5,15 +5,13 @@ A lower contact friction only takes away from the friction cone, so that the low
 
 from __future__ import annotations
 
-import numpy as np
-
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.mechanics.worst_case.interval_rows import IntervalRows
+from pushplan.mechanics.worst_case.interval_kernel import interval_contact_margins_of, interval_margins_of
+from pushplan.mechanics.worst_case.interval_rows import pack_intervals
+from pushplan.stable_sets.boundary.compiled_refinement import refine_compiled
+from pushplan.stable_sets.boundary.refined_meridians import RefinedMeridians
 from pushplan.stable_sets.stable_set import StableSet
-
-_MANY = 500
-"""Twists from which on it pays to look at them without errors of the pressure first."""
 
 
 class IntervalEcofSet(StableSet):
@@ -34,7 +32,7 @@ class IntervalEcofSet(StableSet):
 
     def __init__(self, interval: IntervalChain) -> None:
         super().__init__(interval.chain)
-        self._rows = IntervalRows(interval)
+        self._packed = pack_intervals(interval)
 
     @property
     def loads_known(self) -> bool:
@@ -43,22 +41,11 @@ class IntervalEcofSet(StableSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
-        return self._margins(twists, pressures=True)
+        return interval_contact_margins_of(self._packed, twists)
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
-        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones.
+        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
+        return interval_margins_of(self._packed, twists, float(floor))
 
-        Errors of the pressure only take away, so that they are left out where the margin is too small without.
-        """
-        if not self._rows.has_pressures or len(twists) < _MANY:
-            return np.asarray(self._margins(twists, pressures=True).min(axis=1), dtype=np.float64)
-        margins = np.asarray(self._margins(twists, pressures=False).min(axis=1), dtype=np.float64)
-        near = np.flatnonzero(margins > floor)
-        if len(near):
-            margins[near] = self._margins(twists[near], pressures=True).min(axis=1)
-        return margins
-
-    def _margins(self, twists: FloatArray, pressures: bool) -> FloatArray:
-        least, size = self._rows.least(twists, pressures)
-        moving = size > 0.0
-        return np.where(moving, least.min(axis=2) / np.where(moving, size, 1.0), 0.0)
+    def _refine_meridians(self, minimum_margin: float) -> RefinedMeridians:
+        return refine_compiled(self._packed, minimum_margin)

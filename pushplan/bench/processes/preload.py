@@ -31,6 +31,7 @@ def load() -> None:
     for name in STABLE_SETS:
         with contextlib.suppress(Exception):
             scenario.stable_set(name).margin([[1.0, 0.0, 0.0]])
+            warm_up("auto", stable=name, intervals=True)
     task = Task(
         key="",
         name=scenario.name,

@@ -57,7 +57,12 @@ def pack_chain(chain: Chain) -> PackedChain:
 
 def pack_object(obj: PushedObject, contact_height: float = 0.0) -> PackedChain:
     """Return the arrays of one object without contacts; see `pack_chain`."""
-    return _pack([obj], [PLATE], contact_height, np.zeros((0, 4, 3)), 1.0)
+    return pack_objects([obj], contact_height)
+
+
+def pack_objects(objects: Sequence[PushedObject], contact_height: float = 0.0) -> PackedChain:
+    """Return the arrays of objects without contacts; see `pack_chain`."""
+    return _pack(objects, [PLATE] * len(objects), contact_height, np.zeros((0, 4, 3)), 1.0)
 
 
 def contact_rows(contact: Contact, length: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""One name for the compiled margins of chains and of areas with any pressure."""
+"""One name for the compiled margins of chains, chains with intervals, and areas with any pressure."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from numba.extending import overload
 
 from pushplan.mechanics.contacts.contact_kernel import margin_down_to
 from pushplan.mechanics.friction.packed import PackedChain
+from pushplan.mechanics.worst_case.interval_kernel import PackedIntervals, interval_margin_down_to
 from pushplan.mechanics.worst_case.robust_kernel import PackedAreas, robust_margin_down_to
 
-Packed = PackedChain | PackedAreas
+Packed = PackedChain | PackedIntervals | PackedAreas
 """What compiled margins work on."""
 
 Margin = Callable[[Any, float, float, float, float], float]
@@ -22,6 +23,8 @@ def margin_of(packed: Packed, vx: float, vy: float, omega: float, floor: float) 
     """Return the margin at a body twist; inexact, but not above the floor, where it is at most `floor`."""
     if isinstance(packed, PackedChain):
         return margin_down_to(packed, vx, vy, omega, floor)
+    if isinstance(packed, PackedIntervals):
+        return interval_margin_down_to(packed, vx, vy, omega, floor)
     return robust_margin_down_to(packed, vx, vy, omega, floor)
 
 
@@ -32,4 +35,6 @@ def _margin_of(packed: Any, vx: Any, vy: Any, omega: Any, floor: Any) -> Margin 
         return None
     if packed.instance_class is PackedChain:
         return lambda packed, vx, vy, omega, floor: margin_down_to(packed, vx, vy, omega, floor)
+    if packed.instance_class is PackedIntervals:
+        return lambda packed, vx, vy, omega, floor: interval_margin_down_to(packed, vx, vy, omega, floor)
     return lambda packed, vx, vy, omega, floor: robust_margin_down_to(packed, vx, vy, omega, floor)
