@@ -197,3 +197,30 @@ def test_a_server_ends_with_its_supervisor_even_when_it_is_stopped(sign: int) ->
     while _lives(int(done.stdout)):
         assert time.monotonic() < end
         time.sleep(0.05)
+
+
+@pytest.mark.parametrize("patience", [0.0, 600.0])
+def test_servers_that_are_killed_while_they_load_are_replaced_for_some_time(
+    planted: Any, monkeypatch: pytest.MonkeyPatch, patience: float
+) -> None:
+    monkeypatch.setattr(fork_server, "KILLED", patience)
+    supervisor = Supervisor("planted_runs")
+
+    def kill() -> None:
+        server = supervisor.server
+        server.process.kill()
+        server.process.wait()
+        supervisor.replace(server)
+
+    for _ in range(fork_server.ATTEMPTS - 1):
+        kill()
+    if patience:
+        for _ in range(3):
+            kill()
+    else:
+        with pytest.raises(
+            ForkServerError, match="lost 5 times before .* exit code -9"
+        ):
+            kill()
+    supervisor.prepare()
+    supervisor.server.end()

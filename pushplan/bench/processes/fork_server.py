@@ -32,6 +32,9 @@ START = 900.0
 ATTEMPTS = 5
 """Servers in a row that may be lost before they are ready."""
 
+KILLED = 120.0
+"""Seconds from the first loss for which more may be lost by signals: what kills runs may hit servers as they load."""
+
 _SCRIPT = """\
 import socket, sys
 sys.path[:] = {paths!r}
@@ -132,6 +135,7 @@ class Supervisor:
         self._preload = preload
         self._lock = RLock()
         self._failed = 0
+        self._failing_since = 0.0
         self.server = ForkServer(preload)
 
     def fork(self, folder: Path) -> tuple[ForkServer, Forked]:
@@ -153,19 +157,24 @@ class Supervisor:
         """Start another server if that one is still the one to ask.
 
         Raises:
-            ForkServerError: When servers are lost again and again before they are ready.
+            ForkServerError: When servers are lost again and again before they are ready: `ATTEMPTS` times, by signals
+                for `KILLED` seconds.
         """
         with self._lock:
             if server is not self.server:
                 return
+            code = server.process.poll()
             server.end()
+            if server.ready or not self._failed:
+                self._failing_since = time.monotonic()
             self._failed = 0 if server.ready else self._failed + 1
-            if self._failed == ATTEMPTS:
-                self._failed = 0
-                code = server.process.returncode
+            by_signal = code is not None and code < 0
+            bearable = by_signal and time.monotonic() - self._failing_since < KILLED
+            if self._failed >= ATTEMPTS and not bearable:
+                failed, self._failed = self._failed, 0
                 raise ForkServerError(
-                    f"the process from which runs are forked was lost {ATTEMPTS} times before it was ready, the last "
-                    f"time with exit code {code}"
+                    f"the process from which runs are forked was lost {failed} times before it was ready, the last "
+                    f"time with exit code {server.process.returncode}"
                 )
             self.server = ForkServer(self._preload)
 
