@@ -218,9 +218,7 @@ def test_servers_that_are_killed_while_they_load_are_replaced_for_some_time(
         for _ in range(3):
             kill()
     else:
-        with pytest.raises(
-            ForkServerError, match="lost 5 times before .* exit code -9"
-        ):
+        with pytest.raises(ForkServerError, match=r"lost 5 times before .* exit code -9"):
             kill()
     supervisor.prepare()
     supervisor.server.end()
