@@ -5,7 +5,8 @@ minutes on one processor. A batch is 300 planted runs (segfaults, hangs, memory 
 tests/bench/planted_runs.py) on two jobs here, or on two workers of a Dask cluster. At random moments a random process
 is killed (SIGKILL) or stopped (SIGSTOP); a runner that was killed is started again, which goes on as `--resume` does,
 and so is a worker. In the end there is one row for each run. It says what was planted; only a run that was itself
-killed may be a crash, one that was stopped a timeout.
+killed may be a crash, one that was stopped a timeout, and one whose servers or workers were lost again and again, so
+that it may be what ends them, a crash that says so.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ import argparse
 import os
 import random
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import bench
@@ -42,6 +44,9 @@ ATTACKS = [
     ("runner", "killed", 2),
 ]
 """What is attacked, how, and how often in proportion."""
+
+LOST = ("the process from which runs are forked was lost 3 times", "every worker that did this run was lost")
+"""How the messages of runs begin that were given up because of what they run in."""
 
 
 class Batch:
@@ -113,6 +118,12 @@ def attack(batch: Batch, cluster: bench.dask | None, rng: random.Random) -> tupl
     return what, how, key
 
 
+def messages(results: Path) -> dict[str, str]:
+    """Return what the rows say about their ends, by key."""
+    with closing(sqlite3.connect(results / "results.db")) as database:
+        return dict(database.execute("SELECT key, message FROM pushplan_runs"))
+
+
 def under_attack(folder: Path, cluster: bench.dask | None, attacks: int, seed: int) -> None:
     batch = Batch(folder, cluster.address if cluster else None)
     rng, began = random.Random(seed), time.perf_counter()
@@ -131,10 +142,16 @@ def under_attack(folder: Path, cluster: bench.dask | None, attacks: int, seed: i
     found = rows(folder / "results")
     assert [row[0] for row in found] == list(range(COUNT)), "runs are lost or doubled"
     ends: Counter[str] = Counter()
+    said = messages(folder / "results")
     for seed_of_run, outcome, _, _, key, *_ in found:
         planted = planted_runs.STATUS[planted_runs.fate_of(seed_of_run)]
-        assert outcome == planted or outcome in hurt.get(key, ()), (seed_of_run, planted, outcome)
-        ends["as planted" if outcome == planted else f"{outcome}, as attacked"] += 1
+        if outcome == planted:
+            ends["as planted"] += 1
+        elif outcome in hurt.get(key, ()):
+            ends[f"{outcome}, as attacked"] += 1
+        else:
+            assert said[key].startswith(LOST), (seed_of_run, planted, outcome, said[key])
+            ends[f"{outcome}, as its servers were lost"] += 1
     spent = time.perf_counter() - began
     print(
         f"{len(found)} rows of {COUNT} runs in {spent:.0f} s: {dict(ends)}; attacks: {dict(sorted(done.items()))}"
