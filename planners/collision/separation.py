@@ -112,10 +112,12 @@ def _polygon_separation(
     forward = _axis_separation(a, a0, a1, b, b0, b1, c, s, x, y)
     if forward >= exact_below:
         return forward
+    # The other way round: the inverse pose R^T (-t) takes b into the frame of a.
     ix, iy = -(c * x + s * y), s * x - c * y
     separation = max(forward, _axis_separation(b, b0, b1, a, a0, a1, c, -s, ix, iy))
     if separation <= 0.0 or separation >= exact_below:
         return separation
+    # No edge normal separates them by their distance: then two corners are nearest, or a corner and an edge.
     nearest = min(
         _corner_distance(a, a0, a1, b, b0, b1, c, s, x, y),
         _corner_distance(b, b0, b1, a, a0, a1, c, -s, ix, iy),
@@ -206,6 +208,7 @@ def separation(scene: Scene, x: float, y: float, theta: float, enough: float) ->
     while i < scene.tree.shape[0]:
         box = scene.tree[i]
         dx, dy = max(box[0] - cx, cx - box[2], 0.0), max(box[1] - cy, cy - box[3], 0.0)
+        # Preorder: box[4] is where the boxes inside this one end, so that a miss skips all of them.
         reach = best + scene.body_bound[2]
         if dx * dx + dy * dy >= reach * reach:
             i = int(box[4])
@@ -234,6 +237,7 @@ def step(
 ) -> tuple[float, float, float]:
     """Return the pose after moving along a constant body twist for `length` (exact exponential)."""
     half = 0.5 * omega * length
+    # On a circle, the chord of an arc of angle 2 half points along half: |chord| = length sin(half) / half.
     chord = length if abs(half) < 1e-8 else length * math.sin(half) / half
     c, s = chord * math.cos(theta + half), chord * math.sin(theta + half)
     return x + c * vx - s * vy, y + s * vx + c * vy, theta + 2.0 * half
@@ -258,6 +262,7 @@ def sweep_is_free(
         begin, end = left[n, 0], left[n, 1]
         middle = 0.5 * (begin + end)
         px, py, pt = step(x, y, theta, vx, vy, omega, middle)
+        # More than it takes to cover the whole interval need not be known.
         gap = separation(scene, px, py, pt, 0.5 * (end - begin) * top + 2.0 * scene.clearance)
         if gap < scene.clearance:
             return False

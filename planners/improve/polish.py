@@ -84,6 +84,7 @@ def _append(arcs: FloatArray, n: int, twist: FloatArray, length: float) -> int:
     """Append an arc, or lengthen the last one if it is the same motion; return how many there are."""
     if length <= 0.0:
         return n
+    # Rounding apart, the same motion: one arc of both, for which no stop and no price of an arc is due.
     if n > 0 and _differ(arcs[n - 1], twist) < 1e-12:
         arcs[n - 1, 3] += length
         return n
@@ -124,6 +125,7 @@ def random_family(segments: FloatArray, state: RandomState, family: FloatArray) 
     family[:] = 0.0
     for letter in range(3):
         segment = segments[int(random(state) * segments.shape[0])]
+        # Along a segment, omega goes from low to high: right turns, translations (at `level`), left turns.
         low, high = segment[2], segment[5]
         level = low / (low - high) if low * high < 0.0 else -1.0  # where the segment crosses the translations
         b = 0.0 if letter == RIGHT else 1.0
@@ -151,6 +153,7 @@ def _some_family(problem: Problem, state: RandomState, family: FloatArray) -> No
 @inlined
 def _window(state: RandomState, total: float) -> tuple[float, float]:
     """Draw a piece of a path: its length log-uniform, its place uniform, ends clipped to the path's."""
+    # Log-uniform: short pieces need many tries, each with little to gain, long ones few with much.
     length = total * math.exp(math.log(SHORTEST_WINDOW) * random(state))
     low = -0.5 * length + random(state) * total
     return max(0.0, low), min(total, low + length)
@@ -198,6 +201,7 @@ def shorten(
         low, high = _window(state, path[:, 3].sum())
         i, into_i = locate(start, path, low, begin)
         j, into_j = locate(start, path, high, end)
+        # A word that costs less than the piece; what its arcs are worth in the objective is known only then.
         bound = _worth(problem.prices, path, i, into_i, j, into_j, high - low)
         if rejoin(problem, state, begin, end, bound, family, word) < bound:
             exchanged = _spliced(path, i, into_i, word, j, into_j)

@@ -63,6 +63,7 @@ def _parts(segment: FloatArray, normal: FloatArray, t: FloatArray) -> tuple[floa
     """Return alpha and beta of the combination alpha a + beta b of a segment's ends nearest to a twist."""
     a, b = segment[:3], segment[3:]
     x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    # t = alpha a + beta b in the plane of a and b: alpha = (t x b).n / (a x b).n, beta = (a x t).n / (a x b).n.
     size = x * normal[0] + y * normal[1] + z * normal[2]
     alpha = (
         (t[1] * b[2] - t[2] * b[1]) * normal[0]
@@ -83,6 +84,7 @@ def _whereabouts(segments: FloatArray, normals: FloatArray, t: FloatArray) -> tu
     best, found, share = np.inf, -1, 0.0
     for i in range(segments.shape[0]):
         normal = normals[i]
+        # Twists on a segment lie in its plane; of several planes, the nearest one between whose ends the twist is.
         away = abs(t[0] * normal[0] + t[1] * normal[1] + t[2] * normal[2])
         if away < best and (normal[0] != 0.0 or normal[1] != 0.0 or normal[2] != 0.0):
             alpha, beta = _parts(segments[i], normal, t)
@@ -105,8 +107,11 @@ def _change_twist(segments: FloatArray, normals: FloatArray, state: RandomState,
     if i < 0:
         return False
     k = segments.shape[0]
+    # Segments are neighbours along the longitude: a small step stays near the twist.
     i = min(k - 1, max(0, i + round(_size(state) * 0.25 * k)))
     segment = segments[i]
+    # Translations and twists at the end of a segment (the tightest turns) are good, but have measure zero: chance
+    # alone would never find back to them.
     if twist[2] == 0.0 and segment[2] * segment[5] < 0.0 and random(state) < KEEP_SHARE:
         b = segment[2] / (segment[2] - segment[5])
     elif min(b, 1.0 - b) > AT_END or random(state) > KEEP_SHARE:
@@ -138,6 +143,7 @@ def _column(path: FloatArray, poses: FloatArray, k: int, last: int, column: Floa
     """Fill `column` with how the last pose moves when arc k gets longer, per metre."""
     c, s = math.cos(poses[k + 1, 2]), math.sin(poses[k + 1, 2])
     vx, vy, omega = path[k, 0], path[k, 1], path[k, 2]
+    # d(last pose)/d(length k): what follows moves as a rigid body with twist k, seen from the world.
     column[0] = c * vx - s * vy - omega * (poses[last + 1, 1] - poses[k + 1, 1])
     column[1] = s * vx + c * vy + omega * (poses[last + 1, 0] - poses[k + 1, 0])
     column[2] = omega
@@ -164,6 +170,7 @@ def _close(
         _column(path, poses, chosen[2], last, c)
         bc0, bc1, bc2 = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
         whole = a[0] * bc0 + a[1] * bc1 + a[2] * bc2
+        # The three motions are nearly dependent: lengths would change without bound.
         if abs(whole) < 1e-9:
             return False
         da = (x * bc0 + y * bc1 + t * bc2) / whole

@@ -65,6 +65,8 @@ def _straight_words(
     c2x, c2y = _cor(family[last])
     px, py = _moved(start, c1x, c1y)
     qx, qy = _moved(goal, c2x, c2y)
+    # c1 rests at p during the first turn, c2 at q during the last: in between, R(heading) (e + p u) = d = q - p,
+    # with e = c2 - c1 in the body and |u| = 1, so that p = -e.u +- sqrt((e.u)^2 - |e|^2 + |d|^2).
     ex, ey = c2x - c1x, c2y - c1y
     dx, dy = qx - px, qy - py
     along = ex * ux + ey * uy
@@ -77,9 +79,11 @@ def _straight_words(
         if p < 0.0 or (sign < 0.0 and root == 0.0):
             continue
         heading = start[2]
+        # Where d is 0, every heading will do; that of the start saves the first turn.
         if dx * dx + dy * dy > 1e-24:
             heading = math.atan2(dy, dx) - math.atan2(ey + p * uy, ex + p * ux)
         omega1, omega2 = family[first, 2], family[last, 2]
+        # Angles count in the sense of their turn: no motion is driven backwards.
         turn1 = _turn(math.copysign(1.0, omega1) * (heading - start[2]))
         turn2 = _turn(math.copysign(1.0, omega2) * (goal[2] - heading))
         n = _store(words, n, first, 1, last, turn1 / abs(omega1), p, turn2 / abs(omega2))
@@ -102,6 +106,8 @@ def _turning_words(
     px, py = _moved(start, c1x, c1y)
     qx, qy = _moved(goal, c1x, c1y)
     dx, dy = qx - px, qy - py
+    # The apex a is c2 while the middle turn goes on: |a - p| = |a - q| = |c2 - c1|, and half the base of this
+    # triangle is arm cos(opening).
     arm = math.hypot(c2x - c1x, c2y - c1y)
     distance = math.hypot(dx, dy)
     if distance > 2.0 * arm or distance < 1e-12:
@@ -134,6 +140,7 @@ def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: F
     """Fill `words` (MAX_WORDS, 7) with cost, letters and lengths of every word; return how many there are."""
     straight = family[STRAIGHT, 0] != 0.0 or family[STRAIGHT, 1] != 0.0
     n = 0
+    # A step of 2 leaves out STRAIGHT, which lies between LEFT and RIGHT.
     for first in range(LEFT, RIGHT + 1, 2):
         for last in range(LEFT, RIGHT + 1, 2):
             if family[first, 2] != 0.0 and family[last, 2] != 0.0:
@@ -202,6 +209,7 @@ def connect(
     promise = np.inf
     for i in range(n):
         promise = min(promise, words[i, 0])
+    # The cheapest by selection: of at most 36 words, a few are swept, which does not pay for sorting them.
     for _ in range(tries):
         best = -1
         for i in range(n):

@@ -31,6 +31,7 @@ def _nearest(tree: FloatArray, count: int, pose: FloatArray, heading_length: flo
     n = 0
     for i in range(count):
         d = apart(tree[i], pose[0], pose[1], pose[2], heading_length)
+        # Insertion into the few that are kept: most nodes fail this one test.
         if d < distances[-1]:
             k = min(n, NEAREST - 1)
             while k > 0 and distances[k - 1] > d:
@@ -64,6 +65,7 @@ def _clip(word: FloatArray, reach: float, from_end: bool) -> None:
     total = word[0, 3] + word[1, 3] + word[2, 3]
     excess = total - reach
     for i in range(3):
+        # The goal tree grows backwards: the end of its words lies at the node, and has to stay.
         k = i if from_end else 2 - i
         cut = min(max(excess, 0.0), word[k, 3])
         word[k, 3] -= cut
@@ -131,6 +133,7 @@ def _extend(
         free, x, y, theta = _walk(problem.scene, node, word, 1.0 if which == 0 else -1.0)
         if not free:
             continue
+        # Cost so far plus a lower bound of what is left: no path through the node is cheaper than that.
         so_far = tree[parent, 3] + word[0, 3] + word[1, 3] + word[2, 3]
         root = forest.goal_tree[0] if which == 0 else forest.start_tree[0]
         if so_far + remaining(x, y, theta, root) < bound:
@@ -154,6 +157,7 @@ def _join(
     n = _nearest(other, forest.counts[1 - which], tree[row, :3], forest.heading_length, near)
     best, partner = np.inf, -1
     word = scratch(3, 4)
+    # -1 stands for the other tree's root: of the nodes near by, none may lead there directly.
     for i in range(-1, n):
         j = 0 if i < 0 else near[i]
         so_far = tree[row, 3] + other[j, 3]
@@ -212,6 +216,7 @@ def grow_both(
     sample, words = scratch(1, 3)[0], scratch(MAX_WORDS, 7)
     word, arcs = scratch(3, 4), scratch(3, 4)
     for done in range(1, iterations + 1):
+        # The smaller tree grows; times 1 makes an index of a bool.
         which = (forest.counts[0] > forest.counts[1]) * 1
         if random(forest.state) < GOAL_SHARE:
             put(sample, forest.goal_tree[0, :3] if which == 0 else forest.start_tree[0, :3])

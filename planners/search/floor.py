@@ -67,6 +67,7 @@ def distances(
     for i in range(nx):
         for j in range(ny):
             x, y = grid[0] + (i + 0.5) * cell, grid[1] + (j + 0.5) * cell
+            # Half a diagonal is added, so that a cell counts as free when any place in it is.
             free[i, j] = separation(point, x, y, 0.0, least) + 0.71 * cell >= least
     away = np.full((nx, ny), np.inf)
     i0 = min(nx - 1, max(0, int((there[0] - grid[0]) / cell)))
@@ -82,6 +83,7 @@ def distances(
                 if free[i, j] and _is_nearer(away, i, j, cell):
                     changed = True
         quiet = 0 if changed else quiet + 1
+        # Sweeps go in four orders in turn; when none of them changed anything, distances are final.
         if quiet == 4:
             break
     return away
@@ -96,6 +98,7 @@ def _is_nearer(away: FloatArray, i: int, j: int, cell: float) -> bool:
         for dj in range(-1, 2):
             a, b = i + di, j + dj
             if 0 <= a < nx and 0 <= b < ny:
+                # Octile distances: steps to the side cost a cell, diagonal ones sqrt(2) cells.
                 best = min(best, away[a, b] + cell * (1.0 if di * dj == 0 else math.sqrt(2.0)))
     changed = bool(best < away[i, j])
     away[i, j] = best

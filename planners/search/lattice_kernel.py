@@ -81,6 +81,8 @@ def _left(problem: Problem, lattice: Lattice, x: float, y: float, theta: float) 
     nx, ny = lattice.away.shape
     i = min(nx - 1, max(0, int((px - lattice.grid[0]) / lattice.grid[2])))
     j = min(ny - 1, max(0, int((py - lattice.grid[1]) / lattice.grid[2])))
+    # The floor's distances know nothing of turns, words nothing of obstacles: the larger one tells more. Neither is a
+    # lower bound (words of one family, ways from cell to cell), so what is found is good, not proven to be best.
     words, pose = scratch(MAX_WORDS, 7), scratch(1, 3)[0]
     pose[0], pose[1], pose[2] = x, y, theta
     ahead = lattice.sizes[SENSE] > 0.0
@@ -137,6 +139,7 @@ def _grow(problem: Problem, lattice: Lattice, parent: int, number: int, bound: f
     if number < 3:
         turn = problem.families[0, number]
         vx, vy, omega = turn[0], turn[1], turn[2]
+    # The fourth arc, and a letter that the family lacks.
     if vx == 0.0 and vy == 0.0 and omega == 0.0:
         vx, vy, omega = choose_twist(problem, random(lattice.state), random(lattice.state))
     length = lattice.sizes[ARC] * (0.6 + 0.8 * random(lattice.state))
@@ -145,6 +148,7 @@ def _grow(problem: Problem, lattice: Lattice, parent: int, number: int, bound: f
     x, y, theta, cost = node[0], node[1], node[2], node[3] + length
     sense = lattice.sizes[SENSE]
     nx, ny, nt = step(x, y, theta, sense * vx, sense * vy, sense * omega, length)
+    # Cheap tests first; the sweep against the obstacles takes most of the time.
     key, slot = _cell(lattice, nx, ny, nt)
     if key == 0 or (lattice.keys[slot] == key and lattice.costs[slot] <= cost):
         return
@@ -186,9 +190,11 @@ def expand_best(
     arcs_found = scratch(3, 4)
     enough = lattice.counts[TRIED] + arcs
     while lattice.counts[TRIED] < enough:
+        # Nothing left to expand, or no room: both end the round, and the next one has other cells.
         if lattice.counts[OPEN] == 0 or lattice.counts[NODES] + CHILDREN > lattice.nodes.shape[0]:
             return bound, True
         f, row = _pop(lattice)
+        # f is the least in the queue: what else is there promises no more.
         if f >= bound:
             return bound, True
         node = lattice.nodes[row]

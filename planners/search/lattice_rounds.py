@@ -88,6 +88,7 @@ class LatticeRounds:
         session = self._session
         self._rounds[back] += 1
         number = self._rounds[back]
+        # The level is how often 2 divides the round's number: Luby's sequence 0, 1, 0, 2, 0, 1, 0, 3, ...
         lattice = self.planted(min((number & -number).bit_length() - 1, HIGHEST), back)
         bound, word, over = EXCESS[number // 2 % 2] * session.best.horizon, np.zeros((3, 4)), False
         while not over and not session.finished:
@@ -113,8 +114,10 @@ class LatticeRounds:
         tables = self._tables
         side = self._diagonal * FIRST_SHARE * SHRINK**level
         headings = round(FIRST_HEADINGS * SHRINK ** (-0.5 * level))
+        # Cells begin elsewhere in every round: two passages that one grid cannot tell apart another one can.
         shift = np.array([side * random(session.random), side * random(session.random), 0.0, 0.0])
         room = min(FIRST_ROOM << level, MOST_ROOM)
+        # Twice as many slots as nodes, so that chains of taken slots stay short.
         tables.keys[: 2 * room] = 0
         ends = session.start, session.problem.goal
         lattice = Lattice(
