@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Literal, TypedDict
 
 from pushplan.errors import PlanningError, TimingError
@@ -139,9 +140,9 @@ def plan(
             reason = failure.reason
         elif path is not None and trajectory is not None and execution is not None:
             reason = verdict(posed, stable, path, trajectory, execution)
-        least = session.lower_bound if path is None else lower_bound(posed, path.cost)
+        least = session.lower_bound if path is None else partial(lower_bound, posed, path.cost)
         solved = not reason
-        bears = tolerance_of(scenario.chain, trajectory) if solved and trajectory is not None else None
+        bears = partial(tolerance_of, scenario.chain, trajectory) if solved and trajectory is not None else None
     return PlanResult(
         solved=solved,
         reason=reason,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pushplan.arrays import FloatArray
+from pushplan.lazy_field import LazyField
 from pushplan.names import DEFAULT_COST
 from pushplan.path import PushPath
 from pushplan.trajectory import Trajectory
@@ -62,7 +63,7 @@ CAUSES = {
 
 @dataclass(frozen=True, eq=False)
 class PlanResult:
-    """The outcome of planning.
+    """The outcome of planning; what takes long and is not always wanted is worked out when it is first asked for.
 
     Attributes:
         solved: A path to the goal was found and passed the independent checker.
@@ -102,11 +103,11 @@ class PlanResult:
     extensions: int
     min_margin: float | None
     tree: FloatArray
-    lower_bound: float | None = None
+    lower_bound: LazyField[float | None] = LazyField(None)
     diagnosis: tuple[Diagnosis, ...] = ()
     approximate_path: PushPath | None = None
     approximate_error: tuple[float, float] | None = None
-    tolerance: Tolerance | None = None
+    tolerance: LazyField[Tolerance | None] = LazyField(None)
     objective: str = DEFAULT_COST
     margin_asked: float | None = None
     margin: float | None = None

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pushplan.geometry import se2
-from pushplan.planners.validation.checker import SPACING, densify, find_collision
+from pushplan.planners.validation.checker import SPACING, find_collision
+from pushplan.planners.validation.motion import densify
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import CircleObstacle, Scenario
 

@@ -11,7 +11,8 @@ from pushplan.arrays import FloatArray
 from pushplan.execution import Execution
 from pushplan.geometry.se2 import pose_error, rotate
 from pushplan.names import AUTO
-from pushplan.planners.validation.checker import densify, find_collision
+from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.validation.motion import densify
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -42,8 +43,9 @@ class PackedChain(NamedTuple):
     length: float
 
 
+@lru_cache(maxsize=8)
 def pack_chain(chain: Chain) -> PackedChain:
-    """Return the arrays of `chain`.
+    """Return the arrays of `chain`; every set and judge of a plan asks for the same.
 
     Raises:
         SupportError: When a load is not known, or a push at the pusher's contact height could lift a part

@@ -1,0 +1,110 @@
+"""Exact distances of the chain's bodies from everything in the way, by shapely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from pushplan.arrays import FloatArray, IntArray
+from pushplan.geometry import se2
+from pushplan.scenario import CircleObstacle, Scenario
+from pushplan.scenario_parts import Obstacle, Workspace
+
+ObjectArray = NDArray[np.object_]
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """What moves and what it must not touch.
+
+    Attributes:
+        names: (b,) of the bodies.
+        corners: (v, 2) of all bodies' outlines, chain frame, m.
+        body: (v,) index of the body that each corner belongs to.
+        shapes: (n,) obstacles as polygons, or as the centres of round ones.
+        radii: (n,) of the round obstacles, m; 0 for polygons.
+        tree: Of the obstacles, round ones as the squares around them.
+        walls: The workspace.
+    """
+
+    names: tuple[str, ...]
+    corners: FloatArray
+    body: IntArray
+    shapes: ObjectArray
+    radii: FloatArray
+    tree: shapely.STRtree
+    walls: Workspace | None
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Room:
+        """Return that of a scenario."""
+        bodies = scenario.chain.bodies
+        shapes, radii = _shapes(scenario.obstacles)
+        around = np.where(radii > 0.0, shapely.buffer(shapes, radii, cap_style="square"), shapes)
+        return cls(
+            tuple(body.name for body in bodies),
+            np.concatenate([body.outline for body in bodies]),
+            np.repeat(np.arange(len(bodies)), [len(body.outline) for body in bodies]),
+            shapes,
+            radii,
+            shapely.STRtree(around),
+            scenario.workspace,
+        )
+
+    def gaps(self, poses: FloatArray, enough: float) -> FloatArray:
+        """Return the distances (m,) of the bodies at poses (m, 3) from everything, m: 0 on overlap, capped."""
+        bodies, corners = self._placed(poses)
+        gaps = self._wall_gaps(corners).min(axis=1, initial=enough)
+        pairs = self.tree.query(bodies, predicate="dwithin", distance=enough)
+        np.minimum.at(gaps, pairs[0] // len(self.names), self._apart(bodies, pairs))
+        return np.asarray(np.maximum(gaps, 0.0))
+
+    def nearest(self, pose: FloatArray, within: float) -> tuple[float, str, int | None]:
+        """Return the smallest distance at a pose (3,), whose it is, and from which obstacle (None: a wall).
+
+        Something has to be nearer than `within`, m.
+        """
+        bodies, corners = self._placed(pose[None])
+        walls = self._wall_gaps(corners)[0]
+        pairs = self.tree.query(bodies, predicate="dwithin", distance=within)
+        gaps = np.concatenate([self._apart(bodies, pairs), walls])
+        i = int(np.argmin(gaps))
+        if i < len(pairs[0]):
+            return float(gaps[i]), self.names[pairs[0, i]], int(pairs[1, i])
+        return max(float(gaps[i]), 0.0), self.names[self.body[i - len(pairs[0])]], None
+
+    def _placed(self, poses: FloatArray) -> tuple[ObjectArray, FloatArray]:
+        """The bodies (m b,) at poses (m, 3), pose by pose, and their corners (m, v, 2)."""
+        corners = poses[:, None, :2] + se2.rotate(poses[:, 2:3], self.corners[None])
+        ring = np.arange(len(poses))[:, None] * len(self.names) + self.body
+        return shapely.polygons(shapely.linearrings(corners.reshape(-1, 2), indices=ring.ravel())), corners
+
+    def _apart(self, bodies: ObjectArray, pairs: IntArray) -> FloatArray:
+        """Distances (k,) of bodies from obstacles, by their indices (2, k), m."""
+        away = shapely.distance(bodies[pairs[0]], self.shapes[pairs[1]])
+        return np.asarray(np.maximum(away - self.radii[pairs[1]], 0.0))
+
+    def _wall_gaps(self, corners: FloatArray) -> FloatArray:
+        """Distances (m, v) of corners (m, v, 2) from the walls, m; negative beyond, infinite where there are none."""
+        if self.walls is None:
+            return np.full(corners.shape[:2], np.inf)
+        low, high = (self.walls.xmin, self.walls.ymin), (self.walls.xmax, self.walls.ymax)
+        return np.asarray(np.minimum(corners - low, high - corners).min(axis=2))
+
+
+def _shapes(obstacles: Sequence[Obstacle]) -> tuple[ObjectArray, FloatArray]:
+    """Polygons, or centres and radii, of obstacles; all rings are made at once, as there may be thousands."""
+    radii = np.array([o.radius if isinstance(o, CircleObstacle) else 0.0 for o in obstacles])
+    shapes: ObjectArray = np.empty(len(obstacles), dtype=object)
+    outlines = [o.outline for o in obstacles if not isinstance(o, CircleObstacle)]
+    if outlines:
+        ring = np.repeat(np.arange(len(outlines)), [len(outline) for outline in outlines])
+        shapes[radii == 0.0] = shapely.polygons(shapely.linearrings(np.concatenate(outlines), indices=ring))
+    centers = [o.center for o in obstacles if isinstance(o, CircleObstacle)]
+    if centers:
+        shapes[radii > 0.0] = shapely.points(np.array(centers))
+    return shapes, radii
