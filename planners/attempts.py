@@ -104,9 +104,11 @@ class Search:
     def _attempt(self, scenario: Scenario, budget: Budget, before: Attempt | None) -> Attempt:
         """Search with the scenario's margin; by travel first where paths are ranked by time."""
         earlier = None if before is None else before.session
-        if scenario.planner.cost != "time" or budget.first:
-            return self._run(scenario, budget, earlier)
         by_travel = replace(scenario, planner=replace(scenario.planner, cost="travel"))
+        if budget.first:  # no path is compared with another one: prices that take long to make are not needed
+            return replace(self._run(by_travel, budget, earlier), scenario=scenario)
+        if scenario.planner.cost != "time":
+            return self._run(scenario, budget, earlier)
         first = self._run(by_travel, replace(budget, enough=TRAVEL_SHARE), earlier)
         if first.path is None:
             return first

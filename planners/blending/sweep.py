@@ -53,7 +53,7 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
         trajectory: The motion.
         reach: Distance from the chain frame's origin to the body's farthest point, m.
     """
-    rates = top_rates(np.diff(trajectory.breaks), trajectory.coefficients, reach)
+    rates = top_rates(np.diff(trajectory.breaks), np.array(trajectory.coefficients), reach)
     travel = np.concatenate([[0.0], np.cumsum(rates * np.diff(trajectory.breaks))])
     s = np.linspace(0.0, travel[-1], max(2, int(np.ceil(travel[-1] / COARSE)) + 1))
     gaps = _gaps(scene, trajectory, travel, s)

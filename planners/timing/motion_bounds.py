@@ -11,13 +11,27 @@ the longest of these.
 
 from __future__ import annotations
 
-from functools import cache
+import math
 from math import comb
 
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.compiled import compiled, no_refcount
+from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.chain import Limits
+
+_MOST = 6
+_TO_BERNSTEIN = np.array(
+    [
+        [
+            [comb(k, j) / comb(n, j) if j <= min(k, n) else 0.0 for j in range(_MOST + 1)]
+            for k in range(_MOST + 1)
+        ]
+        for n in range(_MOST + 1)
+    ]
+)
+"""[n] is the matrix from power to Bernstein coefficients on [0, 1] of polynomials of degree n."""
 
 
 def limit_use(durations: FloatArray, coefficients: FloatArray, limits: Limits) -> FloatArray:
@@ -31,72 +45,76 @@ def limit_use(durations: FloatArray, coefficients: FloatArray, limits: Limits) -
     Returns:
         (q, 3): of speed, acceleration and jerk, the larger of the linear and the angular share.
     """
-    powers = durations[:, None, None] ** np.arange(3)[:, None]
-    twist = coefficients * powers  # polynomials of time / duration
-    per_time = 1.0 / durations[:, None, None]
-    v, omega = twist[:, :, :2], twist[:, :, 2:]
-    dv, domega = _derivative(v) * per_time, _derivative(omega) * per_time
-    ddv, ddomega = _derivative(dv) * per_time, _derivative(domega) * per_time
-    turned = _turned(v)
-    acceleration = _sum(dv, _product(omega, turned))
-    jerk = _sum(
-        ddv,
-        2.0 * _product(omega, _turned(dv)),
-        _product(domega, turned),
-        -_product(_product(omega, omega), v),
-    )
-    linear = (limits.speed, limits.acceleration, limits.jerk)
-    angular = (limits.angular_speed, limits.angular_acceleration, limits.angular_jerk)
-    shares = [
-        np.maximum(_longest(a) / bound, _longest(b) / turn)
-        for a, b, bound, turn in zip(
-            (v, acceleration, jerk), (omega, domega, ddomega), linear, angular, strict=True
-        )
-    ]
-    return np.stack(shares, axis=1)
+    linear = np.array([limits.speed, limits.acceleration, limits.jerk])
+    angular = np.array([limits.angular_speed, limits.angular_acceleration, limits.angular_jerk])
+    return _limit_use(durations, coefficients, linear, angular)
 
 
+@compiled
+def _limit_use(
+    durations: FloatArray, coefficients: FloatArray, linear: FloatArray, angular: FloatArray
+) -> FloatArray:
+    out = np.empty((len(durations), 3))
+    for i in range(len(durations)):
+        _piece_use(durations[i], coefficients[i], linear, angular, out[i])
+    return out
+
+
+@no_refcount
+def _piece_use(
+    duration: float, coefficients: FloatArray, linear: FloatArray, angular: FloatArray, out: FloatArray
+) -> None:
+    """Fill in the shares (3,) of one piece; polynomials have rows (x, y, turn) and are those of time / duration."""
+    twist, first, second = scratch(3, 3), scratch(2, 3), scratch(1, 3)
+    for c in range(3):
+        for j in range(3):
+            twist[j, c] = coefficients[j, c] * duration**j
+        first[0, c], first[1, c] = twist[1, c] / duration, 2.0 * twist[2, c] / duration
+        second[0, c] = first[1, c] / duration
+    acceleration, jerk = scratch(5, 2), scratch(7, 2)
+    acceleration[:], jerk[:] = 0.0, 0.0
+    for c in range(2):
+        jerk[0, c] = second[0, c]
+        for j in range(2):
+            acceleration[j, c] = first[j, c]
+    for i in range(3):
+        for j in range(3):
+            acceleration[i + j, 0] -= twist[i, 2] * twist[j, 1]
+            acceleration[i + j, 1] += twist[i, 2] * twist[j, 0]
+            if j < 2:
+                jerk[i + j, 0] -= 2.0 * twist[i, 2] * first[j, 1]
+                jerk[i + j, 1] += 2.0 * twist[i, 2] * first[j, 0]
+                jerk[i + j, 0] -= first[j, 2] * twist[i, 1]
+                jerk[i + j, 1] += first[j, 2] * twist[i, 0]
+            for k in range(3):
+                for c in range(2):
+                    jerk[i + j + k, c] -= twist[i, 2] * twist[j, 2] * twist[k, c]
+    out[0] = max(_longest(twist[:, :2]) / linear[0], _longest(twist[:, 2:]) / angular[0])
+    out[1] = max(_longest(acceleration) / linear[1], _longest(first[:, 2:]) / angular[1])
+    out[2] = max(_longest(jerk) / linear[2], _longest(second[:, 2:]) / angular[2])
+
+
+@compiled
 def top_rates(durations: FloatArray, coefficients: FloatArray, reach: float) -> FloatArray:
     """Return bounds (q,) on the speed of any point within `reach` (m) of the origin on each piece, m/s."""
-    twist = coefficients * durations[:, None, None] ** np.arange(3)[:, None]
-    return _longest(twist[:, :, :2]) + reach * _longest(twist[:, :, 2:])
-
-
-def _derivative(p: FloatArray) -> FloatArray:
-    return p[:, 1:] * np.arange(1, p.shape[1])[:, None]
-
-
-def _turned(p: FloatArray) -> FloatArray:
-    return np.stack([-p[..., 1], p[..., 0]], axis=-1)
-
-
-def _product(scalar: FloatArray, p: FloatArray) -> FloatArray:
-    """Products (q, m + n - 1, d) of polynomials (q, m, 1) and (q, n, d)."""
-    out = np.zeros((len(p), scalar.shape[1] + p.shape[1] - 1, p.shape[2]))
-    for i in range(scalar.shape[1]):
-        out[:, i : i + p.shape[1]] += scalar[:, i : i + 1] * p
+    out, twist = np.empty(len(durations)), np.empty((3, 3))
+    for i in range(len(durations)):
+        for j in range(3):
+            twist[j] = coefficients[i, j] * durations[i] ** j
+        out[i] = _longest(twist[:, :2]) + reach * _longest(twist[:, 2:])
     return out
 
 
-def _sum(*polynomials: FloatArray) -> FloatArray:
-    out = np.zeros((len(polynomials[0]), max(p.shape[1] for p in polynomials), polynomials[0].shape[2]))
-    for p in polynomials:
-        out[:, : p.shape[1]] += p
-    return out
-
-
-def _longest(p: FloatArray) -> FloatArray:
-    """Length (q,) of the longest Bernstein coefficient of polynomials (q, n, d) over [0, 1]."""
-    hull = np.einsum("kj,qjd->qkd", _to_bernstein(p.shape[1] - 1), p)
-    return np.asarray(np.linalg.norm(hull, axis=2).max(axis=1))
-
-
-@cache
-def _to_bernstein(degree: int) -> FloatArray:
-    """Matrix from power to Bernstein coefficients on [0, 1]."""
-    return np.array(
-        [
-            [comb(k, j) / comb(degree, j) if j <= k else 0.0 for j in range(degree + 1)]
-            for k in range(degree + 1)
-        ]
-    )
+@no_refcount
+def _longest(p: FloatArray) -> float:
+    """Length of the longest Bernstein coefficient over [0, 1] of a polynomial (n, d), lowest order first."""
+    longest, degree = 0.0, p.shape[0] - 1
+    for k in range(degree + 1):
+        square = 0.0
+        for c in range(p.shape[1]):
+            value = 0.0
+            for j in range(k + 1):
+                value += _TO_BERNSTEIN[degree, k, j] * p[j, c]
+            square += value * value
+        longest = max(longest, square)
+    return math.sqrt(longest)

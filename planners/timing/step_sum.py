@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
-from pushplan.geometry import se2
-from pushplan.trajectory import advance
+from pushplan.compiled import compiled, no_refcount
+from pushplan.trajectory import poses_after
 
 FINEST = 0.02
 """Longest piece (s) on which the twist changes direction: a Magnus step over it is good to about 1e-11 m."""
@@ -43,10 +43,7 @@ class Pieces(NamedTuple):
     @property
     def motion(self) -> FloatArray:
         """(3,) pose at the end, seen from the beginning."""
-        steps = advance(self.coefficients, np.zeros(len(self.durations)), self.durations)
-        theta = np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-        xy = se2.rotate(theta[:-1], steps[:, :2]).sum(axis=0)
-        return np.append(xy, theta[-1])
+        return poses_after(np.zeros(3), self.coefficients, self.durations)[-1]
 
 
 def ordered_widths(centers: FloatArray, widths: FloatArray) -> FloatArray:
@@ -67,11 +64,9 @@ def step_sum(levels: FloatArray, centers: FloatArray, widths: FloatArray) -> Pie
     widths = np.where(moving[:, None], widths, 0.0)
     begin, end = centers - widths.sum(axis=1) / 2.0, centers + widths.sum(axis=1) / 2.0
     breaks = _breaks(begin, end, widths)
-    middle = 0.5 * (breaks[:-1] + breaks[1:])
-    shape = _phases(breaks[:-1], middle, begin, widths)
-    coefficients = np.einsum("qmc,md->qcd", shape, np.diff(levels, axis=0))
-    coefficients[:, 0] += levels[0]
-    level = (middle[:, None] > end).sum(axis=1)
+    coefficients = np.empty((len(breaks) - 1, 3, 3))
+    _add_steps(levels, begin, widths, breaks, coefficients)
+    level = (0.5 * (breaks[:-1] + breaks[1:])[:, None] > end).sum(axis=1)
     return Pieces(np.diff(breaks), coefficients, level)
 
 
@@ -88,24 +83,32 @@ def _breaks(begin: FloatArray, end: FloatArray, widths: FloatArray) -> FloatArra
     return np.append(phases[owner] + share * np.diff(phases)[owner], phases[-1])
 
 
-def _phases(at: FloatArray, middle: FloatArray, begin: FloatArray, widths: FloatArray) -> FloatArray:
-    """Coefficients (q, m, 3) of every step b_j on every piece, about the piece's beginning `at` (q,)."""
-    long, short = widths[:, 0], widths[:, 1]
-    area = np.where(long * short > 0.0, long * short, 1.0)
-    rising = np.where(long > 0.0, long, 1.0)
-    total = long + short
-    u = at[:, None] - begin
-    w = total - u
-    one, zero = np.ones_like(u), np.zeros_like(u)
-    into = middle[:, None] - begin
-    phase = (into >= 0.0).astype(int) + (into > short) + (into > long) + (into > total)
-    forms = np.stack(
-        [
-            np.stack([zero, zero, zero], axis=-1),
-            np.stack([u * u / (2.0 * area), u / area, one / (2.0 * area)], axis=-1),
-            np.stack([(u - short / 2.0) / rising, one / rising, zero], axis=-1),
-            np.stack([one - w * w / (2.0 * area), w / area, -one / (2.0 * area)], axis=-1),
-            np.stack([one, zero, zero], axis=-1),
-        ]
-    )
-    return np.asarray(np.take_along_axis(forms, phase[None, :, :, None], axis=0)[0])
+@compiled
+def _add_steps(
+    levels: FloatArray, begin: FloatArray, widths: FloatArray, breaks: FloatArray, coefficients: FloatArray
+) -> None:
+    """Fill in the coefficients (q, 3, 3) of the first level and all steps, on the pieces between `breaks` (q + 1,)."""
+    for i in range(len(coefficients)):
+        coefficients[i] = 0.0
+        coefficients[i, 0] = levels[0]
+        for j in range(len(begin)):
+            into = 0.5 * (breaks[i] + breaks[i + 1]) - begin[j]
+            shape = _phase(breaks[i] - begin[j], into, widths[j, 0], widths[j, 1])
+            for c in range(3):
+                if shape[c] != 0.0:
+                    coefficients[i, c] += shape[c] * (levels[j + 1] - levels[j])
+
+
+@no_refcount
+def _phase(u: float, into: float, long: float, short: float) -> tuple[float, float, float]:
+    """Coefficients of a step b_j about a time `u` after its beginning, in the phase at the time `into` after it."""
+    w = long + short - u
+    if into < 0.0:
+        return 0.0, 0.0, 0.0
+    if into > long + short:
+        return 1.0, 0.0, 0.0
+    if into > long:
+        return 1.0 - w * w / (2.0 * long * short), w / (long * short), -1.0 / (2.0 * long * short)
+    if into > short:
+        return (u - short / 2.0) / long, 1.0 / long, 0.0
+    return u * u / (2.0 * long * short), u / (long * short), 1.0 / (2.0 * long * short)

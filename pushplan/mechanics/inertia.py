@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.arrays import FloatArray
+from pushplan.compiled import compiled
 from pushplan.geometry.polygon import area_moments
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain, PushedObject
@@ -61,12 +62,22 @@ def inertia_per_object(table: InertiaTable, twists: FloatArray, rates: FloatArra
         twists: (m, 3) body twists V in the chain frame.
         rates: (m, 3) their time derivatives dV/dt.
     """
-    mass, center, moment = table
-    v, omega = twists[:, None, :2], twists[:, None, 2:]
-    dv, domega = rates[:, None, :2], rates[:, None, 2:]
-    force = mass[:, None] * (dv + domega * _turned(center) + omega * _turned(v) - omega**2 * center[None])
-    about = moment * domega[..., 0] + center[:, 0] * force[..., 1] - center[:, 1] * force[..., 0]
-    return np.concatenate([force, about[..., None]], axis=-1)
+    return _inertia_per_object(*table, twists, rates)
+
+
+@compiled
+def _inertia_per_object(
+    mass: FloatArray, center: FloatArray, moment: FloatArray, twists: FloatArray, rates: FloatArray
+) -> FloatArray:
+    out = np.empty((len(twists), len(mass), 3))
+    for i in range(len(twists)):
+        (vx, vy, omega), (dvx, dvy, domega) = twists[i], rates[i]
+        for k in range(len(mass)):
+            x, y = center[k]
+            fx = mass[k] * (dvx - domega * y - omega * vy - omega * omega * x)
+            fy = mass[k] * (dvy + domega * x + omega * vx - omega * omega * y)
+            out[i, k] = fx, fy, moment[k] * domega + x * fy - y * fx
+    return out
 
 
 def summed_over_carried(chain: Chain, per_object: FloatArray) -> FloatArray:
@@ -78,7 +89,3 @@ def summed_over_carried(chain: Chain, per_object: FloatArray) -> FloatArray:
             carried[:, pusher] += carried[:, k]
     return carried
 
-
-def _turned(vectors: FloatArray) -> FloatArray:
-    """J x: vectors (..., 2) turned by a quarter turn counter-clockwise."""
-    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)

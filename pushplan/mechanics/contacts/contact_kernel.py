@@ -121,6 +121,23 @@ def wrenches_of(packed: PackedChain, twists: FloatArray) -> FloatArray:
 
 
 @compiled
+def facet_rows(facets: FloatArray, wrenches: FloatArray, length: float) -> tuple[FloatArray, FloatArray]:
+    """Return the rows g . w (k, n, 4) of facets (n, 4, 3) and wrenches (k, n, 3), and the wrenches' sizes (k, n).
+
+    Moments are divided by `length`, m.
+    """
+    rows, size = np.empty((len(wrenches), len(facets), 4)), np.empty((len(wrenches), len(facets)))
+    for i in range(len(wrenches)):
+        for k in range(len(facets)):
+            x, y, m = wrenches[i, k, 0], wrenches[i, k, 1], wrenches[i, k, 2] / length
+            size[i, k] = math.sqrt(x * x + y * y + m * m)
+            for j in range(4):
+                g = facets[k, j]
+                rows[i, k, j] = g[0] * x + g[1] * y + g[2] * m
+    return rows, size
+
+
+@compiled
 def contact_margins_of(packed: PackedChain, wrenches: FloatArray) -> FloatArray:
     """Return the margins (k, n) of transmitted wrenches (k, n, 3)."""
     out = np.empty((len(wrenches), len(packed.links)))

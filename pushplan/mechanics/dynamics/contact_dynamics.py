@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from pushplan.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, wrenches_of
+from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, facet_rows, wrenches_of
 from pushplan.mechanics.friction.packed import PackedChain, pack_chain
 from pushplan.mechanics.inertia import (
     InertiaTable,
@@ -191,9 +191,7 @@ class ContactDynamics:
 
     def _exactly(self, wrenches: FloatArray) -> Wrenches:
         """Facet values G . w of transmitted wrenches (m, n, 3), and their sizes."""
-        scaled = wrenches / np.array([1.0, 1.0, self.chain.characteristic_length])
-        rows = np.einsum("kjc,mkc->mkj", self.facets, scaled)
-        return Wrenches(np.asarray(rows, dtype=np.float64), np.linalg.norm(scaled, axis=2))
+        return Wrenches(*facet_rows(self.facets, wrenches, self.chain.characteristic_length))
 
     def margins(self, twists: ArrayLike, rates: ArrayLike) -> FloatArray:
         """Return the margin (m, n) of each contact while the chain moves and accelerates; see `dynamic_margins`.
