@@ -10,7 +10,8 @@ import shapely
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.planners.collision.scene import convex_pieces, scene_of
+from pushplan.planners.collision.convex_pieces import convex_pieces
+from pushplan.planners.collision.scene import scene_of
 from pushplan.planners.collision.separation import Scene, separation, step, sweep_is_free
 
 INFINITE = np.array([-np.inf, -np.inf, np.inf, np.inf])
@@ -117,7 +118,7 @@ def test_steps_are_the_exact_exponential() -> None:
 
 def test_convex_pieces_cover_a_concave_outline_without_overlap() -> None:
     outline = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]])
-    pieces = [shapely.Polygon(piece) for piece in convex_pieces(outline)]
+    pieces = [shapely.Polygon(piece) for piece in convex_pieces([outline])]
     assert shapely.union_all(pieces).symmetric_difference(shapely.Polygon(outline)).area < 1e-12
     assert sum(piece.area for piece in pieces) == pytest.approx(5.0)
     assert all(piece.convex_hull.area == pytest.approx(piece.area) for piece in pieces)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
+from pushplan.compiled import compiled
 
 LEAF = 4
 """Obstacles in a leaf, at most."""
@@ -22,33 +23,48 @@ def obstacle_tree(boxes: FloatArray, polygons: int) -> tuple[FloatArray, IntArra
         last + 1 of its polygons and of its circles, empty ranges for other nodes; and (n,) the order that polygons
         and circles have to be brought into for these ranges.
     """
-    rows: list[list[float]] = []
-    order: list[IntArray] = []
-    counts = [0, 0]
-
-    def add(members: IntArray) -> None:
-        row = len(rows)
-        rows.append([*boxes[members, :2].min(axis=0), *boxes[members, 2:].max(axis=0), 0.0, *[0.0] * 4])
-        if len(members) <= LEAF:
-            order.append(members)
-            for kind, count in enumerate([(members < polygons).sum(), (members >= polygons).sum()]):
-                rows[row][5 + 2 * kind : 7 + 2 * kind] = [counts[kind], counts[kind] + count]
-                counts[kind] += int(count)
-        else:
-            for half in _halves(boxes, members):
-                add(half)
-        rows[row][4] = len(rows)
-
-    if len(boxes):
-        add(np.arange(len(boxes)))
-    tree = np.array(rows, dtype=np.float64).reshape(-1, 9)
-    return tree, np.concatenate([np.zeros(0, dtype=np.int64), *order])
+    tree, order, counts = np.zeros((2 * len(boxes), 9)), np.arange(len(boxes)), np.zeros(2, dtype=np.int64)
+    rows = _add(boxes, polygons, LEAF, order, tree, 0, counts) if len(boxes) else 0
+    return tree[:rows].copy(), order
 
 
-def _halves(boxes: FloatArray, members: IntArray) -> tuple[IntArray, IntArray]:
-    """Members to either side of the median."""
-    centers = boxes[members, :2] + boxes[members, 2:]
-    axis = int(np.argmax(np.ptp(centers, axis=0)))
-    sorted_members = members[np.argsort(centers[:, axis], kind="stable")]
-    middle = len(members) // 2
-    return sorted_members[:middle], sorted_members[middle:]
+@compiled
+def _add(
+    boxes: FloatArray,
+    polygons: int,
+    leaf: int,
+    members: IntArray,
+    tree: FloatArray,
+    row: int,
+    counts: IntArray,
+) -> int:
+    """Write the nodes above some obstacles from `row` on, bring them into order, and return the next free row."""
+    node, last = tree[row], row + 1
+    node[:2], node[2:4] = np.inf, -np.inf
+    for i in members:
+        for axis in range(2):
+            node[axis] = min(node[axis], boxes[i, axis])
+            node[2 + axis] = max(node[2 + axis], boxes[i, 2 + axis])
+    if len(members) <= leaf:
+        for i in members:
+            counts[0 if i < polygons else 1] += 1
+        node[6], node[8] = counts
+        node[5], node[7] = counts[0] - (members < polygons).sum(), counts[1] - (members >= polygons).sum()
+    else:
+        _sort(boxes, members)
+        half = len(members) // 2
+        last = _add(boxes, polygons, leaf, members[:half], tree, last, counts)
+        last = _add(boxes, polygons, leaf, members[half:], tree, last, counts)
+    node[4] = last
+    return last
+
+
+@compiled
+def _sort(boxes: FloatArray, members: IntArray) -> None:
+    """Sort obstacles by their centres along the longer side of these centres' extent."""
+    centers = np.empty((2, len(members)))
+    for k in range(len(members)):
+        for axis in range(2):
+            centers[axis, k] = boxes[members[k], axis] + boxes[members[k], 2 + axis]
+    axis = 0 if np.ptp(centers[0]) >= np.ptp(centers[1]) else 1
+    members[:] = members[np.argsort(centers[axis], kind="mergesort")]

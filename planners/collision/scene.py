@@ -6,55 +6,29 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from pushplan.arrays import FloatArray
+from pushplan.arrays import FloatArray, IntArray
 from pushplan.mechanics.chain import Chain
+from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.obstacle_tree import obstacle_tree
 from pushplan.planners.collision.separation import Scene, Shapes
-
-
-def convex_pieces(outline: FloatArray) -> list[FloatArray]:
-    """Return counter-clockwise convex polygons (k, 2) that cover a simple polygon, itself if it is convex."""
-    polygon = shapely.Polygon(outline)
-    if polygon.equals(polygon.convex_hull):
-        return [_ring(polygon)]
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
-    return [_ring(piece) for piece in _merged(list(triangles))]
-
-
-def _merged(pieces: list[BaseGeometry]) -> list[BaseGeometry]:
-    """Join neighbouring pieces for as long as the union stays convex (Hertel and Mehlhorn 1983)."""
-    for i, first in enumerate(pieces):
-        for j in range(i + 1, len(pieces)):
-            union = shapely.union(first, pieces[j])
-            convex = (
-                union.geom_type == "Polygon" and union.convex_hull.area - union.area <= 1e-12 * union.area
-            )
-            if convex:
-                rest = [piece for k, piece in enumerate(pieces) if k not in (i, j)]
-                return _merged([union, *rest])
-    return pieces
-
-
-def _ring(polygon: BaseGeometry) -> FloatArray:
-    """Corners of a convex polygon, counter-clockwise, without the repeated end and points inside an edge."""
-    ring = shapely.orient_polygons(shapely.simplify(polygon.convex_hull, 0.0))
-    return shapely.get_coordinates(ring)[:-1]
 
 
 def flatten(polygons: Sequence[FloatArray]) -> Shapes:
     """Return convex polygons as flat arrays with edge normals and bounding circles."""
     if not polygons:
         return Shapes(np.zeros((0, 4)), np.zeros(1, dtype=np.int64), np.zeros((0, 3)))
-    corners = []
-    for polygon in polygons:
-        edge = np.roll(polygon, -1, axis=0) - polygon
-        normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1, keepdims=True)
-        corners.append(np.hstack([polygon, normal]))
-    starts = np.concatenate([[0], np.cumsum([len(polygon) for polygon in polygons])]).astype(np.int64)
-    bounds = np.array([bounding_circle(polygon) for polygon in polygons])
-    return Shapes(np.ascontiguousarray(np.concatenate(corners)), starts, bounds)
+    corners, counts = np.concatenate(polygons), np.array([len(polygon) for polygon in polygons])
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    after = np.arange(1, len(corners) + 1)
+    after[starts[1:] - 1] = starts[:-1]
+    edge = corners[after] - corners
+    normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1, keepdims=True)
+    boxes = _boxes(corners, starts)
+    center = 0.5 * (boxes[:, :2] + boxes[:, 2:])
+    away = np.linalg.norm(corners - np.repeat(center, counts, axis=0), axis=1)
+    bounds = np.column_stack([center, np.maximum.reduceat(away, starts[:-1])])
+    return Shapes(np.hstack([corners, normal]), starts, bounds)
 
 
 def bounding_circle(points: FloatArray) -> FloatArray:
@@ -64,9 +38,9 @@ def bounding_circle(points: FloatArray) -> FloatArray:
     return np.append(center, np.linalg.norm(points - center, axis=1).max())
 
 
-def _box(points: FloatArray) -> FloatArray:
-    """Smallest box (xmin, ymin, xmax, ymax) around points (k, 2)."""
-    return np.concatenate([points.min(axis=0), points.max(axis=0)])
+def _boxes(corners: FloatArray, starts: IntArray) -> FloatArray:
+    """Smallest boxes (q, 4) xmin, ymin, xmax, ymax around polygons with corners (v, 2), each from its start on."""
+    return np.hstack([part.reduceat(corners, starts[:-1], axis=0) for part in (np.minimum, np.maximum)])
 
 
 def build_scene(
@@ -87,8 +61,8 @@ def build_scene(
         clearance: Distance from everything at the poses that are looked at, m, > 0.
         kept: Distance that is proven between them, m, smaller; None stands for half of the clearance.
     """
-    body = [piece for moving in chain.bodies for piece in convex_pieces(moving.outline)]
-    standing = [piece for outline in polygons for piece in convex_pieces(outline)]
+    body = list(convex_pieces([moving.outline for moving in chain.bodies]))
+    standing = list(convex_pieces(list(polygons)))
     discs = np.array(list(circles), dtype=np.float64).reshape(-1, 3)
     return scene_of(body, standing, discs, np.array(walls, dtype=np.float64), clearance, kept)
 
@@ -102,9 +76,11 @@ def scene_of(
     kept: float | None = None,
 ) -> Scene:
     """Return the compiled scene of convex pieces, its obstacles in the order of their tree."""
-    boxes = np.array([_box(polygon) for polygon in polygons]).reshape(-1, 4)
     radius = circles[:, 2:]
-    boxes = np.concatenate([boxes, np.hstack([circles[:, :2] - radius, circles[:, :2] + radius])])
+    boxes = np.hstack([circles[:, :2] - radius, circles[:, :2] + radius])
+    if polygons:
+        starts = np.cumsum([0, *(len(polygon) for polygon in polygons)])
+        boxes = np.concatenate([_boxes(np.concatenate(polygons), starts), boxes])
     tree, order = obstacle_tree(boxes, len(polygons))
     standing = [polygons[i] for i in order[order < len(polygons)]]
     discs = circles[order[order >= len(polygons)] - len(polygons)]

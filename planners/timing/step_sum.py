@@ -89,22 +89,23 @@ def _add_steps(
 ) -> None:
     """Fill in the coefficients (q, 3, 3) of the first level and all steps, on the pieces between `breaks` (q + 1,)."""
     for i in range(len(coefficients)):
-        coefficients[i] = 0.0
-        coefficients[i, 0] = levels[0]
+        piece, middle = coefficients[i], 0.5 * (breaks[i] + breaks[i + 1])
+        for d in range(3):
+            piece[0, d], piece[1, d], piece[2, d] = levels[0, d], 0.0, 0.0
         for j in range(len(begin)):
-            into = 0.5 * (breaks[i] + breaks[i + 1]) - begin[j]
-            shape = _phase(breaks[i] - begin[j], into, widths[j, 0], widths[j, 1])
-            for c in range(3):
-                if shape[c] != 0.0:
-                    coefficients[i, c] += shape[c] * (levels[j + 1] - levels[j])
+            if middle >= begin[j]:
+                shape = _phase(breaks[i] - begin[j], middle - begin[j], widths[j, 0], widths[j, 1])
+                for d in range(3):
+                    step = levels[j + 1, d] - levels[j, d]
+                    piece[0, d] += shape[0] * step
+                    piece[1, d] += shape[1] * step
+                    piece[2, d] += shape[2] * step
 
 
 @no_refcount
 def _phase(u: float, into: float, long: float, short: float) -> tuple[float, float, float]:
     """Coefficients of a step b_j about a time `u` after its beginning, in the phase at the time `into` after it."""
     w = long + short - u
-    if into < 0.0:
-        return 0.0, 0.0, 0.0
     if into > long + short:
         return 1.0, 0.0, 0.0
     if into > long:
