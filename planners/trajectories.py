@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pushplan.path import PushPath
 from pushplan.planners.blending.blending import blend_path
+from pushplan.planners.collision.separation import Scene
 from pushplan.planners.timing.bounds import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.scenario import Scenario
@@ -12,7 +13,11 @@ from pushplan.trajectory import SAMPLE_RATE, Trajectory
 
 
 def make_trajectory(
-    scenario: Scenario, path: PushPath, stable: StableSet, rate: float = SAMPLE_RATE
+    scenario: Scenario,
+    path: PushPath,
+    stable: StableSet,
+    rate: float = SAMPLE_RATE,
+    scene: Scene | None = None,
 ) -> Trajectory:
     """Return a path timed within the limits of the pusher and, if asked for, of the contacts.
 
@@ -22,11 +27,12 @@ def make_trajectory(
         path: Constant-twist arcs, free of collision and stable.
         stable: The set that the path was planned in.
         rate: Samples per second of the trajectory.
+        scene: The scenario's, where it is there already.
 
     Raises:
         TimingError: When an arc cannot be timed within the limits.
     """
     bounds = motion_bounds(scenario, stable)
     if scenario.trajectory == "blended":
-        return blend_path(scenario, path, stable, bounds, rate).trajectory
+        return blend_path(scenario, path, stable, bounds, rate, scene).trajectory
     return time_path(path, bounds, rate)

@@ -142,7 +142,9 @@ def plan(
             reason = verdict(posed, stable, path, trajectory, execution)
         least = session.lower_bound if path is None else partial(lower_bound, posed, path.cost)
         solved = not reason
-        bears = partial(tolerance_of, scenario.chain, trajectory) if solved and trajectory is not None else None
+        bears = (
+            partial(tolerance_of, scenario.chain, trajectory) if solved and trajectory is not None else None
+        )
     return PlanResult(
         solved=solved,
         reason=reason,
@@ -183,7 +185,7 @@ def _soonest(
     reason = ""
     for path in (attempt.path, *attempt.others):
         try:
-            trajectory = make_trajectory(scenario, path, stable)
+            trajectory = make_trajectory(scenario, path, stable, scene=attempt.session.problem.scene)
         except TimingError as error:
             reason = reason or f"a path was found that cannot be driven: {error}"
         else:

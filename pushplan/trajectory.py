@@ -71,7 +71,7 @@ def advance(coefficients: FloatArray, begin: FloatArray, end: FloatArray) -> Flo
 
 @compiled
 def poses_after(start: FloatArray, coefficients: FloatArray, durations: FloatArray) -> FloatArray:
-    """Return the poses (q + 1, 3) at the ends of pieces with twists `coefficients` (q, 3, 3), from `start` (3,) on."""
+    """Return the poses (q + 1, 3) at the ends of pieces with twists `coefficients` (q, 3, 3), from `start` on."""
     out = np.empty((len(durations) + 1, 3))
     out[0] = start
     for i in range(len(durations)):

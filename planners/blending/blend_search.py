@@ -26,7 +26,8 @@ from pushplan.planners.blending.joining import (
 from pushplan.planners.blending.nudge import LengthRows, no_rows, nudges
 from pushplan.planners.blending.section import make_driven
 from pushplan.planners.blending.sweep import find_touches
-from pushplan.planners.problem.posing import body_reach, scenario_scene
+from pushplan.planners.collision.separation import Scene
+from pushplan.planners.problem.posing import body_reach
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
@@ -75,6 +76,7 @@ class BlendSearch:
 
     Args:
         scenario: Limits of the pusher, margin to keep, and what is in the way.
+        scene: What moves and what stands still in it.
         path: Constant-twist arcs.
         goal: (3,) pose in the world to end on, near the path's end.
         stable: The set whose margin has to be kept.
@@ -85,6 +87,7 @@ class BlendSearch:
     def __init__(
         self,
         scenario: Scenario,
+        scene: Scene,
         path: PushPath,
         goal: FloatArray,
         stable: StableSet,
@@ -93,7 +96,7 @@ class BlendSearch:
     ) -> None:
         self.scenario, self.path, self.goal, self.stable = scenario, path, goal, stable
         self.rate, self.bounds = rate, bounds
-        self.scene, self.reach = scenario_scene(scenario), body_reach(scenario)
+        self.scene, self.reach = scene, body_reach(scenario)
         self.corners = corners_of(path)
         self.stops: frozenset[int] = frozenset()
         self.parts = [make_driven(path, driven_arcs(path), bounds)]

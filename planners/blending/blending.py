@@ -18,6 +18,8 @@ from pushplan.path import PushPath
 from pushplan.planners.blending.blend_search import Blend, BlendSearch
 from pushplan.planners.blending.inset import inset_path
 from pushplan.planners.blending.joining import corners_of
+from pushplan.planners.collision.separation import Scene
+from pushplan.planners.problem.posing import scenario_scene
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.scenario import Scenario
@@ -34,6 +36,7 @@ def blend_path(
     stable: StableSet,
     bounds: Bounds,
     rate: float = SAMPLE_RATE,
+    scene: Scene | None = None,
 ) -> Blend:
     """Return the trajectory along a path that stops at few corners and takes no longer than the exact one.
 
@@ -43,6 +46,7 @@ def blend_path(
         stable: The set whose margin has to exceed `scenario.required_margin`.
         bounds: What limits the motion.
         rate: Samples per second of the trajectory.
+        scene: The scenario's, where it is there already.
 
     Raises:
         TimingError: When an arc cannot be timed.
@@ -50,10 +54,11 @@ def blend_path(
     exact = time_path(path, bounds, rate)
     if not corners_of(path):
         return Blend(exact, frozenset())
+    scene = scenario_scene(scenario) if scene is None else scene
     inset = inset_path(path, stable, scenario.required_margin, bounds)
 
     def paced(pace: float) -> BlendSearch:
-        return BlendSearch(scenario, inset.path, path.end, stable, rate, bounds._replace(pace=pace))
+        return BlendSearch(scenario, scene, inset.path, path.end, stable, rate, bounds._replace(pace=pace))
 
     full = paced(1.0)
     blend = full.blended(exact.duration, stops=0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
+from pushplan.planners.timing.arc_limits import contact_limits
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_run
 from pushplan.planners.timing.step_sum import Pieces
@@ -56,7 +57,9 @@ class Push:
 
     def pieces(self, lengths: FloatArray) -> Pieces:
         """Return the twist over time."""
-        durations, coefficients, owner = time_run(self.twist, lengths[self.arcs], self.bounds)
+        own = lengths[self.arcs]
+        limits = contact_limits(self.twist, float(own.sum()), self.bounds)
+        durations, coefficients, owner = time_run(self.twist, own, limits)
         return Pieces(durations, coefficients, self.arcs[owner])
 
     def duration(self, lengths: FloatArray) -> float:

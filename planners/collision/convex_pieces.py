@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -21,7 +22,7 @@ def convex_pieces(outlines: Sequence[FloatArray]) -> Iterator[FloatArray]:
     starts = np.cumsum([0, *(len(outline) for outline in outlines)])
     corners = np.concatenate(outlines)
     out, left = _bulges(corners, starts)
-    for i, (first, last) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+    for i, (first, last) in enumerate(pairwise(starts)):
         bulge, outline = out[first:last], corners[first:last]
         if bulge.min() > -STRAIGHT:
             yield outline[bulge > STRAIGHT][:: 1 if left[i] else -1]
@@ -77,11 +78,12 @@ def _joined(corners: FloatArray, origin: IntArray, twin: IntArray) -> tuple[IntA
     gone = twin == edges  # none is
     for h in range(len(origin)):
         t = twin[h]
-        if h < t and _is_convex(corners, origin, before[h], after[t], after):
-            if _is_convex(corners, origin, before[t], after[h], after):
-                for one, other in ((h, t), (t, h)):
-                    after[before[one]], before[after[other]] = after[other], before[one]
-                    gone[one] = True
+        if h >= t or not _is_convex(corners, origin, before[h], after[t], after):
+            continue
+        if _is_convex(corners, origin, before[t], after[h], after):
+            for one, other in ((h, t), (t, h)):
+                after[before[one]], before[after[other]] = after[other], before[one]
+                gone[one] = True
     ring, starts, k = np.empty(len(origin), dtype=np.int64), [0], 0
     for h in range(len(origin)):
         i = h

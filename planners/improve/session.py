@@ -14,6 +14,7 @@ from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.incumbent import Incumbent, path_from
 from pushplan.planners.improve.nearest import NearestApproach
 from pushplan.planners.improve.polish import merged, shorten
+from pushplan.planners.improve.shortcuts import cut_short
 from pushplan.planners.problem.problem import Problem, remaining
 from pushplan.result import ProgressPoint
 
@@ -164,9 +165,14 @@ class Session:
         self.iterations += extensions if iterations is None else iterations
 
     def offer(self, arcs: FloatArray) -> None:
-        """Take a path (k, 4) to the goal into account, as it is and polished while it promises to be the best."""
+        """Take a path (k, 4) to the goal into account, as it is and polished while it promises to be the best.
+
+        A first path that is all that is wanted is only cut short: that takes less time than its needless arcs do
+        when they are timed.
+        """
         self.take(merged(arcs))
         if self.budget.first:
+            self.take(cut_short(self.problem, self.start, self.best.arcs, self.problem.prices.per_arc))
             return
         before = self.best.price_of(arcs)
         for _ in range(POLISH_ROUNDS):

@@ -62,19 +62,28 @@ def arc_limits(twists: FloatArray, limits: Limits, top: float | FloatArray = mat
 
 
 def contact_limits(twist: FloatArray, length: float, bounds: Bounds) -> ArcLimits:
-    """Return `contact_limits_of` of one arc, twist (3,), as numbers.
+    """Return `limits_of_arcs` of one arc, twist (3,)."""
+    return limits_of_arcs(twist[None], np.array([length]), bounds)[0]
+
+
+def limits_of_arcs(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> list[ArcLimits]:
+    """Return `contact_limits_of` of arcs with twists (k, 3) and lengths (k,), as numbers for each.
 
     Raises:
-        TimingError: When the twist is so close to the boundary of the stable set that the arc would take
-            `CREEP` times as long.
+        TimingError: When a twist is so close to the boundary of the stable set that its arc would take `CREEP`
+            times as long.
     """
-    found, able = contact_limits_of(twist[None], np.array([length]), bounds)
-    if able[0]:
-        return ArcLimits(*(float(bound[0]) for bound in found))
+    found, able = contact_limits_of(twists, lengths, bounds)
+    if not able.all():
+        raise _no_room(twists[np.argmin(able)], bounds)
+    return [ArcLimits(*(float(bound[i]) for bound in found)) for i in range(len(twists))]
+
+
+def _no_room(twist: FloatArray, bounds: Bounds) -> TimingError:
     assert bounds.contacts is not None
     least = float(bounds.contacts.rows(twist, bounds.margin).alpha.min())
     kept = f" above a margin of {bounds.margin:.3g}" if bounds.margin > 0.0 else ""
-    raise TimingError(
+    return TimingError(
         f"an arc along the twist {np.round(twist, 4).tolist()} leaves the contacts no room for inertia: one "
         f"condition holds by {least:.3g} N only{kept}; raise stability.margin, or use quasi-static contact limits"
     )

@@ -9,9 +9,9 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.path import PushPath
-from pushplan.planners.timing.arc_limits import contact_limits
+from pushplan.planners.timing.arc_limits import limits_of_arcs
 from pushplan.planners.timing.bounds import Bounds
-from pushplan.planners.timing.profile import rest_to_rest, split
+from pushplan.planners.timing.profile import ArcLimits, rest_to_rest, split
 from pushplan.trajectory import SAMPLE_RATE, Trajectory
 
 SAME = 1e-12
@@ -32,8 +32,11 @@ def time_path(path: PushPath, bounds: Bounds, rate: float = SAMPLE_RATE) -> Traj
     durations: list[FloatArray] = [np.zeros(0)]
     coefficients: list[FloatArray] = [np.zeros((0, 3, 3))]
     arcs: list[FloatArray] = [np.zeros(0)]
-    for run in runs(path):
-        spent, pieces, owner = time_run(path.twists[run[0]], path.lengths[run], bounds)
+    driven = runs(path)
+    twists = np.array([path.twists[run[0]] for run in driven]).reshape(-1, 3)
+    totals = np.array([path.lengths[run].sum() for run in driven])
+    for run, limits in zip(driven, limits_of_arcs(twists, totals, bounds), strict=True):
+        spent, pieces, owner = time_run(path.twists[run[0]], path.lengths[run], limits)
         durations.append(spent)
         coefficients.append(pieces)
         arcs.append(run[owner].astype(np.float64))
@@ -49,14 +52,14 @@ def runs(path: PushPath) -> list[IntArray]:
 
 
 def time_run(
-    twist: FloatArray, lengths: FloatArray, bounds: Bounds
+    twist: FloatArray, lengths: FloatArray, limits: ArcLimits
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Drive arcs of the same twist from rest to rest.
+    """Drive arcs (a,) of the same twist (3,) from rest to rest within the limits of their parameter.
 
     Returns:
         durations (q,) in s, coefficients (q, 3, 3) of the twist, and (q,) which of the arcs each piece is on.
     """
     total = float(lengths.sum())
-    profile = rest_to_rest(total, contact_limits(twist, total, bounds))
+    profile = rest_to_rest(total, limits)
     pieces, passed = split(profile, np.cumsum(lengths)[:-1])
     return pieces.durations, pieces.rates[:, :, None] * twist, passed

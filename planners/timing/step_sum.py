@@ -87,7 +87,7 @@ def _breaks(begin: FloatArray, end: FloatArray, widths: FloatArray) -> FloatArra
 def _add_steps(
     levels: FloatArray, begin: FloatArray, widths: FloatArray, breaks: FloatArray, coefficients: FloatArray
 ) -> None:
-    """Fill in the coefficients (q, 3, 3) of the first level and all steps, on the pieces between `breaks` (q + 1,)."""
+    """Fill in the coefficients (q, 3, 3) of first level and steps on the pieces between `breaks` (q + 1,)."""
     for i in range(len(coefficients)):
         piece, middle = coefficients[i], 0.5 * (breaks[i] + breaks[i + 1])
         for d in range(3):

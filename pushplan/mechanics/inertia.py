@@ -88,4 +88,3 @@ def summed_over_carried(chain: Chain, per_object: FloatArray) -> FloatArray:
         if pusher >= 0:
             carried[:, pusher] += carried[:, k]
     return carried
-
