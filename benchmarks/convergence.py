@@ -27,7 +27,7 @@ from dense_scenes import scenes as dense_scenes
 from pushplan.bench.processes.machine import Machine
 from pushplan.examples import example_names
 from pushplan.kernels import warm_up
-from pushplan.plan import STALL
+from pushplan.planned import STALL
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.factories import planner_named

@@ -17,6 +17,7 @@ from pushplan.planners.ompl.search import Factory, search
 from pushplan.planners.ompl.solution import push_path
 from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
 from pushplan.planners.problem.prices import make_prices
+from pushplan.planners.problem.problem import Problem
 from pushplan.result import ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
@@ -32,6 +33,10 @@ Fewest metres in few arcs make a good start: a path found by time alone is not a
 
 MARGIN_FREE = "gap"
 """Cause of failures that no other margin could mend."""
+
+
+Pose = Callable[..., Problem]
+"""pose(scenario, stable, until): the compiled problem, made before `time.perf_counter` is `until`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +70,7 @@ class Search:
         began: `time.perf_counter` when posing began, which counts to the time limit.
         good_enough: Share above the lower bound at which a path is good enough; 0 asks for the best.
         progress: Called with every improvement.
+        pose: Makes the compiled problem.
     """
 
     stable: StableSet
@@ -74,6 +80,7 @@ class Search:
     began: float
     good_enough: float = 0.0
     progress: Callable[[ProgressPoint], None] | None = None
+    pose: Pose = build_problem
 
     def with_margins(self, scenario: Scenario, margins: Sequence[float]) -> Attempt:
         """Search with one margin after the other; return the first attempt with a path, or the last.
@@ -120,7 +127,7 @@ class Search:
     ) -> Attempt:
         """Search once, from a path known to the search before if there is one: only the prices are others then."""
         if before is None or known is None:
-            problem = build_problem(scenario, self.stable)
+            problem = self.pose(scenario, self.stable, self.began + budget.time_limit)
         else:
             prices = make_prices(scenario, self.stable, before.problem.segments)
             problem = before.problem._replace(prices=prices)

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from pushplan.mechanics.worst_case.interval_chain import IntervalChain
     from pushplan.path import PushPath
     from pushplan.plan import plan
+    from pushplan.queries import Queries
     from pushplan.reading.imported.outlines import read_csv_outlines, read_svg_outlines
     from pushplan.reading.imported.ros_map import RosMap, read_ros_map
     from pushplan.reading.scenario_check import check_scenario
@@ -90,6 +91,7 @@ _HOMES = {
     "path": "PushPath",
     "recording": "IncompleteLogError",
     "plan": "plan",
+    "queries": "Queries",
     "drawing.run": "plot_plan",
     "drawing.scenario": "plot_scenario",
     "drawing.sets": "plot_stable_sets",
@@ -150,6 +152,7 @@ __all__ = [
     "PushedObject",
     "Pusher",
     "PushplanError",
+    "Queries",
     "RecordedRun",
     "RobustSet",
     "RosMap",

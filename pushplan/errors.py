@@ -87,3 +87,7 @@ class RunLogError(PushplanError, ValueError):
         self.offset = offset
         at = "" if offset is None else f" at byte {offset}"
         super().__init__(f"{path}{at}: {what}")
+
+
+class OutOfTimeError(PlanningError):
+    """The time limit ended while the problem was posed, before there was anything to search."""

@@ -30,14 +30,17 @@ ITERATIONS = 4000
 FAST = Limits(5.0, 50.0, 2000.0, 50.0, 500.0, 2e4)
 
 
-def too_fast(scenario: Scenario, path: PushPath, stable: StableSet, rate: float = 200.0) -> Trajectory:
+def too_fast(
+    scenario: Scenario, path: PushPath, stable: StableSet, rate: float = 200.0, **more: object
+) -> Trajectory:
+    del more
     return time_path(path, Bounds(FAST), rate)
 
 
 @pytest.fixture
 def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every path is driven much too fast for its contacts."""
-    monkeypatch.setattr(sys.modules["pushplan.plan"], "make_trajectory", too_fast)
+    monkeypatch.setattr(sys.modules["pushplan.planned"], "make_trajectory", too_fast)
 
 
 def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
@@ -10,13 +12,21 @@ import shapely
 
 from pushplan.arrays import BoolArray, FloatArray, IntArray
 from pushplan.compiled import compiled, no_refcount
+from pushplan.errors import OutOfTimeError
 
 STRAIGHT = 1e-12
 """A corner that stands out, or in, by less (m) is none."""
 
+A_CORNER = 1e-5
+"""What cutting a polygon up takes for each of its corners, about, s."""
 
-def convex_pieces(outlines: Sequence[FloatArray]) -> Iterator[FloatArray]:
-    """Yield counter-clockwise convex polygons (k, 2) that cover simple polygons (v, 2), m, in their order."""
+
+def convex_pieces(outlines: Sequence[FloatArray], until: float = math.inf) -> Iterator[FloatArray]:
+    """Yield counter-clockwise convex polygons (k, 2) that cover simple polygons (v, 2), m, in their order.
+
+    Raises:
+        OutOfTimeError: When a polygon is not likely to be cut up before `time.perf_counter` is `until`.
+    """
     if not len(outlines):
         return
     starts = np.cumsum([0, *(len(outline) for outline in outlines)])
@@ -26,6 +36,10 @@ def convex_pieces(outlines: Sequence[FloatArray]) -> Iterator[FloatArray]:
         bulge, outline = out[first:last], corners[first:last]
         if bulge.min() > -STRAIGHT:
             yield outline[bulge > STRAIGHT][:: 1 if left[i] else -1]
+        elif time.perf_counter() + len(outline) * A_CORNER > until:
+            raise OutOfTimeError(
+                "the time limit ended while the problem was posed: no path was looked for; more time may help"
+            )
         else:
             yield from _cut(outline)
 
@@ -98,4 +112,4 @@ def _joined(corners: FloatArray, origin: IntArray, twin: IntArray) -> tuple[IntA
 def _is_convex(corners: FloatArray, origin: IntArray, into: int, out: int, after: IntArray) -> bool:
     """Return whether the way from an edge `into` a corner on to an edge `out` of it does not turn right."""
     a, b, c = corners[origin[into]], corners[origin[out]], corners[origin[after[out]]]
-    return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) >= 0.0
+    return bool((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) >= 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -50,6 +51,7 @@ def build_scene(
     walls: tuple[float, float, float, float],
     clearance: float,
     kept: float | None = None,
+    until: float = math.inf,
 ) -> Scene:
     """Return the compiled scene.
 
@@ -60,9 +62,13 @@ def build_scene(
         walls: Workspace (xmin, ymin, xmax, ymax); infinite where there is none.
         clearance: Distance from everything at the poses that are looked at, m, > 0.
         kept: Distance that is proven between them, m, smaller; None stands for half of the clearance.
+        until: `time.perf_counter` at which it must be there.
+
+    Raises:
+        OutOfTimeError: When cutting the obstacles into convex pieces takes too long.
     """
     body = list(convex_pieces([moving.outline for moving in chain.bodies]))
-    standing = list(convex_pieces(list(polygons)))
+    standing = list(convex_pieces(list(polygons), until))
     discs = np.array(list(circles), dtype=np.float64).reshape(-1, 3)
     return scene_of(body, standing, discs, np.array(walls, dtype=np.float64), clearance, kept)
 

@@ -170,9 +170,10 @@ class Session:
         A first path that is all that is wanted is only cut short: that takes less time than its needless arcs do
         when they are timed.
         """
-        self.take(merged(arcs))
+        arcs = merged(arcs)
+        self.take(arcs)
         if self.budget.first:
-            self.take(cut_short(self.problem, self.start, self.best.arcs, self.problem.prices.per_arc))
+            self.take(cut_short(self.problem, self.start, arcs, self.problem.prices.per_arc))
             return
         before = self.best.price_of(arcs)
         for _ in range(POLISH_ROUNDS):

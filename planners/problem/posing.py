@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from pushplan.arrays import FloatArray
 from pushplan.names import CLEARANCE_ROOM
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import Scene, separation
@@ -27,40 +29,80 @@ LONGEST_SHARE = 0.3
 Box = tuple[float, float, float, float]
 
 
-def build_problem(scenario: Scenario, stable: StableSet) -> Problem:
+class Controls(NamedTuple):
+    """What the pusher can do with a margin: `segments` (k, 6) and `families` (f, 3, 3) of a `Problem`."""
+
+    segments: FloatArray
+    families: FloatArray
+
+
+def build_problem(scenario: Scenario, stable: StableSet, until: float = math.inf) -> Problem:
     """Return the compiled problem.
+
+    Args:
+        scenario: Its margin is a number.
+        stable: The set to plan in.
+        until: `time.perf_counter` at which it must be there.
+
+    Raises:
+        EmptyStableSetError: When no twist is stable for the pusher's drive.
+        OutOfTimeError: When it takes too long.
+    """
+    scene = open_scene(scenario, until)
+    return problem_of(scenario, stable, controls_of(scenario, stable), scene)
+
+
+def controls_of(scenario: Scenario, stable: StableSet) -> Controls:
+    """Return what the pusher can do with the scenario's margin.
 
     Raises:
         EmptyStableSetError: When no twist is stable for the pusher's drive.
     """
-    drive = scenario.chain.pusher.drive
     margin = scenario.required_margin + MARGIN_FLOOR
+    segments = control_segments(stable, scenario.chain.pusher.drive, margin)
+    return Controls(segments, steering_families(segments))
+
+
+def problem_of(scenario: Scenario, stable: StableSet, controls: Controls, scene: Scene) -> Problem:
+    """Return the compiled problem with controls and an `open_scene` that are there already."""
     xmin, ymin, xmax, ymax = sampling_box(scenario)
-    segments = control_segments(stable, drive, margin)
     return Problem(
-        scenario_scene(scenario),
-        segments,
-        steering_families(segments),
+        scene_between(scene, scenario.clearance, scenario.start, scenario.goal.pose_chain),
+        *controls,
         np.array(scenario.goal.pose_chain, dtype=np.float64),
         LONGEST_SHARE * math.hypot(xmax - xmin, ymax - ymin),
-        make_prices(scenario, stable, segments),
+        make_prices(scenario, stable, controls.segments),
     )
 
 
 def scenario_scene(scenario: Scenario) -> Scene:
-    """Return what moves and what stands still in a scenario.
+    """Return what moves and what stands still in a scenario, with the distances kept between start and goal."""
+    scene = open_scene(scenario)
+    return scene_between(scene, scenario.clearance, scenario.start, scenario.goal.pose_chain)
 
-    The poses looked at have `SLACK` more than the scenario's clearance, or what start and goal have if that is less;
-    those between have the clearance, less `CLEARANCE_ROOM` at most where start and goal leave no room to prove it.
+
+def open_scene(scenario: Scenario, until: float = math.inf) -> Scene:
+    """Return what moves and what stands still; its clearance has `SLACK` more than the scenario's.
+
+    Raises:
+        OutOfTimeError: When it is not there at `until`, by `time.perf_counter`.
     """
     circles = [(*o.center, o.radius) for o in scenario.obstacles if isinstance(o, CircleObstacle)]
     polygons = [o.outline for o in scenario.obstacles if not isinstance(o, CircleObstacle)]
-    wanted = scenario.clearance + SLACK
-    scene = build_scene(scenario.chain, polygons, circles, _walls(scenario), wanted)
-    ends = (scenario.start, scenario.goal.pose_chain)
-    gaps = [separation(scene, pose[0], pose[1], pose[2], wanted) for pose in ends]
-    looked_at = max(min(gaps), scenario.clearance) - ROUNDING
-    return scene._replace(clearance=looked_at, kept=min(scenario.clearance, looked_at - CLEARANCE_ROOM))
+    return build_scene(
+        scenario.chain, polygons, circles, _walls(scenario), scenario.clearance + SLACK, until=until
+    )
+
+
+def scene_between(scene: Scene, clearance: float, start: FloatArray, goal: FloatArray) -> Scene:
+    """Return an `open_scene` with the distances that can be kept from a start to a goal (3,).
+
+    The poses looked at have `SLACK` more than the clearance, or what start and goal have if that is less;
+    those between have the clearance, less `CLEARANCE_ROOM` at most where start and goal leave no room to prove it.
+    """
+    gaps = [separation(scene, pose[0], pose[1], pose[2], clearance + SLACK) for pose in (start, goal)]
+    looked_at = max(min(gaps), clearance) - ROUNDING
+    return scene._replace(clearance=looked_at, kept=min(clearance, looked_at - CLEARANCE_ROOM))
 
 
 def _walls(scenario: Scenario) -> Box:

@@ -43,7 +43,7 @@ class Pieces(NamedTuple):
     @property
     def motion(self) -> FloatArray:
         """(3,) pose at the end, seen from the beginning."""
-        return poses_after(np.zeros(3), self.coefficients, self.durations)[-1]
+        return np.asarray(poses_after(np.zeros(3), self.coefficients, self.durations)[-1])
 
 
 def ordered_widths(centers: FloatArray, widths: FloatArray) -> FloatArray:

@@ -59,9 +59,13 @@ def find_collision(scenario: Scenario, poses: FloatArray, room: Room | None = No
         poses: Between neighbours the twist is constant.
         room: The scenario's, where it is there already.
     """
+    return collision_along(scenario, Motion.through(poses, scenario.chain.reach), room)
+
+
+def collision_along(scenario: Scenario, motion: Motion, room: Room | None = None) -> Collision | None:
+    """Return `find_collision` of a motion."""
     required = scenario.clearance - CLEARANCE_ROOM
     room = Room.of(scenario) if room is None else room
-    motion = Motion.through(poses, scenario.chain.reach)
     at = _first_too_near(room, motion, required)
     if at is None:
         return None

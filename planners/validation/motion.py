@@ -8,6 +8,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
+from pushplan.path import PushPath
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +28,15 @@ class Motion:
     @classmethod
     def through(cls, poses: FloatArray, reach: float) -> Motion:
         """Return the motion of a body that reaches so far (m) from the frame's origin."""
-        twists = _log(se2.relative(poses[:-1], poses[1:]))
+        return cls._of(poses, _log(se2.relative(poses[:-1], poses[1:])), reach)
+
+    @classmethod
+    def along(cls, path: PushPath, reach: float) -> Motion:
+        """Return the motion along a path."""
+        return cls._of(path.knots, path.twists * path.lengths[:, None], reach)
+
+    @classmethod
+    def _of(cls, poses: FloatArray, twists: FloatArray, reach: float) -> Motion:
         steps = np.hypot(twists[:, 0], twists[:, 1]) + np.abs(twists[:, 2]) * reach
         return cls(poses, twists, np.concatenate([[0.0], np.cumsum(steps)]))
 

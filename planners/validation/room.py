@@ -81,7 +81,8 @@ class Room:
         """The bodies (m b,) at poses (m, 3), pose by pose, and their corners (m, v, 2)."""
         corners = poses[:, None, :2] + se2.rotate(poses[:, 2:3], self.corners[None])
         ring = np.arange(len(poses))[:, None] * len(self.names) + self.body
-        return shapely.polygons(shapely.linearrings(corners.reshape(-1, 2), indices=ring.ravel())), corners
+        rings = shapely.linearrings(corners.reshape(-1, 2), indices=ring.ravel())
+        return np.asarray(shapely.polygons(rings)), corners
 
     def _apart(self, bodies: ObjectArray, pairs: IntArray) -> FloatArray:
         """Distances (k,) of bodies from obstacles, by their indices (2, k), m."""

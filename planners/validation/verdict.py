@@ -6,7 +6,9 @@ from pushplan.arrays import FloatArray
 from pushplan.execution import Execution
 from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.validation.checker import collision_along
+from pushplan.planners.validation.motion import Motion
+from pushplan.planners.validation.room import Room
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
@@ -16,13 +18,34 @@ EXACT = 1e-7
 
 
 def verdict(
-    scenario: Scenario, stable: StableSet, path: PushPath, trajectory: Trajectory, execution: Execution
+    scenario: Scenario,
+    stable: StableSet,
+    path: PushPath,
+    trajectory: Trajectory,
+    execution: Execution,
+    room: Room | None = None,
 ) -> str:
     """Return why a path with its trajectory, executed, is no solution, empty if it is one."""
+    motion = Motion.through(trajectory.poses, scenario.chain.reach)
+    return (
+        missed_goal(scenario, path)
+        or lost_contact(scenario, execution)
+        or flaw_along(scenario, stable, path, motion, room)
+    )
+
+
+def path_verdict(scenario: Scenario, stable: StableSet, path: PushPath, room: Room | None = None) -> str:
+    """Return why a path that is not timed is no solution, empty if it is one."""
+    motion = Motion.along(path, scenario.chain.reach)
+    return missed_goal(scenario, path) or flaw_along(scenario, stable, path, motion, room)
+
+
+def missed_goal(scenario: Scenario, path: PushPath) -> str:
+    """Return by how much a path misses the goal, empty if it does not."""
     error = pose_error(path.end, scenario.goal.pose_chain)
-    if max(error) > EXACT:
-        return f"the path misses the goal by {error[0]:.2g} m and {error[1]:.2g} rad"
-    return lost_contact(scenario, execution) or flaw(scenario, stable, path, trajectory.poses)
+    if max(error) <= EXACT:
+        return ""
+    return f"the path misses the goal by {error[0]:.2g} m and {error[1]:.2g} rad"
 
 
 def lost_contact(scenario: Scenario, execution: Execution) -> str:
@@ -39,10 +62,17 @@ def lost_contact(scenario: Scenario, execution: Execution) -> str:
 
 def flaw(scenario: Scenario, stable: StableSet, path: PushPath, poses: FloatArray) -> str:
     """Return why a path, driven through poses (m, 3), is not stable or not free; empty if it is both."""
+    return flaw_along(scenario, stable, path, Motion.through(poses, scenario.chain.reach))
+
+
+def flaw_along(
+    scenario: Scenario, stable: StableSet, path: PushPath, motion: Motion, room: Room | None = None
+) -> str:
+    """Return why a path is not stable, or its motion not free; empty if it is both."""
     margin = float(stable.margin(path.twists).min())
     if margin <= scenario.required_margin:
         return f"the path's smallest margin is {margin:.3g}; it must be above {scenario.required_margin:g}"
-    hit = find_collision(scenario, poses)
+    hit = collision_along(scenario, motion, room)
     if hit is not None:
         return f"the path is not free: {hit}; it must stay {1e3 * scenario.clearance:.3g} mm away"
     return ""

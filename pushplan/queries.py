@@ -1,0 +1,134 @@
+"""Many questions about one chain in one room: what does not depend on start and goal is made once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pushplan.arrays import FloatArray
+from pushplan.errors import PlanningError
+from pushplan.kernels import warm_up
+from pushplan.names import DEFAULT_PLANNER
+from pushplan.plan import settled
+from pushplan.planned import Wanted, means_for, planned
+from pushplan.planners.ompl.factories import planner_named
+from pushplan.planners.problem.posing import Controls, controls_of, open_scene, problem_of
+from pushplan.planners.problem.problem import Problem
+from pushplan.planners.problem.reach import reach
+from pushplan.planners.validation.room import Room
+from pushplan.result import PlanResult
+from pushplan.scenario import Goal, Obstacle, Scenario
+from pushplan.stable_sets.stable_set import StableSet
+from pushplan.stopwatch import Stopwatch
+
+
+class Queries:
+    """Plans and distances between many poses of one chain in one room.
+
+    Stable set, controls, collision scene and compiled code are kept from one question to the next.
+
+    Args:
+        scenario: Chain, room and settings; its start and goal do not matter.
+        margin: What the twists' margins have to exceed; None stands for that of the scenario.
+        tell: Called with sentences for the user about what takes long.
+
+    Attributes:
+        scenario: With which the questions are asked.
+
+    Raises:
+        EmptyStableSetError: When no pusher twist keeps every contact.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        margin: float | Literal["auto"] | None = None,
+        tell: Callable[[str], None] | None = None,
+    ) -> None:
+        warm_up(DEFAULT_PLANNER, tell, scenario.stability.set, scenario.interval is not None)
+        self.scenario = settled(scenario, None, margin)
+        self._scene = open_scene(self.scenario)
+        self._means = replace(means_for(self.scenario), pose=self._pose)
+        self._controls: dict[float, Controls] = {}
+        self._controls_with(self._means.margins[0])
+
+    def plan(
+        self,
+        start: ArrayLike,
+        goal: ArrayLike,
+        *,
+        timed: bool = True,
+        seed: int | None = None,
+        time_limit: float | None = None,
+    ) -> PlanResult:
+        """Return the first path from one pose to another, checked like every plan.
+
+        Args:
+            start: (3,) pose of the chain frame in the world.
+            goal: Likewise.
+            timed: Make, execute and check the trajectory, as `pushplan.plan` does. Without it the path alone is
+                checked, which takes a tenth of the time; `trajectory`, `execution` and `tolerance` are None.
+            seed: Of the random numbers; None stands for that of the scenario.
+            time_limit: Seconds; None stands for that of the scenario.
+
+        Raises:
+            PlanningError: When a pose is none, too near to something, or both are the same.
+        """
+        began = time.perf_counter()
+        pose = _pose(goal, "goal")
+        target = Goal(
+            pose, None, pose, self.scenario.goal.position_tolerance, self.scenario.goal.angle_tolerance
+        )
+        asked = replace(self.scenario, start=_pose(start, "start"), goal=target)
+        name, make = planner_named(DEFAULT_PLANNER)
+        wanted = Wanted(name, make, seed, time_limit, first=True)
+        return planned(asked, replace(self._means, timed=timed), wanted, Stopwatch(), began)
+
+    def reach(self, starts: ArrayLike, goals: ArrayLike) -> FloatArray:
+        """Return the costs (n, m) of the cheapest exact free words from starts (n, 3) to goals (m, 3), m.
+
+        A word is three stable arcs with the margin that is asked for first. It is inf where none is free, which does
+        not say that there is no path; `plan` searches for one.
+
+        Raises:
+            PlanningError: When poses are not finite or not (k, 3).
+        """
+        controls, clearance = self._controls_with(self._means.margins[0]), self.scenario.clearance
+        both = (_poses(starts, "starts"), _poses(goals, "goals"))
+        return np.asarray(reach(self._scene, controls.families, *both, clearance))
+
+    def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Queries:
+        """Return queries with other obstacles; the stable set and its controls are kept."""
+        other: Queries = object.__new__(Queries)
+        other.scenario = replace(self.scenario, obstacles=tuple(obstacles))
+        other._scene = open_scene(other.scenario)
+        other._means = replace(self._means, room=Room.of(other.scenario), pose=other._pose)
+        other._controls = self._controls
+        return other
+
+    def _controls_with(self, margin: float) -> Controls:
+        if margin not in self._controls:
+            self._controls[margin] = controls_of(self.scenario.with_margin(margin), self._means.stable)
+        return self._controls[margin]
+
+    def _pose(self, scenario: Scenario, stable: StableSet, until: float) -> Problem:
+        del until  # nothing that takes long is left to be made
+        return problem_of(scenario, stable, self._controls_with(scenario.required_margin), self._scene)
+
+
+def _pose(pose: ArrayLike, what: str) -> FloatArray:
+    return np.asarray(_poses(np.asarray(pose, dtype=np.float64)[None], what)[0])
+
+
+def _poses(poses: ArrayLike, what: str) -> FloatArray:
+    """Return poses as (k, 3) numbers."""
+    array = np.array(poses, dtype=np.float64, ndmin=2)
+    if array.ndim != 2 or array.shape[1] != 3 or not np.isfinite(array).all():
+        raise PlanningError(f"{what} have the shape {array.shape}; allowed: finite poses (k, 3)")
+    return array
