@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -13,14 +13,14 @@ import numpy as np
 from pushplan.errors import OutOfTimeError, PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
-from pushplan.planners.attempts import Attempt, Pose, Search
+from pushplan.planners.attempts import Attempt, Search
 from pushplan.planners.failure import Failure, explain_failure
 from pushplan.planners.improve.branches import Branches
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.ompl.search import Factory
 from pushplan.planners.problem.margins import margins_to_try
-from pushplan.planners.problem.posing import build_problem
+from pushplan.planners.problem.posing import Posing
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.validation.room import Room
 from pushplan.planners.validation.verdict import EXACT, path_verdict, verdict
@@ -58,7 +58,7 @@ class Means:
     stable: StableSet
     margins: tuple[float, ...]
     room: Room
-    pose: Pose = build_problem
+    pose: Posing = field(default_factory=Posing)
     timed: bool = True
 
 

@@ -15,15 +15,13 @@ from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.names import DEFAULT_PLANNER
 from pushplan.plan import settled
-from pushplan.planned import Wanted, means_for, planned
+from pushplan.planned import Means, Wanted, means_for, planned
 from pushplan.planners.ompl.factories import planner_named
-from pushplan.planners.problem.posing import Controls, controls_of, open_scene, problem_of
-from pushplan.planners.problem.problem import Problem
+from pushplan.planners.problem.posing import open_scene
 from pushplan.planners.problem.reach import reach
 from pushplan.planners.validation.room import Room
 from pushplan.result import PlanResult
 from pushplan.scenario import Goal, Obstacle, Scenario
-from pushplan.stable_sets.stable_set import StableSet
 from pushplan.stopwatch import Stopwatch
 
 
@@ -53,10 +51,7 @@ class Queries:
     ) -> None:
         warm_up(DEFAULT_PLANNER, tell, scenario.stability.set, scenario.interval is not None)
         self.scenario = settled(scenario, None, margin)
-        self._scene = open_scene(self.scenario)
-        self._means = replace(means_for(self.scenario), pose=self._pose)
-        self._controls: dict[float, Controls] = {}
-        self._controls_with(self._means.margins[0])
+        self._keep(means_for(self.scenario))
 
     def plan(
         self,
@@ -99,27 +94,23 @@ class Queries:
         Raises:
             PlanningError: When poses are not finite or not (k, 3).
         """
-        controls, clearance = self._controls_with(self._means.margins[0]), self.scenario.clearance
         both = (_poses(starts, "starts"), _poses(goals, "goals"))
-        return np.asarray(reach(self._scene, controls.families, *both, clearance))
+        return np.asarray(reach(self._scene, self._families, *both, self.scenario.clearance))
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Queries:
         """Return queries with other obstacles; the stable set and its controls are kept."""
         other: Queries = object.__new__(Queries)
         other.scenario = replace(self.scenario, obstacles=tuple(obstacles))
-        other._scene = open_scene(other.scenario)
-        other._means = replace(self._means, room=Room.of(other.scenario), pose=other._pose)
-        other._controls = self._controls
+        pose = self._means.pose.in_room(open_scene(other.scenario))
+        other._keep(replace(self._means, room=Room.of(other.scenario), pose=pose))
         return other
 
-    def _controls_with(self, margin: float) -> Controls:
-        if margin not in self._controls:
-            self._controls[margin] = controls_of(self.scenario.with_margin(margin), self._means.stable)
-        return self._controls[margin]
-
-    def _pose(self, scenario: Scenario, stable: StableSet, until: float) -> Problem:
-        del until  # nothing that takes long is left to be made
-        return problem_of(scenario, stable, self._controls_with(scenario.required_margin), self._scene)
+    def _keep(self, means: Means) -> None:
+        """Take over what planning rests on, and make what the first margin needs."""
+        asked = self.scenario.with_margin(means.margins[0])
+        self._means = means
+        self._scene = means.pose.scene(asked)
+        self._families = means.pose.controls(asked, means.stable).families
 
 
 def _pose(pose: ArrayLike, what: str) -> FloatArray:

@@ -241,7 +241,7 @@ def test_steps_of_finding_out_are_taken_in_proportion_to_the_search(
 
 def test_no_step_is_taken_that_is_likely_to_go_on_beyond_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = _counted(monkeypatch)
-    monkeypatch.setattr(diagnosis, "AN_OBSTACLE", 1.0)
+    monkeypatch.setattr(diagnosis, "A_CORNER", 0.25)
     scenario = gap(1.26)
     monitor = _monitor(scenario, limit=len(scenario.obstacles) + 1.0)
     assert not monitor.settled(1.5)

@@ -146,7 +146,7 @@ class Session:
         """Whether it is known that there is no path; not asked where iterations end the search, as time must not."""
         if self._hopeless is None or self.budget.iterations is not None:
             return False
-        return self._hopeless(self.elapsed)
+        return self._hopeless(self._set_up + self.elapsed)
 
     def note_nearest(self, poses: FloatArray, way_to: Callable[[int], FloatArray]) -> None:
         """While there is no path, keep the way to that one of a tree's poses (n, 3) which is nearest to the goal.

@@ -16,7 +16,7 @@ from pushplan.planners.infeasible.turning import turning_faults
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.problem import Problem
 from pushplan.result import Diagnosis
-from pushplan.scenario import Scenario
+from pushplan.scenario import CircleObstacle, Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
 FIRST_STEP = 0.1
@@ -31,8 +31,11 @@ A step takes up to about ten times as long as those before it, so they take up t
 GROWTH = {"passage": 1.0, "pockets": 10.0}
 """So many times as long as the one before may a step of each stage take."""
 
-AN_OBSTACLE = 1e-4
-"""What an obstacle adds to the first step, at most, s: it is grown, and joined with those that it touches."""
+A_CORNER = 6e-5
+"""What a corner of an obstacle adds to the first step, about, s: it is grown, and joined with what it touches."""
+
+ROUND = 16
+"""A round obstacle counts as so many corners."""
 
 
 class InfeasibilityMonitor:
@@ -57,7 +60,10 @@ class InfeasibilityMonitor:
             "pockets": _turns_and_pockets(scenario, stable, problem),
         }
         self._limit, self._due, self._spent = limit, FIRST_STEP, 0.0
-        self._expected = AN_OBSTACLE * len(scenario.obstacles)
+        self._expected = A_CORNER * sum(
+            ROUND if isinstance(obstacle, CircleObstacle) else len(obstacle.outline)
+            for obstacle in scenario.obstacles
+        )
 
     @property
     def proven(self) -> tuple[Diagnosis, ...]:

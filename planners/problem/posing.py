@@ -36,6 +36,41 @@ class Controls(NamedTuple):
     families: FloatArray
 
 
+class Posing:
+    """Makes the problems of one chain in one room; scene and controls are made once.
+
+    Args:
+        scene: An `open_scene` that is there already.
+        controls: By margin, likewise.
+    """
+
+    def __init__(self, scene: Scene | None = None, controls: dict[float, Controls] | None = None) -> None:
+        self._scene = scene
+        self._controls = {} if controls is None else controls
+
+    def __call__(self, scenario: Scenario, stable: StableSet, until: float = math.inf) -> Problem:
+        """Return the compiled problem; see `build_problem`."""
+        scene = self.scene(scenario, until)
+        return problem_of(scenario, stable, self.controls(scenario, stable), scene)
+
+    def scene(self, scenario: Scenario, until: float = math.inf) -> Scene:
+        """Return the `open_scene` of the room."""
+        if self._scene is None:
+            self._scene = open_scene(scenario, until)
+        return self._scene
+
+    def controls(self, scenario: Scenario, stable: StableSet) -> Controls:
+        """Return `controls_of` the scenario's margin."""
+        margin = scenario.required_margin
+        if margin not in self._controls:
+            self._controls[margin] = controls_of(scenario, stable)
+        return self._controls[margin]
+
+    def in_room(self, scene: Scene) -> Posing:
+        """Return it for another room: the controls are shared."""
+        return Posing(scene, self._controls)
+
+
 def build_problem(scenario: Scenario, stable: StableSet, until: float = math.inf) -> Problem:
     """Return the compiled problem.
 
@@ -48,8 +83,7 @@ def build_problem(scenario: Scenario, stable: StableSet, until: float = math.inf
         EmptyStableSetError: When no twist is stable for the pusher's drive.
         OutOfTimeError: When it takes too long.
     """
-    scene = open_scene(scenario, until)
-    return problem_of(scenario, stable, controls_of(scenario, stable), scene)
+    return Posing()(scenario, stable, until)
 
 
 def controls_of(scenario: Scenario, stable: StableSet) -> Controls:

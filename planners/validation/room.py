@@ -44,7 +44,8 @@ class Room:
         """Return that of a scenario."""
         bodies = scenario.chain.bodies
         shapes, radii = _shapes(scenario.obstacles)
-        around = np.where(radii > 0.0, shapely.buffer(shapes, radii, cap_style="square"), shapes)
+        around, disc = shapes.copy(), radii > 0.0
+        around[disc] = shapely.buffer(shapes[disc], radii[disc], cap_style="square")
         return cls(
             tuple(body.name for body in bodies),
             np.concatenate([body.outline for body in bodies]),
