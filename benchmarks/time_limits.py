@@ -1,8 +1,8 @@
 """By how much planning exceeds its time limit: in rooms of thousands of obstacles, and in noisy maps.
 
 Run `python benchmarks/time_limits.py [--maps 200]`. Rooms have 1,000 and 3,000 obstacles, maps are polygons of up to
-20,000 vertices; every other goal is behind a wall, which takes proofs instead of polishing. Told is what `planning_s`, from
-the call on, is above the limit, at most, by the wall clock: run it on an idle machine.
+20,000 vertices; every other goal is behind a wall, so that proofs run instead of polishing. Told is what
+`planning_s`, from the call on, is above the limit, at most, by the wall clock: run it on an idle machine.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from pushplan.bench.machine import Machine
 
 from pushplan.arrays import FloatArray
-from pushplan.bench.machine import Machine
 from pushplan.builders import box, build_scenario, plate
 from pushplan.plan import plan
 from pushplan.planners.collision.convex_pieces import convex_pieces

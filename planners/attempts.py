@@ -106,7 +106,7 @@ class Search:
         """Whether no lower margin has time left, or could help."""
         session = attempt.session
         proven = any(fault.cause == MARGIN_FREE for fault in attempt.monitor.proven)
-        return proven or self.budget.is_used_up(session.elapsed, session.iterations)
+        return proven or self.budget.is_used_up(time.perf_counter() - self.began, session.iterations)
 
     def _attempt(self, scenario: Scenario, budget: Budget, before: Attempt | None) -> Attempt:
         """Search with the scenario's margin; by travel first where paths are ranked by time."""

@@ -12,9 +12,13 @@ from pushplan.compiled.announcement import announced
 from pushplan.compiled.second_compiler import second_compiler
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contacts.contact_state import contact_state
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins
 from pushplan.mechanics.support import UniformSupport
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
+from pushplan.path import PushPath
+from pushplan.planners.blending.section import make_driven
+from pushplan.planners.blending.sweep import find_touches
+from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.improve.budget import Budget
@@ -27,6 +31,8 @@ from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.prices import travel_prices
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.search.lattice_rounds import LatticeRounds
+from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.exact_timing import time_path
 from pushplan.stable_sets.interval_set import stable_set_over
 from pushplan.stable_sets.named import stable_set
 from pushplan.tolerance.work_out import tolerance_along
@@ -60,6 +66,7 @@ def _compile(planner: str) -> None:
     with second_compiler(planner):
         _compile_mechanics()
         _compile_polish()
+        _compile_timing()
         _compile_pockets()
     compile_search(planner)
 
@@ -86,6 +93,18 @@ def _compile_worst_case(name: str) -> None:
 def _compile_polish() -> None:
     arcs, state = np.array([[1.0, 0.0, 0.0, 0.5]]), np.zeros(1, dtype=np.uint64)
     shorten(_problem(_one_box()), np.zeros(3), arcs, state, 1)
+
+
+def _compile_timing() -> None:
+    """Time a path of two arcs, blend it, and look what its motion is away from."""
+    path = PushPath(np.zeros(3), np.array([[1.0, 0.0, 0.0], [0.8, 0.0, 2.0]]), np.array([0.5, 0.2]))
+    chain = _one_box()
+    bounds = Bounds(chain.pusher.limits, ContactDynamics(chain))
+    trajectory = time_path(path, bounds)
+    make_driven(path, np.arange(2), bounds).eased(path.lengths).motion(path.lengths)
+    find_touches(_problem(chain).scene, trajectory, chain.reach)
+    dynamic_margins(chain, trajectory.directions, trajectory.rates_at(trajectory.t))
+    list(convex_pieces([np.array([[0.0, 0.0], [2.0, 0.0], [0.5, 0.5], [0.0, 2.0]])]))
 
 
 def _compile_pockets() -> None:

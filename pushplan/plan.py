@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, TypedDict
 
+from pushplan.collection import no_collection
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.names import AUTO, COSTS
@@ -99,7 +100,8 @@ def plan(
         set_name = scenario.stability.set if stable_set is None else add_set(stable_set)
         warm_up(name, tell, set_name, scenario.interval is not None)
         began = time.perf_counter()
-        means = means_for(scenario, set_name)
+        with no_collection():
+            means = means_for(scenario, set_name)
     wanted = Wanted(name, make, seed, time_limit, first, iterations, gap, progress, stop)
     return planned(scenario, means, wanted, watch, began)
 

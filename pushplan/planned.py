@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from pushplan.collection import no_collection
 from pushplan.errors import OutOfTimeError, PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
@@ -118,7 +119,7 @@ def planned(scenario: Scenario, means: Means, wanted: Wanted, watch: Stopwatch, 
     budget = Budget(limit, stall, gap, wanted.first, wanted.iterations, stop=wanted.stop)
     search = Search(means.stable, wanted.make, budget, seed, began, good_enough, wanted.progress, means.pose)
     try:
-        with watch("search"):
+        with watch("search"), no_collection():
             attempt = search.with_margins(scenario, means.margins)
     except OutOfTimeError as error:
         return _without_search(scenario, means, wanted, seed, time.perf_counter() - began, str(error))

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from pushplan.geometry import se2
+from pushplan.names import CLEARANCE_ROOM
 from pushplan.planners.validation.checker import SPACING, find_collision
-from pushplan.planners.validation.motion import densify
+from pushplan.planners.validation.motion import Motion, densify
+from pushplan.planners.validation.room import Room
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import CircleObstacle, Scenario
 
@@ -100,3 +102,25 @@ def test_refined_poses_lie_on_the_constant_twist_motion() -> None:
     dense = densify(np.array([np.zeros(3), se2.exp(twist)]), 0.5, 0.05)
     share = np.linspace(0.0, 1.0, len(dense))
     np.testing.assert_allclose(dense, se2.exp(twist * share[:, None]), atol=1e-12)
+
+
+def test_few_poses_find_what_many_do(lane: Scenario) -> None:
+    """The motion that is proven by distances is free where a pose every half millimetre is."""
+    rng = np.random.default_rng(4)
+    free = blocked = 0
+    for _ in range(60):
+        poses = np.cumsum(rng.normal(size=(6, 3)) * [0.08, 0.05, 0.2], axis=0)
+        poses[:, 0] += 0.3
+        found = find_collision(lane, poses)
+        dense = densify(poses, lane.chain.reach, 5e-4)
+        gaps = Room.of(lane).gaps(dense, 0.1)
+        near = np.flatnonzero(gaps < lane.clearance - CLEARANCE_ROOM)
+        if found is None:
+            assert not len(near) or gaps.min() > lane.clearance - CLEARANCE_ROOM - SPACING
+            free += 1
+        else:
+            travel = Motion.through(dense, lane.chain.reach).travel
+            at = travel[np.argmin(np.abs(dense - found.pose).sum(axis=1))]
+            assert travel[near[0]] - 1e-3 <= at <= travel[near[0]] + SPACING + 1e-3
+            blocked += 1
+    assert min(free, blocked) > 10

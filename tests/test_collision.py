@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import shapely
 
 from pushplan.arrays import FloatArray
+from pushplan.errors import OutOfTimeError
 from pushplan.geometry import se2
 from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.scene import scene_of
@@ -123,3 +125,26 @@ def test_convex_pieces_cover_a_concave_outline_without_overlap() -> None:
     assert sum(piece.area for piece in pieces) == pytest.approx(5.0)
     assert all(piece.convex_hull.area == pytest.approx(piece.area) for piece in pieces)
     assert len(pieces) <= 3
+
+
+def test_a_ragged_polygon_is_cut_into_convex_pieces_that_cover_it_exactly() -> None:
+    rng = np.random.default_rng(6)
+    angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, 3000))
+    radii = 3.0 + 0.1 * rng.normal(size=3000)
+    outline = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)[::-1]
+    pieces = [shapely.Polygon(piece) for piece in convex_pieces([outline])]
+    assert shapely.union_all(pieces).symmetric_difference(shapely.Polygon(outline)).area < 1e-12
+    assert sum(piece.area for piece in pieces) == pytest.approx(shapely.Polygon(outline).area, rel=1e-12)
+    assert all(piece.convex_hull.area <= piece.area * (1.0 + 1e-9) for piece in pieces)
+    assert all(piece.exterior.is_ccw for piece in pieces)
+
+
+def test_corners_on_a_straight_edge_are_left_out() -> None:
+    (piece,) = convex_pieces([np.array([[0.0, 0.0], [0.0, 1.0], [0.5, 1.0], [1.0, 1.0], [1.0, 0.0]])])
+    assert len(piece) == 4
+
+
+def test_cutting_up_stops_when_the_time_is_over() -> None:
+    concave = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]])
+    with pytest.raises(OutOfTimeError, match="the time limit ended while the problem was posed"):
+        list(convex_pieces([concave], until=time.perf_counter()))

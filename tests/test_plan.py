@@ -15,7 +15,7 @@ from pushplan.plan import plan
 from pushplan.planners.validation.checker import find_collision
 from pushplan.reading.scenario_file import load_scenario, scenario_from_text
 from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.scenario import PolygonObstacle, Scenario
 from pushplan.sim.judging import execute
 
 PATIENT = 60.0
@@ -149,3 +149,13 @@ def test_progress_is_told_as_it_happens() -> None:
     )
     assert heard == [point.cost for point in result.progress]
     assert len(heard) > 1
+
+
+def test_a_limit_that_ends_while_the_problem_is_posed_is_an_ordinary_failure() -> None:
+    scenario = load_scenario("one-box")
+    corner = np.array([[9.0, 9.0], [9.9, 9.0], [9.9, 9.3], [9.3, 9.3], [9.3, 9.9], [9.0, 9.9]])
+    result = plan(replace(scenario, obstacles=(PolygonObstacle(corner),)), time_limit=1e-6)
+    assert not result.solved
+    assert "the time limit ended while the problem was posed" in result.reason
+    assert [item.cause for item in result.diagnosis] == ["time"]
+    assert (result.path, result.trajectory, result.progress) == (None, None, ())

@@ -31,8 +31,8 @@ A step takes up to about ten times as long as those before it, so they take up t
 GROWTH = {"passage": 1.0, "pockets": 10.0}
 """So many times as long as the one before may a step of each stage take."""
 
-A_CORNER = 6e-5
-"""What a corner of an obstacle adds to the first step, about, s: it is grown, and joined with what it touches."""
+A_CORNER = 1.2e-4
+"""What a corner of an obstacle adds to the first step, at most, s: it is grown, and joined with what it touches."""
 
 ROUND = 16
 """A round obstacle counts as so many corners."""

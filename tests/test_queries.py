@@ -1,0 +1,100 @@
+"""Many questions in one room: each answer is what a plan of its own would say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pushplan import Queries, Scenario
+from pushplan.errors import PlanningError
+from pushplan.geometry.se2 import pose_error
+from pushplan.plan import plan
+from pushplan.planners.improve.budget import Budget
+from pushplan.planners.improve.session import Session
+from pushplan.planners.ompl.posing import free_word
+from pushplan.planners.problem.posing import build_problem
+from pushplan.planners.validation.checker import find_collision
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario import Goal, PolygonObstacle
+
+START, GOAL = np.array([0.3, 0.3, 0.8]), np.array([3.5, 3.4, 0.5])
+
+
+@pytest.fixture(scope="module")
+def clutter() -> Scenario:
+    return load_scenario("three-boxes-clutter")
+
+
+@pytest.fixture(scope="module")
+def queries(clutter: Scenario) -> Queries:
+    return Queries(clutter)
+
+
+def _between(scenario: Scenario, start: np.ndarray, goal: np.ndarray) -> Scenario:
+    return replace(scenario, start=start, goal=Goal(goal, None, goal, 0.002, 0.003))
+
+
+def test_a_plan_is_the_first_plan_of_its_own_scenario(queries: Queries, clutter: Scenario) -> None:
+    asked, own = queries.plan(START, GOAL, seed=3), plan(_between(clutter, START, GOAL), seed=3, first=True)
+    assert asked.solved, asked.reason
+    assert asked.path is not None
+    assert own.path is not None
+    assert asked.trajectory is not None
+    assert own.trajectory is not None
+    np.testing.assert_array_equal(asked.path.twists, own.path.twists)
+    np.testing.assert_array_equal(asked.trajectory.poses, own.trajectory.poses)
+    assert asked.tolerance == own.tolerance
+    assert asked.lower_bound == own.lower_bound
+
+
+def test_a_path_without_times_is_the_same_path_and_checked(queries: Queries, clutter: Scenario) -> None:
+    timed, path = (queries.plan(START, GOAL, seed=3, timed=timed) for timed in (True, False))
+    assert path.solved
+    assert (path.trajectory, path.execution, path.tolerance) == (None, None, None)
+    assert path.path is not None
+    assert timed.path is not None
+    np.testing.assert_array_equal(path.path.lengths, timed.path.lengths)
+    assert max(pose_error(path.path.end, GOAL)) < 1e-9
+    assert find_collision(clutter, path.path.sampled(0.01)) is None
+
+
+def test_reach_is_the_cost_of_the_free_word_of_each_pair(queries: Queries, clutter: Scenario) -> None:
+    rng = np.random.default_rng(2)
+    poses = rng.uniform([0.0, 0.0, -3.0], [4.0, 4.0, 3.0], (120, 3))
+    free = [find_collision(clutter, pose[None]) is None for pose in poses]
+    poses = np.concatenate([poses[free][:38], poses[np.logical_not(free)][:2]])
+    costs = queries.reach(poses[:20], poses[20:])
+    assert costs.shape == (20, 20)
+    asked = clutter.with_margin(0.05)
+    found = 0
+    for i, j in np.ndindex(20, 20):
+        problem = build_problem(_between(asked, poses[i], poses[20 + j]), asked.stable_set())
+        session = Session(problem, poses[i], Budget(1.0), seed=0)
+        ends = (find_collision(clutter, poses[[k]]) is None for k in (i, 20 + j))
+        word = free_word(session, poses[i], poses[20 + j]) if all(ends) else None
+        assert costs[i, j] == pytest.approx(np.inf if word is None else word[:, 3].sum(), rel=1e-12)
+        found += word is not None
+    assert found > 5
+
+
+def test_other_obstacles_change_the_room_and_nothing_else(queries: Queries) -> None:
+    free = queries.with_obstacles([])
+    assert np.isfinite(free.reach([START], [GOAL])).all()
+    wall = PolygonObstacle(np.array([[0.0, 2.0], [4.0, 2.0], [4.0, 2.1], [0.0, 2.1]]))
+    walled = free.with_obstacles([wall])
+    assert np.isinf(walled.reach([START], [GOAL])).all()
+    assert not walled.plan(START, GOAL, time_limit=0.3).solved
+    assert free.plan(START, GOAL).solved
+
+
+def test_poses_that_are_none_or_blocked_are_refused(queries: Queries) -> None:
+    with pytest.raises(PlanningError, match=r"start have the shape \(1, 2\); allowed: finite poses \(k, 3\)"):
+        queries.plan([0.0, 0.0], GOAL)
+    with pytest.raises(PlanningError, match="goals have the shape"):
+        queries.reach([START], [[np.nan, 0.0, 0.0]])
+    with pytest.raises(PlanningError, match="at the goal, 'third'"):
+        queries.plan(START, [1.0, 0.45, 0.0])
+    with pytest.raises(PlanningError, match="nothing to push"):
+        queries.plan(START, START)
