@@ -57,7 +57,8 @@ def test_every_planner_solves_and_shortens(planner: str, name: str) -> None:
     assert first.path is not None
     assert result.path is not None
     assert result.path.cost <= first.path.cost + 1e-9
-    assert result.progress[0].cost == pytest.approx(first.path.cost)
+    assert result.progress[0].cost == pytest.approx(first.progress[0].cost)
+    assert first.path.cost <= first.progress[0].cost
     assert result.progress[-1].cost == pytest.approx(result.path.cost, abs=1e-9)
 
 
