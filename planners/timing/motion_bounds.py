@@ -19,6 +19,9 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Limits
 
+ROUNDING = 1e-9
+"""Signs are not told of coefficients that are smaller by this factor than the largest one."""
+
 
 def limit_use(durations: FloatArray, coefficients: FloatArray, limits: Limits) -> FloatArray:
     """Return bounds on the share of its limits that each piece of a trajectory uses.
@@ -45,15 +48,33 @@ def limit_use(durations: FloatArray, coefficients: FloatArray, limits: Limits) -
         _product(domega, turned),
         -_product(_product(omega, omega), v),
     )
-    linear = (limits.speed, limits.acceleration, limits.jerk)
-    angular = (limits.angular_speed, limits.angular_acceleration, limits.angular_jerk)
+    power = np.sum(_products(acceleration, v), axis=2, keepdims=True)
     shares = [
-        np.maximum(_longest(a) / bound, _longest(b) / turn)
-        for a, b, bound, turn in zip(
-            (v, acceleration, jerk), (omega, domega, ddomega), linear, angular, strict=True
-        )
+        np.maximum(
+            _longest(v) / _bound_of(v[:, :, :1], limits.both("speed")),
+            _used(omega, limits.both("angular_speed")),
+        ),
+        np.maximum(
+            _longest(acceleration) / _bound_of(power, limits.both("acceleration")),
+            _used(domega, limits.both("angular_acceleration")),
+        ),
+        np.maximum(_longest(jerk) / limits.jerk, _longest(ddomega) / limits.angular_jerk),
     ]
     return np.stack(shares, axis=1)
+
+
+def _bound_of(sign: FloatArray, both: tuple[float, float]) -> FloatArray:
+    """Bound (q,) on what has another one where polynomials (q, n, 1) are negative; the smaller where unclear."""
+    hull = _bernstein(sign)[..., 0]
+    tiny = ROUNDING * np.abs(hull).max(initial=0.0)
+    negative, positive = hull.min(axis=1) < -tiny, hull.max(axis=1) > tiny
+    return np.where(negative, np.where(positive, min(both), both[0]), both[1])
+
+
+def _used(p: FloatArray, both: tuple[float, float]) -> FloatArray:
+    """Largest share (q,) of their bounds that polynomials (q, n, 1) take on either side."""
+    hull = _bernstein(p)[..., 0]
+    return np.asarray(np.maximum(-hull.min(axis=1) / both[0], hull.max(axis=1) / both[1]))
 
 
 def top_rates(durations: FloatArray, coefficients: FloatArray, reach: float) -> FloatArray:
@@ -78,6 +99,12 @@ def _product(scalar: FloatArray, p: FloatArray) -> FloatArray:
     return out
 
 
+def _products(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Products (q, m + n - 1, d) of polynomials (q, m, d) and (q, n, d), component by component."""
+    parts = [_product(a[..., k : k + 1], b[..., k : k + 1]) for k in range(a.shape[2])]
+    return np.concatenate(parts, axis=2)
+
+
 def _sum(*polynomials: FloatArray) -> FloatArray:
     out = np.zeros((len(polynomials[0]), max(p.shape[1] for p in polynomials), polynomials[0].shape[2]))
     for p in polynomials:
@@ -87,8 +114,11 @@ def _sum(*polynomials: FloatArray) -> FloatArray:
 
 def _longest(p: FloatArray) -> FloatArray:
     """Length (q,) of the longest Bernstein coefficient of polynomials (q, n, d) over [0, 1]."""
-    hull = np.einsum("kj,qjd->qkd", _to_bernstein(p.shape[1] - 1), p)
-    return np.asarray(np.linalg.norm(hull, axis=2).max(axis=1))
+    return np.asarray(np.linalg.norm(_bernstein(p), axis=2).max(axis=1))
+
+
+def _bernstein(p: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("kj,qjd->qkd", _to_bernstein(p.shape[1] - 1), p))
 
 
 @cache

@@ -7,6 +7,7 @@ from pushplan.execution import Execution
 from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
 from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.validation.motion import excess
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
@@ -22,7 +23,11 @@ def verdict(
     error = pose_error(path.end, scenario.goal.pose_chain)
     if max(error) > EXACT:
         return f"the path misses the goal by {error[0]:.2g} m and {error[1]:.2g} rad"
-    return lost_contact(scenario, execution) or flaw(scenario, stable, path, trajectory.poses)
+    return (
+        lost_contact(scenario, execution)
+        or excess(trajectory, scenario.chain.pusher.limits)
+        or flaw(scenario, stable, path, trajectory.poses)
+    )
 
 
 def lost_contact(scenario: Scenario, execution: Execution) -> str:
