@@ -2,11 +2,11 @@
 
 Run `python benchmarks/dynobench.py [FILE ...] [--seeds 5] [--seconds 2]`; files are by default those of
 `dynobench_problems/`, in the benchmark's own form. A unicycle that only drives ahead, between two speeds, is a car
-with a smallest turning radius: a plate and a box, 0.25 m deep each, are its 0.5 x 0.25 m, with the axle at the chain's
-origin. Pushes begin and end at rest and have a limited jerk, which the unicycle need not: that costs time here. A push
-may be slower than the unicycle's 0.25 m/s: so the slowest speed between the first and the last second is printed, too.
-The robot `unicycle1_v2` of `wall_0` does not map: slower turns to the right give it another smallest radius there,
-1 m, than to the left, 0.5 m, and a car has one for both sides.
+with a smallest turning radius: a plate and a box, 0.25 m deep each, are its 0.5 x 0.25 m, with the axle at the
+chain's origin. Pushes begin and end at rest and have a limited jerk, which the unicycle need not: that costs time
+here. A push may be slower than the unicycle's 0.25 m/s: so the slowest speed between the first and the last second
+is printed, too. The robot `unicycle1_v2` of `wall_0` does not map: slower turns to the right give it another
+smallest radius there, 1 m, than to the left, 0.5 m, and a car has one for both sides.
 """
 
 from __future__ import annotations

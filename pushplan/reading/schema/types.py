@@ -26,7 +26,15 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from pushplan.geometry.simple import find_flaw
 from pushplan.reading.values import units
 from pushplan.reading.values.interval import OrInterval, Span
-from pushplan.reading.values.quantity import DESCRIBED_FAULT, EitherWay, OrAuto, Quantity, fault, friction, show
+from pushplan.reading.values.quantity import (
+    DESCRIBED_FAULT,
+    EitherWay,
+    OrAuto,
+    Quantity,
+    fault,
+    friction,
+    show,
+)
 
 MOST_CORNERS = 500
 
