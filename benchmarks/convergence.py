@@ -4,7 +4,9 @@ Run `python benchmarks/convergence.py [--scenes packaged shared dense] [--dense 
 [--seconds 1] [--longer 10] [--known known.json] [--stall]`. Scenes are the packaged ones, the three of `passages/`,
 or generated ones (`dense_scenes.py`). The best known path is the cheapest that any run found: every planner of
 `FOREIGN` runs once for the longer time, too, and what is known is kept in a file, for the next time. `rrt`, `est` and
-`kpiece` are OMPL's, with an exact connection to the goal. Paths are ranked by travel alone, without a price of arcs.
+`kpiece` are OMPL's, with an exact connection to the goal; `cpp-rrt` and `cpp-sst` are OMPL's in C++, with the same
+connection in the callback, pruned by the best cost, never shortened (they need g++ and OMPL's headers, Debian:
+libompl-dev). Paths are ranked by travel alone, without a price of arcs.
 Times are CPU times of the process. Prints for each planner the share of runs within 1 % of the best known, the worst
 run, and first paths. Runs do not end by stalling but with `--stall`.
 """
@@ -18,11 +20,14 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
 from dense_scenes import NUMBERS
 from dense_scenes import scenes as dense_scenes
+from extensions_cpp import build, improvements, why_not
 
 from pushplan.bench.processes.machine import Machine
 from pushplan.examples import example_names
@@ -41,6 +46,7 @@ from pushplan.scenario import Scenario
 MARKS = (0.1, 0.3, 1.0)
 """Shares of the time at which costs are looked at."""
 
+CPP = "cpp-"
 FOREIGN = ("auto", "rrt", "est", "kpiece", "sst")
 NEAR, FAR = 1.01, 1.2
 NEVER = 10**12
@@ -67,8 +73,36 @@ def scenes(arguments: argparse.Namespace) -> Iterator[Scenario]:
         yield from dense_scenes(NUMBERS[: arguments.dense])
 
 
+def run_cpp(scenario: Scenario, problem: Problem, planner: str, seed: int, seconds: float) -> Run:
+    """Search with OMPL's C++ planner, in a process of its own."""
+    found = improvements(cpp_program(), problem, scenario, planner.removeprefix(CPP), seed, seconds)
+    costs = tuple(min((cost for at, cost in found if at <= m * seconds), default=math.inf) for m in MARKS)
+    return Run(
+        costs,
+        min((cost for _, cost in found), default=math.inf),
+        found[0][0] if found else math.inf,
+        seconds,
+        0,
+    )
+
+
+@cache
+def cpp_program() -> Path:
+    """Build the C++ baselines.
+
+    Raises:
+        SystemExit: When they cannot be had.
+    """
+    missing = why_not()
+    if missing is not None:
+        raise SystemExit(f"no C++ baselines: {missing}")
+    return build(Path(mkdtemp()))
+
+
 def run(scenario: Scenario, problem: Problem, planner: str, seed: int, seconds: float, stall: int) -> Run:
     """Search with all of the time, unless it stalls."""
+    if planner.startswith(CPP):
+        return run_cpp(scenario, problem, planner, seed, seconds)
     session = Session(problem, scenario.start, Budget(seconds, stall=stall), seed)
     search(session, planner_named(planner)[1], sampling_box(scenario), body_reach(scenario))
     found = session.progress
@@ -162,7 +196,8 @@ def main() -> int:
     parser.add_argument("--stall", action="store_true", help="runs may end by stalling, as by default")
     arguments = parser.parse_args()
     for planner in {*arguments.planners, *FOREIGN}:
-        warm_up(planner)
+        if not planner.startswith(CPP):
+            warm_up(planner)
     time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
     print(f"{Machine.this().words}, {len(arguments.seed)} seeds, {arguments.seconds:g} s of CPU each")
     at = " ".join(f"{f'{mark * arguments.seconds:g} s':>7}" for mark in MARKS)

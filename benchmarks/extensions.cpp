@@ -1,7 +1,9 @@
 // OMPL's control RRT in C++ with the work that the project does per extension: a random stable arc, a swept collision
 // check by conservative advancement, and the cheapest two of all exact words to the goal tried from the arc's end.
 //
-// Usage: extensions PROBLEM EXTENSIONS SEED. Reads the arrays that extensions_cpp.py writes (name, rows, columns,
+// Usage: extensions PROBLEM EXTENSIONS SEED [rrt|sst SECONDS]. With a planner it searches for so many CPU seconds, arcs
+// that cannot lead to a better path count as blocked, RRT is cleared after 2,000, 4,000, 8,000 ... extensions, and
+// every improvement is printed: CPU seconds, cost. Reads the arrays that extensions_cpp.py writes (name, rows, columns,
 // numbers), prints the CPU seconds per extension, the share of arcs kept and the share of nodes that connect.
 #include <algorithm>
 #include <array>
@@ -17,8 +19,10 @@
 #include <vector>
 
 #include <ompl/base/spaces/RealVectorStateSpace.h>
+#include <ompl/base/OptimizationObjective.h>
 #include <ompl/control/SpaceInformation.h>
 #include <ompl/control/planners/rrt/RRT.h>
+#include <ompl/control/planners/sst/SST.h>
 #include <ompl/control/spaces/RealVectorControlSpace.h>
 #include <ompl/util/Console.h>
 #include <ompl/util/RandomNumbers.h>
@@ -350,8 +354,43 @@ void set(ob::State *state, const Pose &p, double cost, double r) {
     v[0] = p.x, v[1] = p.y, v[2] = r * std::cos(p.theta), v[3] = r * std::sin(p.theta), v[4] = p.theta, v[5] = cost;
 }
 
+// What a motion costs is what the cost that rides along grows by.
+class Travel : public ob::OptimizationObjective {
+public:
+    explicit Travel(const ob::SpaceInformationPtr &information) : ob::OptimizationObjective(information) {}
+    ob::Cost stateCost(const ob::State *) const override { return ob::Cost(0.0); }
+    ob::Cost motionCost(const ob::State *a, const ob::State *b) const override {
+        return ob::Cost(std::max(0.0, b->as<State>()->values[5] - a->as<State>()->values[5]));
+    }
+};
+
+// Straight travel and the smallest turn: less than any way from a pose to another.
+double atLeast(const Pose &p, const Pose &q) {
+    return std::hypot(q.x - p.x, q.y - p.y) + 0.1 * std::abs(std::remainder(q.theta - p.theta, kTwoPi));
+}
+
+void improve(oc::SpaceInformationPtr information, const ob::ProblemDefinitionPtr &definition, const std::string &name,
+             double seconds, const long &extensions) {
+    const std::clock_t end = std::clock() + std::clock_t(seconds * CLOCKS_PER_SEC);
+    ob::PlannerPtr planner;
+    if (name == "sst") {
+        definition->setOptimizationObjective(std::make_shared<Travel>(information));
+        planner = std::make_shared<oc::SST>(information);
+    } else {
+        planner = std::make_shared<oc::RRT>(information);
+    }
+    planner->setProblemDefinition(definition);
+    planner->setup();
+    for (long room = 2000; std::clock() < end; room *= 2) {
+        const long target = name == "sst" ? std::numeric_limits<long>::max() : extensions + room;
+        planner->solve(ob::PlannerTerminationCondition([&] { return extensions >= target || std::clock() >= end; }));
+        planner->clear();
+    }
+}
+
 int main(int argc, char **argv) {
-    if (argc != 4) return 2;
+    if (argc != 4 && argc != 6) return 2;
+    const bool searching = argc == 6;
     ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
     ompl::RNG::setSeed(std::stoul(argv[3]));
     const long limit = std::stol(argv[2]);
@@ -370,6 +409,8 @@ int main(int argc, char **argv) {
 
     long extensions = 0, kept = 0, connected = 0;
     double best = kInf;
+    const Pose target = problem.pose("goal");
+    const std::clock_t first = std::clock();
     auto information = std::make_shared<oc::SpaceInformation>(space, controls);
     information->setStatePropagator(
         [&](const ob::State *from, const oc::Control *control, double, ob::State *to) {
@@ -381,13 +422,16 @@ int main(int argc, char **argv) {
             const Twist twist = problem.choose(u[0], u[1]);
             const Pose end = step(p, twist, length);
             set(to, end, cost + length, r);
-            if (length <= 0.0 || !problem.sweepIsFree(p, twist, length)) {
+            const bool hopeless = searching && cost + length + atLeast(end, target) >= best;
+            if (length <= 0.0 || hopeless || !problem.sweepIsFree(p, twist, length)) {
                 to->as<State>()->values[0] = 1e9;
                 return;
             }
             ++kept;
             const double rest = problem.connect(end);
             connected += rest < kInf;
+            if (searching && cost + length + rest < best)
+                std::cout << double(std::clock() - first) / CLOCKS_PER_SEC << " " << cost + length + rest << "\n";
             best = std::min(best, cost + length + rest);
         });
     information->setStateValidityChecker([](const ob::State *s) { return s->as<State>()->values[0] < 1e9; });
@@ -399,6 +443,10 @@ int main(int argc, char **argv) {
     set(start.get(), problem.pose("start"), 0.0, r);
     set(goal.get(), problem.pose("goal"), 0.0, r);
     definition->setStartAndGoalStates(start, goal, 1e-12);
+    if (searching) {
+        improve(information, definition, argv[4], std::stod(argv[5]), extensions);
+        return 0;
+    }
     oc::RRT planner(information);
     planner.setProblemDefinition(definition);
     planner.setup();

@@ -97,6 +97,17 @@ def write(problem: Problem, scenario: Scenario, path: Path) -> None:
             file.write(" ".join(repr(float(value)) for value in array.ravel()) + "\n")
 
 
+def improvements(
+    program: Path, problem: Problem, scenario: Scenario, planner: str, seed: int, seconds: float
+) -> list[tuple[float, float]]:
+    """CPU seconds and costs (m) of the ever better paths of C++ OMPL's `rrt` or `sst`, never shortened."""
+    data = program.with_name(f"{planner}-{seed}.txt")
+    write(problem, scenario, data)
+    command = [program, data, "0", str(seed), planner, str(seconds)]
+    told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    return [(float(a), float(b)) for a, b in (line.split() for line in told.splitlines())]
+
+
 def ours(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
     """CPU seconds per extension of OMPL's RRT with the compiled propagator, and the share of arcs kept."""
     ou.setLogLevel(ou.LOG_NONE)

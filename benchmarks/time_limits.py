@@ -12,7 +12,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.machine import Machine
 
 from pushplan.arrays import FloatArray
 from pushplan.builders import box, build_scenario, plate

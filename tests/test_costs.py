@@ -215,5 +215,5 @@ def test_an_arc_is_paid_for_whatever_the_cost(cost: str) -> None:
     dear = replace(scenario, planner=replace(scenario.planner, arc_price=ARC_PRICE + 0.05))
     twist = np.array([1.0, 0.0, 0.0])
     more = rate(prices_of(dear), twist) - rate(prices_of(scenario), twist)
-    factor = {"travel": 1.0, "time": 1.0 / scenario.chain.pusher.limits.speed, "margin": 4.0}[cost]
+    factor = {"travel": 1.0, "time": 1.0 / scenario.chain.pusher.limits.both("speed")[1], "margin": 4.0}[cost]
     assert more == pytest.approx(0.05 * factor)

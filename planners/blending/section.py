@@ -149,7 +149,10 @@ def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> F
 def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:
     """Return the windows (m, 2) of the fastest steps between twists (m + 1, 3), each taken for itself, s."""
     turning = np.hypot(levels[:, 0], levels[:, 1]) * np.abs(levels[:, 2])  # centripetal acceleration
-    room = limits.acceleration - np.maximum(turning[:-1], turning[1:])
+    braking, gaining = limits.both("acceleration")
+    resting = (levels == 0.0).all(axis=1)
+    most = np.where(resting[:-1], gaining, np.where(resting[1:], braking, min(braking, gaining)))
+    room = most - np.maximum(turning[:-1], turning[1:])
     steps = np.diff(levels, axis=0)
     return np.array([_windows(step, spare, limits) for step, spare in zip(steps, room, strict=True)])
 
@@ -163,7 +166,7 @@ def _paced(arcs: IntArray, twists: FloatArray, speeds: FloatArray, bounds: Bound
 def _windows(step: FloatArray, room: float, limits: Limits) -> FloatArray:
     """Windows (2,) of the fastest step of the twist by `step` that accelerates by no more than `room`."""
     linear, angular = float(np.hypot(step[0], step[1])), abs(float(step[2]))
-    slowest = max(linear / room, angular / limits.angular_acceleration)
+    slowest = max(linear / room, angular / limits.both("angular_acceleration")[int(step[2] > 0.0)])
     softest = max(linear / limits.jerk, angular / limits.angular_jerk)
     if slowest == 0.0:
         return np.zeros(2)

@@ -10,6 +10,7 @@ from pushplan.arrays import FloatArray
 from pushplan.path import cost_rate
 from pushplan.planners.collision.separation import Scene, sweep_is_free
 from pushplan.planners.infeasible.pocket import Pocket, find_pocket
+from pushplan.planners.infeasible.turning import tightest_turn
 from pushplan.planners.problem.problem import Problem
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
@@ -31,16 +32,17 @@ def boxed_in_faults(scenario: Scenario, stable: StableSet, problem: Problem) -> 
         problem: The same problem compiled.
     """
     for pocket in find_pocket(scenario, stable, problem):
-        yield [_proven(pocket)] if pocket is not None else []
+        yield [_proven(pocket, tightest_turn(scenario, stable, problem.segments))] if pocket else []
     yield _perhaps(scenario, problem)
 
 
-def _proven(pocket: Pocket) -> Diagnosis:
+def _proven(pocket: Pocket, turn: str) -> Diagnosis:
     if pocket.is_goal:
         name, words = "goal", "it is boxed in: pushes into it, however combined, begin"
     else:
         name, words = "start", "the start is boxed in: pushes, however combined, end"
-    text = f"the goal cannot be reached: {words} no farther than {pocket.radius:.3g} m from it (middle of the chain)"
+    text = f"the goal cannot be reached: {words} no farther than {pocket.radius:.3g} m from it "
+    text += f"(middle of the chain){turn}"
     return Diagnosis("boxed in", text, True, {f"radius_around_{name}": pocket.radius})
 
 

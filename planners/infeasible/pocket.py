@@ -25,8 +25,13 @@ from pushplan.planners.problem.problem import Problem
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
-LEVELS = ((8, 8), (16, 14), (32, 24))
-"""Cells to the radius of the body, and most cells to a step, coarse ones first."""
+Level = tuple[int, int, int]
+
+LEVELS: tuple[Level, ...] = ((8, 8, 8), (16, 14, 16), (32, 24, 32), (4, 8, 40))
+"""Cells to the radius of the body, most cells to a step, and cells of heading to a radian.
+
+Many headings, on the last one, tell turns apart that are wide against the body.
+"""
 
 MOST_TURNED = 0.6
 """Steps are so short that they turn by so much at most, rad, but for `FEWEST` cells."""
@@ -79,7 +84,7 @@ def find_pocket(scenario: Scenario, stable: StableSet, problem: Problem) -> Iter
 
 
 def _pocket(
-    scene: Scene, ends: FloatArray, left: dict[tuple[tuple[int, int], int], Steps], looks: int
+    scene: Scene, ends: FloatArray, left: dict[tuple[Level, int], Steps], looks: int
 ) -> Pocket | None:
     """Spread from both ends (2, 3) on every level left, dropping those on which one leads to the other."""
     room = 1 << math.ceil(math.log2(2 * looks))
@@ -117,9 +122,7 @@ def push_hull(twists: FloatArray, middle: FloatArray) -> shapely.Polygon:
     return shapely.transform(hull, lambda corners: corners * size)
 
 
-def make_steps(
-    scene: Scene, hull: shapely.Polygon, level: tuple[int, int], clearance: float, back: bool
-) -> Steps:
+def make_steps(scene: Scene, hull: shapely.Polygon, level: Level, clearance: float, back: bool) -> Steps:
     """Return the cells and steps of a level.
 
     Args:
@@ -131,7 +134,7 @@ def make_steps(
     """
     radius, sign = float(scene.body_bound[2]), -1.0 if back else 1.0
     side = radius / level[0]
-    headings = math.ceil(2.0 * math.pi * level[0])
+    headings = math.ceil(2.0 * math.pi * level[2])
     angle = 2.0 * math.pi / headings
     amin, kmin, amax, kmax = hull.bounds
     lean, bend = max(abs(amin), abs(amax)), max(abs(kmin), abs(kmax))
@@ -156,7 +159,8 @@ def make_steps(
         aside[row, 1] = travel * (part.bounds[2] + middle + 0.5 * angle) + rest
     touching = clearance - CLEARANCE_ROOM - side * math.sqrt(0.5) - radius * 0.5 * angle
     longest = float(ahead[1]) + travel * (lean + turned)
-    return Steps(side, headings, sign, travel, longest, ahead, first, aside, touching)
+    near, most = longest + 2.0 * side, travel * bend + angle
+    return Steps(side, headings, sign, travel, longest, near, most, ahead, first, aside, touching)
 
 
 def reached(
@@ -176,7 +180,6 @@ def reached(
     """
     middle = scene.body_bound[:2]
     ends = [np.append(se2.transform_points(pose, middle), pose[2]) for pose in (begin, other)]
-    ends[1][2] = steps.longest + 2.0 * steps.side
     cells = np.empty((room // 2, 3), dtype=np.int64)
     outcome, count = spread(scene, ends[0], steps, ends[1], np.zeros(room, dtype=np.int64), cells)
     return int(outcome), cells[:count]

@@ -34,6 +34,8 @@ class Steps(NamedTuple):
         sign: 1 for steps ahead, -1 for steps back.
         travel: Of the body's middle ahead in a step, m.
         longest: Bound on the way of the body's middle in a step or a part of one, m.
+        near: Distance of cells' middles, m, that a step or a part of one bridges at most.
+        turned: Turn, rad, likewise.
         ahead: (2,) least and most travel along the heading at its beginning, m.
         turn: Cells of heading to the first row of `aside`.
         aside: (k, 2) least and most travel to the left (m) with each turn; the first is larger where there is none.
@@ -45,6 +47,8 @@ class Steps(NamedTuple):
     sign: float
     travel: float
     longest: float
+    near: float
+    turned: float
     ahead: FloatArray
     turn: int
     aside: FloatArray
@@ -99,7 +103,7 @@ def spread(
         scene: The body and what it must not touch.
         begin: (3,) position of the body's middle and heading to begin at, world; a cell's middle.
         steps: What a step can do.
-        other: (3,) a position of the body's middle (m), and how near a cell must be to end the search.
+        other: (3,) the like of the pose that is looked for.
         table: (2 n,) zeros, a power of two.
         cells: (n, 3) filled with column, row and heading of the cells found; n cells are looked at, at most.
 
@@ -114,11 +118,12 @@ def spread(
         i, j, k = cells[done, 0], cells[done, 1], cells[done, 2]
         done += 1
         x, y = _position(begin, steps, i, j)
-        if math.hypot(x - other[0], y - other[1]) < other[2]:
+        theta = 2.0 * math.pi * k / steps.headings
+        turn = abs((begin[2] + theta - other[2] + math.pi) % (2.0 * math.pi) - math.pi)
+        if math.hypot(x - other[0], y - other[1]) < steps.near and turn < steps.turned:
             return MET, count
         if left < 0:
             return OPEN, count
-        theta = 2.0 * math.pi * k / steps.headings
         c, s = math.cos(theta), math.sin(theta)
         for row in range(steps.aside.shape[0]):
             if steps.aside[row, 0] > steps.aside[row, 1]:

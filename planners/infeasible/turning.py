@@ -12,13 +12,18 @@ from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import TurningRadii
-from pushplan.planners.problem.controls import control_segments, segment_ends
+from pushplan.path import PushPath
+from pushplan.planners.problem.controls import control_segments, segment_ends, steering_families
+from pushplan.planners.problem.steering import MAX_WORDS, find_words
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
 ROUNDING = 1e-9
 """Headings and directions (rad) that differ by less are the same."""
+
+WORD_SPACING = 0.1
+"""Spacing of the poses (m of cost) at which words are looked at."""
 
 FEW_MERIDIANS = 128
 """Meridians for radii that are only told: exact ones take seconds where loads are intervals."""
@@ -54,23 +59,57 @@ def turning_faults(scenario: Scenario, stable: StableSet, segments: FloatArray) 
     if (ends[:, 2] == 0.0).all():
         return _no_turning(scenario, stable, turn)
     radii = _radii(segments)
-    return [*_one_sided(scenario, stable, turn, radii), *_too_wide(scenario, stable, turn, radii)]
+    return [*_one_sided(scenario, stable, turn, radii), *_too_wide(scenario, stable, turn, radii, segments)]
 
 
-def _too_wide(scenario: Scenario, stable: StableSet, turn: float, radii: TurningRadii) -> Iterator[Diagnosis]:
-    """Yield that the tightest circle does not fit into the workspace, if the goal asks for a turn."""
+def tightest_turn(scenario: Scenario, stable: StableSet, segments: FloatArray) -> str:
+    """Return the end of a sentence that tells how tightly a drive turns, and the set without it; "" without one."""
+    of_set = _of_set(scenario, stable)
+    if of_set is None:
+        return ""
+    made, alone = _drive_words(scenario, f"{min(of_set):.3g} m")
+    return f"; the tightest turn{made} has a radius of {min(_radii(segments)):.3g} m{alone}"
+
+
+def _too_wide(
+    scenario: Scenario, stable: StableSet, turn: float, radii: TurningRadii, segments: FloatArray
+) -> Iterator[Diagnosis]:
+    """Yield that the tightest circle, or every exact word, does not fit into the workspace."""
     area, radius = scenario.workspace, min(radii)
-    if area is None or abs(turn) <= ROUNDING:
+    if area is None:
         return
     across = min(area.xmax - area.xmin, area.ymax - area.ymin)
-    if 2.0 * radius > across:
-        of_set = _of_set(scenario, stable)
-        made, alone = ("", "") if of_set is None else _drive_words(scenario, f"{min(of_set):.3g} m")
-        text = (
-            f"perhaps the turns are too wide: the tightest one{made}, of radius {radius:.3g} m{alone}, makes a "
-            f"circle that does not fit into the workspace, {across:.3g} m across"
+    if abs(turn) > ROUNDING and 2.0 * radius > across:
+        what = f"makes a circle that does not fit into the workspace, {across:.3g} m across"
+    elif math.isfinite(max(radii)) and not _a_word_fits(scenario, segments):
+        what = (
+            "leads out of the workspace in every way of a turn, a straight push or another turn, and a turn"
         )
-        yield Diagnosis("wide turns", text, False, {"radius": radius, "across": across, **_numbers(of_set)})
+    else:
+        return
+    of_set = _of_set(scenario, stable)
+    made, alone = ("", "") if of_set is None else _drive_words(scenario, f"{min(of_set):.3g} m")
+    text = f"perhaps the turns are too wide: the tightest one{made}, of radius {radius:.3g} m{alone}, {what}"
+    yield Diagnosis("wide turns", text, False, {"radius": radius, "across": across, **_numbers(of_set)})
+
+
+def _a_word_fits(scenario: Scenario, segments: FloatArray) -> bool:
+    """Whether an exact word from start to goal stays in the workspace, whatever else is in the way."""
+    area = scenario.workspace
+    assert area is not None
+    corners = np.concatenate([moving.outline for moving in scenario.chain.bodies])
+    words = np.empty((MAX_WORDS, 7))
+    for family in steering_families(segments):
+        count = find_words(family, scenario.start, scenario.goal.pose_chain, words)
+        for word in words[:count]:
+            path = PushPath(scenario.start, family[word[1:4].astype(int)], word[4:])
+            x, y, theta = path.sampled(WORD_SPACING).T[:, :, None]
+            across = x + np.cos(theta) * corners[:, 0] - np.sin(theta) * corners[:, 1]
+            upward = y + np.sin(theta) * corners[:, 0] + np.cos(theta) * corners[:, 1]
+            inside = (across > area.xmin) & (across < area.xmax) & (upward > area.ymin) & (upward < area.ymax)
+            if inside.all():
+                return True
+    return False
 
 
 def _of_set(scenario: Scenario, stable: StableSet) -> TurningRadii | None:

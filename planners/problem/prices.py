@@ -86,7 +86,7 @@ def make_prices(scenario: Scenario, stable: StableSet, segments: FloatArray) -> 
     bounds = motion_bounds(scenario, stable)
     table[:] = _speeds(twists.reshape(-1, 3), bounds).reshape(table.shape)
     blended = scenario.trajectory == "blended"
-    per_arc = scenario.planner.arc_price / scenario.chain.pusher.limits.speed
+    per_arc = scenario.planner.arc_price / scenario.chain.pusher.limits.both("speed")[1]
     return Prices(
         PASSING if blended else REST_TO_REST, per_arc, 1.0 / float(table[..., 0].max()), length, box, table
     )

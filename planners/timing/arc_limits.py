@@ -47,18 +47,28 @@ def arc_limits(twists: FloatArray, limits: Limits, top: float | FloatArray = mat
         top: Bound on s' from elsewhere (...); a lower one leaves more for s'' and s'''.
     """
     v, omega = np.hypot(twists[..., 0], twists[..., 1]), np.abs(twists[..., 2])
+    back, ahead = limits.both("speed")
+    braking, gaining = limits.both("acceleration")
+    right, left = limits.both("angular_speed")
+    rightward, leftward = limits.both("angular_acceleration")
+    straight = np.where(twists[..., 0] < 0.0, back, ahead)
+    turning, to_left = np.where(twists[..., 2] < 0.0, right, left), twists[..., 2] >= 0.0
     bend = v * omega
     jerk = np.where(
         bend > 0.0, limits.jerk / math.sqrt(2.0), limits.jerk
     )  # shared by tangential and normal part
-    speed = np.minimum(top, np.minimum(_ratio(limits.speed, v), _ratio(limits.angular_speed, omega)))
-    speed = np.minimum(speed, np.sqrt(_ratio(limits.acceleration / math.sqrt(2.0), bend)))
+    speed = np.minimum(top, np.minimum(_ratio(straight, v), _ratio(turning, omega)))
+    speed = np.minimum(speed, np.sqrt(_ratio(min(braking, gaining) / math.sqrt(2.0), bend)))
     speed = np.minimum(speed, np.cbrt(_ratio(0.5 * jerk, omega * bend)))
-    tangential = np.sqrt(limits.acceleration**2 - (speed**2 * bend) ** 2)
-    acceleration = np.minimum(_ratio(tangential, v), _ratio(limits.angular_acceleration, omega))
-    acceleration = np.minimum(acceleration, _ratio(jerk, 3.0 * speed * bend))
+
+    def rate(most: float, turn: FloatArray) -> FloatArray:
+        tangential = np.sqrt(most**2 - (speed**2 * bend) ** 2)
+        changed = np.minimum(_ratio(tangential, v), _ratio(turn, omega))
+        return np.asarray(np.minimum(changed, _ratio(jerk, 3.0 * speed * bend)))
+
     third = np.minimum(_ratio(jerk - speed**3 * omega * bend, v), _ratio(limits.angular_jerk, omega))
-    return ArcLimits(speed, acceleration, acceleration, third)
+    up, down = np.where(to_left, leftward, rightward), np.where(to_left, rightward, leftward)
+    return ArcLimits(speed, rate(gaining, up), rate(braking, down), third)
 
 
 def contact_limits(twist: FloatArray, length: float, bounds: Bounds) -> ArcLimits:

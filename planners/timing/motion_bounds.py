@@ -19,7 +19,10 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.compiled.scratch import scratch
-from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.chain import LimitName, Limits
+
+ROUNDING = 1e-9
+"""Signs are not told of coefficients that are smaller by this factor than the largest one."""
 
 _MOST = 6
 _TO_BERNSTEIN = np.array(
@@ -45,24 +48,24 @@ def limit_use(durations: FloatArray, coefficients: FloatArray, limits: Limits) -
     Returns:
         (q, 3): of speed, acceleration and jerk, the larger of the linear and the angular share.
     """
-    linear = np.array([limits.speed, limits.acceleration, limits.jerk])
-    angular = np.array([limits.angular_speed, limits.angular_acceleration, limits.angular_jerk])
-    return _limit_use(durations, coefficients, linear, angular)
+    names: tuple[LimitName, ...] = ("speed", "acceleration", "angular_speed", "angular_acceleration")
+    sides = np.array([limits.both(name) for name in names])
+    return _limit_use(durations, coefficients, sides, np.array([limits.jerk, limits.angular_jerk]))
 
 
 @compiled
 def _limit_use(
-    durations: FloatArray, coefficients: FloatArray, linear: FloatArray, angular: FloatArray
+    durations: FloatArray, coefficients: FloatArray, sides: FloatArray, jerks: FloatArray
 ) -> FloatArray:
     out = np.empty((len(durations), 3))
     for i in range(len(durations)):
-        _piece_use(durations[i], coefficients[i], linear, angular, out[i])
+        _piece_use(durations[i], coefficients[i], sides, jerks, out[i])
     return out
 
 
 @no_refcount
 def _piece_use(
-    duration: float, coefficients: FloatArray, linear: FloatArray, angular: FloatArray, out: FloatArray
+    duration: float, coefficients: FloatArray, sides: FloatArray, jerks: FloatArray, out: FloatArray
 ) -> None:
     """Fill in the shares (3,) of one piece; polynomials have rows (x, y, turn) and are those of time / duration."""
     twist, first, second = scratch(3, 3), scratch(2, 3), scratch(1, 3)
@@ -89,9 +92,44 @@ def _piece_use(
             for k in range(3):
                 for c in range(2):
                     jerk[i + j + k, c] -= twist[i, 2] * twist[j, 2] * twist[k, c]
-    out[0] = max(_longest(twist[:, :2]) / linear[0], _longest(twist[:, 2:]) / angular[0])
-    out[1] = max(_longest(acceleration) / linear[1], _longest(first[:, 2:]) / angular[1])
-    out[2] = max(_longest(jerk) / linear[2], _longest(second[:, 2:]) / angular[2])
+    power = scratch(7, 1)  # whether the speed grows: acceleration . v
+    power[:] = 0.0
+    for i in range(5):
+        for j in range(3):
+            power[i + j, 0] += acceleration[i, 0] * twist[j, 0] + acceleration[i, 1] * twist[j, 1]
+    speed, gain = _longest(twist[:, :2]), _longest(acceleration)
+    out[0] = max(speed / _bound_of(twist[:, :1], sides[0]), _used(twist[:, 2:], sides[2]))
+    out[1] = max(gain / _bound_of(power, sides[1]), _used(first[:, 2:], sides[3]))
+    out[2] = max(_longest(jerk) / jerks[0], _longest(second[:, 2:]) / jerks[1])
+
+
+@no_refcount
+def _bound_of(sign: FloatArray, both: FloatArray) -> float:
+    """Bound on what has another one where a polynomial (n, 1) is negative; the smaller one where that is unclear."""
+    low, high = _hull(sign)
+    tiny = ROUNDING * max(-low, high)
+    if low >= -tiny:
+        return float(both[1])
+    return float(min(both[0], both[1]) if high > tiny else both[0])
+
+
+@no_refcount
+def _used(p: FloatArray, both: FloatArray) -> float:
+    """Largest share of its bounds that a polynomial (n, 1) takes on either side."""
+    low, high = _hull(p)
+    return float(max(-low / both[0], high / both[1]))
+
+
+@no_refcount
+def _hull(p: FloatArray) -> tuple[float, float]:
+    """Smallest and largest Bernstein coefficient over [0, 1] of a polynomial (n, 1), lowest order first."""
+    low, high, degree = math.inf, -math.inf, p.shape[0] - 1
+    for k in range(degree + 1):
+        value = 0.0
+        for j in range(k + 1):
+            value += _TO_BERNSTEIN[degree, k, j] * p[j, 0]
+        low, high = min(low, value), max(high, value)
+    return low, high
 
 
 @compiled

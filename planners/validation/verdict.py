@@ -7,6 +7,7 @@ from pushplan.execution import Execution
 from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
 from pushplan.planners.validation.checker import collision_along
+from pushplan.planners.validation.limits import excess
 from pushplan.planners.validation.motion import Motion
 from pushplan.planners.validation.room import Room
 from pushplan.scenario import Scenario
@@ -30,6 +31,7 @@ def verdict(
     return (
         missed_goal(scenario, path)
         or lost_contact(scenario, execution)
+        or excess(trajectory, scenario.chain.pusher.limits)
         or flaw_along(scenario, stable, path, motion, room)
     )
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -102,13 +103,19 @@ class Contact:
         return np.array([tangent[1], -tangent[0]])
 
 
+Limit = float | tuple[float, float]
+LimitName = Literal["speed", "acceleration", "angular_speed", "angular_acceleration"]
+
+
 @dataclass(frozen=True)
 class Limits:
     """What the pusher's motion may not exceed; lengths refer to the origin of the chain frame. SI units.
 
+    A pair (least, most) around 0 holds another bound for either sign, a number the same for both.
+
     Attributes:
-        speed: Like the next two, of the chain frame's origin.
-        acceleration: See `speed`.
+        speed: Like the next two, of the chain frame's origin; of a pair, the least bounds motion backwards.
+        acceleration: See `speed`; of a pair, the least bounds its magnitude while the speed falls.
         jerk: See `speed`.
         angular_speed: Like the next two, of the turning.
         angular_acceleration: See `angular_speed`.
@@ -116,13 +123,18 @@ class Limits:
         contact: Whether no contact may slip through inertia either, one of `names.CONTACT_LIMITS`.
     """
 
-    speed: float = 0.2
-    acceleration: float = 0.5
+    speed: Limit = 0.2
+    acceleration: Limit = 0.5
     jerk: float = 5.0
-    angular_speed: float = 1.0
-    angular_acceleration: float = 2.0
+    angular_speed: Limit = 1.0
+    angular_acceleration: Limit = 2.0
     angular_jerk: float = 20.0
     contact: str = DEFAULT_CONTACT_LIMITS
+
+    def both(self, name: LimitName) -> tuple[float, float]:
+        """Return the largest magnitudes of what is negative and of what is positive."""
+        limit: Limit = getattr(self, name)
+        return (-limit[0], limit[1]) if isinstance(limit, tuple) else (limit, limit)
 
 
 @dataclass(frozen=True, eq=False)

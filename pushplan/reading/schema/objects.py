@@ -140,14 +140,17 @@ Drive = Annotated[
 class MotionLimits(t.Strict):
     """What the pusher's motion may not exceed."""
 
-    speed: t.Speed = Field(default=_LIMITS.speed, description="a speed in m/s")
-    acceleration: t.Acceleration = Field(default=_LIMITS.acceleration, description="an acceleration in m/s^2")
+    speed: t.Speed = Field(default=_LIMITS.speed, description="a speed in m/s, or [least, most]")
+    acceleration: t.Acceleration = Field(
+        default=_LIMITS.acceleration, description="an acceleration in m/s^2, or [least, most]"
+    )
     jerk: t.Jerk = Field(default=_LIMITS.jerk, description="a jerk in m/s^3")
     angular_speed: t.AngularSpeed = Field(
-        default=_LIMITS.angular_speed, description="an angular speed in rad/s"
+        default=_LIMITS.angular_speed, description="an angular speed in rad/s, or [least, most]"
     )
     angular_acceleration: t.AngularAcceleration = Field(
-        default=_LIMITS.angular_acceleration, description="an angular acceleration in rad/s^2"
+        default=_LIMITS.angular_acceleration,
+        description="an angular acceleration in rad/s^2, or [least, most]",
     )
     angular_jerk: t.AngularJerk = Field(
         default=_LIMITS.angular_jerk, description="an angular jerk in rad/s^3"

@@ -26,7 +26,15 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from pushplan.geometry.simple import find_flaw
 from pushplan.reading.values import units
 from pushplan.reading.values.interval import OrInterval, Span
-from pushplan.reading.values.quantity import DESCRIBED_FAULT, OrAuto, Quantity, fault, friction, show
+from pushplan.reading.values.quantity import (
+    DESCRIBED_FAULT,
+    EitherWay,
+    OrAuto,
+    Quantity,
+    fault,
+    friction,
+    show,
+)
 
 MOST_CORNERS = 500
 
@@ -52,12 +60,21 @@ Weight = Annotated[float, Quantity("a weight", {}, 0.0, 1000.0)]
 Gap = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 100.0, "1 %")]
 Share = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 0.9, "20 %")]
 Seed = Annotated[int, Quantity("a whole number", {}, 0, 2**31 - 1, whole=True)]
-Speed = Annotated[float, Quantity("a speed", units.SPEED, 1e-4, 100.0, "0.2 m/s")]
-Acceleration = Annotated[float, Quantity("an acceleration", units.ACCELERATION, 1e-4, 1e3, "0.5 m/s^2")]
+Speed = Annotated[
+    float | tuple[float, float], EitherWay(Quantity("a speed", units.SPEED, 1e-4, 100.0, "0.2 m/s"))
+]
+Acceleration = Annotated[
+    float | tuple[float, float],
+    EitherWay(Quantity("an acceleration", units.ACCELERATION, 1e-4, 1e3, "0.5 m/s^2")),
+]
 Jerk = Annotated[float, Quantity("a jerk", units.JERK, 1e-4, 1e5, "5 m/s^3")]
-AngularSpeed = Annotated[float, Quantity("an angular speed", units.ANGULAR_SPEED, 1e-4, 100.0, "60 deg/s")]
+AngularSpeed = Annotated[
+    float | tuple[float, float],
+    EitherWay(Quantity("an angular speed", units.ANGULAR_SPEED, 1e-4, 100.0, "60 deg/s")),
+]
 AngularAcceleration = Annotated[
-    float, Quantity("an angular acceleration", units.ANGULAR_ACCELERATION, 1e-4, 1e3, "90 deg/s^2")
+    float | tuple[float, float],
+    EitherWay(Quantity("an angular acceleration", units.ANGULAR_ACCELERATION, 1e-4, 1e3, "90 deg/s^2")),
 ]
 AngularJerk = Annotated[float, Quantity("an angular jerk", units.ANGULAR_JERK, 1e-4, 1e5, "900 deg/s^3")]
 PositionTolerance = Annotated[float, Quantity("a length", units.LENGTH, 1e-9, 1.0, "2 mm")]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
@@ -149,6 +149,46 @@ class OrAuto:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         return {"anyOf": [{"const": AUTO}, self.number.__get_pydantic_json_schema__(schema, handler)]}
+
+
+@dataclass(frozen=True)
+class EitherWay:
+    """A quantity above 0 for both directions, or a list of the least, below 0, and the most for one direction each.
+
+    Put beside `float | tuple[float, float]` in an annotation.
+
+    Attributes:
+        number: The quantity for both.
+    """
+
+    number: Quantity
+
+    @property
+    def _ends(self) -> tuple[Quantity, Quantity]:
+        return replace(self.number, low=-self.number.high, high=-self.number.low), self.number
+
+    def read(self, value: object) -> float | tuple[float, float]:
+        """Return the number, or both, in SI.
+
+        Raises:
+            PydanticCustomError: When `value` is neither.
+        """
+        if not isinstance(value, list | tuple):
+            return self.number.read(value)
+        if len(value) != 2:
+            raise fault(show(value), f"{self.number.allowed}, or [least, most], the least below 0")
+        least, most = (end.read(item) for end, item in zip(self._ends, value, strict=True))
+        return least, most
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        ends = [end.__get_pydantic_json_schema__(schema, handler) for end in self._ends]
+        pair = {"type": "array", "prefixItems": ends, "minItems": 2, "maxItems": 2}
+        return {"anyOf": [self.number.__get_pydantic_json_schema__(schema, handler), pair]}
 
 
 def friction(low: float) -> Quantity:
