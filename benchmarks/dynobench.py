@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 import yaml
-from pushplan.bench.processes.machine import Machine
-from pushplan.bench.random_problems.scenario_yaml import scenario_yaml
 
 import pushplan
+from pushplan.bench.processes.machine import Machine
+from pushplan.bench.random_problems.scenario_yaml import scenario_yaml
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import Scenario
 

@@ -64,7 +64,8 @@ def arc_limits(twists: FloatArray, limits: Limits, top: float | FloatArray = mat
     def rate(most: float, turn: FloatArray) -> FloatArray:
         tangential = np.sqrt(most**2 - (speed**2 * bend) ** 2)
         changed = np.minimum(_ratio(tangential, v), _ratio(turn, omega))
-        return np.asarray(np.minimum(changed, _ratio(jerk, 3.0 * speed * bend)))
+        bounded: FloatArray = np.minimum(changed, _ratio(jerk, 3.0 * speed * bend))
+        return bounded
 
     third = np.minimum(_ratio(jerk - speed**3 * omega * bend, v), _ratio(limits.angular_jerk, omega))
     up, down = np.where(to_left, leftward, rightward), np.where(to_left, rightward, leftward)
