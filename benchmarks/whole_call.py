@@ -14,10 +14,10 @@ import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from pushplan.bench.processes.machine import Machine
 
 from pushplan import Queries
 from pushplan.arrays import FloatArray
+from pushplan.bench.processes.machine import Machine
 from pushplan.builders import box, build_scenario, plate
 from pushplan.geometry import se2
 from pushplan.plan import plan
