@@ -15,8 +15,8 @@ from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.ompl.search import Factory, search
 from pushplan.planners.ompl.solution import push_path
+from pushplan.planners.problem.objective import make_objective
 from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
-from pushplan.planners.problem.prices import make_prices
 from pushplan.planners.problem.problem import Problem
 from pushplan.result import ProgressPoint
 from pushplan.scenario import Scenario
@@ -112,7 +112,9 @@ class Search:
         """Search with the scenario's margin; by travel first where paths are ranked by time."""
         earlier = None if before is None else before.session
         by_travel = replace(scenario, planner=replace(scenario.planner, cost="travel"))
-        if budget.first:  # no path is compared with another one: prices that take long to make are not needed
+        if (
+            budget.first
+        ):  # no path is compared with another one: an objective that takes long to make is not needed
             return replace(self._run(by_travel, budget, earlier), scenario=scenario)
         if scenario.planner.cost != "time":
             return self._run(scenario, budget, earlier)
@@ -125,12 +127,12 @@ class Search:
     def _run(
         self, scenario: Scenario, budget: Budget, before: Session | None, known: PushPath | None = None
     ) -> Attempt:
-        """Search once, from a path known to the search before if there is one: only the prices are others then."""
+        """Search once, from a path known to the search before if there is one: only the objective is another then."""
         if before is None or known is None:
             problem = self.pose(scenario, self.stable, self.began + budget.time_limit)
         else:
-            prices = make_prices(scenario, self.stable, before.problem.segments)
-            problem = before.problem._replace(prices=prices)
+            objective = make_objective(scenario, self.stable, before.problem.segments)
+            problem = before.problem._replace(objective=objective)
         monitor = InfeasibilityMonitor(scenario, self.stable, problem, budget.time_limit)
         session = Session(
             problem,

@@ -16,7 +16,7 @@ from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynami
 from pushplan.mechanics.support import UniformSupport
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.path import PushPath
-from pushplan.planners.blending.section import make_driven
+from pushplan.planners.blending.section import make_part
 from pushplan.planners.blending.sweep import find_touches
 from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.scene import build_scene
@@ -28,7 +28,7 @@ from pushplan.planners.infeasible.pocket import LEVELS, make_steps, push_hull, r
 from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.factories import PLANNERS, planner_named
 from pushplan.planners.ompl.search import search
-from pushplan.planners.problem.prices import travel_prices
+from pushplan.planners.problem.objective import travel_objective
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.search.lattice_rounds import LatticeRounds
 from pushplan.planners.timing.bounds import Bounds
@@ -101,7 +101,7 @@ def _compile_timing() -> None:
     chain = _one_box()
     bounds = Bounds(chain.pusher.limits, ContactDynamics(chain))
     trajectory = time_path(path, bounds)
-    make_driven(path, np.arange(2), bounds).eased(path.lengths).motion(path.lengths)
+    make_part(path, np.arange(2), bounds).eased(path.lengths).motion(path.lengths)
     find_touches(_problem(chain).scene, trajectory, chain.reach)
     dynamic_margins(chain, trajectory.directions, trajectory.rates_at(trajectory.t))
     list(convex_pieces([np.array([[0.0, 0.0], [2.0, 0.0], [0.5, 0.5], [0.0, 2.0]])]))
@@ -142,4 +142,4 @@ def _problem(chain: Chain) -> Problem:
     scene = build_scene(chain, [wall], [(9.0, 9.0, 1.0)], (-10.0, -10.0, 10.0, 10.0), 1e-4)
     family = np.array([[[0.8, 0.0, 2.0], [1.0, 0.0, 0.0], [0.8, 0.0, -2.0]]])
     segments = np.array([[0.8, 0.0, 2.0, 0.8, 0.0, -2.0]])
-    return Problem(scene, segments, family, np.array([1.5, 0.0, 0.0]), 0.5, travel_prices(0.03))
+    return Problem(scene, segments, family, np.array([1.5, 0.0, 0.0]), 0.5, travel_objective(0.03))

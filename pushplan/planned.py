@@ -79,7 +79,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, eq=False)
-class Driven:
+class TimedPath:
     """A path as it is driven; what there is none of is None, and the reason says why."""
 
     path: PushPath | None = None
@@ -163,12 +163,12 @@ def _checked(
     """Time, execute and check what a search found; find out why it found nothing."""
     session, posed, stable = attempt.session, attempt.scenario, means.stable
     with watch("timing"):
-        driven = _soonest(posed, attempt, stable) if means.timed else Driven(attempt.path)
-    path, trajectory = driven.path, driven.trajectory
+        timed = _soonest(posed, attempt, stable) if means.timed else TimedPath(attempt.path)
+    path, trajectory = timed.path, timed.trajectory
     with watch("execution"):
         execution = None if trajectory is None else execute_trajectory(posed, stable.name, trajectory)
     with watch("checking"):
-        reason, failure = driven.reason, None
+        reason, failure = timed.reason, None
         if path is None:
             reason, failure = _why_none(attempt, stable, wanted)
         elif trajectory is not None and execution is not None:
@@ -210,14 +210,14 @@ def _why_none(attempt: Attempt, stable: StableSet, wanted: Wanted) -> tuple[str,
     return failure.reason, failure
 
 
-def _soonest(scenario: Scenario, attempt: Attempt, stable: StableSet) -> Driven:
+def _soonest(scenario: Scenario, attempt: Attempt, stable: StableSet) -> TimedPath:
     """Return the best path with its trajectory, or why none can be driven.
 
     Where paths are ranked by time, the ones that were best by travel are driven as well, and the soonest counts:
-    prices know a motion only roughly.
+    an objective knows a motion only roughly.
     """
     if attempt.path is None:
-        return Driven()
+        return TimedPath()
     found: list[tuple[float, PushPath, Trajectory]] = []
     reason = ""
     for path in (attempt.path, *attempt.others):
@@ -228,9 +228,9 @@ def _soonest(scenario: Scenario, attempt: Attempt, stable: StableSet) -> Driven:
         else:
             found.append((trajectory.duration, path, trajectory))
     if not found:
-        return Driven(attempt.path, reason=reason)
+        return TimedPath(attempt.path, reason=reason)
     _, path, trajectory = min(found, key=lambda item: item[0])
-    return Driven(path, trajectory)
+    return TimedPath(path, trajectory)
 
 
 def check_ends(scenario: Scenario, room: Room) -> None:

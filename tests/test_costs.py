@@ -1,4 +1,4 @@
-"""The costs to choose: prices agree with what they stand for, and each planner's path is best by its own."""
+"""The costs to choose: objectives agree with what they stand for, and each planner's path is best by its own."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
 from pushplan.plan import plan
-from pushplan.planners.improve.polish import price
+from pushplan.planners.improve.polish import objective_value
+from pushplan.planners.problem.objective import Objective, arc_value, make_objective, rest_to_rest_time
 from pushplan.planners.problem.posing import build_problem
-from pushplan.planners.problem.prices import Prices, arc_price, make_prices, rest_to_rest_time
 from pushplan.planners.timing.arc_limits import arc_limits
 from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
 from pushplan.reading.scenario_file import load_scenario
@@ -38,16 +38,16 @@ def planned(cost: str, weight: float = 1.0, trajectory: str = "exact") -> PlanRe
     return result
 
 
-def prices_of(scenario: Scenario) -> Prices:
-    return build_problem(scenario, stable_set(scenario.chain)).prices
+def prices_of(scenario: Scenario) -> Objective:
+    return build_problem(scenario, stable_set(scenario.chain)).objective
 
 
-def path_price(prices: Prices, path: PushPath) -> float:
-    return float(price(prices, np.column_stack([path.twists, path.lengths])))
+def path_price(objective: Objective, path: PushPath) -> float:
+    return float(objective_value(objective, np.column_stack([path.twists, path.lengths])))
 
 
-def rate(prices: Prices, twist: FloatArray, length: float = 1.0) -> float:
-    return float(arc_price(prices, twist[0], twist[1], twist[2], length))
+def rate(objective: Objective, twist: FloatArray, length: float = 1.0) -> float:
+    return float(arc_value(objective, twist[0], twist[1], twist[2], length))
 
 
 def mean_margin(scenario: Scenario, path: PushPath) -> float:
@@ -65,25 +65,27 @@ def test_the_rest_to_rest_time_is_ruckigs() -> None:
 
 
 def test_travel_is_the_length_and_a_little_for_each_arc() -> None:
-    prices, path = prices_of(ranked("travel")), planned("travel").path
+    objective, path = prices_of(ranked("travel")), planned("travel").path
     assert path is not None
-    assert path_price(prices, path) == pytest.approx(path.cost + ARC_PRICE * len(path.lengths))
+    assert path_price(objective, path) == pytest.approx(path.cost + ARC_PRICE * len(path.lengths))
 
 
 def test_the_price_of_time_is_the_duration_of_the_exact_trajectory() -> None:
-    result, prices = planned("time"), prices_of(ranked("time"))
+    result, objective = planned("time"), prices_of(ranked("time"))
     assert result.path is not None
     assert result.trajectory is not None
-    for_arcs = prices.per_arc * len(result.path.lengths)
-    assert path_price(prices, result.path) - for_arcs == pytest.approx(result.trajectory.duration, rel=0.02)
+    for_arcs = objective.per_arc * len(result.path.lengths)
+    assert path_price(objective, result.path) - for_arcs == pytest.approx(
+        result.trajectory.duration, rel=0.02
+    )
 
 
 def test_the_price_of_time_is_close_to_the_duration_of_the_blended_trajectory() -> None:
     result = planned("time", trajectory="blended")
-    prices = prices_of(ranked("time", trajectory="blended"))
+    objective = prices_of(ranked("time", trajectory="blended"))
     assert result.path is not None
     assert result.trajectory is not None
-    assert path_price(prices, result.path) == pytest.approx(result.trajectory.duration, rel=0.1)
+    assert path_price(objective, result.path) == pytest.approx(result.trajectory.duration, rel=0.1)
 
 
 def test_ranking_by_time_is_faster_and_by_travel_shorter() -> None:
@@ -113,11 +115,11 @@ def test_prices_of_the_margin_follow_from_the_margin() -> None:
     share = rng.uniform(size=(200, 1))
     twists = (1.0 - share) * rows[:, :3] + share * rows[:, 3:]
     best = stable.peaks[1].max()
-    found = np.array([rate(problem.prices, twist) for twist in twists]) - 4.0 * ARC_PRICE
+    found = np.array([rate(problem.objective, twist) for twist in twists]) - 4.0 * ARC_PRICE
     expected = 1.0 + 3.0 * (1.0 - stable.margin(twists) / best)
     assert np.abs(found - expected).max() < 0.3  # the table is coarse where the margin has a kink
     assert np.abs(found - expected).mean() < 0.03
-    assert found.min() >= problem.prices.lowest
+    assert found.min() >= problem.objective.lowest
     assert found.max() <= 4.0 + 0.3
 
 
@@ -132,8 +134,8 @@ def test_the_lowest_price_is_a_bound(trajectory: str) -> None:
         for twist in (row[:3], row[3:]):
             unit = twist / (np.hypot(*twist[:2]) + 0.1 * abs(twist[2]))
             length = 10.0 ** rng.uniform(-3, 0.5)
-            assert rate(problem.prices, unit, length) >= problem.prices.lowest * length
-            assert arc_limits(unit, limits).speed <= 1.0 / problem.prices.lowest * (1.0 + 1e-2)
+            assert rate(problem.objective, unit, length) >= problem.objective.lowest * length
+            assert arc_limits(unit, limits).speed <= 1.0 / problem.objective.lowest * (1.0 + 1e-2)
 
 
 def test_dynamic_contact_limits_make_time_dearer_near_the_boundary() -> None:
@@ -145,11 +147,11 @@ def test_dynamic_contact_limits_make_time_dearer_near_the_boundary() -> None:
     slow = replace(scenario, chain=chain)
     stable = stable_set(slow.chain)
     segments = build_problem(scenario, stable).segments
-    prices = make_prices(slow, stable, segments)
+    objective = make_objective(slow, stable, segments)
     inner = np.array([1.0, 0.0, 0.0])
     edge = segments[len(segments) // 2, :3]
     edge = edge / (np.hypot(*edge[:2]) + 0.1 * abs(edge[2]))
-    assert rate(prices, edge) > 1.5 * rate(prices, inner)
+    assert rate(objective, edge) > 1.5 * rate(objective, inner)
 
 
 def test_the_same_seed_gives_the_same_plan_whatever_the_cost() -> None:

@@ -14,11 +14,11 @@ from pushplan.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
 from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.polish import price, shorten
+from pushplan.planners.improve.polish import objective_value, shorten
 from pushplan.planners.improve.session import Session
 from pushplan.planners.improve.varying import normals_of, vary
+from pushplan.planners.problem.objective import travel_objective
 from pushplan.planners.problem.posing import build_problem
-from pushplan.planners.problem.prices import travel_prices
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.validation.checker import find_collision
 from pushplan.scenario import Scenario
@@ -52,10 +52,10 @@ def _random(seed: int) -> np.ndarray:
 def test_changed_paths_reach_the_goal_free_stable_and_never_dearer(name: str) -> None:
     scenario, problem = _posed(name)
     path, state, normals = _first_path(scenario, problem, 3), _random(5), normals_of(problem.segments)
-    before, kept = price(problem.prices, path), 0
+    before, kept = objective_value(problem.objective, path), 0
     for _ in range(2000):
         new = vary(problem, normals, scenario.start, path, state)
-        now = price(problem.prices, new)
+        now = objective_value(problem.objective, new)
         assert now <= before
         kept += now < before
         path, before = new, now
@@ -72,7 +72,7 @@ def test_changed_paths_reach_the_goal_free_stable_and_never_dearer(name: str) ->
 def test_arcs_that_are_not_needed_are_left_out_and_the_path_stays_exact_free_and_stable(name: str) -> None:
     """Every arc of a path is cut in three; where arcs are dear, changes take the cuts out again."""
     scenario, problem = _posed(name)
-    problem = problem._replace(prices=travel_prices(0.05))
+    problem = problem._replace(objective=travel_objective(0.05))
     path, state, normals = _first_path(scenario, problem, 3), _random(5), normals_of(problem.segments)
     cut = np.repeat(path, 3, axis=0) * [1.0, 1.0, 1.0, 1.0 / 3.0]
     now = cut
@@ -82,7 +82,7 @@ def test_arcs_that_are_not_needed_are_left_out_and_the_path_stays_exact_free_and
         assert len(new) >= len(now) - 1
         if len(new) < len(now):
             left_out += 1
-            assert price(problem.prices, new) < price(problem.prices, now)
+            assert objective_value(problem.objective, new) < objective_value(problem.objective, now)
             done = PushPath(scenario.start, new[:, :3], new[:, 3])
             gap = se2.relative(done.end, problem.goal)
             np.testing.assert_allclose([*gap[:2], math.remainder(gap[2], 2.0 * math.pi)], 0.0, atol=1e-9)
@@ -101,9 +101,9 @@ def test_shortening_finds_the_optimum_of_the_free_space() -> None:
         shorten(problem, scenario.start, _first_path(scenario, problem, seed), _random(seed), 40_000)
         for seed in (1, 2, 3)
     ]
-    prices = [price(problem.prices, path) for path in costs]
-    assert max(prices) < 1.003 * min(prices)
-    assert min(prices) <= 1.002 * _optimum(problem, scenario.start, costs[int(np.argmin(prices))])
+    values = [objective_value(problem.objective, path) for path in costs]
+    assert max(values) < 1.003 * min(values)
+    assert min(values) <= 1.002 * _optimum(problem, scenario.start, costs[int(np.argmin(values))])
 
 
 def _optimum(problem: Problem, start: FloatArray, path: FloatArray) -> float:
@@ -135,7 +135,7 @@ def _optimum(problem: Problem, start: FloatArray, path: FloatArray) -> float:
         lambda z: float(z[2 * n :].sum()), first, method="SLSQP", bounds=bounds, constraints=[closed]
     )
     assert np.abs(missing(found.x)).max() < 1e-6
-    return float(found.fun) + n * problem.prices.per_arc
+    return float(found.fun) + n * problem.objective.per_arc
 
 
 def _place(segments: FloatArray, twist: FloatArray) -> tuple[float, float]:

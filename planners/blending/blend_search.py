@@ -11,20 +11,20 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.path import PushPath
 from pushplan.planners.blending.blend_check import collision_times, unstable_times
-from pushplan.planners.blending.driven import Driven
 from pushplan.planners.blending.goal_fit import NoFitError
 from pushplan.planners.blending.joining import (
     corners_of,
-    driven_arcs,
     fitted,
     joined,
+    moving_arcs,
     nearest_corners,
     sharpest_corner,
     slowed,
     split_part,
 )
 from pushplan.planners.blending.nudge import LengthRows, no_rows, nudges
-from pushplan.planners.blending.section import make_driven
+from pushplan.planners.blending.part import Part
+from pushplan.planners.blending.section import make_part
 from pushplan.planners.blending.sweep import find_touches
 from pushplan.planners.collision.separation import Scene
 from pushplan.planners.problem.posing import body_reach
@@ -99,7 +99,7 @@ class BlendSearch:
         self.scene, self.reach = scene, body_reach(scenario)
         self.corners = corners_of(path)
         self.stops: frozenset[int] = frozenset()
-        self.parts = [make_driven(path, driven_arcs(path), bounds)]
+        self.parts = [make_part(path, moving_arcs(path), bounds)]
         self.nudging = Nudging(no_rows(len(path.lengths)))
 
     def blended(self, within: float, stops: float = math.inf) -> Blend | None:
@@ -132,14 +132,14 @@ class BlendSearch:
             return Blend(trajectory, self.stops)
         return None
 
-    def _is_stable(self, parts: list[Driven], lengths: FloatArray, trajectory: Trajectory) -> bool:
+    def _is_stable(self, parts: list[Part], lengths: FloatArray, trajectory: Trajectory) -> bool:
         """Tell whether the margin is kept; stop at the corner where it is missed most if not."""
         times = unstable_times(self.scenario, self.stable, trajectory, self.bounds)
         if len(times):
             self._stop(nearest_corners(parts, lengths, times[:1]))
         return not len(times)
 
-    def _is_free(self, parts: list[Driven], lengths: FloatArray, trajectory: Trajectory) -> bool:
+    def _is_free(self, parts: list[Part], lengths: FloatArray, trajectory: Trajectory) -> bool:
         """Tell whether nothing is touched; if not, keep away from it the next time, or stop near it."""
         touches = find_touches(self.scene, trajectory, self.reach)
         times = touches.times[[int(np.argmin(touches.gaps))]] if len(touches.times) else np.zeros(0)

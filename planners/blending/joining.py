@@ -10,10 +10,10 @@ import numpy as np
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
-from pushplan.planners.blending.driven import Driven
 from pushplan.planners.blending.goal_fit import fit_lengths
 from pushplan.planners.blending.nudge import LengthRows
-from pushplan.planners.blending.section import make_driven
+from pushplan.planners.blending.part import Part
+from pushplan.planners.blending.section import make_part
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import SAME
 from pushplan.trajectory import Trajectory
@@ -22,29 +22,29 @@ FITS = 2
 """How often steps are widened and lengths fitted in turn."""
 
 
-def driven_arcs(path: PushPath) -> IntArray:
+def moving_arcs(path: PushPath) -> IntArray:
     """Return the indices (a,) of the arcs that have a length."""
     return np.flatnonzero(path.lengths > 0.0)
 
 
 def corners_of(path: PushPath) -> frozenset[int]:
     """Return the arcs at whose end the twist changes."""
-    arcs = driven_arcs(path)
+    arcs = moving_arcs(path)
     change = np.abs(np.diff(path.twists[arcs], axis=0)).max(axis=1, initial=0.0)
     return frozenset(arcs[:-1][change > SAME].tolist())
 
 
-def split_part(path: PushPath, part: Driven, stops: frozenset[int], bounds: Bounds) -> list[Driven]:
+def split_part(path: PushPath, part: Part, stops: frozenset[int], bounds: Bounds) -> list[Part]:
     """Return the parts of a part between the arcs after which the pusher stops; itself where there is no stop."""
     ends = np.flatnonzero(np.isin(part.arcs[:-1], list(stops))) + 1
     if not len(ends):
         return [part]
-    return [make_driven(path, arcs, bounds) for arcs in np.split(part.arcs, ends)]
+    return [make_part(path, arcs, bounds) for arcs in np.split(part.arcs, ends)]
 
 
 def fitted(
-    path: PushPath, goal: FloatArray, parts: Sequence[Driven], rows: LengthRows
-) -> tuple[list[Driven], FloatArray]:
+    path: PushPath, goal: FloatArray, parts: Sequence[Part], rows: LengthRows
+) -> tuple[list[Part], FloatArray]:
     """Widen steps to meet the limits, and fit lengths (k,) that end on the goal (3,), in turn.
 
     Raises:
@@ -57,7 +57,7 @@ def fitted(
     return list(parts), lengths
 
 
-def slowed(parts: Sequence[Driven], lengths: FloatArray, bearable: float) -> tuple[list[Driven], FloatArray]:
+def slowed(parts: Sequence[Part], lengths: FloatArray, bearable: float) -> tuple[list[Part], FloatArray]:
     """Slow parts down as wholes until they keep the limits.
 
     Returns:
@@ -74,7 +74,7 @@ def slowed(parts: Sequence[Driven], lengths: FloatArray, bearable: float) -> tup
     return slow, np.array(strained)
 
 
-def joined(path: PushPath, parts: Sequence[Driven], lengths: FloatArray, rate: float) -> Trajectory:
+def joined(path: PushPath, parts: Sequence[Part], lengths: FloatArray, rate: float) -> Trajectory:
     """Return the parts as one trajectory."""
     pieces = [part.pieces(lengths) for part in parts]
     durations, coefficients, arcs = (np.concatenate(column) for column in zip(*pieces, strict=True))
@@ -82,29 +82,29 @@ def joined(path: PushPath, parts: Sequence[Driven], lengths: FloatArray, rate: f
     return Trajectory(path.start, breaks, coefficients, arcs.astype(np.float64), rate)
 
 
-def nearest_corners(parts: Sequence[Driven], lengths: FloatArray, times: FloatArray) -> frozenset[int]:
+def nearest_corners(parts: Sequence[Part], lengths: FloatArray, times: FloatArray) -> frozenset[int]:
     """Return the corners without a stop that are nearest to some times (k,)."""
     arcs, at = _blended_corners(parts, lengths)
     return frozenset(arcs[np.abs(at - times[:, None]).argmin(axis=1)].tolist())
 
 
-def sharpest_corner(path: PushPath, parts: Sequence[Driven]) -> frozenset[int]:
+def sharpest_corner(path: PushPath, parts: Sequence[Part]) -> frozenset[int]:
     """Return the corner without a stop whose twists commute least: its blend moves the end most."""
     arcs, _ = _blended_corners(parts, path.lengths)
-    driven = driven_arcs(path)
+    driven = moving_arcs(path)
     a, b = path.twists[arcs], path.twists[driven[np.searchsorted(driven, arcs) + 1]]
     bracket = a[:, 2:] * b[:, :2] - b[:, 2:] * a[:, :2]
     return frozenset({int(arcs[np.argmax(np.hypot(*bracket.T))])})
 
 
-def _end(path: PushPath, parts: Sequence[Driven], lengths: FloatArray) -> FloatArray:
+def _end(path: PushPath, parts: Sequence[Part], lengths: FloatArray) -> FloatArray:
     pose = path.start
     for part in parts:
         pose = se2.compose(pose, part.motion(lengths))
     return pose
 
 
-def _blended_corners(parts: Sequence[Driven], lengths: FloatArray) -> tuple[IntArray, FloatArray]:
+def _blended_corners(parts: Sequence[Part], lengths: FloatArray) -> tuple[IntArray, FloatArray]:
     """The arcs (c,) after which the twist changes without a stop, and when (c,)."""
     begins = np.cumsum([0.0, *(part.duration(lengths) for part in parts[:-1])])
     corners = [part.corners(lengths) for part in parts]

@@ -14,7 +14,7 @@ import numpy as np
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
-from pushplan.planners.blending.driven import Driven, Push
+from pushplan.planners.blending.part import Part, Push
 from pushplan.planners.timing.arc_limits import contact_limits, contact_limits_of
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.contact_use import ORDERS, bounds_use
@@ -46,7 +46,7 @@ USED_UP = 1.0 + 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """Arcs of several twists, blended; see `Driven`.
+    """Arcs of several twists, blended; see `Part`.
 
     Attributes:
         arcs: (a,) their indices.
@@ -118,7 +118,7 @@ class Section:
         return (centers + widths[0].sum() / 2.0) * self.slower, widths * self.slower
 
 
-def make_driven(path: PushPath, arcs: IntArray, bounds: Bounds) -> Driven:
+def make_part(path: PushPath, arcs: IntArray, bounds: Bounds) -> Part:
     """Return some arcs (a,) of a path as one part: the pace is the one that is over soonest.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The best path of a search so far, by price, and what it says of paths that could be better."""
+"""The best path of a search so far, by its objective, and what it says of paths that could be better."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.path import PushPath
-from pushplan.planners.improve.polish import price
-from pushplan.planners.problem.prices import Prices
+from pushplan.planners.improve.polish import objective_value
+from pushplan.planners.problem.objective import Objective
 
 GAIN = 1e-9
-"""A path counts as better when its price is lower by this much."""
+"""A path counts as better when its value is lower by this much."""
 
 SHORTEST_ARC = 1e-10
 """Arcs below this (m of cost) are rounding and are left out of paths."""
@@ -28,40 +28,40 @@ class Incumbent:
     """The best path so far.
 
     Args:
-        prices: What makes one path better than another.
+        objective: What makes one path better than another.
 
     Attributes:
         arcs: (k, 4) its twists and lengths, None while there is none.
-        price: What it costs under the prices; infinite while there is none.
+        value: What the objective says of it; infinite while there is none.
         cost: Its travel, m; infinite while there is none.
     """
 
-    def __init__(self, prices: Prices) -> None:
-        self._prices = prices
+    def __init__(self, objective: Objective) -> None:
+        self._objective = objective
         self.arcs: FloatArray | None = None
-        self.price = self.cost = math.inf
+        self.value = self.cost = math.inf
 
     @property
     def horizon(self) -> float:
         """Cost (m) from which on no path can be better; infinite while there is none.
 
-        That is what its price would buy at the lowest rate, on a single arc.
+        That is what its value would buy at the lowest rate, on a single arc.
         """
-        return (self.price - self._prices.per_arc) / self._prices.lowest
+        return (self.value - self._objective.per_arc) / self._objective.lowest
 
     @property
     def bound(self) -> float:
         """Cost that a path has to stay below to be better, m."""
         return self.horizon - GAIN
 
-    def price_of(self, arcs: FloatArray) -> float:
-        """Return the price of a path (k, 4)."""
-        return float(price(self._prices, arcs))
+    def value_of(self, arcs: FloatArray) -> float:
+        """Return the value of a path (k, 4)."""
+        return float(objective_value(self._objective, arcs))
 
     def take(self, arcs: FloatArray) -> bool:
         """Keep a path (k, 4) if it is better; return whether it is."""
-        offered = self.price_of(arcs)
-        if offered >= self.price - GAIN:
+        offered = self.value_of(arcs)
+        if offered >= self.value - GAIN:
             return False
-        self.arcs, self.price, self.cost = arcs.copy(), offered, float(np.sum(arcs[:, 3]))
+        self.arcs, self.value, self.cost = arcs.copy(), offered, float(np.sum(arcs[:, 3]))
         return True

@@ -1,6 +1,6 @@
 """Compiled shortening of a path: random pairs of its poses are joined anew by exact words.
 
-What counts is the sum of the prices of a path's arcs (`prices`): by default their lengths and a little for each.
+What counts is the sum of the values of a path's arcs (`objective`): by default their lengths and a little for each.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from pushplan.arrays import FloatArray, RandomState
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.planners.collision.separation import step
 from pushplan.planners.improve.varying import normals_of, vary
-from pushplan.planners.problem.prices import TRAVEL, Prices, arc_price
+from pushplan.planners.problem.objective import TRAVEL, Objective, arc_value
 from pushplan.planners.problem.problem import TRIES, Problem, between, random
 from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
 
 GAIN = 1e-9
-"""Smallest saving, in the unit of the price, for which a piece of path is exchanged."""
+"""Smallest saving, in the unit of the objective, for which a piece of path is exchanged."""
 
 DRAWN_SHARE = 0.8
 """Share of the attempts that join by turns and pushes drawn from the whole stable set."""
@@ -32,28 +32,28 @@ SHORTEST_WINDOW = 0.07
 
 
 @no_refcount
-def price(prices: Prices, path: FloatArray) -> float:
-    """Return the price of a path (k, 4)."""
-    if prices.kind == TRAVEL:
-        return float(path[:, 3].sum() + prices.per_arc * path.shape[0])
+def objective_value(objective: Objective, path: FloatArray) -> float:
+    """Return the value of a path (k, 4)."""
+    if objective.kind == TRAVEL:
+        return float(path[:, 3].sum() + objective.per_arc * path.shape[0])
     total = 0.0
     for k in range(path.shape[0]):
-        total += arc_price(prices, path[k, 0], path[k, 1], path[k, 2], path[k, 3])
+        total += arc_value(objective, path[k, 0], path[k, 1], path[k, 2], path[k, 3])
     return total
 
 
 @no_refcount
 def _worth(
-    prices: Prices, path: FloatArray, i: int, into_i: float, j: int, into_j: float, travel: float
+    objective: Objective, path: FloatArray, i: int, into_i: float, j: int, into_j: float, travel: float
 ) -> float:
     """Travel (m) that a word must stay below to be cheaper than the piece of path between two places."""
-    if prices.kind == TRAVEL:
-        return travel + prices.per_arc * (j - i + 1)
+    if objective.kind == TRAVEL:
+        return travel + objective.per_arc * (j - i + 1)
     total = 0.0
     for k in range(i, j + 1):
         length = (into_j if k == j else path[k, 3]) - (into_i if k == i else 0.0)
-        total += arc_price(prices, path[k, 0], path[k, 1], path[k, 2], max(length, 0.0))
-    return total / prices.lowest
+        total += arc_value(objective, path[k, 0], path[k, 1], path[k, 2], max(length, 0.0))
+    return total / objective.lowest
 
 
 @no_refcount
@@ -202,9 +202,12 @@ def shorten(
         i, into_i = locate(start, path, low, begin)
         j, into_j = locate(start, path, high, end)
         # A word that costs less than the piece; what its arcs are worth in the objective is known only then.
-        bound = _worth(problem.prices, path, i, into_i, j, into_j, high - low)
+        bound = _worth(problem.objective, path, i, into_i, j, into_j, high - low)
         if rejoin(problem, state, begin, end, bound, family, word) < bound:
             exchanged = _spliced(path, i, into_i, word, j, into_j)
-            if price(problem.prices, exchanged) < price(problem.prices, path) - GAIN:
+            if (
+                objective_value(problem.objective, exchanged)
+                < objective_value(problem.objective, path) - GAIN
+            ):
                 path = exchanged
     return path

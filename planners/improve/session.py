@@ -31,7 +31,7 @@ POLISH_ROUNDS = 8
 """So many times, at most, as long as it promises to become the best one."""
 
 PROMISE = 3.0
-"""It does if its price may fall by so many times what the last round saved."""
+"""It does if its value may fall by so many times what the last round saved."""
 
 REFINE_CHUNK = 2_000
 """Changes tried on the best path between two rounds of search."""
@@ -84,7 +84,7 @@ class Session:
         self.budget = budget
         self.seed = seed
         self.random = np.array([seed], dtype=np.uint64)
-        self.best = Incumbent(problem.prices)
+        self.best = Incumbent(problem.objective)
         self.progress: list[ProgressPoint] = [] if before is None else list(before.progress)
         self.extensions: int = 0 if before is None else before.extensions
         self.iterations: int = 0 if before is None else before.iterations
@@ -173,14 +173,14 @@ class Session:
         arcs = merged(arcs)
         self.take(arcs)
         if self.budget.first:
-            self.take(cut_short(self.problem, self.start, arcs, self.problem.prices.per_arc))
+            self.take(cut_short(self.problem, self.start, arcs, self.problem.objective.per_arc))
             return
-        before = self.best.price_of(arcs)
+        before = self.best.value_of(arcs)
         for _ in range(POLISH_ROUNDS):
             arcs = self._polished(arcs, POLISH_ATTEMPTS)
             self.take(arcs)
-            now = self.best.price_of(arcs)
-            if self.finished or now - PROMISE * (before - now) > self.best.price:
+            now = self.best.value_of(arcs)
+            if self.finished or now - PROMISE * (before - now) > self.best.value:
                 return
             before = now
 
@@ -188,9 +188,9 @@ class Session:
         """Go on polishing the best path, if there is one."""
         if self.best.arcs is None or self.budget.first:
             return
-        before = self.best.price
+        before = self.best.value
         self.take(self._polished(self.best.arcs, self._refining))
-        gained = before - self.best.price > WORTHWHILE * before
+        gained = before - self.best.value > WORTHWHILE * before
         self._refining = REFINE_CHUNK if gained else max(REFINE_CHUNK // 8, self._refining // 2)
 
     def _polished(self, arcs: FloatArray, attempts: int) -> FloatArray:

@@ -13,7 +13,7 @@ from pushplan.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import step, sweep_is_free
-from pushplan.planners.problem.prices import Prices, arc_price
+from pushplan.planners.problem.objective import Objective, arc_value
 from pushplan.planners.problem.problem import Problem, between, random
 from pushplan.planners.problem.rows import put, put_rows
 
@@ -42,7 +42,7 @@ AT_END = 1e-9
 """Share of a segment within which a twist is at its end."""
 
 GAIN = 1e-10
-"""Smallest saving, in the unit of the price, for which a change is kept."""
+"""Smallest saving, in the unit of the objective, for which a change is kept."""
 
 
 @compiled
@@ -121,11 +121,11 @@ def _change_twist(segments: FloatArray, normals: FloatArray, state: RandomState,
 
 
 @inlined
-def _price(prices: Prices, path: FloatArray, first: int, last: int) -> float:
-    """Return the price of the arcs from the first to the last one."""
+def _value(objective: Objective, path: FloatArray, first: int, last: int) -> float:
+    """Return the value of the arcs from the first to the last one."""
     total = 0.0
     for k in range(first, last + 1):
-        total += arc_price(prices, path[k, 0], path[k, 1], path[k, 2], path[k, 3])
+        total += arc_value(objective, path[k, 0], path[k, 1], path[k, 2], path[k, 3])
     return total
 
 
@@ -269,7 +269,7 @@ def _varied(
     _poses_along(trial, 0, last, poses)
     target = scratch(1, 3)[0]
     put(target, poses[last + 1] if last < m - 1 else problem.goal)
-    before = _price(problem.prices, trial, first, last) - (problem.prices.per_arc if split else 0.0)
+    before = _value(problem.objective, trial, first, last) - (problem.objective.per_arc if split else 0.0)
     if random(state) < LENGTH_SHARE:
         trial[k, 3] *= 1.0 + 0.5 * _size(state)
     elif not _change_twist(problem.segments, normals, state, trial[k]):
@@ -297,7 +297,7 @@ def _without(
     _poses_along(path, 0, last + 1, poses)
     target = scratch(1, 3)[0]
     put(target, poses[last + 2] if last < m - 1 else problem.goal)
-    before = _price(problem.prices, path, first, last + 1)
+    before = _value(problem.objective, path, first, last + 1)
     put_rows(trial, path[:k])
     put_rows(trial[k:], path[k + 1 :])
     _poses_along(trial, first, last, poses)
@@ -320,6 +320,6 @@ def _closes(
     _choose(state, first, last, chosen)
     if not _close(trial, poses, first, last, chosen, target):
         return False
-    if _price(problem.prices, trial, first, last) > before - GAIN:
+    if _value(problem.objective, trial, first, last) > before - GAIN:
         return False
     return _free(problem, trial, poses, first, last)

@@ -16,7 +16,8 @@ import numpy as np
 from pushplan.arrays import FloatArray
 from pushplan.planners.improve.session import CHUNK, Session
 from pushplan.planners.ompl.anytime import AnytimePlanner
-from pushplan.planners.ompl.posing import Box, PushInformation
+from pushplan.planners.ompl.posing import PushInformation
+from pushplan.planners.problem.posing import Box
 from pushplan.planners.search.bidirectional import grow_both
 from pushplan.planners.search.forest import NODE, Forest, plant
 from pushplan.planners.search.lattice_rounds import LatticeRounds

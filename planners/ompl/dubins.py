@@ -23,7 +23,8 @@ from pushplan.geometry import se2
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.anytime import AnytimePlanner
-from pushplan.planners.ompl.posing import Box, PushInformation, bounds, state_at
+from pushplan.planners.ompl.posing import PushInformation, bounds, state_at
+from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import TRIES
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
 

@@ -18,12 +18,11 @@ from pushplan.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.propagator import Propagator, wrapped
+from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.steering import MAX_WORDS, connect
 
 CELLS = 40
 """Cells of the projection, which EST and KPIECE1 count nodes in, along the sampling box's diagonal."""
-
-Box = tuple[float, float, float, float]
 
 
 class PushInformation(oc.SpaceInformation):  # type: ignore[misc]

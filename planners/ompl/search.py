@@ -11,8 +11,9 @@ from ompl import util as ou
 from pushplan.errors import PlanningError
 from pushplan.planners.improve.polish import merged
 from pushplan.planners.improve.session import Session
-from pushplan.planners.ompl.posing import Box, PushInformation, free_word, pose_problem
+from pushplan.planners.ompl.posing import PushInformation, free_word, pose_problem
 from pushplan.planners.ompl.solution import arcs_to_goal, leave_path
+from pushplan.planners.problem.posing import Box
 
 FIRST_RESTART = 2_000
 """Extensions before the first restart of a planner; doubled at each further one."""

@@ -12,7 +12,7 @@ from pushplan.names import CLEARANCE_ROOM
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.problem.controls import MARGIN_FLOOR, control_segments, steering_families
-from pushplan.planners.problem.prices import make_prices
+from pushplan.planners.problem.objective import make_objective
 from pushplan.planners.problem.problem import Problem
 from pushplan.scenario import CircleObstacle, Scenario
 from pushplan.stable_sets.stable_set import StableSet
@@ -105,7 +105,7 @@ def problem_of(scenario: Scenario, stable: StableSet, controls: Controls, scene:
         *controls,
         np.array(scenario.goal.pose_chain, dtype=np.float64),
         LONGEST_SHARE * math.hypot(xmax - xmin, ymax - ymin),
-        make_prices(scenario, stable, controls.segments),
+        make_objective(scenario, stable, controls.segments),
     )
 
 

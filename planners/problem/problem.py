@@ -11,7 +11,7 @@ from pushplan.arrays import FloatArray, RandomState
 from pushplan.compiled import inlined, no_refcount
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
-from pushplan.planners.problem.prices import Prices
+from pushplan.planners.problem.objective import Objective
 from pushplan.planners.problem.rows import put
 
 NODE = 9
@@ -37,7 +37,7 @@ class Problem(NamedTuple):
         families: (f, 3, 3) left, straight and right twists for exact connections.
         goal: (3,) pose of the chain frame in the world.
         longest: Longest arc sampled, m of cost.
-        prices: What makes one path better than another.
+        objective: What makes one path better than another.
     """
 
     scene: Scene
@@ -45,7 +45,7 @@ class Problem(NamedTuple):
     families: FloatArray
     goal: FloatArray
     longest: float
-    prices: Prices
+    objective: Objective
 
 
 @inlined

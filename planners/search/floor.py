@@ -11,6 +11,7 @@ from pushplan.compiled import compiled, no_refcount
 from pushplan.geometry import se2
 from pushplan.planners.collision.scene import flatten
 from pushplan.planners.collision.separation import Scene, separation
+from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.problem.steering import STRAIGHT
 
@@ -24,8 +25,6 @@ BARE = 0.5
 """Share of the half width below which a place is blocked whatever the heading."""
 
 _SPECK = 1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])
-
-Box = tuple[float, float, float, float]
 
 
 def middle_of(problem: Problem) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.planners.improve.session import Session
+from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import NODE, branch, random
 from pushplan.planners.search.floor import distances_to, middle_of
 from pushplan.planners.search.lattice_kernel import (
@@ -56,8 +57,6 @@ SET_UP = 400
 
 ITERATIONS = 0.125
 """Each counts as this share of an iteration: it takes 1.5 us, a tree's extension or a change of a path 8 to 15 us."""
-
-Box = tuple[float, float, float, float]
 
 
 class LatticeRounds:

@@ -13,6 +13,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray
 from pushplan.planners.improve.session import CHUNK, Session
+from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import NODE, branch, remaining
 from pushplan.planners.search.sst_kernel import ACTIVE, NODES, TO_GO, UNUSED, SparseTree, grow_sparse
 
@@ -27,8 +28,6 @@ FIRST_ROUND = 4_000
 
 GROWTH = 1.4
 """Factor of the extensions from round to round."""
-
-Box = tuple[float, float, float, float]
 
 
 class SparseRounds:

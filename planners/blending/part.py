@@ -15,7 +15,7 @@ from pushplan.planners.timing.exact_timing import time_run
 from pushplan.planners.timing.step_sum import Pieces
 
 
-class Driven(Protocol):
+class Part(Protocol):
     """Arcs of a path between two stops; methods take the lengths (k,) of all arcs of the path."""
 
     @property
@@ -34,16 +34,16 @@ class Driven(Protocol):
     def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the arcs (c,) after which the twist changes, and when (c,), s from the beginning."""
 
-    def eased(self, lengths: FloatArray) -> Driven:
+    def eased(self, lengths: FloatArray) -> Part:
         """Return it with wider steps wherever a limit is exceeded, as far as that helps."""
 
-    def slowed(self, lengths: FloatArray) -> tuple[Driven, float]:
+    def slowed(self, lengths: FloatArray) -> tuple[Part, float]:
         """Return it slowed down as a whole until no limit is exceeded, and when the most was, s."""
 
 
 @dataclass(frozen=True, eq=False)
 class Push:
-    """Arcs of one twist, driven by the exact profile of `timing`; see `Driven`.
+    """Arcs of one twist, driven by the exact profile of `timing`; see `Part`.
 
     Attributes:
         arcs: (a,) their indices.

@@ -24,7 +24,7 @@ from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
 TRAVEL, MARGIN, REST_TO_REST, PASSING = 0, 1, 2, 3
-"""Kinds of prices."""
+"""Kinds of objectives."""
 
 BLEND_PRICE = 0.02
 """What a blended corner costs, as a share of the time from rest to full speed."""
@@ -39,13 +39,13 @@ CREEPING = 1e-2
 """Share of the pusher's limits taken for twists that leave the contacts no room for inertia."""
 
 
-class Prices(NamedTuple):
-    """Prices of arcs; the table holds, for twists scaled to a cost rate of 1, what the kind needs.
+class Objective(NamedTuple):
+    """What paths are ranked by; the table holds, for twists scaled to a cost rate of 1, what the kind needs.
 
     Attributes:
         kind: `TRAVEL` (no table), `MARGIN` (rate), `REST_TO_REST` or `PASSING` (top s', s'' and s''').
-        per_arc: Price of an arc beside its length.
-        lowest: Smallest price of a metre of arc.
+        per_arc: Value of an arc beside its length.
+        lowest: Smallest value of a metre of arc.
         length: Characteristic length of the twist sphere, m.
         box: (4,) first and last longitude, first and last latitude of the table, rad.
         table: (n, n, 3) by longitude and latitude.
@@ -59,13 +59,13 @@ class Prices(NamedTuple):
     table: FloatArray
 
 
-def travel_prices(per_arc: float) -> Prices:
-    """Return the prices of travel: length counts, and `per_arc` (m) for each arc."""
-    return Prices(TRAVEL, per_arc, 1.0, 1.0, np.array([0.0, 1.0, 0.0, 1.0]), np.zeros((2, 2, 3)))
+def travel_objective(per_arc: float) -> Objective:
+    """Return the objective of travel: length counts, and `per_arc` (m) for each arc."""
+    return Objective(TRAVEL, per_arc, 1.0, 1.0, np.array([0.0, 1.0, 0.0, 1.0]), np.zeros((2, 2, 3)))
 
 
-def make_prices(scenario: Scenario, stable: StableSet, segments: FloatArray) -> Prices:
-    """Return the prices that a scenario asks for.
+def make_objective(scenario: Scenario, stable: StableSet, segments: FloatArray) -> Objective:
+    """Return the objective that a scenario asks for.
 
     Args:
         scenario: States `planner.cost`, `planner.weight` and how the path will be timed.
@@ -74,7 +74,7 @@ def make_prices(scenario: Scenario, stable: StableSet, segments: FloatArray) -> 
     """
     cost = scenario.planner.cost
     if cost == "travel":
-        return travel_prices(scenario.planner.arc_price)
+        return travel_objective(scenario.planner.arc_price)
     length = scenario.chain.characteristic_length
     box, twists = _grid(segments, length, GRIDS[cost])
     table = np.zeros((*twists.shape[:2], 3))
@@ -82,12 +82,12 @@ def make_prices(scenario: Scenario, stable: StableSet, segments: FloatArray) -> 
         margins = stable.margin(twists.reshape(-1, 3)).reshape(twists.shape[:2])
         table[..., 0] = 1.0 + scenario.planner.weight * (1.0 - margins / margins.max())
         per_arc = scenario.planner.arc_price * (1.0 + scenario.planner.weight)
-        return Prices(MARGIN, per_arc, float(table[..., 0].min()), length, box, table)
+        return Objective(MARGIN, per_arc, float(table[..., 0].min()), length, box, table)
     bounds = motion_bounds(scenario, stable)
     table[:] = _speeds(twists.reshape(-1, 3), bounds).reshape(table.shape)
     blended = scenario.trajectory == "blended"
     per_arc = scenario.planner.arc_price / scenario.chain.pusher.limits.both("speed")[1]
-    return Prices(
+    return Objective(
         PASSING if blended else REST_TO_REST, per_arc, 1.0 / float(table[..., 0].max()), length, box, table
     )
 
@@ -112,17 +112,17 @@ def _speeds(twists: FloatArray, bounds: Bounds) -> FloatArray:
 
 
 @no_refcount
-def _look_up(prices: Prices, vx: float, vy: float, omega: float, found: FloatArray) -> None:
+def _look_up(objective: Objective, vx: float, vy: float, omega: float, found: FloatArray) -> None:
     """Fill `found` (3,) with the table's values for a twist, interpolated."""
-    n = prices.table.shape[0]
-    box = prices.box
+    n = objective.table.shape[0]
+    box = objective.box
     u = (math.atan2(vy, vx) - box[0]) / (box[1] - box[0]) * (n - 1)
-    w = (math.atan2(prices.length * omega, math.hypot(vx, vy)) - box[2]) / (box[3] - box[2]) * (n - 1)
+    w = (math.atan2(objective.length * omega, math.hypot(vx, vy)) - box[2]) / (box[3] - box[2]) * (n - 1)
     i, j = min(max(int(u), 0), n - 2), min(max(int(w), 0), n - 2)
     a, b = min(max(u - i, 0.0), 1.0), min(max(w - j, 0.0), 1.0)
     for k in range(3):
-        low = (1.0 - b) * prices.table[i, j, k] + b * prices.table[i, j + 1, k]
-        high = (1.0 - b) * prices.table[i + 1, j, k] + b * prices.table[i + 1, j + 1, k]
+        low = (1.0 - b) * objective.table[i, j, k] + b * objective.table[i, j + 1, k]
+        high = (1.0 - b) * objective.table[i + 1, j, k] + b * objective.table[i + 1, j + 1, k]
         found[k] = (1.0 - a) * low + a * high
 
 
@@ -143,15 +143,15 @@ def rest_to_rest_time(length: float, speed: float, acceleration: float, jerk: fl
 
 
 @no_refcount
-def arc_price(prices: Prices, vx: float, vy: float, omega: float, length: float) -> float:
-    """Return the price of an arc of a twist scaled to a cost rate of 1."""
-    if prices.kind == TRAVEL:
-        return length + prices.per_arc
+def arc_value(objective: Objective, vx: float, vy: float, omega: float, length: float) -> float:
+    """Return the value of an arc of a twist scaled to a cost rate of 1."""
+    if objective.kind == TRAVEL:
+        return length + objective.per_arc
     found = scratch(1, 3)[0]
-    _look_up(prices, vx, vy, omega, found)
-    if prices.kind == MARGIN:
-        return float(length * found[0] + prices.per_arc)
-    if prices.kind == REST_TO_REST:
-        return float(rest_to_rest_time(length, found[0], found[1], found[2]) + prices.per_arc)
+    _look_up(objective, vx, vy, omega, found)
+    if objective.kind == MARGIN:
+        return float(length * found[0] + objective.per_arc)
+    if objective.kind == REST_TO_REST:
+        return float(rest_to_rest_time(length, found[0], found[1], found[2]) + objective.per_arc)
     step = found[0] / found[1] + found[1] / found[2]
-    return float(length / found[0] + BLEND_PRICE * step + prices.per_arc)
+    return float(length / found[0] + BLEND_PRICE * step + objective.per_arc)
