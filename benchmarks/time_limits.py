@@ -12,9 +12,9 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from pushplan.bench.machine import Machine
 
 from pushplan.arrays import FloatArray
+from pushplan.bench.processes.machine import Machine
 from pushplan.builders import box, build_scenario, plate
 from pushplan.plan import plan
 from pushplan.planners.collision.convex_pieces import convex_pieces

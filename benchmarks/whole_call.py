@@ -17,7 +17,7 @@ import numpy as np
 
 from pushplan import Queries
 from pushplan.arrays import FloatArray
-from pushplan.bench.machine import Machine
+from pushplan.bench.processes.machine import Machine
 from pushplan.builders import box, build_scenario, plate
 from pushplan.geometry import se2
 from pushplan.plan import plan
