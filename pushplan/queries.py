@@ -18,7 +18,7 @@ from pushplan.plan import settled
 from pushplan.planned import Means, Wanted, means_for, planned
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.problem.posing import open_scene
-from pushplan.planners.problem.reach import reach
+from pushplan.planners.problem.reach import reach as costs_of_words
 from pushplan.planners.validation.room import Room
 from pushplan.result import PlanResult
 from pushplan.scenario import Goal, Obstacle, Scenario
@@ -95,7 +95,10 @@ class Queries:
             PlanningError: When poses are not finite or not (k, 3).
         """
         both = (_poses(starts, "starts"), _poses(goals, "goals"))
-        return np.asarray(reach(self._scene, self._families, *both, self.scenario.clearance))
+        return np.asarray(costs_of_words(self._scene, self._families, *both, self.scenario.clearance))
+
+    connect = reach
+    """The same, by the word of those who build roadmaps."""
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Queries:
         """Return queries with other obstacles; the stable set and its controls are kept."""
