@@ -90,7 +90,12 @@ def test_the_shortest_of_our_words_is_as_long_as_ompl_says(stable: StableSet, dr
 
 
 @pytest.mark.parametrize("planner", ["rrt-dubins", "bitstar-dubins"])
-def test_only_the_turns_and_the_push_of_the_car_are_used_before_polishing(planner: str) -> None:
+def test_only_the_turns_and_the_push_of_the_car_are_used_before_polishing(
+    planner: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "pushplan.planners.improve.session.cut_short", lambda _problem, _start, arcs, _per_arc: arcs
+    )
     scenario = load_plain("two-crates")
     result = plan(scenario, planner=planner, time_limit=30.0, first=True)
     assert result.path is not None
