@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.arrays import FloatArray, frozen
-from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 
@@ -23,36 +21,9 @@ RESTING = 1e-6
 NUDGE = 1e-4
 """How far from a sample at rest the direction of motion is looked up, s."""
 
-_GAUSS = math.sqrt(3.0) / 6.0
+_GAUSS = np.sqrt(3.0) / 6.0
 
 
-@inlined
-def _twist(c: FloatArray, tau: float) -> tuple[float, float, float]:
-    """Return c0 + c1 tau + c2 tau^2 for c (3, 3)."""
-    return (
-        c[0, 0] + tau * (c[1, 0] + tau * c[2, 0]),
-        c[0, 1] + tau * (c[1, 1] + tau * c[2, 1]),
-        c[0, 2] + tau * (c[1, 2] + tau * c[2, 2]),
-    )
-
-
-@no_refcount
-def _step(c: FloatArray, begin: float, end: float) -> tuple[float, float, float]:
-    """Return the motion under the twist c0 + c1 tau + c2 tau^2, (3, 3), from `begin` to `end`; see `advance`."""
-    h, middle = end - begin, 0.5 * (begin + end)
-    early, late = middle - _GAUSS * h, middle + _GAUSS * h
-    ax, ay, aw = _twist(c, early)
-    bx, by, bw = _twist(c, late)
-    bracket = math.sqrt(3.0) / 12.0 * h * h
-    x = 0.5 * h * (ax + bx) + bracket * (bw * ay - aw * by)
-    y = 0.5 * h * (ay + by) + bracket * (aw * bx - bw * ax)
-    half = 0.25 * h * (aw + bw)
-    chord = 1.0 if abs(half) < 1e-8 else math.sin(half) / half
-    p, q = chord * math.cos(half), chord * math.sin(half)
-    return p * x - q * y, q * x + p * y, 2.0 * half
-
-
-@compiled
 def advance(coefficients: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
     """Return the motion (m, 3) in the body frame under twists c0 + c1 tau + c2 tau^2 from `begin` to `end`.
 
@@ -63,30 +34,24 @@ def advance(coefficients: FloatArray, begin: FloatArray, end: FloatArray) -> Flo
         begin: (m,) local times, s.
         end: (m,) local times, s.
     """
-    out = np.empty((len(begin), 3))
-    for i in range(len(begin)):
-        out[i, 0], out[i, 1], out[i, 2] = _step(coefficients[i], begin[i], end[i])
-    return out
-
-
-@compiled
-def poses_after(start: FloatArray, coefficients: FloatArray, durations: FloatArray) -> FloatArray:
-    """Return the poses (q + 1, 3) at the ends of pieces with twists `coefficients` (q, 3, 3), from `start` on."""
-    out = np.empty((len(durations) + 1, 3))
-    out[0] = start
-    for i in range(len(durations)):
-        x, y, turn = _step(coefficients[i], 0.0, durations[i])
-        c, s = math.cos(out[i, 2]), math.sin(out[i, 2])
-        out[i + 1, 0] = out[i, 0] + c * x - s * y
-        out[i + 1, 1] = out[i, 1] + s * x + c * y
-        out[i + 1, 2] = out[i, 2] + turn
-    return out
+    h = end - begin
+    middle = 0.5 * (begin + end)
+    v1, v2 = (_polynomial(coefficients, middle + sign * _GAUSS * h) for sign in (-1.0, 1.0))
+    step = 0.5 * h[:, None] * (v1 + v2) + (np.sqrt(3.0) / 12.0) * (h**2)[:, None] * _bracket(v1, v2)
+    return se2.exp(step)
 
 
 def _polynomial(coefficients: FloatArray, tau: FloatArray) -> FloatArray:
     c0, c1, c2 = coefficients[:, 0], coefficients[:, 1], coefficients[:, 2]
     tau = tau[:, None]
     return c0 + tau * (c1 + tau * c2)
+
+
+def _bracket(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Lie bracket [a, b] of planar twists."""
+    x = -a[:, 2] * b[:, 1] + b[:, 2] * a[:, 1]
+    y = a[:, 2] * b[:, 0] - b[:, 2] * a[:, 0]
+    return np.stack([x, y, np.zeros_like(x)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +108,11 @@ class Trajectory:
     @cached_property
     def break_poses(self) -> FloatArray:
         """(q + 1, 3) poses of the chain frame in the world at `breaks`."""
-        poses = poses_after(np.array(self.start), np.array(self.coefficients), np.diff(self.breaks))
+        durations = np.diff(self.breaks)
+        steps = advance(self.coefficients, np.zeros(len(durations)), durations)
+        headings = self.start[2] + np.concatenate([[0.0], np.cumsum(steps[:, 2])])
+        moved = self.start[:2] + np.cumsum(se2.rotate(headings[:-1], steps[:, :2]), axis=0)
+        poses = np.column_stack([np.vstack([self.start[:2], moved]), headings])
         return frozen(poses, (None, 3), "break poses")
 
     @cached_property

@@ -18,7 +18,7 @@ import numpy as np
 
 from pushplan.arrays import FloatArray, IntArray
 from pushplan.compiled import compiled, no_refcount
-from pushplan.trajectory import poses_after
+from pushplan.planners.timing.motion_kernel import poses_after
 
 FINEST = 0.02
 """Longest piece (s) on which the twist changes direction: a Magnus step over it is good to about 1e-11 m."""

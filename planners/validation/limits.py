@@ -8,7 +8,7 @@ from pushplan.arrays import FloatArray
 from pushplan.mechanics.chain import Limits
 from pushplan.trajectory import Trajectory
 
-STEP = 1e-3
+STEP = 4e-3
 """Time between two poses looked at, s."""
 
 TOLERANCE = 0.01

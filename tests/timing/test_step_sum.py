@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from pushplan.arrays import FloatArray
+from pushplan.planners.timing.motion_kernel import poses_after
 from pushplan.planners.timing.step_sum import Pieces, ordered_widths, step_sum
+from pushplan.trajectory import Trajectory
 
 
 def _at(pieces: Pieces, times: FloatArray) -> FloatArray:
@@ -121,3 +123,14 @@ def test_the_motion_agrees_with_an_ode_solver(seed: int) -> None:
     end = float(pieces.durations.sum())
     solved = solve_ivp(rate, (0.0, end), np.zeros(3), rtol=1e-10, atol=1e-11, max_step=0.02)
     np.testing.assert_allclose(pieces.motion, solved.y[:, -1], atol=2e-7)
+
+
+def test_where_a_motion_leads_is_the_same_compiled_and_not() -> None:
+    levels, centers, widths = _random(3, 7)
+    pieces = step_sum(levels, centers, widths)
+    breaks = np.concatenate([[0.0], np.cumsum(pieces.durations)])
+    start = np.array([0.3, -0.2, 2.5])
+    motion = Trajectory(start, breaks, pieces.coefficients, pieces.level.astype(np.float64))
+    np.testing.assert_allclose(
+        motion.break_poses, poses_after(start, pieces.coefficients, pieces.durations), atol=1e-13
+    )
