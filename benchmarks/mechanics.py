@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from pushplan.arrays import BoolArray, FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.bench.processes.machine import Machine
 from pushplan.compiled import compiled
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher

@@ -14,7 +14,7 @@ from functools import reduce
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.bench.processes.machine import Machine
 from pushplan.geometry.se2 import compose, transform_points
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher

@@ -19,7 +19,7 @@ from ompl import base as ob
 from ompl import control as oc
 from ompl import util as ou
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import cost_rate
 from pushplan.planners.ompl.posing import bounds, state_at

@@ -21,10 +21,10 @@ from typing import Any
 
 import plain_ompl
 
+from pushplan.basics.names import PLANNERS
 from pushplan.bench.processes.machine import Machine
 from pushplan.bench.processes.validation import exactly, plan_flaw
 from pushplan.kernels import warm_up
-from pushplan.names import PLANNERS
 from pushplan.plan import plan
 from pushplan.reading.scenario_file import load_scenario
 

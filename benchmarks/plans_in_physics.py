@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.bench.on_feet import on_feet
 from pushplan.bench.processes.machine import Machine
 from pushplan.bench.random_problems.generator import generate

@@ -15,13 +15,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pushplan.basics.names import PLANNERS
 from pushplan.bench.processes.machine import Machine
 from pushplan.bench.processes.validation import exactly, plan_flaw
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import DRIVES, GeneratorError, ProblemParameters
 from pushplan.errors import PushplanError
 from pushplan.kernels import warm_up
-from pushplan.names import PLANNERS
 from pushplan.plan import plan
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.result import PlanResult

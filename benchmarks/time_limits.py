@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.machine import Machine
 from pushplan.builders import box, build_scenario, plate
 from pushplan.plan import plan

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from pushplan import Queries
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.machine import Machine
 from pushplan.builders import box, build_scenario, plate
 from pushplan.geometry import se2

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from pushplan.basics.names import AUTO, COSTS
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.names import AUTO, COSTS
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.trajectories import make_trajectory

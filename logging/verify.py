@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.execution import Execution
 from pushplan.logging.check import TOLERANCE, Check
 from pushplan.logging.messages import metadata

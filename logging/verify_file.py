@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pushplan.basics.names import COSTS
 from pushplan.logging.check import TOLERANCE, Check
 from pushplan.logging.mcap.items import Message
 from pushplan.logging.mcap.mcap_file import McapFile
@@ -25,7 +26,6 @@ from pushplan.logging.messages.schemas import Topic
 from pushplan.logging.plan_again import plan_again
 from pushplan.logging.reader import read_run
 from pushplan.logging.writer import RunLogWriter
-from pushplan.names import COSTS
 from pushplan.sim.judging import execute
 
 FREE_WORDS = ("crc32", "finished_at", "outcome", "error")

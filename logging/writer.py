@@ -19,7 +19,7 @@ from typing import Self
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from pushplan.arrays import IntArray
+from pushplan.basics.arrays import IntArray
 from pushplan.errors import OutputError
 from pushplan.execution import Execution, inertia_warning
 from pushplan.logging.messages import execution_message, metadata, plan_message, schemas

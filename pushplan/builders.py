@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.names import SCENARIO_FORMAT
+from pushplan.basics.names import SCENARIO_FORMAT
 from pushplan.reading.scenario_file import scenario_from_document
 from pushplan.scenario import Scenario
 from pushplan.scenario_parts import CircleObstacle, Obstacle, PolygonObstacle

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from typing import NoReturn, TextIO
 
+from pushplan.basics.interruption import Interruption, leaving_at_once
 from pushplan.commands import bench, check, completion, examples, new, plan, replay, runs, schema, stable_set
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import PIPE_CLOSED, WRONG_INPUT, report_failure
-from pushplan.interruption import Interruption, leaving_at_once
 
 COMMANDS = {
     "plan": plan,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NoReturn
 
-from pushplan.interruption import leaving_at_once
+from pushplan.basics.interruption import leaving_at_once
 
 
 def entry() -> NoReturn:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 
 if TYPE_CHECKING:
     from pushplan.scenario import Scenario

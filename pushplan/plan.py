@@ -7,10 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, TypedDict
 
-from pushplan.collection import no_collection
+from pushplan.basics.collection import no_collection
+from pushplan.basics.names import AUTO, COSTS
+from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
-from pushplan.names import AUTO, COSTS
 from pushplan.planned import Wanted, means_for, planned
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.search import Factory
@@ -18,7 +19,6 @@ from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
-from pushplan.stopwatch import Stopwatch
 
 ROUNDING = 1e-9
 """Share of the lower bound by which an optimal path's cost may exceed it."""

@@ -10,7 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from pushplan.collection import no_collection
+from pushplan.basics.collection import no_collection
+from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import OutOfTimeError, PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
@@ -30,7 +31,6 @@ from pushplan.result import Diagnosis, PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.sim.judging import execute_trajectory, planning_set
 from pushplan.stable_sets.stable_set import StableSet
-from pushplan.stopwatch import Stopwatch
 from pushplan.tolerance.work_out import tolerance_of
 from pushplan.trajectory import Trajectory
 

@@ -10,10 +10,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import DEFAULT_PLANNER
+from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
-from pushplan.names import DEFAULT_PLANNER
 from pushplan.plan import settled
 from pushplan.planned import Means, Wanted, means_for, planned
 from pushplan.planners.ompl.factories import planner_named
@@ -22,7 +23,6 @@ from pushplan.planners.problem.reach import reach as costs_of_words
 from pushplan.planners.validation.room import Room
 from pushplan.result import PlanResult
 from pushplan.scenario import Goal, Obstacle, Scenario
-from pushplan.stopwatch import Stopwatch
 
 
 class Queries:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.arrays import FloatArray
-from pushplan.lazy_field import LazyField
-from pushplan.names import DEFAULT_COST
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.lazy_field import LazyField
+from pushplan.basics.names import DEFAULT_COST
 from pushplan.path import PushPath
 from pushplan.trajectory import Trajectory
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, Unpack
 
+from pushplan.basics.stopwatch import Stopwatch
 from pushplan.plan import PlanOptions, plan
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.recording import Recording, Where
 from pushplan.result import ProgressPoint, Run
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import add_set
-from pushplan.stopwatch import Stopwatch
 
 
 def run(

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pushplan import names
-from pushplan.arrays import FloatArray, frozen
+from pushplan.basics import names
+from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from pushplan import names
-from pushplan.arrays import FloatArray, frozen
+from pushplan.basics import names
+from pushplan.basics.arrays import FloatArray, frozen
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from pushplan.basics.names import KNOWN_LOAD_SETS
 from pushplan.execution import Execution
-from pushplan.names import KNOWN_LOAD_SETS
 from pushplan.planners.timing.bounds import contact_dynamics
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario

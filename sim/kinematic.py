@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.execution import Execution, StabilityLoss
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts.contact_state import contact_state

@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import ProblemParameters
 from pushplan.errors import SupportError, TimingError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.stable_sets.boundary.bracketing import TOLERANCE, inner_ends, maximise
 from pushplan.stable_sets.boundary.intervals import Samples, find_intervals
 

@@ -7,7 +7,7 @@ import pytest
 from plain import load_plain
 
 import pushplan
-from pushplan.names import PLANNERS
+from pushplan.basics.names import PLANNERS
 from pushplan.planners.improve.branches import MOST, Branches
 from pushplan.reading.scenario_file import scenario_from_text
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.geometry import se2
-from pushplan.names import CLEARANCE_ROOM
 from pushplan.planners.validation.checker import SPACING, find_collision
 from pushplan.planners.validation.motion import Motion, densify
 from pushplan.planners.validation.room import Room

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry import se2
 from pushplan.planners.collision.convex_pieces import convex_pieces

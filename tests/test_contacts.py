@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts.contact_kernel import contact_margins, margin

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
 from pushplan.path import cost_rate

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plain import ARC_PRICE, load_plain
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath

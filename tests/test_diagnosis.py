@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from plain import load_plain, plain
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import PLANNERS
 from pushplan.cli import main
 from pushplan.errors import EmptyStableSetError
 from pushplan.examples import example_names, example_text
 from pushplan.geometry.se2 import pose_error
 from pushplan.logging.reader import read_run
-from pushplan.names import PLANNERS
 from pushplan.plan import plan
 from pushplan.planners.failure import Failure
 from pushplan.planners.improve.budget import Budget

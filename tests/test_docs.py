@@ -16,8 +16,8 @@ import pytest
 
 import pushplan
 from pushplan import cli
+from pushplan.basics.names import PLANNERS, STABLE_SETS
 from pushplan.cli import main
-from pushplan.names import PLANNERS, STABLE_SETS
 from pushplan.reading.scenario_file import load_scenario
 
 ROOT = Path(__file__).parents[1]

@@ -9,7 +9,7 @@ import pytest
 from ompl import base as ob
 from plain import load_plain
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive

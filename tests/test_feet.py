@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Contact, PushedObject
 from pushplan.mechanics.contacts.friction import friction_wrench

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.validation import clearance
 from pushplan.cli import main
 from pushplan.commands.steps.understood import room

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.friction.closed_form import edge_log
 from pushplan.mechanics.friction.series import (
     ORDER,

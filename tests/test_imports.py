@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from pushplan.basics.extras import MissingExtraError
 from pushplan.builders import box, build_scenario, plate
 from pushplan.errors import ImportedFileError
-from pushplan.extras import MissingExtraError
 from pushplan.reading.imported.hole_free import covering, hole_free
 from pushplan.reading.imported.outlines import read_csv_outlines, read_svg_outlines
 from pushplan.reading.imported.ros_map import read_ros_map

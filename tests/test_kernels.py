@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from pushplan.names import PLANNERS
+from pushplan.basics.names import PLANNERS
 
 SCRIPT = """
 import sys

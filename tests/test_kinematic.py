@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import pose_error
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.contacts.contact_state import contact_state

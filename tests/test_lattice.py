@@ -11,7 +11,7 @@ from plain import load_plain, plain
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import sweep_is_free
 from pushplan.planners.improve.budget import Budget

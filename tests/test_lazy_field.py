@@ -6,7 +6,7 @@ import pickle
 from dataclasses import dataclass, replace
 from functools import partial
 
-from pushplan.lazy_field import LazyField
+from pushplan.basics.lazy_field import LazyField
 
 
 @dataclass(frozen=True)

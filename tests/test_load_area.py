@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher

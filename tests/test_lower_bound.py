@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plain import load_plain
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.examples import example_names
 from pushplan.path import TURN_WEIGHT
 from pushplan.plan import plan

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from plain import load_plain
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.builders import box, build_scenario, plate
 from pushplan.cli import main
 from pushplan.errors import PlanningError

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan import naming
+from pushplan.basics import naming
 from pushplan.bench.suites.file import suite_from_text
 from pushplan.cli import main
 from pushplan.errors import PlanningError, PushplanError

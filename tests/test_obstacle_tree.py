@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.planners.collision import obstacle_tree as tree_module
 from pushplan.planners.collision.obstacle_tree import LEAF, obstacle_tree
 from pushplan.planners.collision.scene import scene_of

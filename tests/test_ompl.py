@@ -13,10 +13,10 @@ from ompl import control as oc
 from ompl import util as ou
 
 import pushplan
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import PLANNERS
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
-from pushplan.names import PLANNERS
 from pushplan.ompl import pose, push_path
 from pushplan.planners.improve.polish import random_family
 from pushplan.planners.ompl.chart import arcs_at, controls_of

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from plain import load_plain
 
+from pushplan.basics.names import PLANNERS
 from pushplan.errors import PlanningError, ScenarioError
 from pushplan.examples import example_names, example_text
-from pushplan.names import PLANNERS
 from pushplan.plan import plan
 from pushplan.planners.validation.checker import find_collision
 from pushplan.reading.scenario_file import load_scenario, scenario_from_text

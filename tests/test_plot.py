@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 import pushplan
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.drawing import figure as plot_figure
 from pushplan.drawing.chain import friction_cone
 from pushplan.drawing.format import PICTURE_SUFFIXES, PlotError, check_picture_path

@@ -9,7 +9,7 @@ import pytest
 import shapely
 from plain import load_plain, plain
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import DRIVES, ProblemParameters
 from pushplan.examples import example_names

@@ -10,7 +10,7 @@ import pytest
 import scipy.optimize
 from plain import load_plain
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
 from pushplan.planners.improve.budget import Budget

@@ -11,7 +11,7 @@ import pytest
 from numba.core import config
 from numba.core.errors import NumbaError
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from pushplan import run
+from pushplan.basics.stopwatch import Stopwatch
 from pushplan.bench.processes.work import figures
 from pushplan.cli import main
 from pushplan.mechanics.chain import Limits
@@ -23,7 +24,6 @@ from pushplan.scenario import Scenario
 from pushplan.sim.judging import judging_set, planning_set
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
-from pushplan.stopwatch import Stopwatch
 from pushplan.trajectory import Trajectory
 
 ITERATIONS = 4000

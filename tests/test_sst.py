@@ -7,7 +7,7 @@ import pytest
 from ompl import base as ob
 from plain import load_plain
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import sweep_is_free
 from pushplan.planners.improve.budget import Budget

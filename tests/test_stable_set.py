@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts.friction import cof

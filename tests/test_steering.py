@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from ompl import base as ob
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import cost_rate
 from pushplan.planners.collision.scene import scene_of

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from panels import chain_named, draw_roles, row_of_panels
 from scipy.stats import qmc
 
-from pushplan.arrays import BoolArray, FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.drawing.chain import draw_contacts
 from pushplan.drawing.cor import LINE_STYLES
 from pushplan.drawing.figure import INK

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from panels import HERE, draw_roles
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.drawing.chain import OBJECT_COLOUR, PLATE_COLOUR, draw_contacts
 from pushplan.drawing.cor import style_cor_axes
 from pushplan.drawing.figure import FAINT, INK, axes_at, figure_for

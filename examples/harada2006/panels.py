@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.drawing.chain import CONE_COLOUR, OBJECT_COLOUR, PLATE_COLOUR
 from pushplan.drawing.cor import SENSE_NAMES, SENSES, style_cor_axes
 from pushplan.drawing.figure import INK, axes_at, figure_for

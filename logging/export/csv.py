@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.outputs.write import write_pieces

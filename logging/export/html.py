@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.execution import Execution
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import obstacle_outline

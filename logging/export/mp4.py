@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pushplan.basics.extras import optional
 from pushplan.errors import PushplanError
-from pushplan.extras import optional
 from pushplan.logging.export.film_colours import FilmColours
 from pushplan.logging.export.film_frames import HEIGHT, WIDTH, Film
 from pushplan.logging.messages.recorded import RecordedRun

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-from pushplan.extras import optional
+from pushplan.basics.extras import optional
 from pushplan.logging.export.csv import table
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.outputs.write import write_whole

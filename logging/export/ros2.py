@@ -20,7 +20,8 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from mcap.writer import CompressionType, Writer
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import PUSHER
 from pushplan.logging.export import ros2_messages as ros2
 from pushplan.logging.export.cdr import encode
 from pushplan.logging.messages.recorded import LogLine, RecordedRun
@@ -29,7 +30,6 @@ from pushplan.logging.view.scene import CHAIN, WORLD, scene
 from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import PATH_SPACING, smoothed_times
 from pushplan.mechanics.chain import Chain
-from pushplan.names import PUSHER
 from pushplan.outputs.write import write_whole
 
 Message = dict[str, Any]

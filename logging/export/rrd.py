@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.extras import optional
+from pushplan.basics.names import PUSHER
 from pushplan.execution import Execution
-from pushplan.extras import optional
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import CHAIN, WORLD, scene, tree
 from pushplan.logging.view.shapes import corners
 from pushplan.logging.view.window import path_points, window
 from pushplan.mechanics.chain import Chain
-from pushplan.names import PUSHER
 from pushplan.outputs.write import write_whole
 
 TIMELINE = "time"

@@ -16,7 +16,7 @@ import zstandard
 
 from mcap import records
 from mcap.data_stream import RecordBuilder
-from pushplan.arrays import IntArray
+from pushplan.basics.arrays import IntArray
 from pushplan.logging.mcap import message_head, opcodes
 from pushplan.logging.mcap.batch import Batch
 from pushplan.logging.mcap.message_template import ByteRows

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.logging.messages.schemas import Array, MessageClass
 
 _WIDTH = 8

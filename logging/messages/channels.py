@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.errors import RunLogError
 from pushplan.logging.mcap.batch import Batch
 from pushplan.logging.mcap.message_template import ByteRows

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.execution import Execution, StabilityLoss
 from pushplan.logging.messages import blocks
 from pushplan.logging.messages.schemas import Execution as ExecutionBlock

@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.schemas import MessageClass, Plan

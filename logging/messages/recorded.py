@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.execution import Execution
 from pushplan.path import PushPath
 from pushplan.result import PlanResult, ProgressPoint

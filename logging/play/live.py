@@ -7,8 +7,8 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+from pushplan.basics.extras import optional
 from pushplan.errors import PushplanError
-from pushplan.extras import optional
 from pushplan.logging.mcap.items import Message
 from pushplan.logging.mcap.mcap_file import McapFile
 from pushplan.logging.messages import schemas

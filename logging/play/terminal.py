@@ -8,7 +8,8 @@ from typing import TextIO
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
+from pushplan.basics.printable import printable
 from pushplan.errors import PushplanError
 from pushplan.execution import Execution
 from pushplan.geometry import se2
@@ -16,7 +17,6 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.play.playback import Playback, ticks
 from pushplan.logging.view.scene import obstacle_outline
 from pushplan.logging.view.window import Window, window
-from pushplan.printable import printable
 
 PERIOD = 0.1
 """Between two pictures, s."""

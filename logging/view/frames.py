@@ -12,11 +12,11 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import PUSHER
 from pushplan.logging.mcap.message_template import MessageTemplate
 from pushplan.logging.view.scene import CHAIN, WORLD
 from pushplan.mechanics.chain import Chain
-from pushplan.names import PUSHER
 
 
 def placed(poses: FloatArray) -> FloatArray:

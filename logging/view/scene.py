@@ -14,11 +14,11 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import PUSHER, ROBOT
 from pushplan.geometry import se2
 from pushplan.logging.view.shapes import Paint, circle, filled, line, loop
 from pushplan.mechanics.chain import Chain
-from pushplan.names import PUSHER, ROBOT
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
 
 WORLD, CHAIN = "world", "chain"

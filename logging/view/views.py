@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.execution import Execution
 from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
 from pushplan.logging.messages import schemas

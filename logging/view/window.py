@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.logging.view.scene import obstacle_outline
 from pushplan.result import PlanResult

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.validation.checker import find_collision
 from pushplan.scenario import Scenario

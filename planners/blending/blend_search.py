@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.path import PushPath
 from pushplan.planners.blending.blend_check import collision_times, unstable_times
 from pushplan.planners.blending.goal_fit import NoFitError

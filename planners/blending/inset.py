@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.blending.section import passing_speeds, step_windows
 from pushplan.planners.problem.margins import most_stable_twist

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
 from pushplan.planners.blending.goal_fit import fit_lengths

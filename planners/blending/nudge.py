@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import PushPath
 from pushplan.planners.blending.sweep import Touches, separations

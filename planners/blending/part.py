@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
 from pushplan.planners.timing.arc_limits import contact_limits
 from pushplan.planners.timing.bounds import Bounds

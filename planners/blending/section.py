@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
 from pushplan.planners.blending.part import Part, Push

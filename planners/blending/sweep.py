@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.timing.motion_bounds import top_rates

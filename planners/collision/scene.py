@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.mechanics.chain import Chain
 from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.obstacle_tree import obstacle_tree

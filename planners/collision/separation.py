@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 

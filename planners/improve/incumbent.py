@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.path import PushPath
 from pushplan.planners.improve.polish import objective_value
 from pushplan.planners.problem.objective import Objective

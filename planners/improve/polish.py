@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, RandomState
+from pushplan.basics.arrays import FloatArray, RandomState
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.planners.collision.separation import step
 from pushplan.planners.improve.varying import normals_of, vary

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.path import PushPath
 from pushplan.planners.improve.branches import Branches
 from pushplan.planners.improve.budget import Budget

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled
 from pushplan.planners.collision.separation import step
 from pushplan.planners.improve.polish import merged

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray, RandomState
+from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import step, sweep_is_free

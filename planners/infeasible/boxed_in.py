@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.path import cost_rate
 from pushplan.planners.collision.separation import Scene, sweep_is_free
 from pushplan.planners.infeasible.pocket import Pocket, find_pocket

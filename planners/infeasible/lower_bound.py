@@ -14,9 +14,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.geometry import se2
-from pushplan.names import CLEARANCE_ROOM
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.infeasible.free_space import Disc, blocked, disc_at, largest_disc
 from pushplan.planners.problem.problem import remaining

@@ -11,8 +11,8 @@ from collections.abc import Callable, Generator, Iterator
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray
-from pushplan.names import CLEARANCE_ROOM
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.planners.infeasible.free_space import body, largest_disc, room
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.geometry import se2
-from pushplan.names import CLEARANCE_ROOM
 from pushplan.planners.collision.separation import Scene
 from pushplan.planners.infeasible.pocket_kernel import CLOSED, MET, ORIGIN, Steps, spread
 from pushplan.planners.problem.controls import control_segments, segment_ends

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import inlined, no_refcount
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.search.cell_table import cell_key, slot_of

@@ -13,7 +13,7 @@ from itertools import count
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.planners.improve.session import CHUNK, Session
 from pushplan.planners.ompl.anytime import AnytimePlanner
 from pushplan.planners.ompl.posing import PushInformation

@@ -17,7 +17,7 @@ import numpy as np
 
 from ompl import base as ob
 from ompl import geometric as og
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import separation

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from pushplan.basics.naming import attribute_named, name_of, planner_names
 from pushplan.errors import PlanningError
-from pushplan.naming import attribute_named, name_of, planner_names
 from pushplan.planners.ompl.search import Factory
 
 PLANNERS = {

@@ -15,7 +15,7 @@ import numpy as np
 from numba import typeof, types
 from numba.experimental import structref
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.compiled.private import COMPILES, entry_point
 from pushplan.planners.collision.separation import separation

@@ -14,7 +14,7 @@ import numpy as np
 
 from ompl import base as ob
 from ompl import control as oc
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.propagator import Propagator, wrapped

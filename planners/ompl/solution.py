@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from ompl import control as oc
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
-from pushplan.names import CLEARANCE_ROOM
 from pushplan.path import PushPath
 from pushplan.planners.improve.incumbent import path_from
 from pushplan.planners.improve.session import Session

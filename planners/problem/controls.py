@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import twists_at

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import AUTO
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import twists_at
-from pushplan.names import AUTO
 from pushplan.planners.problem.controls import drive_twists
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet

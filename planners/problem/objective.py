@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.sphere import angles_of, twists_at

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
-from pushplan.names import CLEARANCE_ROOM
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.problem.controls import MARGIN_FLOOR, control_segments, steering_families

@@ -7,7 +7,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, RandomState
+from pushplan.basics.arrays import FloatArray, RandomState
 from pushplan.compiled import inlined, no_refcount
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free

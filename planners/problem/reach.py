@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.compiled import compiled
-from pushplan.names import CLEARANCE_ROOM
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.problem.posing import ROUNDING, SLACK
 from pushplan.planners.problem.steering import MAX_WORDS, connect

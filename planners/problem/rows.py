@@ -6,7 +6,7 @@ it is used.
 
 from __future__ import annotations
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import inlined
 
 

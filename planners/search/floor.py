@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.geometry import se2
 from pushplan.planners.collision.scene import flatten

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pushplan.arrays import FloatArray, IntArray, RandomState
+from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import inlined
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.problem.problem import Problem, random, remaining

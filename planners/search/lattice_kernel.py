@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray, RandomState
+from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import step, sweep_is_free

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.planners.improve.session import Session
 from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import NODE, branch, random

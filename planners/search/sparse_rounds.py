@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.planners.improve.session import CHUNK, Session
 from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import NODE, branch, remaining

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.timing.bounds import Bounds

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from pushplan.basics.names import KNOWN_LOAD_SETS, STABLE_SETS
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
-from pushplan.names import KNOWN_LOAD_SETS, STABLE_SETS
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.planners.timing.arc_limits import ROOM
 from pushplan.planners.timing.bounds import Bounds

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.path import PushPath
 from pushplan.planners.timing.arc_limits import limits_of_arcs
 from pushplan.planners.timing.bounds import Bounds

@@ -16,7 +16,7 @@ from math import comb
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.chain import LimitName, Limits

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, inlined, no_refcount
 
 _GAUSS = math.sqrt(3.0) / 6.0

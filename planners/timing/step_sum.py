@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.planners.timing.motion_kernel import poses_after
 

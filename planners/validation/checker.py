@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
-from pushplan.names import CLEARANCE_ROOM
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.planners.validation.motion import Motion
 from pushplan.planners.validation.room import Room
 from pushplan.scenario import Scenario

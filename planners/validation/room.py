@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
 from pushplan.scenario import CircleObstacle, Scenario
 from pushplan.scenario_parts import Obstacle, Workspace

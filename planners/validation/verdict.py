@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.execution import Execution
 from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath

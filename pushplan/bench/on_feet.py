@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport
 from pushplan.reading.scenario_file import scenario_from_document

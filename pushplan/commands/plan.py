@@ -6,6 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pushplan.basics.interruption import Interruption, leaving_at_once
+from pushplan.basics.names import COSTS
+from pushplan.basics.naming import planner_names, stable_set_names
 from pushplan.commands.plan_steps import load, plan_and_record, report
 from pushplan.commands.steps.physics import add_physics
 from pushplan.commands.terminal.console import Console
@@ -21,9 +24,6 @@ from pushplan.commands.terminal.options import (
     seed,
     share,
 )
-from pushplan.interruption import Interruption, leaving_at_once
-from pushplan.names import COSTS
-from pushplan.naming import planner_names, stable_set_names
 
 if TYPE_CHECKING:
     from pushplan.execution import Execution

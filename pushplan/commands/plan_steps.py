@@ -6,11 +6,11 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from pushplan.basics.interruption import INTERRUPTED, Interruption
 from pushplan.commands.check import require_pushable
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.options import check_outputs
 from pushplan.errors import PushplanError
-from pushplan.interruption import INTERRUPTED, Interruption
 
 if TYPE_CHECKING:
     from pushplan.recording import IncompleteLogError

@@ -9,11 +9,11 @@ from math import atan2, degrees, isfinite
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from pushplan.basics.naming import stable_set_names
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import DONE
 from pushplan.commands.terminal.numbers import time_text
 from pushplan.commands.terminal.options import add_plot, add_scenario, check_outputs
-from pushplan.naming import stable_set_names
 
 if TYPE_CHECKING:
     from pushplan.mechanics.sphere import TurningRadii

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.drawing.figure import INK
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.body import BodyKind

@@ -10,7 +10,7 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, ROBOT_COLOUR, draw_chain
 from pushplan.drawing.cor import SENSE_NAMES, SENSES
 from pushplan.drawing.figure import INK, axes_at, equal_ticks, figure_for

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.drawing.figure import FAINT, INK, axes_at, figure_for
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds

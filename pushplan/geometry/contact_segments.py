@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 
 TOUCH = 1e-6
 """Distance up to which bodies touch, and depth up to which they do not overlap, m."""

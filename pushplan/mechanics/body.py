@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 
 
 class BodyKind(Enum):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled
 from pushplan.geometry.polygon import area_moments
 from pushplan.geometry.se2 import transform_points

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 
 POLE = np.pi / 2.0

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import SupportError
 from pushplan.geometry.polygon import AreaMoments, area_moments, convex_hull, simple_polygon
 from pushplan.mechanics.support_csv import parse_pressure_map

@@ -9,7 +9,7 @@ from array import array
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import ROBOT
 from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH, find_touch
 from pushplan.mechanics.chain import Drive
-from pushplan.names import ROBOT
 from pushplan.reading.arrangement.layout import Layout, Part
 from pushplan.reading.arrangement.meeting import BACK, describe_overlap
 from pushplan.reading.arrangement.shapes import outline_of

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.reading.arrangement.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.reading.arrangement.shapes import outline_of

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import RESERVED_NAMES, ROBOT
 from pushplan.mechanics.chain import Chain, Limits, PushedObject, Pusher
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.names import RESERVED_NAMES, ROBOT
 from pushplan.reading.arrangement.contact_friction import contact_frictions
 from pushplan.reading.arrangement.contacts import find_segments, make_contacts
 from pushplan.reading.arrangement.layout import Layout, Part, lay_out

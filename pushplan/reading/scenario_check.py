@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from pushplan.basics.names import AUTO, KNOWN_LOAD_SETS, STABLE_SETS
 from pushplan.errors import Finding, PushplanError
 from pushplan.mechanics.chain import PLATE
-from pushplan.names import AUTO, KNOWN_LOAD_SETS, STABLE_SETS
 from pushplan.reading.yaml.report import Report
 from pushplan.reading.yaml.tree import read_document
 from pushplan.scenario import Scenario

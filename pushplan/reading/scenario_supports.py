@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.polygon import area_moments
 from pushplan.mechanics.support import (

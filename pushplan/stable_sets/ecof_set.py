@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, margins_of, wrenches_of
 from pushplan.mechanics.friction.packed import pack_chain

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray, frozen
+from pushplan.basics.arrays import BoolArray, FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts.carried import carried_objects

@@ -5,7 +5,7 @@ A lower contact friction only takes away from the friction cone, so that the low
 
 from __future__ import annotations
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.mechanics.worst_case.interval_kernel import interval_contact_margins_of, interval_margins_of
 from pushplan.mechanics.worst_case.interval_rows import pack_intervals

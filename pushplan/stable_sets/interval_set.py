@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from pushplan.basics.names import STABLE_SETS
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.mechanics.worst_case.load_area import load_areas
-from pushplan.names import STABLE_SETS
 from pushplan.stable_sets.interval_ecof_set import IntervalEcofSet
 from pushplan.stable_sets.robust_set import RobustSet
 from pushplan.stable_sets.stable_set import StableSet

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from pushplan.basics.naming import PLACE, attribute_named, stable_set_names
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.naming import PLACE, attribute_named, stable_set_names
 from pushplan.stable_sets.cof_set import CofSet
 from pushplan.stable_sets.ecof_set import EcofSet
 from pushplan.stable_sets.robust_set import RobustSet

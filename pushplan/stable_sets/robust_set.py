@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import checked_twists
 from pushplan.mechanics.worst_case.envelope_kernel import start_twist, worst_loads

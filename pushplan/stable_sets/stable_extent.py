@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray, frozen
+from pushplan.basics.arrays import FloatArray, IntArray, frozen
 from pushplan.mechanics.sphere import POLE, TurningRadii, twists_at
 from pushplan.stable_sets.boundary.bracketing import inner_ends, maximise
 

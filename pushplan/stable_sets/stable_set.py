@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.arrays import BoolArray, FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import Meridians, TurningRadii, angles_of, checked_twists, twists_at

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import Meridians, twists_at
 from pushplan.stable_sets.boundary.intervals import Samples

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.geometry.contact_segments import SHORTEST_CONTACT
 from pushplan.mechanics.friction.packed import AFFINE
 from pushplan.mechanics.support import UniformSupport

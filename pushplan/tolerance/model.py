@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray, IntArray
+from pushplan.basics.arrays import BoolArray, FloatArray, IntArray
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.friction.packed import PackedChain, pack_chain
 from pushplan.mechanics.inertia import InertiaTable, inertia_table

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import ChainError
 from pushplan.geometry.contact_segments import TOUCH
 from pushplan.mechanics.chain import PLATE, Chain, Contact

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray, IntArray
+from pushplan.basics.arrays import BoolArray, FloatArray, IntArray
 from pushplan.tolerance.change_kernel import lost_contacts
 from pushplan.tolerance.changes import Change
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.tolerance.changes import Change, FloorChange, LoadChange, Shift, Turn
 from pushplan.tolerance.instants import thinned_instants

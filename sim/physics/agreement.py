@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from pushplan.arrays import BoolArray, FloatArray, frozen
+from pushplan.basics.arrays import BoolArray, FloatArray, frozen
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.sphere import checked_twists

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.physics.model.chain_model import PhysicsModel, build_model, joint_coordinates

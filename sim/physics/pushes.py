@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.sphere import angles_of, twists_at
 from pushplan.stable_sets.stable_set import StableSet
 

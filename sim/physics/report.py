@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray, frozen
+from pushplan.basics.arrays import BoolArray, FloatArray, frozen
 from pushplan.geometry.se2 import compose, relative, rotate, wrap_angle
 from pushplan.mechanics.chain import Chain
 

@@ -13,7 +13,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.physics.report import contact_motion
 

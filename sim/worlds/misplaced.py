@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain, Contact
 

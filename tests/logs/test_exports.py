@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
+from pushplan.basics.extras import MissingExtraError, optional
 from pushplan.errors import PushplanError
-from pushplan.extras import MissingExtraError, optional
 from pushplan.geometry.se2 import transform_points
 from pushplan.logging.export.cdr import encode
 from pushplan.logging.export.csv import table, write_csv

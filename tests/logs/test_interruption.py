@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 
 import pushplan
+from pushplan.basics.interruption import Interruption
 from pushplan.cli import main
 from pushplan.errors import RunLogError
-from pushplan.interruption import Interruption
 from pushplan.logging.cut_off import with_best_path
 from pushplan.logging.messages import plan_message, schemas
 from pushplan.logging.messages.recorded import RecordedRun

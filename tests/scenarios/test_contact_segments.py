@@ -10,7 +10,7 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import TOUCH, find_touch
 from pushplan.geometry.penetration import exit_distance, overlap_depth

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from pushplan import names
-from pushplan.names import CLEARANCE_ROOM
+from pushplan.basics import names
+from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.reading.schema import objects as schema_objects
 from pushplan.reading.schema import robot as schema_robot
 from pushplan.reading.schema import scenario as scenario_schema

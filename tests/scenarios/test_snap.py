@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.commands.steps.understood import document, rows
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import PLATE

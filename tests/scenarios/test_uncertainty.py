@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.commands.steps.understood import document, rows
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.mechanics.chain import Chain, PushedObject

@@ -10,7 +10,7 @@ import pytest
 import shapely
 from scipy.optimize import linprog
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support
 

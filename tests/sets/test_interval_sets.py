@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import ChainError, PushplanError, SupportError
 from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.contacts.carried import center_range

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.worst_case.area_table import pack_area, table_rows
 from pushplan.mechanics.worst_case.load_area import LoadArea
 from pushplan.mechanics.worst_case.robust_kernel import PackedAreas, central_loads

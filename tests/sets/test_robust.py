@@ -12,7 +12,7 @@ import shapely
 import shapely.affinity
 from scipy.optimize import linprog
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain

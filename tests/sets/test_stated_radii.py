@@ -9,7 +9,7 @@ import pytest
 import shapely
 from scipy.optimize import linprog
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.stable_sets.named import stable_set
 
 if TYPE_CHECKING:

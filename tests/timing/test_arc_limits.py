@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, admissible_speeds

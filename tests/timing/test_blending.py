@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.examples import example_names
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.planners.blending.least_change import least_change
 
 

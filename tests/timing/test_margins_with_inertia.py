@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.examples import example_names
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Contact, PushedObject

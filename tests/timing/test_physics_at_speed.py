@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.path import PushPath, cost_rate

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.planners.timing.motion_kernel import poses_after
 from pushplan.planners.timing.step_sum import Pieces, ordered_widths, step_sum
 from pushplan.trajectory import Trajectory

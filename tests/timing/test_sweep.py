@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.path import PushPath, cost_rate

@@ -18,10 +18,10 @@ def load() -> None:
     import tempfile
     from pathlib import Path
 
+    from pushplan.basics.names import PLANNERS, STABLE_SETS
     from pushplan.bench.processes.outcome import Task
     from pushplan.bench.processes.work import perform
     from pushplan.kernels import warm_up
-    from pushplan.names import PLANNERS, STABLE_SETS
     from pushplan.reading.scenario_file import load_scenario
 
     scenario = load_scenario("two-crates")

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import AUTO
 from pushplan.execution import Execution
 from pushplan.geometry.se2 import pose_error, rotate
-from pushplan.names import AUTO
 from pushplan.planners.validation.checker import find_collision
 from pushplan.planners.validation.motion import densify
 from pushplan.result import PlanResult

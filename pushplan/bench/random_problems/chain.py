@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.bench.random_problems.parameters import GeneratorError, ProblemParameters, Range
 from pushplan.bench.random_problems.scenario_yaml import scenario_yaml
 from pushplan.bench.random_problems.shapes import FlushShape, random_box, random_flush_polygon, rounded

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.bench.random_problems.parameters import GeneratorError, ProblemParameters
 from pushplan.bench.random_problems.shapes import random_polygon, rounded
 from pushplan.geometry.se2 import compose, rotate, transform_points

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.bench.reports.statistics import (
     COST,
     FIRST_PATH,

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.bench.reports.statistics import percentiles
 from pushplan.bench.storage.results import Results, RunRow
 from pushplan.drawing.figure import FAINT, axes_at, figure_for

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.outcome import OK
 from pushplan.bench.storage.arena import ATTRIBUTES
 from pushplan.bench.storage.store import FORMAT, StoreError

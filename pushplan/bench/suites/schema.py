@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
-from pushplan import names
+from pushplan.basics import names
+from pushplan.basics.naming import PLACE, OpenNames, planner_names, stable_set_names
 from pushplan.bench.random_problems import parameters as p
-from pushplan.naming import PLACE, OpenNames, planner_names, stable_set_names
 from pushplan.reading.schema import types as t
 from pushplan.reading.values.quantity import Quantity, fault
 

@@ -16,7 +16,7 @@ from pushplan.execution import inertia_warning
 from pushplan.mechanics.chain import Chain
 
 if TYPE_CHECKING:
-    from pushplan.arrays import FloatArray
+    from pushplan.basics.arrays import FloatArray
     from pushplan.execution import Execution, StabilityLoss
     from pushplan.path import PushPath
     from pushplan.result import PlanResult

@@ -8,12 +8,12 @@ from math import atan, degrees, isfinite
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import KNOWN_LOAD_SETS
 from pushplan.commands.terminal.numbers import counted
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
-from pushplan.names import KNOWN_LOAD_SETS
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario, Snapping
 
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
+from pushplan.basics.printable import printable
 from pushplan.commands.terminal.progress import Progress
-from pushplan.printable import printable
 
 _MARK = f"\x1b{os.urandom(8).hex()}"
 """Begins a style in text to be written. Drawn anew in each process, so that no file can hold it."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import traceback
 
+from pushplan.basics.interruption import INTERRUPTED
 from pushplan.commands.terminal.console import Console
 from pushplan.errors import PushplanError, ScenarioError
-from pushplan.interruption import INTERRUPTED
 
 DONE = 0
 DEFECT = 1

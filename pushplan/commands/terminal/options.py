@@ -7,9 +7,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal
 
+from pushplan.basics.names import AUTO
 from pushplan.drawing.format import check_picture_path
 from pushplan.errors import OutputError
-from pushplan.names import AUTO
 from pushplan.outputs.target import look
 
 

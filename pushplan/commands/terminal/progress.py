@@ -7,7 +7,7 @@ from time import monotonic
 from types import TracebackType
 from typing import TextIO
 
-from pushplan.printable import printable
+from pushplan.basics.printable import printable
 
 DELAY = 1.0
 """Seconds of silence before the first line."""

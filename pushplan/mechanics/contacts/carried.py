@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import PLATE, Chain
 

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.mechanics.friction.kernel import carried_wrench
 from pushplan.mechanics.friction.packed import PackedChain

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import UndefinedEcofError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PushedObject

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 
 EDGE_COLUMNS = 5

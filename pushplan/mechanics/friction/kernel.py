@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.friction.closed_form import affine_integrals, uniform_integrals

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.worst_case.load_area import LoadArea
 
 WIDTH = 21

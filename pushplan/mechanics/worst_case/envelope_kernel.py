@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 from pushplan.mechanics.worst_case.area_table import (
     ASKED,

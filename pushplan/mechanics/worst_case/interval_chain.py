@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.support import FRACTION_TOLERANCE, FeetSupport

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray, IntArray
+from pushplan.basics.arrays import BoolArray, FloatArray, IntArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.mechanics.friction.kernel import carried_wrench
 from pushplan.mechanics.friction.packed import PackedChain

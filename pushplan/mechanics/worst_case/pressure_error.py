@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 
 CELLS_MISS = (0.08, 0.015)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.contact_segments import TOUCH, find_touch
 from pushplan.mechanics.chain import PLATE, Contact
 from pushplan.reading.arrangement.layout import Layout, Part

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import ChainError
 from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import TOUCH, find_touch

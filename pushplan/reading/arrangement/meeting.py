@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import TOUCH, find_touch
 from pushplan.geometry.penetration import exit_distance, overlap_depth

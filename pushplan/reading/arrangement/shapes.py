@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.polygon import simple_polygon
 from pushplan.reading.arrangement.stacking import box_outline
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import SHORTEST_CONTACT
 from pushplan.reading.arrangement.meeting import Named, millimetres

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import ChainError
 from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH
 from pushplan.reading.arrangement.meeting import millimetres

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.extras import optional
 from pushplan.errors import ImportedFileError
-from pushplan.extras import optional
 from pushplan.geometry.polygon import simple_polygon
 
 MOST_BYTES = 16 << 20

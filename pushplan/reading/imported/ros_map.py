@@ -11,7 +11,7 @@ import numpy.typing as npt
 import shapely
 from pydantic import BaseModel, ConfigDict, Field
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.errors import ImportedFileError
 from pushplan.geometry.se2 import transform_points
 from pushplan.reading.imported.hole_free import covering, hole_free

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from pushplan import names
+from pushplan.basics import names
 from pushplan.mechanics.chain import Limits
 from pushplan.reading.schema import types as t
 from pushplan.reading.values.quantity import fault

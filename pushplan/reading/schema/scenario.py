@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from pushplan import names
+from pushplan.basics import names
 from pushplan.reading.schema import types as t
 from pushplan.reading.schema.objects import FRICTION, NAME, POLYGON, Contacts, Object, Plate
 from pushplan.reading.schema.robot import Robot

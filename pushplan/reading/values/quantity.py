@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from pushplan.names import AUTO, MOST_FRICTION
+from pushplan.basics.names import AUTO, MOST_FRICTION
 from pushplan.reading.values.units import ANGLE, NUMBER_PATTERN, dimension_of, split_unit
 from pushplan.reading.yaml.node import shorten
 

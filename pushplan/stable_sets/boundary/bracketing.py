@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 
 Family = Callable[[IntArray, FloatArray], FloatArray]
 """f(i, x): value of member i (m,) of a family of functions at x (m,)."""

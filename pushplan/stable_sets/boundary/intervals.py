@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray, IntArray
+from pushplan.basics.arrays import BoolArray, FloatArray, IntArray
 from pushplan.stable_sets.boundary.bracketing import Family, inner_ends, maximise
 
 PROMISING = 0.35

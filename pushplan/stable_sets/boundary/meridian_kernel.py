@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.mechanics.sphere import POLE
 from pushplan.stable_sets.boundary.bracketing import TOLERANCE

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.mechanics.sphere import Meridians
 from pushplan.stable_sets.boundary.intervals import Samples
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.mechanics.sphere import POLE, Meridians, twists_at
 from pushplan.stable_sets.boundary.intervals import PROMISING, Samples, find_intervals
 

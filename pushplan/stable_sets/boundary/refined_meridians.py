@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray, IntArray
+from pushplan.basics.arrays import BoolArray, FloatArray, IntArray
 from pushplan.mechanics.sphere import Meridians
 from pushplan.stable_sets.boundary.intervals import Samples
 from pushplan.stable_sets.boundary.meridian_tracking import (

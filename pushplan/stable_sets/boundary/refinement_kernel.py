@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from pushplan.arrays import BoolArray, FloatArray, IntArray
+from pushplan.basics.arrays import BoolArray, FloatArray, IntArray
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.stable_sets.boundary.margin_kernel import Packed
 from pushplan.stable_sets.boundary.meridian_kernel import Line, follow, scan

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.errors import PushplanError
 from pushplan.stable_sets.cor.cor_region import Window, window_box
 

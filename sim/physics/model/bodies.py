@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import GRAVITY, PushedObject
 from pushplan.mechanics.inertia import inertia_of

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.physics.model.bodies import FLOOR, Standing, add_floor, add_object, add_planar, stand

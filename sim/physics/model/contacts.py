@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Contact
 from pushplan.sim.physics.model.contact_edges import edge_extent
 from pushplan.sim.physics.model.engine import engine

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander2d
 from scipy.optimize import nnls
 
-from pushplan.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import SupportError
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
 from pushplan.sim.physics.model.polygon_rule import Rule, polygon_rule

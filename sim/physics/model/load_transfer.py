@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.friction.packed import pack_chain

@@ -1,0 +1,1 @@
+"""What everything else may use: array types, shared words and names, texts for terminals, clocks, Ctrl-C."""
