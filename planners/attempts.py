@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,8 +16,7 @@ from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.ompl.search import Factory, search
 from pushplan.planners.ompl.solution import push_path
 from pushplan.planners.problem.objective import make_objective
-from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
-from pushplan.planners.problem.problem import Problem
+from pushplan.planners.problem.posing import Posing, body_reach, sampling_box
 from pushplan.result import ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
@@ -33,10 +32,6 @@ Fewest metres in few arcs make a good start: a path found by time alone is not a
 
 MARGIN_FREE = "gap"
 """Cause of failures that no other margin could mend."""
-
-
-Pose = Callable[..., Problem]
-"""pose(scenario, stable, until): the compiled problem, made before `time.perf_counter` is `until`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +65,7 @@ class Search:
         began: `time.perf_counter` when posing began, which counts to the time limit.
         good_enough: Share above the lower bound at which a path is good enough; 0 asks for the best.
         progress: Called with every improvement.
-        pose: Makes the compiled problem.
+        pose: Makes the compiled problems.
     """
 
     stable: StableSet
@@ -80,7 +75,7 @@ class Search:
     began: float
     good_enough: float = 0.0
     progress: Callable[[ProgressPoint], None] | None = None
-    pose: Pose = build_problem
+    pose: Posing = field(default_factory=Posing)
 
     def with_margins(self, scenario: Scenario, margins: Sequence[float]) -> Attempt:
         """Search with one margin after the other; return the first attempt with a path, or the last.
@@ -114,7 +109,7 @@ class Search:
         by_travel = replace(scenario, planner=replace(scenario.planner, cost="travel"))
         if (
             budget.first
-        ):  # no path is compared with another one: an objective that takes long to make is not needed
+        ):  # no path is compared with another: an objective that takes long to make is not needed
             return replace(self._run(by_travel, budget, earlier), scenario=scenario)
         if scenario.planner.cost != "time":
             return self._run(scenario, budget, earlier)

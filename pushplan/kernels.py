@@ -29,6 +29,7 @@ from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.factories import PLANNERS, planner_named
 from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.objective import travel_objective
+from pushplan.planners.problem.posing import kept_distances
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.search.lattice_rounds import LatticeRounds
 from pushplan.planners.timing.bounds import Bounds
@@ -117,7 +118,8 @@ def _compile_pockets() -> None:
 def compile_search(planner: str) -> None:
     """Run every kernel of a planner once."""
     session = Session(_problem(_one_box()), np.zeros(3), Budget(time_limit=3600.0, first=True), seed=0)
-    separation(session.problem.scene, 0.0, 0.0, 0.0, 1.0)  # of the ends of a problem that is posed
+    gap = separation(session.problem.scene, 0.0, 0.0, 0.0, 1.0)  # of the ends of a problem that is posed
+    kept_distances(gap, 1.0)
     arcs = arcs_at(session.problem, np.full((1, 4), 0.5))  # of a path in OMPL's form
     controls_of(session.problem, arcs)
     poses_along(session.problem, session.start, arcs)

@@ -91,8 +91,8 @@ def nearest_corners(parts: Sequence[Part], lengths: FloatArray, times: FloatArra
 def sharpest_corner(path: PushPath, parts: Sequence[Part]) -> frozenset[int]:
     """Return the corner without a stop whose twists commute least: its blend moves the end most."""
     arcs, _ = _blended_corners(parts, path.lengths)
-    driven = moving_arcs(path)
-    a, b = path.twists[arcs], path.twists[driven[np.searchsorted(driven, arcs) + 1]]
+    moving = moving_arcs(path)
+    a, b = path.twists[arcs], path.twists[moving[np.searchsorted(moving, arcs) + 1]]
     bracket = a[:, 2:] * b[:, :2] - b[:, 2:] * a[:, :2]
     return frozenset({int(arcs[np.argmax(np.hypot(*bracket.T))])})
 

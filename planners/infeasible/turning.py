@@ -103,9 +103,8 @@ def _a_word_fits(scenario: Scenario, segments: FloatArray) -> bool:
         count = find_words(family, scenario.start, scenario.goal.pose_chain, words)
         for word in words[:count]:
             path = PushPath(scenario.start, family[word[1:4].astype(int)], word[4:])
-            x, y, theta = path.sampled(WORD_SPACING).T[:, :, None]
-            across = x + np.cos(theta) * corners[:, 0] - np.sin(theta) * corners[:, 1]
-            upward = y + np.sin(theta) * corners[:, 0] + np.cos(theta) * corners[:, 1]
+            poses = path.sampled(WORD_SPACING)[:, None]
+            across, upward = np.moveaxis(poses[..., :2] + se2.rotate(poses[..., 2], corners), -1, 0)
             inside = (across > area.xmin) & (across < area.xmax) & (upward > area.ymin) & (upward < area.ymax)
             if inside.all():
                 return True

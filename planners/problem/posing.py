@@ -9,6 +9,7 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.names import CLEARANCE_ROOM
+from pushplan.compiled import no_refcount
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.problem.controls import MARGIN_FLOOR, control_segments, steering_families
@@ -49,9 +50,26 @@ class Posing:
         self._controls = {} if controls is None else controls
 
     def __call__(self, scenario: Scenario, stable: StableSet, until: float = math.inf) -> Problem:
-        """Return the compiled problem; see `build_problem`."""
-        scene = self.scene(scenario, until)
-        return problem_of(scenario, stable, self.controls(scenario, stable), scene)
+        """Return the compiled problem.
+
+        Args:
+            scenario: Its margin is a number.
+            stable: The set to plan in.
+            until: `time.perf_counter` at which it must be there.
+
+        Raises:
+            EmptyStableSetError: When no twist is stable for the pusher's drive.
+            OutOfTimeError: When it takes too long.
+        """
+        scene, controls = self.scene(scenario, until), self.controls(scenario, stable)
+        xmin, ymin, xmax, ymax = sampling_box(scenario)
+        return Problem(
+            scene_between(scene, scenario.clearance, scenario.start, scenario.goal.pose_chain),
+            *controls,
+            np.array(scenario.goal.pose_chain, dtype=np.float64),
+            LONGEST_SHARE * math.hypot(xmax - xmin, ymax - ymin),
+            make_objective(scenario, stable, controls.segments),
+        )
 
     def scene(self, scenario: Scenario, until: float = math.inf) -> Scene:
         """Return the `open_scene` of the room."""
@@ -60,10 +78,15 @@ class Posing:
         return self._scene
 
     def controls(self, scenario: Scenario, stable: StableSet) -> Controls:
-        """Return `controls_of` the scenario's margin."""
+        """Return what the pusher can do with the scenario's margin.
+
+        Raises:
+            EmptyStableSetError: When no twist is stable for the pusher's drive.
+        """
         margin = scenario.required_margin
         if margin not in self._controls:
-            self._controls[margin] = controls_of(scenario, stable)
+            segments = control_segments(stable, scenario.chain.pusher.drive, margin + MARGIN_FLOOR)
+            self._controls[margin] = Controls(segments, steering_families(segments))
         return self._controls[margin]
 
     def in_room(self, scene: Scene) -> Posing:
@@ -71,42 +94,9 @@ class Posing:
         return Posing(scene, self._controls)
 
 
-def build_problem(scenario: Scenario, stable: StableSet, until: float = math.inf) -> Problem:
-    """Return the compiled problem.
-
-    Args:
-        scenario: Its margin is a number.
-        stable: The set to plan in.
-        until: `time.perf_counter` at which it must be there.
-
-    Raises:
-        EmptyStableSetError: When no twist is stable for the pusher's drive.
-        OutOfTimeError: When it takes too long.
-    """
-    return Posing()(scenario, stable, until)
-
-
-def controls_of(scenario: Scenario, stable: StableSet) -> Controls:
-    """Return what the pusher can do with the scenario's margin.
-
-    Raises:
-        EmptyStableSetError: When no twist is stable for the pusher's drive.
-    """
-    margin = scenario.required_margin + MARGIN_FLOOR
-    segments = control_segments(stable, scenario.chain.pusher.drive, margin)
-    return Controls(segments, steering_families(segments))
-
-
-def problem_of(scenario: Scenario, stable: StableSet, controls: Controls, scene: Scene) -> Problem:
-    """Return the compiled problem with controls and an `open_scene` that are there already."""
-    xmin, ymin, xmax, ymax = sampling_box(scenario)
-    return Problem(
-        scene_between(scene, scenario.clearance, scenario.start, scenario.goal.pose_chain),
-        *controls,
-        np.array(scenario.goal.pose_chain, dtype=np.float64),
-        LONGEST_SHARE * math.hypot(xmax - xmin, ymax - ymin),
-        make_objective(scenario, stable, controls.segments),
-    )
+def build_problem(scenario: Scenario, stable: StableSet) -> Problem:
+    """Return the compiled problem of a scenario alone; see `Posing`."""
+    return Posing()(scenario, stable)
 
 
 def scenario_scene(scenario: Scenario) -> Scene:
@@ -135,8 +125,15 @@ def scene_between(scene: Scene, clearance: float, start: FloatArray, goal: Float
     those between have the clearance, less `CLEARANCE_ROOM` at most where start and goal leave no room to prove it.
     """
     gaps = [separation(scene, pose[0], pose[1], pose[2], clearance + SLACK) for pose in (start, goal)]
-    looked_at = max(min(gaps), clearance) - ROUNDING
-    return scene._replace(clearance=looked_at, kept=min(clearance, looked_at - CLEARANCE_ROOM))
+    looked_at, kept = kept_distances(min(gaps), clearance)
+    return scene._replace(clearance=looked_at, kept=kept)
+
+
+@no_refcount
+def kept_distances(gap: float, clearance: float) -> tuple[float, float]:
+    """Return what the poses looked at keep, and those between, where start and goal have the distance `gap`, m."""
+    looked_at = max(gap, clearance) - ROUNDING
+    return looked_at, min(clearance, looked_at - CLEARANCE_ROOM)
 
 
 def _walls(scenario: Scenario) -> Box:

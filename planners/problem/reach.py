@@ -7,10 +7,9 @@ import math
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.compiled import compiled
 from pushplan.planners.collision.separation import Scene, separation
-from pushplan.planners.problem.posing import ROUNDING, SLACK
+from pushplan.planners.problem.posing import ROUNDING, SLACK, kept_distances
 from pushplan.planners.problem.steering import MAX_WORDS, connect
 
 
@@ -36,8 +35,7 @@ def reach(
             least = min(gap, gaps[j])
             if least < clearance - ROUNDING:
                 continue
-            looked_at = max(least, clearance) - ROUNDING
-            kept = min(clearance, looked_at - CLEARANCE_ROOM)
+            looked_at, kept = kept_distances(least, clearance)
             between = Scene(
                 scene.body,
                 scene.body_bound,

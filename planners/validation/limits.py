@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.chain import LimitName, Limits
 from pushplan.trajectory import Trajectory
 
 STEP = 4e-3
@@ -30,7 +30,7 @@ def excess(trajectory: Trajectory, limits: Limits) -> str:
     ahead = np.cos(heading) * rates[:, 0] + np.sin(heading) * rates[:, 1]
     speed = np.hypot(rates[:, 0], rates[:, 1])
     gain = np.diff(speed)
-    found = {
+    found: dict[LimitName, FloatArray] = {
         "speed": np.where(ahead < 0.0, -speed, speed),
         "acceleration": np.copysign(np.hypot(changes[:, 0], changes[:, 1]), gain),
         "angular_speed": rates[:, 2],
@@ -39,7 +39,7 @@ def excess(trajectory: Trajectory, limits: Limits) -> str:
     steady = np.abs(gain) < TOLERANCE * h * np.abs(found["acceleration"])  # rounding tells no sign
     found["acceleration"][steady] = np.abs(found["acceleration"][steady])
     for name, values in found.items():
-        words = _beyond(values, limits.both(name), t)  # type: ignore[arg-type]
+        words = _beyond(values, limits.both(name), t)
         if words:
             return f"the motion exceeds the pusher's {name.replace('_', ' ')}: {words}"
     return ""

@@ -164,10 +164,8 @@ def _sum_up(
         if error > 0.0:
             center(pulls, packed.cells, begin, end)
             spread += error * size_loss(pulls, packed.cells, begin, end, constant)
-        half, added = (
-            0.5 * (low + high),
-            0.5 * (high - low) * math.sqrt(x * x + y * y + m * m) + high * spread,
-        )
+        half = 0.5 * (low + high)
+        added = 0.5 * (high - low) * math.sqrt(x * x + y * y + m * m) + high * spread
         for k in range(len(factors)):
             if not packed.carried[k, i]:
                 continue

@@ -48,8 +48,10 @@ class IntervalRows:
     """
 
     def __init__(self, interval: IntervalChain) -> None:
-        self._interval = interval
         self.packed = pack_intervals(interval)
+        self._masses, self._unit_masses = interval.mass, _unit_masses(interval)
+        places = np.ascontiguousarray(self.packed.cells[:, :2])
+        self._cells = InertiaTable(np.ones(len(places)), places, np.zeros(len(places)))
 
     def least(self, twists: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least rows (m, n, 4) and the largest wrenches (m, n), N, at body twists (m, 3).
@@ -69,15 +71,13 @@ class IntervalRows:
             twists: (m, 3) body twists in the chain frame.
             rates: (m, 3) their time derivatives.
         """
-        cells = self.packed.cells
-        masses, places = _unit_masses(self._interval), np.ascontiguousarray(cells[:, :2])
-        points = InertiaTable(np.ones(len(cells)), places, np.zeros(len(cells)))
-        step = max(_AT_ONCE // (3 * max(len(cells), 1)), 1)
+        step = max(_AT_ONCE // (3 * max(len(self.packed.cells), 1)), 1)
         found = []
         for i in range(0, max(len(twists), 1), step):
             v, dv = np.ascontiguousarray(twists[i : i + step]), np.ascontiguousarray(rates[i : i + step])
-            wrenches, pulls = inertia_per_object(masses, v, dv), inertia_per_object(points, v, dv)
-            found.append(inertia_rows_of(self.packed, self._interval.mass, wrenches, pulls))
+            wrenches = inertia_per_object(self._unit_masses, v, dv)
+            pulls = inertia_per_object(self._cells, v, dv)
+            found.append(inertia_rows_of(self.packed, self._masses, wrenches, pulls))
         return np.concatenate([rows for rows, _ in found]), np.concatenate([size for _, size in found])
 
 
