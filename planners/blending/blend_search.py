@@ -125,10 +125,11 @@ class BlendSearch:
             self._stop(self.nudging.suspects or sharpest_corner(self.path, self.parts))
             return None
         parts, strained = slowed(self.parts, lengths, WORTH_A_STOP)
-        trajectory = joined(self.path, parts, lengths, self.rate)
-        if len(strained):
+        if len(strained):  # a section a million times slower is never made: its pieces would fill the memory
             self._stop(nearest_corners(parts, lengths, strained))
-        elif self._is_stable(parts, lengths, trajectory) and self._is_free(parts, lengths, trajectory):
+            return None
+        trajectory = joined(self.path, parts, lengths, self.rate)
+        if self._is_stable(parts, lengths, trajectory) and self._is_free(parts, lengths, trajectory):
             return Blend(trajectory, self.stops)
         return None
 

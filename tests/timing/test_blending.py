@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -26,6 +27,7 @@ from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
 from pushplan.planners.validation.checker import find_collision
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import CircleObstacle, Scenario
 from pushplan.sim.kinematic import simulate
 from pushplan.stable_sets.named import stable_set
@@ -304,3 +306,13 @@ def test_the_same_path_gives_the_same_trajectory(planned: Planned) -> None:
     first, second = (_blend(scenario, path).trajectory for _ in range(2))
     np.testing.assert_array_equal(first.breaks, second.breaks)
     np.testing.assert_array_equal(first.coefficients, second.coefficients)
+
+
+def test_a_section_that_would_be_a_million_times_slower_takes_no_memory() -> None:
+    """At so small a margin inertia leaves some corners next to no speed; sampled, such a section filled 4 GB."""
+    scenario = load_scenario("two-crates").with_margin(0.005)
+    tracemalloc.start()
+    for seed in (5, 10):
+        assert plan(scenario, seed=seed, iterations=3_000, time_limit=60.0, first=True).solved
+    assert tracemalloc.get_traced_memory()[1] < 5e7
+    tracemalloc.stop()
