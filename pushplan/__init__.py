@@ -69,7 +69,12 @@ if TYPE_CHECKING:
         Uncertainty,
         Workspace,
     )
-    from pushplan.sim.kinematic import simulate
+    from pushplan.sim.kinematic import simulate_rigid
+    from pushplan.sim.slip.report import ContactLoss, Mode, SlipReport
+    from pushplan.sim.slip.settings import SlipSettings
+    from pushplan.sim.slip.simulate import simulate
+    from pushplan.sim.slip.simulator import SlipSimulator
+    from pushplan.sim.worlds.world import World
     from pushplan.stable_sets.grid_cor_set import GridCorSet, grid_cor_set
     from pushplan.stable_sets.interval_set import stable_set_over
     from pushplan.stable_sets.named import stable_set
@@ -105,7 +110,12 @@ _HOMES = {
     "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle Snapped Snapping StabilitySettings "
     "Uncertainty Workspace",
     "execution": "Execution StabilityLoss",
-    "sim.kinematic": "simulate",
+    "sim.kinematic": "simulate_rigid",
+    "sim.slip.report": "ContactLoss Mode SlipReport",
+    "sim.slip.settings": "SlipSettings",
+    "sim.slip.simulate": "simulate",
+    "sim.slip.simulator": "SlipSimulator",
+    "sim.worlds.world": "World",
     "mechanics.sphere": "TurningRadii",
     "stable_sets.named": "stable_set",
     "stable_sets.stable_set": "StableSet",
@@ -128,6 +138,7 @@ __all__ = [
     "ChainError",
     "CircleObstacle",
     "Contact",
+    "ContactLoss",
     "Diagnosis",
     "Drive",
     "DynamicRows",
@@ -141,6 +152,7 @@ __all__ = [
     "IncompleteLogError",
     "IntervalChain",
     "Limits",
+    "Mode",
     "OutputError",
     "PlanResult",
     "PlannerSettings",
@@ -160,6 +172,9 @@ __all__ = [
     "RunLogError",
     "Scenario",
     "ScenarioError",
+    "SlipReport",
+    "SlipSettings",
+    "SlipSimulator",
     "Snapped",
     "Snapping",
     "SpeedWindow",
@@ -177,6 +192,7 @@ __all__ = [
     "UniformSupport",
     "UnknownSupport",
     "Workspace",
+    "World",
     "WorstCase",
     "__version__",
     "admissible_speeds",
@@ -203,6 +219,7 @@ __all__ = [
     "scenario_from_document",
     "scenario_from_text",
     "simulate",
+    "simulate_rigid",
     "stable_set",
     "stable_set_over",
 ]

@@ -7,7 +7,7 @@ from pushplan.execution import Execution
 from pushplan.planners.timing.bounds import contact_dynamics
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
-from pushplan.sim.kinematic import simulate
+from pushplan.sim.kinematic import simulate_rigid
 from pushplan.stable_sets.intersection_set import IntersectionSet
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
@@ -25,7 +25,7 @@ def execute_trajectory(scenario: Scenario, planned: str, trajectory: Trajectory)
     judge = judging_set(scenario, planned)
     dynamic = scenario.chain.pusher.limits.contact == "dynamic"
     contacts = contact_dynamics(scenario, judge.name)
-    return simulate(trajectory, judge, scenario.goal.pose_chain, contacts, inertia_decides=dynamic)
+    return simulate_rigid(trajectory, judge, scenario.goal.pose_chain, contacts, inertia_decides=dynamic)
 
 
 def judging_set(scenario: Scenario, planned: str) -> StableSet:

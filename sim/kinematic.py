@@ -13,7 +13,7 @@ from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory, advance
 
 
-def simulate(
+def simulate_rigid(
     trajectory: Trajectory,
     judge: StableSet,
     goal: FloatArray,

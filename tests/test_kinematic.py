@@ -15,7 +15,7 @@ from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.sim.kinematic import simulate
+from pushplan.sim.kinematic import simulate_rigid
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
@@ -44,7 +44,7 @@ def test_execution_integrates_what_was_commanded(stable: StableSet) -> None:
         c, s = np.cos(pose[2]), np.sin(pose[2])
         return np.array([c * vx - s * vy, s * vx + c * vy, omega])
 
-    execution = simulate(trajectory, stable, trajectory.poses[-1])
+    execution = simulate_rigid(trajectory, stable, trajectory.poses[-1])
     solved = solve_ivp(
         rate,
         (0.0, trajectory.duration),
@@ -59,7 +59,7 @@ def test_execution_integrates_what_was_commanded(stable: StableSet) -> None:
 
 
 def test_a_stable_push_keeps_every_contact_and_reports_its_forces(stable: StableSet) -> None:
-    execution = simulate(time_path(_path(*STABLE_ARCS), Bounds(Limits())), stable, np.zeros(3))
+    execution = simulate_rigid(time_path(_path(*STABLE_ARCS), Bounds(Limits())), stable, np.zeros(3))
     assert execution.loss is None
     assert execution.margins.shape == (len(execution.t), 2)
     assert execution.margins.min() > 0.0
@@ -75,7 +75,7 @@ def test_a_stable_push_keeps_every_contact_and_reports_its_forces(stable: Stable
 
 def test_the_margin_at_rest_is_that_of_the_motion_beside_it(stable: StableSet) -> None:
     path = _path(*STABLE_ARCS)
-    execution = simulate(time_path(path, Bounds(Limits())), stable, np.zeros(3))
+    execution = simulate_rigid(time_path(path, Bounds(Limits())), stable, np.zeros(3))
     expected = stable.contact_margins(path.twists)
     np.testing.assert_allclose(execution.margins[0], expected[0], atol=1e-9)
     np.testing.assert_allclose(execution.margins[-1], expected[-1], atol=1e-9)
@@ -85,14 +85,14 @@ def test_the_margin_at_rest_is_that_of_the_motion_beside_it(stable: StableSet) -
 def test_rounding_at_the_final_rest_never_reverses_the_motion(stable: StableSet, seed: int) -> None:
     rng = np.random.default_rng(seed)
     arcs = [(*STABLE_ARCS[int(rng.integers(3))][:3], float(rng.uniform(0.01, 2.0))) for _ in range(12)]
-    assert simulate(time_path(_path(*arcs), Bounds(Limits())), stable, np.zeros(3)).loss is None
+    assert simulate_rigid(time_path(_path(*arcs), Bounds(Limits())), stable, np.zeros(3)).loss is None
 
 
 def test_the_loss_of_a_contact_is_reported_and_nothing_after_it(stable: StableSet) -> None:
     arcs = [(1.0, 0.0, 0.0, 0.3), (0.2, 1.0, 0.0, 0.3), (1.0, 0.0, 0.0, 0.3)]
     path = _path(*arcs)
     trajectory = time_path(path, Bounds(Limits()))
-    execution = simulate(trajectory, stable, trajectory.poses[-1])
+    execution = simulate_rigid(trajectory, stable, trajectory.poses[-1])
     loss = execution.loss
     assert loss is not None
     corner = trajectory.breaks[np.flatnonzero(np.diff(trajectory.arc))[0] + 1]
@@ -113,7 +113,7 @@ def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(stabl
         middle = 0.5 * (low + high)
         inside = stable.margin(trajectory.twists_at(np.array([middle])))[0] > 0.0
         low, high = (middle, high) if inside else (low, middle)
-    loss = simulate(trajectory, stable, np.zeros(3)).loss
+    loss = simulate_rigid(trajectory, stable, np.zeros(3)).loss
     assert loss is not None
     assert low <= loss.time <= low + 1.0 / trajectory.rate + 1e-9
 
@@ -134,4 +134,4 @@ def test_a_sample_just_before_the_final_rest_keeps_its_direction(stable: StableS
             trajectory.start, trajectory.breaks, trajectory.coefficients, trajectory.arc, float(rate)
         )
         assert 0.0 < sampled.t[-1] - sampled.t[-2] < 1e-4
-        assert simulate(sampled, stable, np.zeros(3)).loss is None
+        assert simulate_rigid(sampled, stable, np.zeros(3)).loss is None

@@ -29,7 +29,7 @@ from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
-from pushplan.sim.kinematic import simulate
+from pushplan.sim.kinematic import simulate_rigid
 from pushplan.stable_sets.cor_window import default_window
 from pushplan.stable_sets.named import stable_set
 from pushplan.tolerance.tolerance import Tolerance
@@ -76,7 +76,7 @@ def unsolved() -> PlanResult:
 @pytest.fixture(scope="module")
 def execution(chain: Chain, plan: PlanResult, scenario: Scenario) -> Execution:
     assert plan.trajectory is not None
-    return simulate(plan.trajectory, stable_set(chain, "ecof"), scenario.goal.pose_chain)
+    return simulate_rigid(plan.trajectory, stable_set(chain, "ecof"), scenario.goal.pose_chain)
 
 
 @pytest.mark.parametrize("suffix", PICTURE_SUFFIXES)

@@ -39,6 +39,12 @@ def test_exponential_is_the_matrix_exponential(twist: FloatArray) -> None:
     np.testing.assert_allclose(_matrix(se2.exp(twist)), expm(algebra), atol=1e-11)
 
 
+@given(poses)
+def test_logarithm_undoes_the_exponential(pose: FloatArray) -> None:
+    twist = np.append(pose[:2], se2.wrap_angle(pose[2]))
+    assert se2.log(se2.exp(twist)) == pytest.approx(twist, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("angle", "wrapped"), [(np.pi, -np.pi), (-np.pi, -np.pi), (7.0, 7.0 - 2 * np.pi), (0.0, 0.0)]
 )

@@ -30,3 +30,6 @@ inlined = njit(inline="always", error_model="numpy")
 LLVM optimises a function anew with everything it calls at each level of calls, so every level above a large one costs
 compile time.
 """
+
+in_threads = njit(cache=True, error_model="numpy", nogil=True)
+"""Compile a long-running function that several threads may be in at the same time."""

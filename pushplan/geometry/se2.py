@@ -62,3 +62,12 @@ def exp(twist: ArrayLike) -> FloatArray:
     half = np.sinc(phi / (2.0 * np.pi))  # sin(phi/2) / (phi/2), exact through 0
     a, b = half * np.cos(phi / 2.0), half * np.sin(phi / 2.0)
     return np.stack([a * v[..., 0] - b * v[..., 1], b * v[..., 0] + a * v[..., 1], phi], axis=-1)
+
+
+def log(pose: ArrayLike) -> FloatArray:
+    """Return the body twist(s) (..., 3) that reach the pose(s) (..., 3) from the origin in unit time; see `exp`."""
+    p = np.asarray(pose, dtype=np.float64)
+    phi = p[..., 2]
+    half = np.sinc(phi / (2.0 * np.pi))
+    a, b = np.cos(phi / 2.0) / half, np.sin(phi / 2.0) / half
+    return np.stack([a * p[..., 0] + b * p[..., 1], a * p[..., 1] - b * p[..., 0], phi], axis=-1)

@@ -29,7 +29,7 @@ from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
 from pushplan.planners.validation.checker import find_collision
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.scenario import CircleObstacle, Scenario
-from pushplan.sim.kinematic import simulate
+from pushplan.sim.kinematic import simulate_rigid
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
@@ -73,7 +73,7 @@ def _check(scenario: Scenario, path: PushPath, stable: StableSet, blend: Blend) 
     trajectory, limits = blend.trajectory, scenario.chain.pusher.limits
     assert _use_by_differences(trajectory, limits).max() <= 1.0 + 1e-4
     np.testing.assert_allclose(trajectory.poses[-1], path.end, atol=1e-9)
-    execution = simulate(trajectory, stable, path.end)
+    execution = simulate_rigid(trajectory, stable, path.end)
     assert execution.loss is None
     assert execution.margins.min() > scenario.required_margin
     assert max(execution.goal_error) < 3e-8  # what integrating with other steps makes of it

@@ -1,0 +1,1 @@
+"""Quasi-static pushing in which contacts stick, slide, roll off an end, open and close again."""

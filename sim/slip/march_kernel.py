@@ -1,0 +1,54 @@
+"""Many steps of a world in a row."""
+
+from __future__ import annotations
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.compiled import in_threads, no_refcount
+from pushplan.sim.slip.packed import PackedWorld, Work
+from pushplan.sim.slip.state import CROWDED, JAMMED, OPEN, ROLL, ROLL_SLIDE, SLIDE, STICK, State, Trace
+from pushplan.sim.slip.step_kernel import copy_rows, step
+
+
+@in_threads
+def march(packed: PackedWorld, work: Work, state: State, twists: FloatArray, trace: Trace) -> int:
+    """Move the plate by body twists times time (m, 3), one after the other; return how many steps were made.
+
+    It ends early after a jam, or when there are more manifolds than `work` has room for; the step that ended it
+    is the last one in `trace`.
+    """
+    n = len(packed.loads)
+    for m in range(len(twists)):
+        residual, end, count, switched = step(packed, work, state, twists[m])
+        trace.residual[m], trace.end[m], trace.switched[m] = residual, end, switched
+        copy_rows(state.poses, trace.poses[m], n)
+        if end in (JAMMED, CROWDED):
+            return m + 1
+        _note_contacts(packed, work, count, trace, m)
+    return len(twists)
+
+
+@no_refcount
+def _note_contacts(packed: PackedWorld, work: Work, count: int, trace: Trace, m: int) -> None:
+    """Write down what the contacts do in step m."""
+    n = len(packed.loads)
+    for c in range(count):
+        mode = _mode_of(work, c)
+        contact = packed.pairs[work.who[c, 2], 2]
+        if contact >= 0:
+            trace.modes[m, contact] = mode
+            for k in range(3):
+                trace.forces[m, contact, k] = work.forces[c, k]
+        elif mode != OPEN:
+            for side in range(2):
+                if work.who[c, side] < n:
+                    trace.others[m, work.who[c, side]] += 1
+
+
+@no_refcount
+def _mode_of(work: Work, c: int) -> int:
+    ends = work.modes[c, 0] + (work.modes[c, 1] if work.who[c, 3] == 2 else 0)
+    if ends == 0:
+        return OPEN
+    if work.modes[c, 2] == 1:
+        return STICK if ends == 2 else ROLL
+    return SLIDE if ends == 2 else ROLL_SLIDE

@@ -1,0 +1,128 @@
+"""Bodies, feet and pairs of a world as flat arrays, and the room to work in, for compiled code."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray, IntArray
+
+
+class PackedWorld(NamedTuple):
+    """What does not change while a world is simulated.
+
+    Bodies are counted: the n objects, then the pusher (n), then all that stands still (n + 1).
+
+    Attributes:
+        feet: (f, 4) x, y in the object's frame (m), mu N (N), share in carrying a load that shifts.
+        first_foot: (n + 1,) where the feet of each object begin.
+        loads: (n, 5) sum of mu N (N), h mu (m), second moments of the stiffness xx, xy, yy (m^2).
+        center: (n, 2) stiffness centre in the object's frame, m.
+        corners: (v, 5) x, y (m) and outward normal of the edge that begins there, in the body's frame; 1 where that
+            edge is a piece of the outline, 0 where it only parts two convex pieces.
+        parts: (p, 3) body, first corner, one past the last, of each convex piece; one corner is a disc.
+        circles: (p, 4) centre and radius (m) of a circle around each piece, in the body's frame, and the radius that
+            its corners are rounded by.
+        pairs: (q, 3) pieces a and b that may touch, and the chain's contact whose bodies these are, or -1.
+        friction: (q,) coefficient between them.
+        length: Characteristic length L, m.
+    """
+
+    feet: FloatArray
+    first_foot: IntArray
+    loads: FloatArray
+    center: FloatArray
+    corners: FloatArray
+    parts: IntArray
+    circles: FloatArray
+    pairs: IntArray
+    friction: FloatArray
+    length: float
+
+
+class Work(NamedTuple):
+    """What a step works on; c is the largest number of manifolds.
+
+    All places are in world axes about the plate's reference point O at the step's start; twists are (v_x, v_y, L w)
+    about O, moments are divided by L.
+
+    Attributes:
+        place: (n + 2, 4) x, y, cosine and sine of the heading of every body.
+        corners: (v, 4) x, y and outward normals of all corners.
+        feet: (f, 3) x / L, y / L, mu N of all feet.
+        twists: (n + 2, 3) U, displacements in this step.
+        gradient: (n, 3) g, friction wrench on the floor.
+        secant: (n, 6) K, as xx, xy, xw, yy, yw, ww.
+        curvature: (n, 6) H, likewise.
+        inverse: (n, 6) of the step's matrix, likewise.
+        who: (c, 4) body a, body b, pair, number of points of every manifold.
+        frame: (c, 5) normal from a into b, tangent, coefficient of friction.
+        spots: (c, 4) x, y of the right and the left point.
+        gaps: (c, 2) at the points, m.
+        rows: (c, 3, 3) of right normal, left normal and tangent: row . (U_b - U_a) is the relative displacement.
+        forces: (c, 3) multipliers, N.
+        modes: (c, 3) 1 where a normal is active; tangent: 0 free, 1 sticks, 2 or -2 slips with a force of that sign.
+        linked: (n + 2,) 1 for bodies that active contacts connect with the pusher.
+        matrix: (3 c, 3 c + 1) linear system of the multipliers.
+        found: (q,) the manifold that every pair belongs to, or -1; pairs that touch on one line share one.
+        memory: (q, 4) multipliers of every pair in the last step, and its number of points.
+        tableau: (5 c, 10 c + 2) of Lemke's method.
+        basis: (5 c,) likewise.
+        kept_twists: (n, 3) U of the fallback's solution.
+        kept_forces: (c, 3) multipliers of the fallback's solution.
+    """
+
+    place: FloatArray
+    corners: FloatArray
+    feet: FloatArray
+    twists: FloatArray
+    gradient: FloatArray
+    secant: FloatArray
+    curvature: FloatArray
+    inverse: FloatArray
+    who: IntArray
+    frame: FloatArray
+    spots: FloatArray
+    gaps: FloatArray
+    rows: FloatArray
+    forces: FloatArray
+    modes: IntArray
+    linked: IntArray
+    matrix: FloatArray
+    found: IntArray
+    memory: FloatArray
+    tableau: FloatArray
+    basis: IntArray
+    kept_twists: FloatArray
+    kept_forces: FloatArray
+
+
+def make_work(packed: PackedWorld) -> Work:
+    """Return room for a world; up to 6 manifolds an object and 6 more."""
+    n, most = len(packed.loads), min(6 * len(packed.loads) + 6, len(packed.pairs))
+    return Work(
+        place=np.zeros((n + 2, 4)),
+        corners=np.zeros((len(packed.corners), 4)),
+        feet=np.zeros((len(packed.feet), 3)),
+        twists=np.zeros((n + 2, 3)),
+        gradient=np.zeros((n, 3)),
+        secant=np.zeros((n, 6)),
+        curvature=np.zeros((n, 6)),
+        inverse=np.zeros((n, 6)),
+        who=np.zeros((most, 4), dtype=np.int64),
+        frame=np.zeros((most, 5)),
+        spots=np.zeros((most, 4)),
+        gaps=np.zeros((most, 2)),
+        rows=np.zeros((most, 3, 3)),
+        forces=np.zeros((most, 3)),
+        modes=np.zeros((most, 3), dtype=np.int64),
+        linked=np.zeros(n + 2, dtype=np.int64),
+        matrix=np.zeros((3 * most, 3 * most + 1)),
+        found=np.zeros(len(packed.pairs), dtype=np.int64),
+        memory=np.zeros((len(packed.pairs), 4)),
+        tableau=np.zeros((5 * most, 10 * most + 2)),
+        basis=np.zeros(5 * most, dtype=np.int64),
+        kept_twists=np.zeros((n, 3)),
+        kept_forces=np.zeros((most, 3)),
+    )

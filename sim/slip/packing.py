@@ -1,0 +1,169 @@
+"""From a world to the arrays of the compiled simulator."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.errors import SupportError
+from pushplan.mechanics.chain import Chain, PushedObject
+from pushplan.mechanics.support import Support
+from pushplan.planners.collision.convex_pieces import convex_pieces
+from pushplan.planners.collision.scene import bounding_circle
+from pushplan.scenario_parts import CircleObstacle
+from pushplan.sim.physics.model.feet import Feet, feet_of
+from pushplan.sim.slip.packed import PackedWorld
+from pushplan.sim.worlds.world import World
+
+QUADRATURE = 13
+"""Degree up to which the points under a polygon have the moments of its pressure: at most 105 points."""
+_ON_OUTLINE = 1e-9
+"""Distance (m) from the outline up to which the middle of a piece's edge is on it."""
+
+
+class Piece(NamedTuple):
+    """A convex piece of a body: its number, corners (k, 2) in its frame, whether edges are outline, rounding (m)."""
+
+    body: int
+    corners: FloatArray
+    outer: FloatArray
+    rounding: float = 0.0
+
+
+def pack_world(world: World) -> PackedWorld:
+    """Return the arrays of a world.
+
+    Raises:
+        SupportError: When the load under an object is not known, or it has no friction with the floor.
+    """
+    chain = world.chain
+    feet = [_feet(obj, chain.pusher.contact_height) for obj in chain.objects]
+    pieces = _pieces(world)
+    pairs, friction = _pairs(world, pieces)
+    return PackedWorld(
+        feet=np.concatenate([rows for rows, _, _ in feet]),
+        first_foot=np.cumsum([0, *(len(rows) for rows, _, _ in feet)]),
+        loads=np.array([load for _, load, _ in feet]),
+        center=np.array([center for _, _, center in feet]),
+        corners=np.concatenate([_corner_rows(piece) for piece in pieces]),
+        parts=_part_rows(pieces),
+        circles=np.array([_circle(piece) for piece in pieces]),
+        pairs=pairs,
+        friction=friction,
+        length=half_extent(chain),
+    )
+
+
+def half_extent(chain: Chain) -> float:
+    """Return half of the largest distance between two points of the objects, about, m: the unit of moments."""
+    points = np.concatenate([obj.outline_chain for obj in chain.objects])
+    return 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+@lru_cache(maxsize=256)
+def _quadrature(support: Support) -> Feet:
+    return feet_of(support, QUADRATURE)
+
+
+def _feet(obj: PushedObject, height: float) -> tuple[FloatArray, list[float], FloatArray]:
+    """Return feet, load and centre of an object; see `PackedWorld`."""
+    if not obj.floor_friction > 0.0:
+        raise SupportError(
+            f"{obj.name!r} has no friction with the floor: nothing would stop it; floor friction must be > 0"
+        )
+    if not obj.support.known:
+        raise SupportError(
+            f"the load under {obj.name!r} is unknown; simulating slip needs known loads: give load fractions or a "
+            f"pressure, or a world with a support (World.with_support)"
+        )
+    feet = _quadrature(obj.support)
+    center = feet.stiffness @ feet.positions
+    away = feet.positions - center
+    second = (away * feet.stiffness[:, None]).T @ away
+    shift = height * obj.floor_friction
+    rows = np.column_stack([feet.positions, obj.friction_load * feet.fractions, feet.stiffness])
+    return rows, [obj.friction_load, shift, second[0, 0], second[0, 1], second[1, 1]], center
+
+
+def _pieces(world: World) -> list[Piece]:
+    """Return the convex pieces of objects, pusher and what stands still."""
+    n = len(world.chain.objects)
+    found: list[Piece] = []
+    for i, obj in enumerate(world.chain.objects):
+        found += _cut(i, obj.outline)
+    for outline in (world.chain.pusher.outline, *world.chain.pusher.footprint):
+        found += _cut(n, outline)
+    return found + _standing(world, n + 1)
+
+
+def _standing(world: World, body: int) -> list[Piece]:
+    """Return the pieces of obstacles and walls."""
+    found: list[Piece] = []
+    for obstacle in world.obstacles:
+        if isinstance(obstacle, CircleObstacle):
+            found.append(Piece(body, obstacle.center[None], np.ones(1), obstacle.radius))
+        else:
+            found += _cut(body, obstacle.outline)
+    area = world.workspace
+    if area is not None:
+        x0, x1, y0, y1 = area.xmin, area.xmax, area.ymin, area.ymax
+        ends = np.array([[x0, y0], [x0, y1], [x1, y1], [x1, y0]])
+        sides = zip(ends, np.roll(ends, -1, axis=0), strict=True)
+        found += [Piece(body, np.array(side), np.array([1.0, 0.0])) for side in sides]
+    return found
+
+
+def _cut(body: int, outline: FloatArray) -> list[Piece]:
+    """Return the convex pieces of an outline, and which of their edges lie on it."""
+    pieces = list(convex_pieces([outline]))
+    if len(pieces) == 1:
+        return [Piece(body, pieces[0], np.ones(len(pieces[0])))]
+    ring = shapely.LinearRing(outline)
+    shapely.prepare(ring)
+    found = []
+    for corners in pieces:
+        middles = 0.5 * (corners + np.roll(corners, -1, axis=0))
+        away = shapely.distance(shapely.points(middles), ring)
+        found.append(Piece(body, corners, np.where(away < _ON_OUTLINE, 1.0, 0.0)))
+    return found
+
+
+def _corner_rows(piece: Piece) -> FloatArray:
+    """Return x, y, outward normal of the edge that begins there, and whether that is outline (k, 5)."""
+    edge = np.roll(piece.corners, -1, axis=0) - piece.corners
+    length = np.maximum(np.linalg.norm(edge, axis=1), 1e-300)
+    return np.column_stack([piece.corners, edge[:, 1] / length, -edge[:, 0] / length, piece.outer])
+
+
+def _part_rows(pieces: list[Piece]) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    starts = np.cumsum([0, *(len(piece.corners) for piece in pieces)])
+    return np.column_stack([[piece.body for piece in pieces], starts[:-1], starts[1:]]).astype(np.int64)
+
+
+def _circle(piece: Piece) -> FloatArray:
+    circle = np.append(piece.corners[0], 0.0) if len(piece.corners) == 1 else bounding_circle(piece.corners)
+    return np.append(circle + np.array([0.0, 0.0, piece.rounding]), piece.rounding)
+
+
+def _pairs(
+    world: World, pieces: list[Piece]
+) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int64]], FloatArray]:
+    """Return which pieces may touch, and with which friction; those of the chain's contacts come first."""
+    chain, n = world.chain, len(world.chain.objects)
+    contact_of = {(c.pusher if c.pusher >= 0 else n, c.pushed): k for k, c in enumerate(chain.contacts)}
+    rows, friction = [], []
+    for a, one in enumerate(pieces):
+        for b, other in enumerate(pieces):
+            known = contact_of.get((one.body, other.body), -1)
+            listed = one.body < other.body < n or (one.body >= n and other.body < n)
+            if not listed:
+                continue
+            rows.append([a, b, known])
+            elsewhere = chain.pusher.friction if one.body == n else world.other_friction
+            friction.append(chain.contacts[known].friction if known >= 0 else elsewhere)
+    order = np.argsort([row[2] < 0 for row in rows], kind="stable")
+    return np.array(rows, dtype=np.int64)[order], np.array(friction)[order]
