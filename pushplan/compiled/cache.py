@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
@@ -18,13 +19,15 @@ MARKS = (b"@compiled", b"@in_threads", b"@no_refcount", b"@inlined", b"@intrinsi
 
 
 def _folders() -> list[Path]:
-    """Folders of the package that hold compiled code, and those in them."""
-    rooms = _rooms(PACKAGE)
-    return [PACKAGE, *rooms, *(inner for room in rooms for inner in _rooms(room))]
+    """The package's folder and all below it."""
+    return [PACKAGE, *_rooms(PACKAGE)]
 
 
-def _rooms(folder: Path) -> list[Path]:
-    return [path for path in sorted(folder.iterdir()) if path.is_dir() and path.name[0] not in "_."]
+def _rooms(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.iterdir()):
+        if path.is_dir() and path.name[0] not in "_.":
+            yield path
+            yield from _rooms(path)
 
 
 def digest_of(folders: list[Path]) -> str:

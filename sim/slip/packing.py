@@ -16,7 +16,7 @@ from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.scene import bounding_circle
 from pushplan.scenario_parts import CircleObstacle
 from pushplan.sim.physics.model.feet import Feet, feet_of
-from pushplan.sim.slip.packed import PackedWorld
+from pushplan.sim.slip.kernels.packed import PackedWorld
 from pushplan.sim.worlds.world import World
 
 QUADRATURE = 13

@@ -12,7 +12,7 @@ from pushplan.basics.arrays import BoolArray, FloatArray, IntArray, frozen
 from pushplan.geometry import se2
 from pushplan.scenario_parts import Goal
 from pushplan.sim.physics.report import contact_motion
-from pushplan.sim.slip import state
+from pushplan.sim.slip.kernels import state
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.worlds.world import World
 
@@ -63,9 +63,10 @@ class SlipReport:
         forces: (m, n, 3) normal force at the right and the left end and tangential force on the pushed object, N.
         others: (m, n) how many other bodies press on every object: obstacles, walls, objects it was not stacked on.
         residual: (m,) what is left of the balance of forces, over the friction of all objects.
-        end: (m,) how the solver ended, see `sim.slip.state`.
-        switched: (m,) 1 where several motions were possible and another one than before was taken.
-        jammed_at: Time at which no motion satisfied all contacts, s; everything ends there. None if it never came.
+        end: (m,) how the solver ended, see `sim.slip.kernels.state`.
+        switched: (m,) 1 where a motion jumped though the plate went on as before and no contact closed.
+        jammed_at: Time at which no motion satisfied all contacts and balances, s; everything ends there. None if it
+            never came.
     """
 
     world: World

@@ -8,11 +8,19 @@ from numpy.typing import ArrayLike
 from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.sim.slip.march_kernel import march
-from pushplan.sim.slip.packed import make_work
+from pushplan.sim.slip.kernels.march import march
+from pushplan.sim.slip.kernels.packed import make_work
+from pushplan.sim.slip.kernels.state import (
+    CROWDED,
+    JAMMED,
+    UNSOLVED,
+    Trace,
+    cut_trace,
+    make_state,
+    make_trace,
+)
 from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.settings import SlipSettings
-from pushplan.sim.slip.state import CROWDED, JAMMED, Trace, cut_trace, make_state, make_trace
 from pushplan.sim.worlds.world import World
 
 DEFAULTS = SlipSettings()
@@ -24,7 +32,7 @@ class SlipSimulator:
     Attributes:
         world: What it began as.
         settings: See there.
-        jammed: No motion of the objects satisfied all contacts; nothing moves any more until `place`.
+        jammed: No motion of the objects satisfied all contacts and balances; nothing moves any more until `place`.
     """
 
     def __init__(
@@ -85,7 +93,7 @@ class SlipSimulator:
             raise PushplanError(
                 f"more than {len(self._work.who)} contacts at once: that is more than the simulator has room for"
             )
-        self.jammed = self.jammed or bool(done and trace.end[done - 1] == JAMMED)
+        self.jammed = self.jammed or bool(done and trace.end[done - 1] in (JAMMED, UNSOLVED))
         return cut_trace(trace, done)
 
 

@@ -13,7 +13,7 @@ import math
 from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 from pushplan.compiled.scratch import scratch
-from pushplan.sim.slip.packed import PackedWorld, Work
+from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 
 _SAME = 1e-9
 """By this share of L the second piece's face has to part better to be the reference: no change by rounding."""

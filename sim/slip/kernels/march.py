@@ -4,16 +4,28 @@ from __future__ import annotations
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import in_threads, no_refcount
-from pushplan.sim.slip.packed import PackedWorld, Work
-from pushplan.sim.slip.state import CROWDED, JAMMED, OPEN, ROLL, ROLL_SLIDE, SLIDE, STICK, State, Trace
-from pushplan.sim.slip.step_kernel import copy_rows, step
+from pushplan.sim.slip.kernels.packed import PackedWorld, Work
+from pushplan.sim.slip.kernels.placing import copy_rows
+from pushplan.sim.slip.kernels.state import (
+    CROWDED,
+    JAMMED,
+    OPEN,
+    ROLL,
+    ROLL_SLIDE,
+    SLIDE,
+    STICK,
+    UNSOLVED,
+    State,
+    Trace,
+)
+from pushplan.sim.slip.kernels.step import step
 
 
 @in_threads
 def march(packed: PackedWorld, work: Work, state: State, twists: FloatArray, trace: Trace) -> int:
     """Move the plate by body twists times time (m, 3), one after the other; return how many steps were made.
 
-    It ends early after a jam, or when there are more manifolds than `work` has room for; the step that ended it
+    It ends early where there is no solution, or more manifolds than `work` has room for; the step that ended it
     is the last one in `trace`.
     """
     n = len(packed.loads)
@@ -21,7 +33,7 @@ def march(packed: PackedWorld, work: Work, state: State, twists: FloatArray, tra
         residual, end, count, switched = step(packed, work, state, twists[m])
         trace.residual[m], trace.end[m], trace.switched[m] = residual, end, switched
         copy_rows(state.poses, trace.poses[m], n)
-        if end in (JAMMED, CROWDED):
+        if end in (UNSOLVED, JAMMED, CROWDED):
             return m + 1
         _note_contacts(packed, work, count, trace, m)
     return len(twists)

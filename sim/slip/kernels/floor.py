@@ -12,7 +12,7 @@ import math
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
-from pushplan.sim.slip.packed import PackedWorld, Work
+from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 
 
 @no_refcount

@@ -1,12 +1,12 @@
-"""The fallback of a step: the floor's friction as K U with K held fixed, and the contacts' LCP by Lemke's method.
+"""The fallback of a step: floor friction made linear with K, then more and more with H, and an LCP of the contacts.
 
 Stewart and Trinkle 1996: for every manifold the multipliers ln (one or two), b+ and b- along the tangent and the
 slack s of the friction cone, all >= 0 and complementary to
 
     w_n = gap + n . (U_b - U_a),   w+- = s +- t . (U_b - U_a),   w_s = mu sum ln - b+ - b-.
 
-K is renewed at every pass (iteratively reweighted least squares). A ray means that no motion satisfies all contacts:
-nothing can give way, a jam.
+Lemke's method solves it. With K alone the passes are iteratively reweighted least squares, which get nearer slowly;
+with H they are Newton's method. A ray means that no motion satisfies all contacts: nothing can give way, a jam.
 """
 
 from __future__ import annotations
@@ -15,11 +15,20 @@ import math
 
 from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import no_refcount
-from pushplan.sim.slip.floor_kernel import floor_terms, invert_symmetric
-from pushplan.sim.slip.newton_kernel import balance_residual, contact_wrench, relative_motion, times_inverse
-from pushplan.sim.slip.packed import PackedWorld, Work
+from pushplan.sim.slip.kernels.floor import floor_terms
+from pushplan.sim.slip.kernels.newton import (
+    balance_residual,
+    contact_wrench,
+    link,
+    matrices,
+    relative_motion,
+    release,
+    times_inverse,
+)
+from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 
-PASSES = 40
+PASSES, PATIENT_PASSES = 40, 300
+"""Most passes while tau is chosen, and with a fixed one."""
 SOLVED, RAY, LOST = 0, 1, 2
 """Ends of Lemke's method: a solution, a ray, or too many pivots."""
 _TINY = 1e-13
@@ -27,9 +36,17 @@ _TINY = 1e-13
 
 @no_refcount
 def reweighted(
-    packed: PackedWorld, work: Work, count: int, eps: float, force: float, step: float, wanted: float
+    packed: PackedWorld,
+    work: Work,
+    count: int,
+    eps: float,
+    force: float,
+    step: float,
+    wanted: float,
+    least: float,
+    most: float,
 ) -> int:
-    """Solve a step by passes with K fixed, from the U in `work`; return how Lemke's method ended last.
+    """Solve a step by passes with exact contacts, from the U in `work`; return how Lemke's method ended last.
 
     Args:
         packed: The world.
@@ -39,21 +56,38 @@ def reweighted(
         force: Unit of force of the LCP, N.
         step: Unit of displacement of the LCP, m.
         wanted: Residual at which to stop, N.
+        least: Smallest tau, with which M is nearest to H.
+        most: Largest tau; above 1 it shortens steps further than K does, which ends cycles of two.
     """
-    for _ in range(PASSES):
-        floor_terms(packed, work, eps)
-        for i in range(len(packed.loads)):
-            invert_symmetric(work.secant[i], work.inverse[i])
-            work.twists[i, :] = 0.0
+    tau, before = max(1.0, least), math.inf
+    work.linked[:] = 0
+    floor_terms(packed, work, eps)
+    for _ in range(PASSES if least < most else PATIENT_PASSES):
+        matrices(work, tau)
+        release(work)
         size = _fill_tableau(work, count, force, step)
         end = _lemke(work.tableau, work.basis, size)
         if end != SOLVED:
             return end
         _take_solution(work, count, size, force)
         floor_terms(packed, work, eps)
-        if balance_residual(work, count) < wanted:
+        residual = balance_residual(work, count)
+        if residual < wanted:
             break
+        _mark_pressed(work, count)
+        link(work, count)
+        tau = max(least, 0.5 * tau) if residual < before else min(most, 4.0 * tau)
+        before = residual
     return SOLVED
+
+
+@no_refcount
+def _mark_pressed(work: Work, count: int) -> None:
+    """Set the modes of contacts that press, as `link` asks for them."""
+    for c in range(count):
+        for k in range(2):
+            work.modes[c, k] = 1 if work.forces[c, k] > 0.0 else 0
+        work.modes[c, 2] = 1 if work.modes[c, 0] + work.modes[c, 1] > 0 else 0
 
 
 @no_refcount

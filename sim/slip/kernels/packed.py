@@ -48,6 +48,7 @@ class Work(NamedTuple):
     about O, moments are divided by L.
 
     Attributes:
+        poses: (n + 1, 3) of objects and plate for which the contacts are looked up.
         place: (n + 2, 4) x, y, cosine and sine of the heading of every body.
         corners: (v, 4) x, y and outward normals of all corners.
         feet: (f, 3) x / L, y / L, mu N of all feet.
@@ -73,6 +74,7 @@ class Work(NamedTuple):
         kept_forces: (c, 3) multipliers of the fallback's solution.
     """
 
+    poses: FloatArray
     place: FloatArray
     corners: FloatArray
     feet: FloatArray
@@ -102,6 +104,7 @@ def make_work(packed: PackedWorld) -> Work:
     """Return room for a world; up to 6 manifolds an object and 6 more."""
     n, most = len(packed.loads), min(6 * len(packed.loads) + 6, len(packed.pairs))
     return Work(
+        poses=np.zeros((n + 1, 3)),
         place=np.zeros((n + 2, 4)),
         corners=np.zeros((len(packed.corners), 4)),
         feet=np.zeros((len(packed.feet), 3)),

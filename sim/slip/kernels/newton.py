@@ -15,8 +15,8 @@ import math
 from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 from pushplan.compiled.scratch import scratch
-from pushplan.sim.slip.floor_kernel import floor_terms, invert_symmetric
-from pushplan.sim.slip.packed import PackedWorld, Work
+from pushplan.sim.slip.kernels.floor import floor_terms, invert_symmetric
+from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 
 ROUNDS = 25
 """Rounds after which a step is left to the fallback."""
@@ -60,8 +60,8 @@ def newton(packed: PackedWorld, work: Work, count: int, eps: float, stiffness: f
         if rounds > _PATIENCE:
             tau = min(1.0, tau + 0.5) if residual > 0.5 * before else max(0.0, tau - 0.25)
         before = residual
-        _link(work, count)
-        _matrices(work, tau)
+        link(work, count)
+        matrices(work, tau)
         if not _solve(work, count):
             return math.inf
         floor_terms(packed, work, eps)
@@ -126,7 +126,7 @@ def _hold_together(work: Work, count: int, length: float) -> None:
 
 
 @no_refcount
-def _link(work: Work, count: int) -> None:
+def link(work: Work, count: int) -> None:
     """Mark the bodies that active contacts connect with the pusher: what moves the others is nothing."""
     pusher = len(work.linked) - 2
     work.linked[:] = 0
@@ -140,7 +140,7 @@ def _link(work: Work, count: int) -> None:
 
 
 @no_refcount
-def _matrices(work: Work, tau: float) -> None:
+def matrices(work: Work, tau: float) -> None:
     """Fill the inverses of M; of K where nothing links an object with the pusher, which ends its motion at once."""
     m = scratch(1, 6)[0]
     for i in range(len(work.gradient)):
@@ -165,13 +165,19 @@ def times_inverse(work: Work, i: int, x: float, y: float, w: float) -> tuple[flo
 
 
 @no_refcount
-def _solve(work: Work, count: int) -> bool:
-    """Solve the balance linearised at U for the multipliers of the guessed modes; update U and multipliers."""
-    n = len(work.gradient)
-    for i in range(n):
+def release(work: Work) -> None:
+    """Move U to where the balance linearised at it would be without contact forces: U - M^-1 g."""
+    for i in range(len(work.gradient)):
         g, u = work.gradient[i], work.twists[i]
         x, y, w = times_inverse(work, i, g[0], g[1], g[2])
         u[0], u[1], u[2] = u[0] - x, u[1] - y, u[2] - w
+
+
+@no_refcount
+def _solve(work: Work, count: int) -> bool:
+    """Solve the balance linearised at U for the multipliers of the guessed modes; update U and multipliers."""
+    n = len(work.gradient)
+    release(work)
     size = _assemble(work, count)
     if not _eliminate(work.matrix, size):
         return False

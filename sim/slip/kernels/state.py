@@ -11,9 +11,9 @@ from pushplan.basics.arrays import FloatArray, IntArray
 OPEN, STICK, SLIDE, ROLL, ROLL_SLIDE = 0, 1, 2, 3, 4
 """What a contact does: nothing; both ends hold; both touch and slide; one end holds; one touches and slides."""
 
-CONVERGED, FALLBACK, COARSE, JAMMED, CROWDED = 0, 1, 2, 3, 4
-"""How a step ended: by Newton's method; with the fallback's help; with a residual above what is accepted; no motion
-satisfies all contacts; more manifolds than there is room for."""
+CONVERGED, FALLBACK, UNSOLVED, JAMMED, CROWDED = 0, 1, 2, 3, 4
+"""How a step ended: by Newton's method; with the fallback's help; no motion was found that balances all forces; no
+motion satisfies all contacts; more manifolds than there is room for. After the last three nothing has moved."""
 
 
 class State(NamedTuple):
@@ -24,6 +24,7 @@ class State(NamedTuple):
         twists: (n, 3) U of the last step over the plate's size of step, in the plate's axes.
         command: (3,) the plate's own, likewise.
         drag: (n, 2) force that every object drags over the floor with, in the object's axes, N.
+        change: (1,) by how much `twists` changed in the last step.
         steps: (1,) steps since the beginning.
     """
 
@@ -31,6 +32,7 @@ class State(NamedTuple):
     twists: FloatArray
     command: FloatArray
     drag: FloatArray
+    change: FloatArray
     steps: IntArray
 
 
@@ -60,8 +62,14 @@ class Trace(NamedTuple):
 def make_state(poses: FloatArray) -> State:
     """Return the state of objects and plate (n + 1, 3) that have not moved yet."""
     n = len(poses) - 1
-    first = np.zeros(1, dtype=np.int64)
-    return State(np.array(poses, dtype=np.float64), np.zeros((n, 3)), np.zeros(3), np.zeros((n, 2)), first)
+    return State(
+        poses=np.array(poses, dtype=np.float64),
+        twists=np.zeros((n, 3)),
+        command=np.zeros(3),
+        drag=np.zeros((n, 2)),
+        change=np.zeros(1),
+        steps=np.zeros(1, dtype=np.int64),
+    )
 
 
 def make_trace(steps: int, objects: int) -> Trace:

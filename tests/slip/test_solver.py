@@ -1,0 +1,59 @@
+"""The slip simulator's solver: a small version of `benchmarks/slip_solver.py`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import ChainMaker
+
+from pushplan.mechanics.support import UniformSupport
+from pushplan.sim.slip.kernels.state import JAMMED, UNSOLVED
+from pushplan.sim.slip.simulator import SlipSimulator
+from pushplan.sim.worlds.world import World
+
+make = ChainMaker()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_every_step_of_random_pushes_is_solved(count: int) -> None:
+    rng = np.random.default_rng(count)
+    for _ in range(10):
+        mu = rng.uniform(0.1, 0.8, 2)
+        chain = make.boxes(count, contact_friction=mu[0], pusher_friction=mu[1], support=UniformSupport)
+        simulator = SlipSimulator(World.from_chain(chain))
+        twist = rng.normal(size=3) * [1.0, 1.0, 5.0]
+        twist[0] = abs(twist[0])
+        trace = simulator.follow(np.tile(1e-3 * twist / np.linalg.norm(twist), (100, 1)))
+        assert np.isfinite(trace.poses).all()
+        assert np.isfinite(trace.forces).all()
+        assert not np.isin(trace.end, (JAMMED, UNSOLVED)).any()
+        assert trace.residual.max() <= 1e-7
+        assert (trace.forces[:, :, :2] >= -1e-9).all()
+        pressed = trace.forces[:, :, :2].sum(axis=2)
+        mu_of = np.array([contact.friction for contact in chain.contacts])
+        assert (np.abs(trace.forces[:, :, 2]) <= mu_of * pressed + 1e-6).all()
+
+
+def test_steps_of_five_millimetres_come_close_to_short_ones() -> None:
+    rng = np.random.default_rng(4)
+    changes = []
+    for _ in range(20):
+        world = World.from_chain(make.boxes(2, contact_friction=0.15, pusher_friction=0.2))
+        twist = np.array([1.0, rng.uniform(-0.8, 0.8), rng.uniform(-8.0, 8.0)])
+        ends = []
+        for step in (5e-4, 5e-3):
+            simulator = SlipSimulator(world)
+            simulator.follow(np.tile(twist * step / (1.0 + 0.1 * abs(twist[2])), (round(0.1 / step), 1)))
+            ends.append(simulator.object_poses)
+        changes.append(np.hypot(*(ends[0] - ends[1])[:, :2].T).max())
+    assert np.percentile(changes, 90) < 6e-4
+
+
+def test_the_same_push_is_the_same_to_the_last_bit() -> None:
+    world = World.from_chain(make.boxes(3, contact_friction=0.2))
+    runs = []
+    for _ in range(2):
+        simulator = SlipSimulator(world)
+        simulator.move([0.1, 0.05, 0.3], 1.0)
+        runs.append(simulator.object_poses)
+    assert (runs[0] == runs[1]).all()
