@@ -28,9 +28,12 @@ from pushplan.logging.messages.effort import Effort, exact
 from pushplan.logging.messages.scenario_files import MEDIA_TYPES, attachments_of
 from pushplan.logging.messages.sentences import execution_sentence, plan_sentence
 from pushplan.logging.view import views
+from pushplan.logging.view.contact_messages import contact_messages
+from pushplan.logging.view.contacts import resting
 from pushplan.logging.view.frames import chain_frames, placed, poses_in_world
-from pushplan.logging.view.scene import scene, tree
-from pushplan.logging.view.window import PATH_SPACING, smoothed_times
+from pushplan.logging.view.layout import LAYOUT_FILE, layout_text
+from pushplan.logging.view.scene import PATH_SPACING, nearest, scene, tree
+from pushplan.logging.view.window import smoothed_times
 from pushplan.outputs.open_file import OpenFile
 from pushplan.outputs.write import open_output
 from pushplan.result import PlanResult, ProgressPoint
@@ -103,7 +106,8 @@ class RunLogWriter:
         channels.send(schemas.SCENE, scene(scenario))
         now = np.zeros(1, dtype=np.int64)
         start = chain_frames(scenario.chain).fill(now, placed(scenario.start[None]))
-        channels.send_batch(channels.prepare({schemas.TF: start}, now))
+        contacts = contact_messages(scenario.chain, resting(scenario.chain), now)
+        channels.send_batch(channels.prepare({schemas.TF: start, schemas.CONTACTS: contacts}, now))
         channels.flush()
 
     def log(self, level: str, text: str) -> None:
@@ -143,10 +147,14 @@ class RunLogWriter:
         channels.note(metadata.PLANNING, effort)
         for point in plan.progress[self._improvements :]:
             self._send_progress(point)
+        costs = plan_message.encode_costs(plan.progress)
+        costs.timestamp.CopyFrom(channels.stamp)
+        channels.send(schemas.COSTS, costs)
         message = plan_message.encode(plan)
         message.timestamp.CopyFrom(channels.stamp)
         channels.send(schemas.PLAN, message)
         self._show_plan(plan)
+        channels.attach(LAYOUT_FILE, "application/json", layout_text(self._scenario, plan))
         self.log("info" if plan.solved else "warning", plan_sentence(plan))
         self._words |= {**effort, **metadata.plan_words(plan)}
         channels.flush()
@@ -170,6 +178,7 @@ class RunLogWriter:
 
     def _show_plan(self, plan: PlanResult) -> None:
         self._channels.send(schemas.PLAN_TREE, tree(plan.tree))
+        self._channels.send(schemas.PLAN_NEAREST, nearest(self._scenario.chain, plan))
         if plan.path is not None:
             path = poses_in_world(plan.path.sampled(PATH_SPACING))
             self._channels.send(schemas.PLAN_PATH, path)

@@ -16,7 +16,6 @@ from matplotlib.patches import Circle
 import pushplan
 from pushplan.basics.arrays import FloatArray
 from pushplan.drawing import figure as plot_figure
-from pushplan.drawing.chain import friction_cone
 from pushplan.drawing.format import PICTURE_SUFFIXES, PlotError, check_picture_path
 from pushplan.drawing.run import plot_plan
 from pushplan.drawing.sets import plot_stable_sets
@@ -24,6 +23,7 @@ from pushplan.drawing.world import draw_by_margin, draw_surroundings, draw_sweep
 from pushplan.execution import Execution
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.friction_cone import friction_cone
 from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
@@ -215,7 +215,7 @@ def test_the_global_drawing_state_is_not_used() -> None:
 
 def test_a_friction_cone_opens_by_the_friction_angle_around_the_normal(chain: Chain) -> None:
     for contact in chain.contacts:
-        apex, low, high = friction_cone(contact, contact.right)
+        apex, low, high = friction_cone(contact, contact.right, 0.5 * contact.length)
         assert np.allclose(apex, contact.right)
         for edge in (low - apex, high - apex):
             assert np.isclose(abs(edge @ contact.tangent), contact.friction * (edge @ contact.normal))

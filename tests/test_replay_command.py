@@ -101,3 +101,29 @@ def test_what_a_log_says_is_shown_escaped_and_told_exactly(
     told = capsys.readouterr()
     assert json.loads(told.out)["outcome"] == evil
     assert not {"\x1b", "\x07", "\u202e"} & set(told.err)
+
+
+def test_exports_that_are_possible_are_written_whatever_the_others(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run that was not executed has no table, but a page, a bag and a layout."""
+    path = tmp_path / "run.mcap"
+    with RunLogWriter.create(path, load_scenario("free-space"), {}) as writer:
+        writer.finish("unsolved")
+    names = ("csv", "html", "ros2", "layout")
+    words = [word for name in names for word in (f"--{name}", str(tmp_path / f"out.{name}"))]
+    assert main(["replay", str(path), *words]) == 2
+    written = {found.suffix for found in tmp_path.glob("out.*")}
+    assert written == {".html", ".ros2", ".layout", ".rviz", ".xml"}
+    told = capsys.readouterr().err
+    assert "written: --html, --ros2, --layout; not written: --csv: " in told
+    assert "nothing was executed, so there is no table to write" in told
+
+
+def test_frames_and_epoch_are_for_bags(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = ["replay", str(log), "--ros2", str(tmp_path / "bag.mcap")]
+    assert main([*bag, "--frames", "map,base_footprint", "--epoch", "1700000000"]) == 0
+    assert main([*bag, "--frames", "map"]) == 2
+    assert "frames 'map'; allowed: MAP,BASE or MAP,ODOM,BASE" in capsys.readouterr().err
+    assert main([*bag, "--epoch", "0"]) == 2
+    assert "is no time for ROS" in capsys.readouterr().err

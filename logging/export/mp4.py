@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -12,18 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pushplan.basics.extras import optional
-from pushplan.errors import PushplanError
-from pushplan.logging.export.film_colours import FilmColours
-from pushplan.logging.export.film_frames import HEIGHT, WIDTH, Film
+from pushplan.logging.export.film.colours import FilmColours
+from pushplan.logging.export.film.frames import Film
+from pushplan.logging.export.film.scene import HEIGHT, WIDTH, FilmScene
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.outputs.write import write_whole
 from pushplan.result import Run
 
 PICTURES_PER_SECOND = 25
 
+STILL = 4.0
+"""Length of the film of a run in which nothing moves, s."""
+
 
 def write_mp4(run: Run | RecordedRun, path: Path | str, *, rate: float = 1.0) -> None:
-    """Write the film of an execution.
+    """Write the film of an execution; of a run without one, the nearest path and the reason stand still.
 
     Args:
         run: What to show.
@@ -32,20 +35,25 @@ def write_mp4(run: Run | RecordedRun, path: Path | str, *, rate: float = 1.0) ->
 
     Raises:
         MissingExtraError: When av is not installed.
-        PushplanError: When nothing was executed.
         OutputError: When the file cannot be written.
     """
     av = optional("av", "a film", "av", "mp4")
-    execution = run.execution
-    if execution is None or len(execution.t) == 0:
-        raise PushplanError("nothing was executed, so there is no film to make")
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "run.mp4"
-        film = Film(run, execution)
-        colours = FilmColours(film.still)
-        pictures = film.pictures(PICTURES_PER_SECOND / rate, 0.0, float(execution.t[-1]))
-        _encode(av, map(colours.with_parts, pictures), target)
+        _encode(av, _pictures(run, rate), target)
         write_whole(path, target.read_bytes())
+
+
+def _pictures(run: Run | RecordedRun, rate: float) -> Iterator[NDArray[np.uint8]]:
+    execution = run.execution
+    if execution is None or len(execution.t) == 0:
+        still = FilmColours(FilmScene(run).picture_with_words())
+        yield from (still.with_parts([]) for _ in range(round(STILL * PICTURES_PER_SECOND)))
+        return
+    film = Film(run, execution)
+    colours = FilmColours(film.still)
+    moving = film.pictures(PICTURES_PER_SECOND / rate, 0.0, float(execution.t[-1]))
+    yield from map(colours.with_parts, moving)
 
 
 def _encode(av: Any, pictures: Iterable[NDArray[np.uint8]], target: Path) -> None:

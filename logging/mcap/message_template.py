@@ -6,6 +6,7 @@ the same room in all of them; then the messages are the rows of one array of byt
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable
 
@@ -40,7 +41,7 @@ class MessageTemplate:
         data: bytes = make(_LONGEST, marks).SerializeToString(deterministic=True)
         self._data = np.frombuffer(data, dtype=np.uint8)
         stamp = _LONGEST.SerializeToString()
-        self._stamps = [_place(data, stamp)] if stamp in data else []
+        self._stamps = [found.start() for found in re.finditer(re.escape(stamp), data)]
         self._numbers = [_place(data, struct.pack("<d", mark)) for mark in marks]
 
     def fill(self, times: IntArray, numbers: FloatArray) -> ByteRows:

@@ -56,6 +56,13 @@ def encode(plan: PlanResult) -> MessageClass:
     return message
 
 
+def encode_costs(progress: Sequence[ProgressPoint]) -> MessageClass:
+    """Return the `Costs` message of all improvements, without a time stamp."""
+    return schemas.Costs(
+        iterations=[point.iterations for point in progress], cost=[point.cost for point in progress]
+    )
+
+
 def encode_progress(point: ProgressPoint) -> MessageClass:
     """Return the `Progress` message of an improvement, without a time stamp."""
     message = schemas.Progress(iterations=point.iterations, cost=point.cost)

@@ -5,7 +5,7 @@ code has to be kept. Field numbers never change their meaning; new fields take n
 
 - `Plan`: what planning found, complete: arcs of the path, polynomial of the trajectory, search tree; or why nothing.
 - `Progress`: one improvement of the best path. Wall-clock times are in the metadata `pushplan.progress.N` and
-  `pushplan.planning`.
+  `pushplan.planning`. `Costs`: all of them in one message, as plots of one number over another want it.
 - `Twist`, `Margins`: what the pusher does and how far every contact is from slipping, for people and plots.
 - `Execution`: the samples of one stretch of the execution, bit for bit (see `blocks`), and `ExecutionEnd`.
 """
@@ -42,6 +42,7 @@ _MESSAGES: dict[str, tuple[str, ...]] = {
     ),
     "Margins": (_STAMP, "2 double smallest", "3 repeated pushplan.ContactMargin contacts"),
     "Progress": (_STAMP, "2 uint64 iterations", "3 double cost", "4 pushplan.Path path"),
+    "Costs": (_STAMP, "2 repeated double iterations", "3 repeated double cost"),
     "Path": ("1 repeated double start", "2 repeated double twists", "3 repeated double lengths"),
     "Trajectory": (
         "1 repeated double start",
@@ -139,6 +140,7 @@ def _message_class(name: str) -> MessageClass:
 Twist = _message_class("Twist")
 Margins = _message_class("Margins")
 Progress = _message_class("Progress")
+Costs = _message_class("Costs")
 Plan = _message_class("Plan")
 Diagnosis = _message_class("Diagnosis")
 Array = _message_class("Array")
@@ -183,12 +185,15 @@ def _declarations(kind: str) -> bytes:
 
 
 SCENE = Topic("/scene", SceneUpdate)
+CONTACTS = Topic("/contacts", SceneUpdate)
 TF = Topic("/tf", FrameTransforms)
 PLAN = Topic("/plan/result", Plan)
 PLAN_PATH = Topic("/plan/path", PosesInFrame)
 PLAN_SMOOTHED = Topic("/plan/smoothed", PosesInFrame)
 PLAN_TREE = Topic("/plan/tree", SceneUpdate)
+PLAN_NEAREST = Topic("/plan/nearest", SceneUpdate)
 PROGRESS = Topic("/planner/progress", Progress)
+COSTS = Topic("/planner/costs", Costs)
 PUSHER_POSE = Topic("/pusher/pose", PoseInFrame)
 PUSHER_TWIST = Topic("/pusher/twist", Twist)
 MARGINS = Topic("/margins", Margins)
@@ -210,4 +215,7 @@ TOPICS = (
     EXECUTION,
     EXECUTION_END,
     LOG,
+    CONTACTS,
+    PLAN_NEAREST,
+    COSTS,
 )

@@ -6,7 +6,6 @@ Layers are a millimetre or less apart in height, so that they do not flicker.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import cycle
 
 import numpy as np
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
@@ -14,32 +13,28 @@ from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from pushplan.basics import colours
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.names import PUSHER, ROBOT
 from pushplan.geometry import se2
 from pushplan.logging.view.shapes import Paint, circle, filled, line, loop
 from pushplan.mechanics.chain import Chain
+from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
 
 WORLD, CHAIN = "world", "chain"
 """Frames of every run, beside the plate's, `PUSHER`; each object adds one of its own name."""
 
-_Z_WORKSPACE, _Z_TREE, _Z_GHOST, _Z_OBSTACLE, _Z_ROBOT, _Z_BODY, _Z_CONTACT = (
-    0.0, 0.0002, 0.0004, 0.001, 0.0015, 0.002, 0.003,
-)  # fmt: skip
+PATH_SPACING = 0.02
+"""Distance of the points of a path in pictures, m of path cost."""
+
+_Z_WORKSPACE, _Z_TREE, _Z_GHOST, _Z_OBSTACLE, _Z_ROBOT, _Z_BODY = 0.0, 0.0002, 0.0004, 0.001, 0.0015, 0.002
 
 _WALL = Paint(0.55, 0.57, 0.60)
 _OBSTACLE = Paint(0.36, 0.38, 0.42)
-_ROBOT, _PLATE = Paint(0.50, 0.56, 0.64), Paint(0.16, 0.17, 0.20)
-_START, _GOAL = Paint(0.55, 0.57, 0.60, 0.9), Paint(0.10, 0.60, 0.33, 0.9)
-_CONTACT = Paint(0.90, 0.20, 0.18)
+_START, _GOAL = Paint(0.55, 0.57, 0.60, 0.9), Paint.of(colours.GOAL, 0.9)
+_NEAREST = Paint.of(colours.NEAREST)
 _TREE = Paint(0.25, 0.45, 0.85, 0.35)
-_OBJECTS = (
-    Paint(0.98, 0.72, 0.30),
-    Paint(0.45, 0.70, 0.90),
-    Paint(0.60, 0.80, 0.45),
-    Paint(0.85, 0.60, 0.80),
-)
 _EDGE = Paint(0.10, 0.10, 0.12)
 
 
@@ -53,6 +48,16 @@ def tree(branches: FloatArray) -> SceneUpdate:
     entity = _entity("tree", WORLD)
     entity.lines.append(line(branches[:, :, :2].reshape(-1, 2), _Z_TREE, _TREE, LinePrimitive.LINE_LIST))
     return SceneUpdate(entities=[entity])
+
+
+def nearest(chain: Chain, plan: PlanResult) -> SceneUpdate:
+    """Return the path that comes nearest and a ghost of the chain at its end, where there is none to the goal."""
+    path = plan.approximate_path
+    if plan.path is not None or path is None:
+        return SceneUpdate()
+    ghost = _ghost("nearest", chain, path.end, _NEAREST)
+    ghost.lines.append(line(path.sampled(PATH_SPACING)[:, :2], _Z_GHOST, _NEAREST))
+    return SceneUpdate(entities=[ghost])
 
 
 def _standing(scenario: Scenario) -> Iterator[SceneEntity]:
@@ -80,15 +85,11 @@ def _moving(chain: Chain) -> Iterator[SceneEntity]:
     if chain.pusher.footprint:
         robot = _entity(ROBOT, PUSHER)
         for part in chain.pusher.footprint:
-            _add_body(robot, part, _Z_ROBOT, _ROBOT)
+            _add_body(robot, part, _Z_ROBOT, Paint.of(colours.ROBOT))
         yield robot
-    yield _body("pusher", PUSHER, chain.pusher.outline, _Z_BODY, _PLATE)
-    for obj, paint in zip(chain.objects, cycle(_OBJECTS), strict=False):
-        yield _body(f"object/{obj.name}", obj.name, obj.outline, _Z_BODY, paint)
-    contacts = _entity("contacts", CHAIN)
-    for contact in chain.contacts:
-        contacts.lines.append(line(np.stack([contact.right, contact.left]), _Z_CONTACT, _CONTACT))
-    yield contacts
+    yield _body("pusher", PUSHER, chain.pusher.outline, _Z_BODY, Paint.of(colours.PLATE))
+    for obj, colour in zip(chain.objects, colours.object_colours(len(chain.objects)), strict=True):
+        yield _body(f"object/{obj.name}", obj.name, obj.outline, _Z_BODY, Paint.of(colour))
 
 
 def _ghost(name: str, chain: Chain, pose: FloatArray, paint: Paint) -> SceneEntity:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
 import shapely
@@ -15,6 +15,7 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.basics.colours import red_green_blue
 from pushplan.logging.mcap.message_template import MessageTemplate
 
 CIRCLE_CORNERS = 48
@@ -33,6 +34,17 @@ class Paint(NamedTuple):
     b: float
     a: float = 1.0
 
+    @classmethod
+    def of(cls, colour: str, a: float = 1.0) -> Self:
+        """Return a colour written `#rrggbb`."""
+        r, g, b = (part / 255.0 for part in red_green_blue(colour))
+        return cls(r, g, b, a)
+
+    @property
+    def color(self) -> Color:
+        """The same as a message."""
+        return Color(**self._asdict())
+
 
 def circle(center: FloatArray, radius: float) -> FloatArray:
     """Return a polygon (v, 2) through points of a circle, counter-clockwise."""
@@ -44,7 +56,7 @@ def filled(outline: FloatArray, z: float, paint: Paint) -> TriangleListPrimitive
     """Return the inside of a simple polygon (v, 2) at height `z`, m, as triangles."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
     rings = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)
-    primitive = TriangleListPrimitive(pose=_identity(), color=Color(**paint._asdict()))
+    primitive = TriangleListPrimitive(pose=_identity(), color=paint.color)
     return _with_points(primitive, rings[:, :3].reshape(-1, 2), z)
 
 
@@ -55,7 +67,7 @@ def line(points: FloatArray, z: float, paint: Paint, kind: int = LinePrimitive.L
         pose=_identity(),
         thickness=_LINE_PIXELS,
         scale_invariant=True,
-        color=Color(**paint._asdict()),
+        color=paint.color,
     )
     return _with_points(primitive, points, z)
 

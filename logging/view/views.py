@@ -18,11 +18,13 @@ from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.schemas import MessageClass, Topic
 from pushplan.logging.view import frames
+from pushplan.logging.view.contact_messages import contact_messages
+from pushplan.logging.view.contacts import PushedContacts
 from pushplan.logging.view.scene import CHAIN
 from pushplan.mechanics.chain import Chain
 
 VIEW_RATE = 20.0
-"""Samples per second of /tf, /pusher/pose, /pusher/twist and /margins."""
+"""Samples per second of /tf, /contacts, /pusher/pose, /pusher/twist and /margins."""
 
 
 def viewed(execution: Execution) -> IntArray:
@@ -46,6 +48,7 @@ def messages(
         schemas.TF: frames.chain_frames(chain).fill(instants, poses),
         schemas.PUSHER_POSE: frames.pose_in_world().fill(instants, poses),
         schemas.PUSHER_TWIST: _twist().fill(instants, execution.twists[samples]),
+        schemas.CONTACTS: contact_messages(chain, PushedContacts(chain, execution).at(samples), instants),
         schemas.MARGINS: _margins(chain, list(columns)).fill(instants, np.concatenate(margins, axis=1)),
     }
 

@@ -8,16 +8,14 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.logging.view.scene import obstacle_outline
+from pushplan.logging.view.scene import PATH_SPACING, obstacle_outline
+from pushplan.path import PushPath
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
 from pushplan.trajectory import Trajectory
 
 RIM = 0.03
 """Free rim around everything, as a share of the longer side."""
-
-PATH_SPACING = 0.02
-"""Distance of the points of a path in pictures, m of path cost."""
 
 SMOOTHED_RATE = 10.0
 """Poses per second of a timed path in pictures."""
@@ -32,11 +30,15 @@ class Window(NamedTuple):
     ymax: float
 
 
+def shown_path(plan: PlanResult | None) -> PushPath | None:
+    """Return the planned path; without one, that which comes nearest to the goal, if there is any."""
+    return None if plan is None else plan.path or plan.approximate_path
+
+
 def path_points(plan: PlanResult | None) -> FloatArray:
-    """Return points (k, 2) of the planned path in the world, none where there is no path."""
-    if plan is None or plan.path is None:
-        return np.zeros((0, 2))
-    return plan.path.sampled(PATH_SPACING)[:, :2]
+    """Return points (k, 2) of the path to show in the world, none where there is no path."""
+    path = shown_path(plan)
+    return np.zeros((0, 2)) if path is None else path.sampled(PATH_SPACING)[:, :2]
 
 
 def smoothed_times(trajectory: Trajectory) -> FloatArray:

@@ -25,6 +25,9 @@ COSTS = ("travel", "time", "margin")
 
 DEFAULT_COST = "time"
 
+BESIDE_A_BAG = (".rviz", ".plotjuggler.xml")
+"""Suffixes of the files that are written beside a ROS 2 bag, in place of its own."""
+
 AUTO: Final = "auto"
 """Stands for a margin that planning chooses."""
 

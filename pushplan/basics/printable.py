@@ -23,3 +23,11 @@ def printable(text: str, keep: str = "") -> str:
 
 def _escape(character: str) -> str:
     return character.encode("unicode_escape").decode("ascii")
+
+
+def cut(text: str, letters: int) -> str:
+    """Return `text` in at most so many letters, its middle left out if it is longer: names differ at their ends."""
+    if len(text) <= letters:
+        return text
+    behind = (letters - 1) // 2
+    return f"{text[: letters - 1 - behind]}…{text[len(text) - behind :]}"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pushplan.commands.runs import log_meant
-from pushplan.commands.steps.exports import asked_for, declare_exports, write_exports
+from pushplan.commands.steps.exports import declare_exports, outputs, write_exports
 from pushplan.commands.steps.physics import add_physics
 from pushplan.commands.steps.playing import declare_playing, play
 from pushplan.commands.terminal.console import Console
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
             "--recover needs two names, of the damaged log and of the new one; others take one"
         )
     args.log = log_meant(args.log, args.runs)
-    check_outputs(args.log, args.plot, args.recovered, *asked_for(args).values())
+    check_outputs(args.log, args.plot, args.recovered, *outputs(args))
     with console.working(f"reading {args.log}"):
         recorded = _read(args)
     if args.physics:
@@ -68,7 +69,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
         console.say(f"{args.recovered}: a clean log of what is whole")
     report = _verify(kept, console) if args.verify else None
     found = physics.execute(recorded.scenario, recorded.trajectory, console) if args.physics else None
-    _export(recorded, args, console)
+    write_exports(recorded, args, partial(_draw, recorded, console), console)
     play(recorded, args, console)
     told = _document(recorded, report, args.recovered)
     if args.physics:
@@ -128,13 +129,7 @@ def _verify(recorded: RecordedRun, console: Console) -> VerifyReport:
     return report
 
 
-def _export(recorded: RecordedRun, args: argparse.Namespace, console: Console) -> None:
-    if args.plot is not None:
-        _draw(recorded, args.plot, console)
-    write_exports(recorded, args, console)
-
-
-def _draw(recorded: RecordedRun, path: Path, console: Console) -> None:
+def _draw(recorded: RecordedRun, console: Console, path: Path) -> None:
     from pushplan.commands.plan import draw
 
     if recorded.plan is None:

@@ -7,10 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.basics.colours import contact_colours
 from pushplan.drawing.figure import INK
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.body import BodyKind
-from pushplan.mechanics.chain import Chain, Contact
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.friction_cone import friction_cone
 
 PLATE_COLOUR = "#59616b"
 ROBOT_COLOUR = "#8da2be"
@@ -35,27 +37,9 @@ def draw_chain(axes: Axes, chain: Chain, pose: FloatArray = ORIGIN, *, fill: str
 
 def draw_contacts(axes: Axes, chain: Chain) -> None:
     """Draw each contact segment, and the friction cone of the pushing force at both its ends, in the chain frame."""
-    for contact in chain.contacts:
+    for contact, colour in zip(chain.contacts, contact_colours(len(chain.contacts)), strict=True):
         ends = np.stack([contact.right, contact.left])
-        axes.plot(*ends.T, color=INK, linewidth=2.0, solid_capstyle="butt", zorder=5.0)
-        for end in ends:
-            axes.add_patch(
-                Polygon(
-                    friction_cone(contact, end), facecolor=CONE_COLOUR, alpha=0.35, linewidth=0.0, zorder=4.0
-                )
-            )
-            edges = friction_cone(contact, end)[[1, 0, 2]]
-            axes.plot(*edges.T, color=CONE_COLOUR, linewidth=0.8, zorder=4.1)
-
-
-def friction_cone(contact: Contact, apex: FloatArray) -> FloatArray:
-    """Return a triangle (3, 2): the directions of force that friction allows at `apex`, half the segment tall."""
-    tall = 0.5 * contact.length
-    wide = contact.friction * tall
-    return np.stack(
-        [
-            apex,
-            apex + tall * contact.normal - wide * contact.tangent,
-            apex + tall * contact.normal + wide * contact.tangent,
-        ]
-    )
+        axes.plot(*ends.T, color=colour, linewidth=2.0, solid_capstyle="butt", zorder=5.0)
+        for cone in friction_cone(contact, ends, 0.5 * contact.length):
+            axes.add_patch(Polygon(cone, facecolor=CONE_COLOUR, alpha=0.35, linewidth=0.0, zorder=4.0))
+            axes.plot(*cone[[1, 0, 2]].T, color=CONE_COLOUR, linewidth=0.8, zorder=4.1)

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 from pushplan.execution import Execution
+from pushplan.logging.messages.recorded import RecordedRun
+from pushplan.logging.reader import read_run
 from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath, cost_rate
@@ -205,3 +207,19 @@ def _assert_same(first: Any, second: Any) -> None:
 def assert_same() -> Callable[[Any, Any], None]:
     """Return the comparison."""
     return _assert_same
+
+
+@pytest.fixture(scope="session")
+def recorded(case: Any, tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
+    """Return a run read back."""
+    return read_run(case.write(tmp_path_factory.mktemp("exports") / "run.mcap"))
+
+
+@pytest.fixture(scope="session")
+def unsolved(case: Any, tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
+    """Return a run without a path, read back."""
+    path = tmp_path_factory.mktemp("exports") / "run.mcap"
+    with RunLogWriter.create(path, case.scenario, {}) as log:
+        log.plan(case.unsolved().plan)
+        log.finish("unsolved")
+    return read_run(path)

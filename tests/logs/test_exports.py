@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,38 +11,19 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
+from pushplan.basics.colours import NEAREST, OBJECTS, red_green_blue
 from pushplan.basics.extras import MissingExtraError, optional
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import transform_points
-from pushplan.logging.export.cdr import encode
 from pushplan.logging.export.csv import table, write_csv
-from pushplan.logging.export.film_colours import FilmColours
-from pushplan.logging.export.film_frames import Film
-from pushplan.logging.export.mp4 import write_mp4
+from pushplan.logging.export.film.colours import FilmColours
+from pushplan.logging.export.film.frames import Film
+from pushplan.logging.export.film.scene import FINE, FilmScene
+from pushplan.logging.export.mp4 import STILL, write_mp4
 from pushplan.logging.export.parquet import write_parquet
-from pushplan.logging.export.ros2 import write_ros2
-from pushplan.logging.export.ros2_messages import TYPES, definition
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
 from pushplan.logging.view.window import window
-from pushplan.logging.writer import RunLogWriter
-
-
-@pytest.fixture(scope="module")
-def recorded(case: Any, tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
-    """Return a run read back."""
-    return read_run(case.write(tmp_path_factory.mktemp("exports") / "run.mcap"))
-
-
-@pytest.fixture(scope="module")
-def unsolved(case: Any, tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
-    """Return a run without a path, read back."""
-    path = tmp_path_factory.mktemp("exports") / "run.mcap"
-    with RunLogWriter.create(path, case.scenario, {}) as log:
-        log.plan(case.unsolved().plan)
-        log.finish("unsolved")
-    return read_run(path)
-
 
 # --- CSV ---------------------------------------------------------------------------------------------------------
 
@@ -91,96 +71,6 @@ def test_a_missing_package_is_named_with_the_way_to_get_it() -> None:
         MissingExtraError, match=r"^A film needs the package nosuch: pip install 'pushplan\[mp4\]'$"
     ):
         optional("nosuch.module", "A film", "nosuch", "mp4")
-
-
-# --- ROS 2 -------------------------------------------------------------------------------------------------------
-
-
-def test_cdr_aligns_numbers_to_their_size() -> None:
-    sent = encode(
-        "geometry_msgs/msg/PoseStamped", {"header": {"frame_id": "ab"}, "pose": {"position": {"x": 1.5}}}
-    )
-    expected = (
-        b"\0\1\0\0" + bytes(8) + b"\3\0\0\0ab\0" + bytes(1) + np.array([1.5, 0, 0, 0, 0, 0, 0]).tobytes()
-    )
-    assert sent == expected
-    with pytest.raises(KeyError, match="has no field 'frame'"):
-        encode("std_msgs/msg/Header", {"frame": "ab"})
-
-
-def test_definitions_hold_every_type_that_they_need() -> None:
-    for name in TYPES:
-        text = definition(name)
-        declared = {line.removeprefix("MSG: ") for line in text.splitlines() if line.startswith("MSG: ")}
-        used = {
-            kind
-            for kind in TYPES
-            if any(line.startswith((f"{kind} ", f"{kind}[] ")) for line in text.splitlines())
-        }
-        assert used <= declared
-
-
-def test_rosbags_reads_the_bag(recorded: RecordedRun, tmp_path: Path) -> None:
-    rosbag2 = pytest.importorskip("rosbags.rosbag2")
-    typesys = pytest.importorskip("rosbags.typesys")
-    write_ros2(recorded, tmp_path / "bag.mcap")
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    found: dict[str, list[Any]] = {}
-    with rosbag2.Reader(tmp_path / "bag.mcap") as reader:
-        for connection, time, data in reader.messages():
-            message = store.deserialize_cdr(data, connection.msgtype)
-            found.setdefault(connection.topic, []).append((time, message))
-        latched = {c.topic for c in reader.connections if c.ext.offered_qos_profiles[0].durability.value == 1}
-    assert latched == {"/scene", "/plan/path", "/plan/smoothed"}
-    execution = recorded.execution
-    assert execution is not None
-    time, last = found["/tf"][-1]
-    assert time == round(execution.t[-1] * 1e9)
-    names = [(t.header.frame_id, t.child_frame_id) for t in last.transforms]
-    assert names == [("world", "chain"), ("chain", "pusher"), ("chain", "near"), ("chain", "far")]
-    moved = last.transforms[0].transform
-    assert (moved.translation.x, moved.translation.y) == tuple(execution.poses[-1, :2])
-    assert 2 * math.atan2(moved.rotation.z, moved.rotation.w) == pytest.approx(execution.poses[-1, 2])
-    ((_, markers),) = found["/scene"]
-    assert {m.ns for m in markers.markers} >= {"pusher", "object/near", "obstacle/1", "goal", "workspace"}
-    for marker in markers.markers:
-        assert marker.type == 4 or len(marker.points) % 3 == 0
-        assert marker.pose.orientation.w == 1.0
-    levels = {"info": 20, "warning": 30}
-    told = [(levels[line.level], line.text) for line in recorded.lines]
-    assert [(m.level, m.msg) for _, m in found["/log"]] == told
-    assert found["/pusher/twist"][-1][1].twist.angular.z == execution.twists[-1, 2]
-    ((_, path),) = found["/plan/path"]
-    assert recorded.plan is not None
-    assert recorded.plan.path is not None
-    assert path.poses[-1].pose.position.x == pytest.approx(recorded.plan.path.end[0])
-
-
-def test_the_definitions_in_the_bag_decode_its_messages(recorded: RecordedRun, tmp_path: Path) -> None:
-    decoder = pytest.importorskip("mcap_ros2.decoder")
-    from mcap.reader import make_reader
-
-    write_ros2(recorded, tmp_path / "bag.mcap")
-    with (tmp_path / "bag.mcap").open("rb") as stream:
-        reader = make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
-        assert reader.get_header().profile == "ros2"
-        decoded = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]
-    assert {topic for topic, _ in decoded} == {
-        "/tf",
-        "/scene",
-        "/plan/path",
-        "/plan/smoothed",
-        "/pusher/twist",
-        "/log",
-    }
-
-
-def test_an_unsolved_run_becomes_a_bag_of_its_start(unsolved: RecordedRun, tmp_path: Path) -> None:
-    rosbag2 = pytest.importorskip("rosbags.rosbag2")
-    write_ros2(unsolved, tmp_path / "bag.mcap")
-    with rosbag2.Reader(tmp_path / "bag.mcap") as reader:
-        topics = sorted(connection.topic for connection, _, _ in reader.messages())
-    assert topics == ["/log", "/pusher/twist", "/scene", "/tf"]
 
 
 # --- Rerun -------------------------------------------------------------------------------------------------------
@@ -260,10 +150,10 @@ def test_a_film_lasts_as_long_as_the_run_and_moves(recorded: RecordedRun, tmp_pa
 def test_a_picture_shows_the_chain_where_it_is(recorded: RecordedRun) -> None:
     assert recorded.execution is not None
     film = Film(recorded, recorded.execution)
-    orange = np.array([0xE8, 0x91, 0x2D])
+    pale = np.array(red_green_blue(OBJECTS[0]))
     for i in (0, 150, len(recorded.execution.t) - 1):
         picture = np.asarray(picture_of(film, float(recorded.execution.t[i])), dtype=int)[:700]
-        rows, columns = np.nonzero(np.abs(picture - orange).max(axis=2) < 8)
+        rows, columns = np.nonzero(np.abs(picture - pale).max(axis=2) < 8)
         near = recorded.scenario.chain.objects[0]
         x, y = transform_points(recorded.execution.poses[i], near.pose_chain[:2])
         view = window(recorded.scenario, recorded.plan)
@@ -272,7 +162,7 @@ def test_a_picture_shows_the_chain_where_it_is(recorded: RecordedRun) -> None:
             640 + scale * (x - (view.xmin + view.xmax) / 2),
             370 - scale * (y - (view.ymin + view.ymax) / 2),
         )
-        np.testing.assert_allclose((columns.mean(), rows.mean()), expected, atol=3.0)
+        np.testing.assert_allclose((columns.mean(), rows.mean()), expected, atol=6.0)
 
 
 def test_a_picture_holds_nothing_of_the_one_before(recorded: RecordedRun) -> None:
@@ -310,7 +200,19 @@ def test_a_film_has_the_colours_of_its_pictures(recorded: RecordedRun) -> None:
         assert np.abs(ours - theirs)[even].max() <= 1
 
 
-def test_there_is_no_film_of_a_run_that_was_not_executed(unsolved: RecordedRun, tmp_path: Path) -> None:
-    pytest.importorskip("av")
-    with pytest.raises(PushplanError, match="nothing was executed"):
-        write_mp4(unsolved, tmp_path / "run.mp4")
+def test_a_film_of_a_run_without_a_plan_says_why(unsolved: RecordedRun, tmp_path: Path) -> None:
+    av = pytest.importorskip("av")
+    write_mp4(unsolved, tmp_path / "run.mp4")
+    with av.open(str(tmp_path / "run.mp4")) as film:
+        assert float(film.duration) * 1e-6 == pytest.approx(STILL, abs=0.1)
+    scene = FilmScene(unsolved)
+    assert scene._words()[:3] == ["two-crates: no plan", "no path", "too narrow"]
+    picture = np.asarray(scene.picture_with_words(), dtype=int)
+    assert unsolved.plan is not None
+    assert unsolved.plan.approximate_path is not None
+    ghost = scene.outlines(unsolved.plan.approximate_path.end)
+    nearest = np.array(red_green_blue(NEAREST))
+    for x, y in (corner for outline in ghost for corner in outline):
+        around = picture[int(y / FINE) - 2 : int(y / FINE) + 3, int(x / FINE) - 2 : int(x / FINE) + 3]
+        assert np.abs(around - nearest).max(axis=2).min() < 90
+    assert (picture[-200:].min(axis=2) < 80).any()  # there are words

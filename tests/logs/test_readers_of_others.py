@@ -43,12 +43,15 @@ def decoded(whole_log: bytes, tmp_path_factory: pytest.TempPathFactory) -> dict[
 def test_every_topic_is_there(decoded: dict[str, list[Any]]) -> None:
     assert set(decoded) == {
         "/scene",
+        "/contacts",
         "/tf",
         "/plan/result",
         "/plan/path",
         "/plan/smoothed",
         "/plan/tree",
+        "/plan/nearest",
         "/planner/progress",
+        "/planner/costs",
         "/pusher/pose",
         "/pusher/twist",
         "/margins",
@@ -68,6 +71,8 @@ def test_times_are_simulated_and_agree_and_messages_are_numbered(
         for record, message in pairs:
             if hasattr(message, "timestamp"):
                 assert message.timestamp.ToNanoseconds() == record.log_time
+    for record, message in decoded["/contacts"]:
+        assert {entity.timestamp.ToNanoseconds() for entity in message.entities} == {record.log_time}
     last = max(record.log_time for pairs in decoded.values() for record, _ in pairs)
     assert last == round(case.execution.t[-1] * 1e9)
 
@@ -114,6 +119,40 @@ def test_margins_show_what_is_known(decoded: dict[str, list[Any]], case: Any) ->
     assert smallest == case.execution.margins.min(axis=0).tolist()
 
 
+def test_contacts_show_segment_cone_and_force(decoded: dict[str, list[Any]], case: Any) -> None:
+    (first, resting), *pushed = decoded["/contacts"]
+    assert first.log_time == 0
+    assert {(len(e.triangles), len(e.lines)) for e in resting.entities} == {(2, 1)}  # a cone at either end
+    forces, size = case.execution.forces, np.sqrt(np.median([0.10 * 0.08, 0.1 * 0.08 - 0.5 * 0.08 * 0.04]))
+    largest = np.hypot(*np.moveaxis(forces, -1, 0)).max()
+    for record, message in pushed:
+        i = np.flatnonzero(np.rint(case.execution.t * 1e9) == record.log_time)[0]
+        for k, (entity, contact) in enumerate(
+            zip(message.entities, case.scenario.chain.contacts, strict=True)
+        ):
+            assert (entity.id, entity.frame_id) == (f"contact/{('pusher-near', 'near-far')[k]}", "chain")
+            (cone, head), (segment, shaft) = entity.triangles, entity.lines
+            assert [(p.x, p.y) for p in segment.points] == [tuple(contact.right), tuple(contact.left)]
+            point = contact.right + case.execution.lambdas[i, k] * (contact.left - contact.right)
+            apex, low, high = (np.array([p.x, p.y]) for p in cone.points)
+            np.testing.assert_allclose((shaft.points[0].x, shaft.points[0].y), point)
+            np.testing.assert_allclose(apex, point)
+            tip = np.array([head.points[0].x, head.points[0].y])
+            np.testing.assert_allclose(tip - point, 0.9 * size * forces[i, k] / largest, atol=1e-12)
+            for edge in (low - apex, high - apex):
+                assert abs(edge @ contact.tangent) == pytest.approx(
+                    contact.friction * (edge @ contact.normal)
+                )
+            painted = {(p.color.r, p.color.g, p.color.b) for p in (cone, head, segment, shaft)}
+            assert len(painted) == 1
+
+
+def test_the_costs_are_one_message_of_two_columns(decoded: dict[str, list[Any]], case: Any) -> None:
+    ((_, costs),) = decoded["/planner/costs"]
+    assert list(costs.iterations) == [point.iterations for point in case.plan.progress]
+    assert list(costs.cost) == [point.cost for point in case.plan.progress]
+
+
 def test_what_nobody_knows_is_left_out(case: Any, tmp_path: Path) -> None:
     path = case.unknown_loads().write(tmp_path / "run.mcap")
     with path.open("rb") as stream:
@@ -145,7 +184,7 @@ def test_the_stream_reader_checks_every_checksum(whole_log: bytes, tmp_path: Pat
     assert summary is not None
     assert summary.statistics is not None
     assert summary.statistics.message_count == count.total()
-    assert summary.statistics.attachment_count == 2
+    assert summary.statistics.attachment_count == 3
 
 
 @pytest.mark.skipif(not shutil.which("node"), reason="needs node")
@@ -162,7 +201,7 @@ def test_the_strict_reader_of_javascript_understands_every_message(
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["indexed"] == told["streamed"] == {topic: len(pairs) for topic, pairs in decoded.items()}
-    assert told["attachments"] == ["scenario.yaml", "scenario.json"]
+    assert told["attachments"] == ["scenario.yaml", "scenario.json", "layout.json"]
     assert told["metadata"] == ["pushplan.run", "pushplan.planning", "pushplan.result"]
     assert told["smallest_margin"] == case.execution.margins.min()
     assert told["last_twist"] == dict(zip(("vx", "vy", "omega"), case.execution.twists[-1], strict=True))

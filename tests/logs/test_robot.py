@@ -15,7 +15,8 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
 from pushplan.geometry.se2 import transform_points
-from pushplan.logging.export.film_frames import HEIGHT, WIDTH, Film
+from pushplan.logging.export.film.frames import Film
+from pushplan.logging.export.film.scene import HEIGHT, WIDTH
 from pushplan.logging.export.html import render
 from pushplan.logging.export.ros2 import write_ros2
 from pushplan.logging.messages.recorded import RecordedRun
@@ -90,7 +91,7 @@ def test_ros_gets_the_robot_as_markers_of_its_own(recorded: RecordedRun, tmp_pat
     write_ros2(recorded, tmp_path / "bag.mcap")
     with (tmp_path / "bag.mcap").open("rb") as file:
         reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
-        (scene,) = [message for *_, message in reader.iter_decoded_messages(topics=["/scene"])]
+        scene, *_ = [message for *_, message in reader.iter_decoded_messages(topics=["/scene"])]
     robot = [marker for marker in scene.markers if marker.ns == "robot"]
     assert [marker.header.frame_id for marker in robot] == ["pusher"] * 4
     assert sorted(marker.id for marker in robot) == [0, 1, 2, 3]
@@ -122,14 +123,15 @@ def test_the_film_shows_robot_plate_and_objects_in_their_colours(recorded: Recor
     picture = np.asarray(shown, dtype=int)
     scale = 0.97 * min(WIDTH / (view.xmax - view.xmin), (HEIGHT - 220) / (view.ymax - view.ymin))
     for body, colour in zip(
-        recorded.scenario.chain.bodies, ["9aa6b5", "9aa6b5", "3c4048", "e8912d", "3a8ec9"], strict=True
+        recorded.scenario.chain.bodies, ["9aa6b5", "9aa6b5", "59616b", "f3dfb6", "cfe0ee"], strict=True
     ):
         inside = shapely.maximum_inscribed_circle(shapely.Polygon(body.outline))
         x, y = transform_points(pose, shapely.get_coordinates(inside)[0])
         column = 0.5 * WIDTH + scale * (x - 0.5 * (view.xmin + view.xmax))
         row = 0.5 * (HEIGHT - 220) - scale * (y - 0.5 * (view.ymin + view.ymax))
         expected = [int(colour[i : i + 2], 16) for i in (0, 2, 4)]
-        assert np.abs(picture[int(row), int(column)] - expected).max() < 8, body
+        around = picture[int(row) - 5 : int(row) + 6, int(column) - 5 : int(column) + 6]  # a force may lie on it
+        assert np.abs(around - expected).max(axis=2).min() < 8, body
 
 
 def test_the_terminal_draws_the_outline_of_the_robot(recorded: RecordedRun) -> None:

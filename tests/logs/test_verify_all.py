@@ -24,10 +24,6 @@ from pushplan.logging.writer import RunLogWriter
 
 HERE = Path(__file__).parent
 
-FREE_FIELDS = {
-    ("/planner/progress", "iterations"): "only the same search finds the same improvements",
-    ("/planner/progress", "cost"): "likewise",
-}
 FREE_WORDS = {
     "pushplan.run": {
         "time_limit": "asked for on the command line",
@@ -68,7 +64,16 @@ def leaves(descriptor: Descriptor) -> Iterator[FieldPath]:
             yield from ((field, *rest) for rest in leaves(field.message_type))
 
 
-FIELDS = [(topic, path) for topic in TOPICS for path in leaves(topic.message.DESCRIPTOR)]
+def fields() -> Iterator[tuple[Topic, FieldPath]]:
+    """Yield all fields of each topic; of a type that had its turn on another topic only the last one."""
+    seen: set[str] = set()
+    for topic in TOPICS:
+        paths = list(leaves(topic.message.DESCRIPTOR))
+        yield from ((topic, path) for path in (paths[-1:] if topic.kind in seen else paths))
+        seen.add(topic.kind)
+
+
+FIELDS = list(fields())
 NAMES = [f"{topic.name}-{'.'.join(field.name for field in path)}" for topic, path in FIELDS]
 
 
@@ -150,8 +155,7 @@ def test_an_altered_field_is_found(topic: Topic, path: FieldPath, sound: Path, a
             found = not all(check.matches for check in compare_topic(topic, altered, again, True))
     except PushplanError:
         pass  # refused at once
-    free = (topic.name, ".".join(field.name for field in path)) in FREE_FIELDS
-    assert found is not free
+    assert found
 
 
 def test_every_word_that_is_altered_is_found_but_for_those_that_are_free(sound: Path) -> None:

@@ -9,7 +9,7 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-from pushplan.logging.export.ros2_messages import TYPES, key_of
+from pushplan.logging.export.bag.messages import TYPES, key_of
 
 _ENCODING = b"\x00\x01\x00\x00"
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from pushplan.logging.export.film_frames import Patch
+from pushplan.logging.export.film.frames import Patch
 
 _RED, _GREEN, _BLUE = 0.299, 0.587, 0.114
 _BRIGHT, _COLOUR = 219.0 / 255.0, 224.0 / 255.0

@@ -6,11 +6,13 @@ TF = "tf2_msgs/msg/TFMessage"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 PATH = "nav_msgs/msg/Path"
 LOG = "rcl_interfaces/msg/Log"
+NUMBER = "std_msgs/msg/Float64"
 TWIST = "geometry_msgs/msg/TwistStamped"
 
 TYPES: dict[str, tuple[str, ...]] = {
     "builtin_interfaces/Time": ("int32 sec", "uint32 nanosec"),
     "builtin_interfaces/Duration": ("int32 sec", "uint32 nanosec"),
+    "std_msgs/Float64": ("float64 data",),
     "std_msgs/Header": ("builtin_interfaces/Time stamp", "string frame_id"),
     "std_msgs/ColorRGBA": ("float32 r", "float32 g", "float32 b", "float32 a"),
     "geometry_msgs/Vector3": ("float64 x", "float64 y", "float64 z"),
