@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -34,6 +35,15 @@ class Piece(NamedTuple):
     rounding: float = 0.0
 
 
+class Pair(NamedTuple):
+    """Two pieces that may touch: their numbers, the chain's contact that this is, or -1, coefficient of friction."""
+
+    a: int
+    b: int
+    contact: int
+    friction: float
+
+
 def pack_world(world: World) -> PackedWorld:
     """Return the arrays of a world.
 
@@ -41,9 +51,31 @@ def pack_world(world: World) -> PackedWorld:
         SupportError: When the load under an object is not known, or it has no friction with the floor.
     """
     chain = world.chain
-    feet = [_feet(obj, chain.pusher.contact_height) for obj in chain.objects]
     pieces = _pieces(world)
-    pairs, friction = _pairs(world, pieces)
+    pairs = _pairs(world, pieces)
+    return pack_bodies(chain.objects, pieces, pairs, half_extent(chain), chain.pusher.contact_height)
+
+
+def pack_bodies(
+    objects: Sequence[PushedObject],
+    pieces: Sequence[Piece],
+    pairs: Sequence[Pair],
+    length: float,
+    height: float = 0.0,
+) -> PackedWorld:
+    """Return the arrays of objects and of all pieces, theirs included.
+
+    Args:
+        objects: Whose feet stand on the floor; where they are does not matter.
+        pieces: Of objects, pusher and what stands still, numbered as in `PackedWorld`.
+        pairs: Which of them may touch.
+        length: Characteristic length, m.
+        height: Of the contact forces above the floor, m.
+
+    Raises:
+        SupportError: When the load under an object is not known, or it has no friction with the floor.
+    """
+    feet = [_feet(obj, height) for obj in objects]
     return PackedWorld(
         feet=np.concatenate([rows for rows, _, _ in feet]),
         first_foot=np.cumsum([0, *(len(rows) for rows, _, _ in feet)]),
@@ -52,9 +84,9 @@ def pack_world(world: World) -> PackedWorld:
         corners=np.concatenate([_corner_rows(piece) for piece in pieces]),
         parts=_part_rows(pieces),
         circles=np.array([_circle(piece) for piece in pieces]),
-        pairs=pairs,
-        friction=friction,
-        length=half_extent(chain),
+        pairs=np.array([[pair.a, pair.b, pair.contact] for pair in pairs], dtype=np.int64),
+        friction=np.array([pair.friction for pair in pairs]),
+        length=length,
     )
 
 
@@ -94,9 +126,9 @@ def _pieces(world: World) -> list[Piece]:
     n = len(world.chain.objects)
     found: list[Piece] = []
     for i, obj in enumerate(world.chain.objects):
-        found += _cut(i, obj.outline)
+        found += cut(i, obj.outline)
     for outline in (world.chain.pusher.outline, *world.chain.pusher.footprint):
-        found += _cut(n, outline)
+        found += cut(n, outline)
     return found + _standing(world, n + 1)
 
 
@@ -107,7 +139,7 @@ def _standing(world: World, body: int) -> list[Piece]:
         if isinstance(obstacle, CircleObstacle):
             found.append(Piece(body, obstacle.center[None], np.ones(1), obstacle.radius))
         else:
-            found += _cut(body, obstacle.outline)
+            found += cut(body, obstacle.outline)
     area = world.workspace
     if area is not None:
         x0, x1, y0, y1 = area.xmin, area.xmax, area.ymin, area.ymax
@@ -117,7 +149,7 @@ def _standing(world: World, body: int) -> list[Piece]:
     return found
 
 
-def _cut(body: int, outline: FloatArray) -> list[Piece]:
+def cut(body: int, outline: FloatArray) -> list[Piece]:
     """Return the convex pieces of an outline, and which of their edges lie on it."""
     pieces = list(convex_pieces([outline]))
     if len(pieces) == 1:
@@ -139,7 +171,7 @@ def _corner_rows(piece: Piece) -> FloatArray:
     return np.column_stack([piece.corners, edge[:, 1] / length, -edge[:, 0] / length, piece.outer])
 
 
-def _part_rows(pieces: list[Piece]) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+def _part_rows(pieces: Sequence[Piece]) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
     starts = np.cumsum([0, *(len(piece.corners) for piece in pieces)])
     return np.column_stack([[piece.body for piece in pieces], starts[:-1], starts[1:]]).astype(np.int64)
 
@@ -149,21 +181,15 @@ def _circle(piece: Piece) -> FloatArray:
     return np.append(circle + np.array([0.0, 0.0, piece.rounding]), piece.rounding)
 
 
-def _pairs(
-    world: World, pieces: list[Piece]
-) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int64]], FloatArray]:
-    """Return which pieces may touch, and with which friction; those of the chain's contacts come first."""
+def _pairs(world: World, pieces: Sequence[Piece]) -> list[Pair]:
+    """Return which pieces may touch; those of the chain's contacts come first."""
     chain, n = world.chain, len(world.chain.objects)
     contact_of = {(c.pusher if c.pusher >= 0 else n, c.pushed): k for k, c in enumerate(chain.contacts)}
-    rows, friction = [], []
+    found = []
     for a, one in enumerate(pieces):
         for b, other in enumerate(pieces):
             known = contact_of.get((one.body, other.body), -1)
-            listed = one.body < other.body < n or (one.body >= n and other.body < n)
-            if not listed:
-                continue
-            rows.append([a, b, known])
-            elsewhere = chain.pusher.friction if one.body == n else world.other_friction
-            friction.append(chain.contacts[known].friction if known >= 0 else elsewhere)
-    order = np.argsort([row[2] < 0 for row in rows], kind="stable")
-    return np.array(rows, dtype=np.int64)[order], np.array(friction)[order]
+            if one.body < other.body < n or (one.body >= n and other.body < n):
+                elsewhere = chain.pusher.friction if one.body == n else world.other_friction
+                found.append(Pair(a, b, known, chain.contacts[known].friction if known >= 0 else elsewhere))
+    return sorted(found, key=lambda pair: pair.contact < 0)

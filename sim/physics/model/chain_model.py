@@ -127,7 +127,8 @@ def build_model(chain: Chain, dt: float, sliding: float, settings: PhysicsSettin
         stand(spec, body, obj, each, lift * obj.floor_friction, dt) if obj.floor_friction > 0.0 else None
         for body, obj, each in zip(bodies[:-1], chain.objects, feet, strict=True)
     )
-    add_contacts(spec, chain, bodies, dt, settings.indentation * chain.characteristic_length)
+    indentation = settings.indentation * chain.characteristic_length
+    add_contacts(spec, chain, bodies, dt, indentation, settings.slip_time)
     model = spec.compile()
     data = mujoco.MjData(model)
     for each in standing:

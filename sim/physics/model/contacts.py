@@ -25,7 +25,9 @@ _THICKNESS = 0.05
 """Half the thickness of a face over the length of the segment."""
 
 
-def add_contacts(spec: Any, chain: Chain, bodies: list[Any], dt: float, indentation: float) -> None:
+def add_contacts(
+    spec: Any, chain: Chain, bodies: list[Any], dt: float, indentation: float, slip_time: float = 1.0
+) -> None:
     """Add what touches in all contacts of a chain.
 
     Args:
@@ -35,6 +37,7 @@ def add_contacts(spec: Any, chain: Chain, bodies: list[Any], dt: float, indentat
         dt: Time step, s.
         indentation: How deep a corner may sink into a face under the friction of one object, m. A sliding corner is
             lifted off by the convex contact model of the engine, again and again, if it has not sunk in.
+        slip_time: See `PhysicsSettings`.
     """
     friction = max(obj.floor_friction for obj in chain.objects)
     compliance = min(indentation / (4.0 * dt**2 * friction * GRAVITY), _SOFTEST)
@@ -49,7 +52,7 @@ def add_contacts(spec: Any, chain: Chain, bodies: list[Any], dt: float, indentat
             for end, place in enumerate(edge_extent(contact, _outline(chain, own))):
                 corner = f"contact{k}/corner{own}.{end}"
                 _add_corner(bodies[own], corner, contact, place, side)
-                _add_pair(spec, face, corner, contact.friction, dt, impedance)
+                _add_pair(spec, face, corner, contact.friction, dt, impedance, slip_time)
 
 
 def _outline(chain: Chain, body: int) -> FloatArray:
@@ -87,8 +90,10 @@ def _add_corner(body: Any, name: str, contact: Contact, place: float, side: floa
     )
 
 
-def _add_pair(spec: Any, face: str, corner: str, friction: float, dt: float, impedance: float) -> None:
+def _add_pair(
+    spec: Any, face: str, corner: str, friction: float, dt: float, impedance: float, slip_time: float
+) -> None:
     pair = spec.add_pair(geomname1=face, geomname2=corner, condim=3)
     pair.friction = [friction, friction, 0.0, 0.0, 0.0]
-    pair.solref = pair.solreffriction = [2.0 * dt, 1.0]
+    pair.solref, pair.solreffriction = [2.0 * dt, 1.0], [2.0 * dt * slip_time, 1.0]
     pair.solimp = [impedance, impedance, 1e-3, 0.5, 2.0]

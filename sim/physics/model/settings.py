@@ -24,6 +24,9 @@ class PhysicsSettings:
         friction_stiffness: The engine's `impratio`: friction creeps below the share
             softness mu^2 / friction_stiffness of the pusher's speed; above it, it is Coulomb's.
         indentation: How deep a corner sinks into a face under the friction of one object, over L.
+        slip_time: Time in which friction takes hold of what slides at a contact, over that in which its normal force
+            takes hold of what sinks in. At 1 the convex contact model lifts sliding faces off, and they slide
+            millimetres too far; see `SLIPPING`.
         taking_up: Travel over L, where inertia is switched off, in which the contacts take up their load and corners
             sink into faces; slides and gaps count from there on.
         run_in: Time steps in which everything moves as one while the feet settle.
@@ -38,6 +41,7 @@ class PhysicsSettings:
     softness: float = 5.0
     friction_stiffness: float = 1e4
     indentation: float = 1e-4
+    slip_time: float = 1.0
     taking_up: float = 6e-3
     run_in: int = 40
     tolerance: float = 1e-3
@@ -48,3 +52,7 @@ class PhysicsSettings:
             value = getattr(self, field.name)
             if not value > 0:
                 raise PushplanError(f"{field.name} of the physics settings is {value}; it must be > 0")
+
+
+SLIPPING = PhysicsSettings(step=3e-5, friction_stiffness=1e5, indentation=3e-5, slip_time=20.0)
+"""Settings with which contacts slide as far as Coulomb's law says, ten times slower to simulate."""

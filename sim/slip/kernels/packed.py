@@ -101,8 +101,8 @@ class Work(NamedTuple):
 
 
 def make_work(packed: PackedWorld) -> Work:
-    """Return room for a world; up to 6 manifolds an object and 6 more."""
-    n, most = len(packed.loads), min(6 * len(packed.loads) + 6, len(packed.pairs))
+    """Return room for a world; up to 16 manifolds an object and 16 more."""
+    n, most = len(packed.loads), min(16 * len(packed.loads) + 16, len(packed.pairs))
     return Work(
         poses=np.zeros((n + 1, 3)),
         place=np.zeros((n + 2, 4)),

@@ -17,6 +17,8 @@ from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 
 _SAME = 1e-9
 """By this share of L the second piece's face has to part better to be the reference: no change by rounding."""
+SHORTEST = 1e-9
+"""Distance within which two points of a manifold are one, m."""
 _FLUSH = 1e-6
 """Sine of the angle, and share of L, up to which two manifolds of two bodies lie on one line."""
 
@@ -162,7 +164,7 @@ def _clip(
     gap_low, gap_high = d1 + slope * (low - s1) - rounding, d1 + slope * (high - s1) - rounding
     if s2 - s1 <= 0.0:
         gap_low = gap_high = min(d1, d2) - rounding
-    has_low, has_high = gap_low < reach, gap_high < reach and high - low > 1e-9
+    has_low, has_high = gap_low < reach, gap_high < reach and high - low > SHORTEST
     if not has_low and not has_high:
         return False
     out[0], out[1] = nx, ny
@@ -240,6 +242,8 @@ def _widen(work: Work, c: int, x: float, y: float, gap: float) -> None:
     """Keep the outermost two of a manifold's points and a new one."""
     tx, ty = work.frame[c, 2], work.frame[c, 3]
     s = (x - work.spots[c, 0]) * tx + (y - work.spots[c, 1]) * ty
+    if abs(s) <= SHORTEST:  # a corner that two pieces share
+        return
     if work.who[c, 3] == 1:
         k = 1
         if s < 0.0:
