@@ -43,7 +43,7 @@ class PushPath:
         object.__setattr__(self, "lengths", frozen(self.lengths, (len(self.twists),), "lengths of the path"))
         if (self.lengths < 0.0).any():
             raise PushplanError("an arc of the path has a negative length")
-        if not np.allclose(cost_rate(self.twists), 1.0, rtol=0.0, atol=1e-9):
+        if not np.abs(cost_rate(self.twists) - 1.0).max(initial=0.0) <= 1e-9:
             raise PushplanError("twists of the path must be scaled to a cost rate of 1 m/s")
 
     @property

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import DEFAULT_PLANNER
 from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.plan import settled
 from pushplan.planned import Means, Wanted, means_for, planned
-from pushplan.planners.ompl.factories import planner_named
+from pushplan.planners.ompl.auto import Auto
 from pushplan.planners.problem.posing import open_scene
 from pushplan.planners.problem.reach import reach as costs_of_words
 from pushplan.planners.validation.room import Room
@@ -49,7 +48,7 @@ class Queries:
         margin: float | Literal["auto"] | None = None,
         tell: Callable[[str], None] | None = None,
     ) -> None:
-        warm_up(DEFAULT_PLANNER, tell, scenario.stability.set, scenario.interval is not None)
+        warm_up(Auto.name, tell, scenario.stability.set, scenario.interval is not None)
         self.scenario = settled(scenario, None, margin)
         self._keep(means_for(self.scenario))
 
@@ -81,8 +80,7 @@ class Queries:
             pose, None, pose, self.scenario.goal.position_tolerance, self.scenario.goal.angle_tolerance
         )
         asked = replace(self.scenario, start=_pose(start, "start"), goal=target)
-        name, make = planner_named(DEFAULT_PLANNER)
-        wanted = Wanted(name, make, seed, time_limit, first=True)
+        wanted = Wanted(Auto.name, Auto, seed, time_limit, first=True)
         return planned(asked, replace(self._means, timed=timed), wanted, Stopwatch(), began)
 
     def reach(self, starts: ArrayLike, goals: ArrayLike) -> FloatArray:

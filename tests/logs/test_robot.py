@@ -130,7 +130,9 @@ def test_the_film_shows_robot_plate_and_objects_in_their_colours(recorded: Recor
         column = 0.5 * WIDTH + scale * (x - 0.5 * (view.xmin + view.xmax))
         row = 0.5 * (HEIGHT - 220) - scale * (y - 0.5 * (view.ymin + view.ymax))
         expected = [int(colour[i : i + 2], 16) for i in (0, 2, 4)]
-        around = picture[int(row) - 5 : int(row) + 6, int(column) - 5 : int(column) + 6]  # a force may lie on it
+        around = picture[
+            int(row) - 5 : int(row) + 6, int(column) - 5 : int(column) + 6
+        ]  # a force may lie on it
         assert np.abs(around - expected).max(axis=2).min() < 8, body
 
 
