@@ -14,13 +14,18 @@ from typing import Any
 
 import numpy as np
 
+from pushplan.basics import colours
 from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.execution import Execution
 from pushplan.logging.messages.recorded import RecordedRun
+from pushplan.logging.messages.sentences import no_plan_sentences
+from pushplan.logging.view.contacts import cone_heights, largest_force, longest_arrow, worst_contacts
 from pushplan.logging.view.scene import obstacle_outline
 from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import path_points, window
+from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.friction_cone import friction_cone
 from pushplan.outputs.write import write_whole
 from pushplan.result import PlanResult, Run
 from pushplan.scenario import Scenario
@@ -43,7 +48,8 @@ def write_html(run: Run | RecordedRun, path: Path | str) -> None:
 def render(run: Run | RecordedRun) -> str:
     """Return the page of `run`."""
     execution = _execution(run.scenario.chain, run.execution)
-    data = {**_world(run.scenario), **_plan(run.plan), **execution, "window": window(run.scenario, run.plan)}
+    shown = {"window": window(run.scenario, run.plan), "why": _why(run)}
+    data = {**_world(run.scenario), **_plan(run.plan), **execution, **shown}
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no </script>
     page = files("pushplan.logging.export").joinpath("player.html").read_text(encoding="utf-8")
     return page.replace("@TITLE@", html.escape(f"{run.scenario.name} - pushplan")).replace("@RUN@", text)
@@ -59,33 +65,69 @@ def _world(scenario: Scenario) -> dict[str, Any]:
         "obstacles": [_plain(obstacle_outline(obstacle)) for obstacle in scenario.obstacles],
         "start": scenario.start.tolist(),
         "goal": scenario.goal.pose_chain.tolist(),
-        "bodies": [
-            {"name": body.name, "kind": body.kind.value, "outline": _plain(body.outline)}
-            for body in chain.bodies
-        ],
-        "contacts": [
-            {"name": chain.contact_name(k), "segment": _plain(np.stack([contact.right, contact.left]))}
-            for k, contact in enumerate(chain.contacts)
-        ],
+        "bodies": _bodies(chain),
+        "contacts": _contacts(chain),
+        "reach": chain.reach,
+        "longest_arrow": longest_arrow(chain),
+        "colours": {"goal": colours.GOAL, "nearest": colours.NEAREST},
     }
+
+
+def _bodies(chain: Chain) -> list[dict[str, Any]]:
+    paints = iter(colours.object_colours(len(chain.objects)))
+    carrying = {BodyKind.ROBOT: colours.ROBOT, BodyKind.PLATE: colours.PLATE}
+    return [
+        {
+            "name": body.name,
+            "kind": body.kind.value,
+            "outline": _plain(body.outline),
+            "colour": carrying.get(body.kind) or next(paints),
+        }
+        for body in chain.bodies
+    ]
+
+
+def _contacts(chain: Chain) -> list[dict[str, Any]]:
+    """Segments, and friction cones with their apex at the origin, in the chain frame."""
+    heights, paints = cone_heights(chain), colours.contact_colours(len(chain.contacts))
+    return [
+        {
+            "name": chain.contact_name(k),
+            "colour": paint,
+            "segment": _plain(np.stack([contact.right, contact.left])),
+            "cone": _plain(friction_cone(contact, np.zeros(2), tall)),
+        }
+        for k, (contact, tall, paint) in enumerate(zip(chain.contacts, heights, paints, strict=True))
+    ]
+
+
+def _why(run: Run | RecordedRun) -> list[str]:
+    """Return why there is nothing to play, in sentences."""
+    if run.plan is None:
+        return ["The log ends before a plan."]
+    if run.plan.path is not None and run.execution is None:
+        return ["A path was planned, but not executed."]
+    return no_plan_sentences(run.plan)
 
 
 def _plan(plan: PlanResult | None) -> dict[str, Any]:
     if plan is None:
-        return {"facts": ["the log ends before a plan"], "path": [], "tree": []}
+        return {"facts": [], "path": [], "tree": [], "nearest": None}
     facts = [f"{plan.planner}, set {plan.stable_set}, seed {plan.seed}"]
     tree = _plain(plan.tree[:, :, :2].reshape(-1, 4))
+    shown = {"path": _plain(path_points(plan)), "tree": tree}
     if plan.path is None:
-        return {"facts": [*facts, plan.reason], "path": [], "tree": tree}
+        end = None if plan.approximate_path is None else _plain(plan.approximate_path.end)
+        return {"facts": [*facts, "no plan"], "nearest": end, **shown}
     facts.append(f"{len(plan.path.lengths)} arcs, cost {plan.path.cost:.3f} m")
-    return {"facts": facts, "path": _plain(path_points(plan)), "tree": tree}
+    return {"facts": facts, "nearest": None, **shown}
 
 
 def _execution(chain: Chain, execution: Execution | None) -> dict[str, Any]:
     """Samples by column; margins, lambdas and forces by contact."""
     if execution is None or len(execution.t) == 0:
         nothing: dict[str, Any] = {"t": [], "margins": [[] for _ in chain.contacts], "forces": None}
-        return {"samples": nothing, "margin_range": [-0.05, 1.0], "largest_force": 1.0}
+        return {"samples": nothing, "margin_range": [-0.05, 1.0], "largest_force": 1.0, "named": []}
     kept = _kept(execution)
     poses, margins = execution.poses[kept], execution.margins[kept]
     samples = {
@@ -95,13 +137,11 @@ def _execution(chain: Chain, execution: Execution | None) -> dict[str, Any]:
         "lambdas": None if execution.lambdas is None else _plain(execution.lambdas[kept].T),
         "forces": None if execution.forces is None else _plain(np.moveaxis(execution.forces[kept], 0, -1)),
     }
-    forces = np.zeros((1, 2)) if execution.forces is None else execution.forces
-    largest = float(
-        np.hypot(forces[..., 0], forces[..., 1]).max(initial=0.0, where=np.isfinite(forces).all(-1))
-    )
+    largest = 1.0 if execution.forces is None else largest_force(execution.forces)
     low, high = min(0.0, float(margins.min())), float(margins.max())
     room = 0.05 * max(high - low, 0.1)
-    return {"samples": samples, "margin_range": [low - room, high + room], "largest_force": largest or 1.0}
+    shown = {"margin_range": [low - room, high + room], "largest_force": largest}
+    return {"samples": samples, **shown, "named": worst_contacts(execution)}
 
 
 def _kept(execution: Execution) -> IntArray:

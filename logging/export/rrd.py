@@ -6,28 +6,32 @@ Rerun draws the transforms, poses and texts of a run log, but not its scene; thi
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.basics.colours import PATH, contact_colours, red_green_blue
 from pushplan.basics.extras import optional
 from pushplan.basics.names import PUSHER
 from pushplan.execution import Execution
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.view.scene import CHAIN, WORLD, scene, tree
+from pushplan.logging.messages.sentences import no_plan_sentences
+from pushplan.logging.view.contacts import ContactShapes, PushedContacts, resting
+from pushplan.logging.view.scene import CHAIN, WORLD, nearest, scene, tree
 from pushplan.logging.view.shapes import corners
 from pushplan.logging.view.window import path_points, window
 from pushplan.mechanics.chain import Chain
 from pushplan.outputs.write import write_whole
+from pushplan.result import ProgressPoint
 
 TIMELINE = "time"
 """Name of the timeline: simulated seconds."""
 
-LONGEST_ARROW = 0.15
-"""Length of the arrow of the largest contact force, m."""
+_COSTS = "costs"
+"""Entity of the best path's cost: no series, as it falls with iterations, and the time of the others is simulated."""
 
 _MOVING = f"{WORLD}/{CHAIN}"
 
@@ -62,12 +66,30 @@ def _record(rerun: Any, recording: Any, run: RecordedRun) -> None:
             recording.send_columns(entity, indexes=[index], columns=columns)
     else:
         recording.log(_MOVING, _place(rerun, run.scenario.start), static=True)
+    if run.plan is not None and run.plan.progress:
+        iterations, costs = _costs(run.plan.progress)
+        recording.log(_COSTS, rerun.BarChart(costs, abscissa=iterations), static=True)
+    if run.plan is not None and run.plan.path is None:
+        recording.log(_WHY, rerun.TextDocument("\n\n".join(no_plan_sentences(run.plan))), static=True)
+    for entity, colour, name in _curves(run.scenario.chain):
+        recording.log(entity, rerun.SeriesLines(colors=[red_green_blue(colour)], names=[name]), static=True)
     for line in run.lines:
         recording.set_time(TIMELINE, duration=line.time)
         recording.log("log", rerun.TextLog(line.text, level=_LEVELS[line.level]))
 
 
+_BARS = 100
+"""Bars of the chart of costs: as wide as their distance, so that they are seen."""
+
 _LEVELS = {"debug": "DEBUG", "info": "INFO", "warning": "WARN", "error": "ERROR", "fatal": "CRITICAL"}
+
+
+def _costs(progress: Sequence[ProgressPoint]) -> tuple[FloatArray, FloatArray]:
+    """Return iterations (k,) at even distances and the cost (k,) of the path that was best at each."""
+    found = np.array([point.iterations for point in progress], dtype=np.float64)
+    iterations = np.linspace(found[0], found[-1], _BARS)
+    last = np.searchsorted(found, iterations, side="right") - 1
+    return iterations, np.array([point.cost for point in progress])[last]
 
 
 def _frame(rerun: Any, name: str) -> str:
@@ -79,24 +101,40 @@ def _frame(rerun: Any, name: str) -> str:
 def _shapes(rerun: Any, run: RecordedRun) -> Iterator[tuple[str, list[Any]]]:
     """Yield what does not change over time: every body in its frame, the search tree, the path."""
     entities = list(scene(run.scenario).entities)
-    entities += [] if run.plan is None else tree(run.plan.tree).entities
+    if run.plan is not None:
+        entities += [*tree(run.plan.tree).entities, *nearest(run.scenario.chain, run.plan).entities]
     for entity in entities:
         frame = _frame(rerun, entity.frame_id)
         parts = "/".join(rerun.escape_entity_path_part(part) for part in entity.id.split("/"))
         for kind, shapes in (("inside", entity.triangles), ("outline", entity.lines)):
             if shapes:
-                yield f"{frame}/{parts}/{kind}", [_shape(rerun, kind, shapes)]
+                yield f"{frame}/{parts}/{kind}", [_shape(rerun, kind, shapes, entity.id == "tree")]
+    colours = contact_colours(len(run.scenario.chain.contacts))
+    for k, (contact, colour) in enumerate(zip(resting(run.scenario.chain), colours, strict=True)):
+        strip = np.column_stack([contact.segment, np.full(2, _SEGMENT_HEIGHT)])
+        segment = rerun.LineStrips3D([strip], colors=[red_green_blue(colour)], radii=_pixels(rerun, 2.0))
+        yield f"{_contact(rerun, run.scenario.chain, k)}/segment", [segment]
     points = path_points(run.plan)
-    if len(points):
+    if len(points) and run.plan is not None and run.plan.path is not None:
         strip = np.column_stack([points, np.full(len(points), _PATH_HEIGHT)])
-        yield f"{WORLD}/path", [rerun.LineStrips3D([strip], colors=[(31, 111, 178)])]
+        yield f"{WORLD}/path", [rerun.LineStrips3D([strip], colors=[red_green_blue(PATH)])]
 
 
-_PATH_HEIGHT = 0.0005
-"""Between the floor and the bodies, m."""
+def _contact(rerun: Any, chain: Chain, k: int) -> str:
+    """Return the entity of contact `k`."""
+    return f"{_MOVING}/contacts/{rerun.escape_entity_path_part(chain.contact_name(k))}"
 
 
-def _shape(rerun: Any, kind: str, shapes: Any) -> Any:
+def _pixels(rerun: Any, width: float) -> Any:
+    """Return half the width of a line that is as wide at every zoom."""
+    return [rerun.Radius.ui_points(width)]
+
+
+_PATH_HEIGHT, _SEGMENT_HEIGHT = 0.0005, 0.004
+"""Between the floor and the bodies, and above these, m."""
+
+
+def _shape(rerun: Any, kind: str, shapes: Any, thin: bool) -> Any:
     colors = [
         tuple(round(255 * part) for part in (s.color.r, s.color.g, s.color.b, s.color.a)) for s in shapes
     ]
@@ -105,9 +143,10 @@ def _shape(rerun: Any, kind: str, shapes: Any) -> Any:
         paints = np.repeat(colors, [len(shape.points) for shape in shapes], axis=0)
         return rerun.Mesh3D(vertex_positions=vertices, vertex_colors=paints)
     strips = [strip for shape in shapes for strip in _strips(shape)]
-    return rerun.LineStrips3D(
-        strips, colors=[c for c, s in zip(colors, shapes, strict=True) for _ in _strips(s)]
-    )
+    lines = [
+        _PALE if thin else color for color, shape in zip(colors, shapes, strict=True) for _ in _strips(shape)
+    ]
+    return rerun.LineStrips3D(strips, colors=lines, radii=_pixels(rerun, 0.4 if thin else 1.0))
 
 
 def _strips(shape: Any) -> list[FloatArray]:
@@ -134,21 +173,42 @@ def _columns(rerun: Any, chain: Chain, execution: Execution) -> Iterator[tuple[s
     yield _MOVING, rerun.Transform3D.columns(translation=moves, quaternion=turns)
     for name, values in _numbers(chain, execution).items():
         yield name, rerun.Scalars.columns(scalars=values)
-    if execution.forces is None or execution.lambdas is None:
+    marks = contact_colours(len(chain.contacts))
+    shown = PushedContacts(chain, execution).at(np.arange(count))
+    for k, (shapes, mark) in enumerate(zip(shown, marks, strict=True)):
+        yield from _pushed(rerun, _contact(rerun, chain, k), shapes, mark)
+
+
+def _pushed(rerun: Any, entity: str, shapes: ContactShapes, mark: str) -> Iterator[tuple[str, Any]]:
+    """Yield the friction cones of a contact and, where it is known, its force over time."""
+    n, c = shapes.cones.shape[:2]
+    corners = np.concatenate([shapes.cones.reshape(-1, 2), np.full((3 * n * c, 1), _CONE_HEIGHT)], axis=-1)
+    paint = [(*red_green_blue(mark), _CONE_OPACITY)] * (3 * n * c)
+    cones = rerun.Mesh3D.columns(vertex_positions=corners, vertex_colors=paint)
+    yield f"{entity}/cone", cones.partition(np.full(n, 3 * c))
+    if shapes.shafts is None or shapes.heads is None:
         return
-    largest = float(np.hypot(execution.forces[..., 0], execution.forces[..., 1]).max()) or 1.0
-    for k, contact in enumerate(chain.contacts):
-        share = execution.lambdas[:, k, None]
-        origins = np.column_stack(
-            [contact.right + share * (contact.left - contact.right), still + _FORCE_HEIGHT]
-        )
-        vectors = np.column_stack([LONGEST_ARROW / largest * execution.forces[:, k], still])
-        part = rerun.escape_entity_path_part(chain.contact_name(k))
-        yield f"{_MOVING}/forces/{part}", rerun.Arrows3D.columns(vectors=vectors, origins=origins)
+    origins = np.column_stack([shapes.shafts[:, 0], np.full(n, _FORCE_HEIGHT)])
+    vectors = np.column_stack([shapes.heads[:, 0] - shapes.shafts[:, 0], np.zeros(n)])
+    yield (
+        f"{entity}/force",
+        rerun.Arrows3D.columns(vectors=vectors, origins=origins, colors=[red_green_blue(mark)] * n),
+    )
 
 
-_FORCE_HEIGHT = 0.01
-"""Above the bodies, m."""
+_PALE = (185, 201, 230)
+"""Of the search tree: Rerun draws no line that shines through."""
+
+_FORCE_HEIGHT, _CONE_HEIGHT, _CONE_OPACITY = 0.01, 0.003, 90
+"""Above the floor, m; of 255."""
+
+
+def _curves(chain: Chain) -> Iterator[tuple[str, str, str]]:
+    """Yield entity, colour and name of every line of a plot that belongs to a contact."""
+    for k, colour in enumerate(contact_colours(len(chain.contacts))):
+        name = chain.contact_name(k)
+        for kind in ("margins", "friction_margins", "lambdas"):
+            yield f"{kind}/{name}", colour, name
 
 
 def _numbers(chain: Chain, execution: Execution) -> Mapping[str, FloatArray]:
@@ -170,17 +230,25 @@ def _numbers(chain: Chain, execution: Execution) -> Mapping[str, FloatArray]:
 def _blueprint(rerun: Any, run: RecordedRun) -> Any:
     """The viewer's panels: the scene from above, the margins, the log."""
     views = optional("rerun.blueprint", "a Rerun recording", "rerun-sdk", "rerun")
-    view = window(run.scenario, run.plan)
+    view, solved = window(run.scenario, run.plan), run.plan is not None and run.plan.path is not None
     x, y = 0.5 * (view.xmin + view.xmax), 0.5 * (view.ymin + view.ymax)
     height = 1.2 * max(view.xmax - view.xmin, view.ymax - view.ymin)
     eye = views.EyeControls3D(position=(x, y, height), look_target=(x, y, 0.0), eye_up=(0.0, 1.0, 0.0))
-    return views.Blueprint(
-        views.Horizontal(
-            views.Spatial3DView(origin=WORLD, name=run.scenario.name, eye_controls=eye, line_grid=False),
-            views.Vertical(
-                views.TimeSeriesView(origin="margins", name="Margins"),
-                views.TimeSeriesView(origin="lambdas", name="Point of application"),
-                views.TextLogView(origin="log", name="Log"),
-            ),
-        )
+    hidden = {f"{WORLD}/tree": views.EntityBehavior(visible=False)} if solved else {}
+    scene_view = views.Spatial3DView(
+        origin=WORLD, name=run.scenario.name, eye_controls=eye, line_grid=False, overrides=hidden
     )
+    log = views.TextLogView(origin="log", name="Log")
+    if not solved:
+        why = views.TextDocumentView(origin=_WHY, name="Why there is no plan")
+        return views.Blueprint(views.Horizontal(scene_view, views.Vertical(why, log)))
+    plots = (
+        views.TimeSeriesView(origin="margins", name="Margin of each contact"),
+        views.TimeSeriesView(origin="lambdas", name="Where the force acts"),
+        views.BarChartView(origin=_COSTS, name="Cost of the best path over iterations"),
+    )
+    return views.Blueprint(views.Horizontal(scene_view, views.Vertical(*plots, log)))
+
+
+_WHY = "why"
+"""Entity of the reason why there is no plan."""

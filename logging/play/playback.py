@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from pushplan.errors import PushplanError
@@ -81,33 +81,3 @@ class Pace:
     def now(self) -> float:
         """The simulated time, s."""
         return self._begin + self.rate * (self._clock() - self._started)
-
-
-def ticks(
-    play: Playback,
-    end: float,
-    period: float,
-    clock: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
-) -> Iterator[float]:
-    """Yield the simulated time about every `period` wall-clock seconds, the last time of each round exactly.
-
-    Args:
-        play: How to play.
-        end: Where the run ends, s.
-        period: Between two ticks, s.
-        clock: Tells the wall clock's time.
-        sleep: Lets it pass.
-
-    Raises:
-        PushplanError: When the run ends before it would begin.
-    """
-    begin, stop = play.span(end)
-    while True:
-        pace = Pace(begin, play.rate, clock, sleep)
-        while (now := pace.now) < stop - 1e-9:
-            yield now
-            pace.wait_for(min(stop, now + period * play.rate))
-        yield stop
-        if not play.loop:
-            return

@@ -1,34 +1,50 @@
-"""A run played in a terminal: the chain from above in braille dots, and every contact's margin as a bar."""
+"""A run played in a terminal: the chain from above in braille dots, and every contact's margin as a bar beside it."""
 
 from __future__ import annotations
 
 import math
 import shutil
+from collections.abc import Callable
 from typing import TextIO
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
-from pushplan.basics.printable import printable
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.printable import cut, printable
 from pushplan.errors import PushplanError
 from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.play.playback import Playback, ticks
+from pushplan.logging.play.canvas import Canvas
+from pushplan.logging.play.keyboard import keyboard
+from pushplan.logging.play.playback import Playback
+from pushplan.logging.play.transport import Transport
+from pushplan.logging.view.contacts import MOST_NAMED, worst_contacts
 from pushplan.logging.view.scene import obstacle_outline
-from pushplan.logging.view.window import Window, window
+from pushplan.logging.view.window import Window, path_points, window
 
 PERIOD = 0.1
 """Between two pictures, s."""
 
-_DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
-"""Bit of each of the 4 x 2 dots of a braille character."""
+_BESIDE, _GAP = 30, 2
+"""Least room for bars beside the picture, and what is free between, characters."""
 
-_BAR = 24
+_NAME, _NUMBER = 0.5, 8
+"""Share of a bar's line that its name takes at most; characters of the number behind it and the blanks."""
+
+_HELP = "space: pause   ←→: step   ↑↓: speed   q: quit"
 
 
-def play_in_terminal(run: RecordedRun, stream: TextIO, play: Playback) -> None:
-    """Play the execution of `run` on a terminal until it ends or the user interrupts.
+def play_in_terminal(
+    run: RecordedRun, stream: TextIO, play: Playback, wait: Callable[[float], str] | None = None
+) -> None:
+    """Play the execution of `run` on a terminal until it ends, `q` is pressed, or the user interrupts.
+
+    Args:
+        run: What to play.
+        stream: The terminal.
+        play: How.
+        wait: Waits so many seconds for a key and returns it, or nothing; by default the terminal's keyboard.
 
     Raises:
         PushplanError: When nothing was executed.
@@ -36,84 +52,111 @@ def play_in_terminal(run: RecordedRun, stream: TextIO, play: Playback) -> None:
     execution = run.execution
     if execution is None or len(execution.t) == 0:
         raise PushplanError(f"{run.path}: nothing was executed, so there is nothing to play")
-    size = shutil.get_terminal_size()
-    view = TerminalView(run, execution, size.columns - 1, size.lines - 1)
-    stream.write("\x1b[?25l\x1b[2J")  # hide the cursor, wipe the screen
+    transport = Transport(play, float(execution.t[-1]))
+    stream.write("\x1b[?25l")  # hide the cursor
     try:
-        for time in ticks(play, float(execution.t[-1]), PERIOD):
-            stream.write("\x1b[H" + view.picture(time).replace("\n", "\x1b[K\n") + "\x1b[J")
-            stream.flush()
+        if wait is None:
+            with keyboard() as wait:
+                _play(run, execution, stream, transport, wait)
+        else:
+            _play(run, execution, stream, transport, wait)
     finally:
         stream.write("\x1b[?25h\n")
 
 
-class TerminalView:
-    """Draws a run in characters.
+def _play(
+    run: RecordedRun, execution: Execution, stream: TextIO, transport: Transport, wait: Callable[[float], str]
+) -> None:
+    size, view = None, None
+    while True:
+        now = shutil.get_terminal_size()
+        if view is None or now != size:  # the first time, and whenever the window has another size
+            size, view = now, TerminalView(run, execution, now.columns - 1, now.lines - 1)
+            stream.write("\x1b[2J")
+        picture = view.picture(transport.now(), transport.paused)
+        stream.write("\x1b[H" + picture.replace("\n", "\x1b[K\n") + "\x1b[J")
+        stream.flush()
+        if transport.finished:
+            return
+        transport.press(wait(PERIOD))
 
-    Attributes:
+
+class TerminalView:
+    """Draws a run in characters: bars beside the picture where there is room, else below.
+
+    Args:
+        run: What to draw.
+        execution: Its execution.
         columns: Characters in a line.
         lines: Lines of a picture.
     """
 
     def __init__(self, run: RecordedRun, execution: Execution, columns: int, lines: int) -> None:
         self._chain, self._execution = run.scenario.chain, execution
-        self._names = [printable(self._chain.contact_name(k)) for k in range(len(self._chain.contacts))]
-        shown = min(len(self._names), max(1, lines - 8))
-        self._names = self._names[:shown]
-        self._canvas = _Canvas(window(run.scenario, run.plan), max(20, columns), max(6, lines - 1 - shown))
+        view = window(run.scenario, run.plan)
+        columns, lines = max(20, columns), max(8, lines)
+        wide = _columns_for(view, lines - 1)
+        self._beside = columns - wide - _GAP >= _BESIDE
+        self._bar_width = columns - wide - _GAP if self._beside else columns
+        room = lines - 3 if self._beside else max(1, min(MOST_NAMED, lines - 9))
+        self._shown = worst_contacts(execution, room)
+        rows = lines - 1 if self._beside else lines - 1 - len(self._shown) - self._unnamed
+        self._canvas = Canvas(view, wide if self._beside else columns, rows)
+        self._columns = columns
+        self._draw_room(run)
+
+    def _draw_room(self, run: RecordedRun) -> None:
         for obstacle in run.scenario.obstacles:
             self._canvas.trace(obstacle_outline(obstacle))
         self._trace_chain(run.scenario.goal.pose_chain)
+        way = path_points(run.plan)
+        if len(way) > 1:
+            self._canvas.draw(way, every=3)
         self._canvas.keep()
 
-    def picture(self, time: float) -> str:
+    def picture(self, time: float, paused: bool = False) -> str:
         """Return the picture at a simulated time, s."""
         execution = self._execution
         pose = np.array([np.interp(time, execution.t, column) for column in execution.poses.T])
         self._trace_chain(pose)
         i = max(0, int(np.searchsorted(execution.t, time, side="right")) - 1)
-        width = max(map(len, self._names))
-        bars = [_bar(name.rjust(width), execution.margins[i, k]) for k, name in enumerate(self._names)]
-        clock = f"{time:8.2f} / {execution.t[-1]:.2f} s"
-        return "\n".join([self._canvas.text(), clock, *bars])
+        drawn, bars = self._canvas.text(), self._bars(i)
+        state = "  paused" if paused else ""
+        clock = f"{time:8.2f} / {execution.t[-1]:.2f} s{state}"
+        last = f"{clock}   {_HELP}" if len(clock) + len(_HELP) + 3 <= self._columns else clock
+        if not self._beside:
+            return "\n".join([*drawn, last[: self._columns], *bars])
+        bars += [""] * (len(drawn) - len(bars))
+        beside = (f"{left}{' ' * _GAP}{bar}".rstrip() for left, bar in zip(drawn, bars, strict=True))
+        return "\n".join([*beside, last])
+
+    def _bars(self, i: int) -> list[str]:
+        """Return the margin of each contact shown at a sample as a line."""
+        names = [printable(self._chain.contact_name(k)) for k in self._shown]
+        wide = min(max(map(len, names)), int(_NAME * self._bar_width))
+        margins = self._execution.margins[i, self._shown]
+        room = self._bar_width - wide - _NUMBER
+        bars = [_bar(cut(name, wide).rjust(wide), m, room) for name, m in zip(names, margins, strict=True)]
+        above = ["margin of each contact"] if self._beside else []
+        more = f"and {len(self._chain.contacts) - len(names)} with larger margins"
+        return [*above, *bars, *([more.rjust(self._bar_width)] if self._unnamed else [])]
+
+    @property
+    def _unnamed(self) -> bool:
+        """Whether there are contacts for which there is no room."""
+        return len(self._shown) < len(self._chain.contacts)
 
     def _trace_chain(self, pose: FloatArray) -> None:
         for body in self._chain.bodies:
             self._canvas.trace(se2.transform_points(pose, body.outline))
 
 
-def _bar(name: str, margin: float) -> str:
+def _columns_for(view: Window, lines: int) -> int:
+    """Return how many characters wide a picture of `lines` lines is that shows all of `view`."""
+    return math.ceil(2.0 * lines * (view.xmax - view.xmin) / (view.ymax - view.ymin))
+
+
+def _bar(name: str, margin: float, room: int) -> str:
     """Return a contact's margin as a bar; its length grows with the square root, so that small ones show."""
-    full = round(_BAR * math.sqrt(min(1.0, max(0.0, margin))))
-    return f"{name} {'█' * full}{'·' * (_BAR - full)} {margin:.4f}"
-
-
-class _Canvas:
-    """Dots, 2 x 4 to a character, that stand for a window of the floor."""
-
-    def __init__(self, view: Window, columns: int, lines: int) -> None:
-        self._dots = np.zeros((4 * lines, 2 * columns), dtype=np.bool_)
-        self._kept: BoolArray = self._dots.copy()
-        self._corner = np.array([view.xmin, view.ymax])
-        self._scale = min(2 * columns / (view.xmax - view.xmin), 4 * lines / (view.ymax - view.ymin))
-
-    def keep(self) -> None:
-        """Let what is drawn now be part of every picture."""
-        self._kept = self._dots.copy()
-
-    def trace(self, outline: FloatArray) -> None:
-        """Draw the closed line around a polygon (v, 2), world frame."""
-        corners = self._scale * (outline - self._corner) * [1.0, -1.0]
-        for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            steps = np.linspace(0.0, 1.0, int(np.abs(b - a).max()) + 2)
-            dots = np.floor(a + steps[:, None] * (b - a)).astype(int)
-            inside = ((dots >= 0) & (dots < self._dots.shape[::-1])).all(axis=1)
-            self._dots[dots[inside, 1], dots[inside, 0]] = True
-
-    def text(self) -> str:
-        """Return the characters and wipe what is not to be kept."""
-        rows, columns = self._dots.shape
-        cells = self._dots.reshape(rows // 4, 4, columns // 2, 2)
-        codes = 0x2800 + np.einsum("ijkl,jl->ik", cells, _DOTS)
-        self._dots = self._kept.copy()
-        return "\n".join("".join(map(chr, line)) for line in codes)
+    full = round(room * math.sqrt(min(1.0, max(0.0, margin))))
+    return f"{name} {'█' * full}{'·' * (room - full)} {margin:.4f}"

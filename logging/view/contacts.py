@@ -46,11 +46,27 @@ def object_size(chain: Chain) -> float:
     return float(np.sqrt(np.median(areas)))
 
 
+def longest_arrow(chain: Chain) -> float:
+    """Return the length of the arrow of the largest force, m."""
+    return _ARROW * object_size(chain)
+
+
+def cone_heights(chain: Chain) -> list[float]:
+    """Return how tall the friction cone of each contact is drawn, m."""
+    size = object_size(chain)
+    return [min(_CONE * size, 0.5 * contact.length) for contact in chain.contacts]
+
+
+def largest_force(forces: FloatArray) -> float:
+    """Return the size of the largest of some finite forces (..., 2), 1 where all are zero."""
+    sizes = np.hypot(forces[..., 0], forces[..., 1])
+    return float(sizes.max(initial=0.0, where=np.isfinite(sizes))) or 1.0
+
+
 def resting(chain: Chain) -> list[ContactShapes]:
     """Return the contacts of a chain of whose forces nothing is known, at one instant."""
-    return [
-        _without_force(contact, _cone_height(contact, object_size(chain)), 1) for contact in chain.contacts
-    ]
+    heights = zip(chain.contacts, cone_heights(chain), strict=True)
+    return [_without_force(contact, tall, 1) for contact, tall in heights]
 
 
 class PushedContacts:
@@ -58,10 +74,8 @@ class PushedContacts:
 
     def __init__(self, chain: Chain, execution: Execution) -> None:
         self._contacts, self._execution = chain.contacts, execution
-        size = object_size(chain)
-        self._heights = [_cone_height(contact, size) for contact in chain.contacts]
-        self._longest = _ARROW * size
-        self._largest = 1.0 if execution.forces is None else _largest(execution.forces)
+        self._heights, self._longest = cone_heights(chain), longest_arrow(chain)
+        self._largest = 1.0 if execution.forces is None else largest_force(execution.forces)
 
     def at(self, samples: IntArray) -> list[ContactShapes]:
         """Return the contacts at some `samples` (n,) of the execution."""
@@ -80,15 +94,6 @@ class PushedContacts:
 def worst_contacts(execution: Execution, most: int = MOST_NAMED) -> list[int]:
     """Return the contacts with the smallest margins, at most so many, in the order of the chain."""
     return sorted(np.argsort(execution.margins.min(axis=0), kind="stable")[:most].tolist())
-
-
-def _largest(forces: FloatArray) -> float:
-    sizes = np.hypot(forces[..., 0], forces[..., 1])
-    return float(sizes.max(initial=0.0, where=np.isfinite(sizes))) or 1.0
-
-
-def _cone_height(contact: Contact, size: float) -> float:
-    return min(_CONE * size, 0.5 * contact.length)
 
 
 def _without_force(contact: Contact, tall: float, count: int) -> ContactShapes:

@@ -12,11 +12,11 @@ from pushplan.bench.reports.statistics import (
     holm,
     interval,
     log_ratios,
-    mean,
     median,
     percentiles,
     rank_test,
     success_test,
+    wilson,
 )
 
 INF = np.inf
@@ -33,20 +33,32 @@ def test_the_median_of_rows_with_unsolved_runs_is_infinite_when_half_are_unsolve
 
 
 def test_bootstrap_intervals_cover_the_truth_as_often_as_they_say() -> None:
-    """Shares of successes of 40 runs: the binomial law says how often; the seed is fixed."""
+    """Medians of 60 times: those of an exponential law are known; the seed is fixed."""
     rng = np.random.default_rng(1)
     hits = 0
     for _ in range(200):
-        runs = [(rng.random(20) < p).astype(float) for p in (0.9, 0.5)]
-        low, high = interval(runs, mean)
-        hits += low <= 0.7 <= high
+        low, high = interval([rng.exponential(size=30), rng.exponential(size=30)], median)
+        hits += low <= np.log(2.0) <= high
     assert 0.90 <= hits / 200 <= 0.99
 
 
-def test_chance_is_within_problems_not_between_them() -> None:
-    certain = [np.ones(10), np.zeros(10)]
-    assert interval(certain, mean) == (0.5, 0.5)
-    assert np.isnan(interval([], mean)).all()
+@pytest.mark.parametrize(("successes", "count"), [(16, 16), (0, 16), (12, 16), (90, 240)])
+def test_intervals_of_shares_are_where_the_score_test_does_not_refuse(successes: int, count: int) -> None:
+    """At its ends p, and nowhere else, the share is 1.96 standard deviations of p away: Wilson's definition."""
+    low, high = wilson(successes, count)
+    assert 0.0 <= low < high <= 1.0
+    share = successes / count
+    for p in (low, high):
+        if 0.0 < p < 1.0:
+            assert abs(share - p) / np.sqrt(p * (1.0 - p) / count) == pytest.approx(1.959964, rel=1e-6)
+    if successes == count:
+        assert low == pytest.approx(1.0 / (1.0 + 1.959964**2 / count), rel=1e-6)
+        assert high == 1.0
+
+
+def test_nothing_is_said_of_no_runs() -> None:
+    assert np.isnan(wilson(0, 0)).all()
+    assert np.isnan(interval([], median)).all()
     assert interval([np.array([1.0, INF])], median)[1] == INF
     assert RESAMPLES >= 1000
 

@@ -115,12 +115,42 @@ def test_rerun_reads_the_recording(recorded: RecordedRun, tmp_path: Path) -> Non
     )
 
 
+def test_rerun_draws_contacts_and_costs(recorded: RecordedRun, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    from pushplan.logging.export.rrd import write_rrd
+
+    write_rrd(recorded, tmp_path / "run.rrd")
+    found = columns_of(tmp_path / "run.rrd")
+    assert recorded.execution is not None
+    assert recorded.execution.forces is not None
+    for kind in ("segment", "cone", "force"):
+        assert f"/world/chain/contacts/near-far/{kind}" in found
+    arrows = next(v for n, v in found["/world/chain/contacts/near-far/force"].items() if "vectors" in n)
+    longest = np.linalg.norm(arrows.reshape(-1, 3), axis=1).max()
+    assert longest <= 0.9 * np.sqrt(0.1 * 0.08) + 1e-6
+    assert recorded.plan is not None
+    chunks = pytest.importorskip("rerun.chunk")
+    (batch,) = (
+        chunk.to_record_batch()
+        for chunk in chunks.RrdReader(tmp_path / "run.rrd").stream()
+        if chunk.entity_path == "/costs"
+    )
+    told = repr([column.to_pylist() for column in batch.columns])
+    for number in (recorded.plan.progress[0].cost, recorded.plan.progress[-1].cost):
+        assert repr(number) in told
+    assert repr(float(recorded.plan.progress[-1].iterations)) in told
+
+
 def test_an_unsolved_run_becomes_a_recording(unsolved: RecordedRun, tmp_path: Path) -> None:
     pytest.importorskip("rerun")
     from pushplan.logging.export.rrd import write_rrd
 
     write_rrd(unsolved, tmp_path / "run.rrd")
-    assert "/world/chain" in columns_of(tmp_path / "run.rrd")
+    found = columns_of(tmp_path / "run.rrd")
+    assert {"/world/chain", "/world/nearest/outline", "/world/tree/outline"} <= set(found)
+    (why,) = next(v for name, v in found["/why"].items() if name.endswith("text"))
+    assert "no path" in why
+    assert "the nearest path ends 0.250 m and 8.2 deg from the goal" in why
 
 
 # --- film --------------------------------------------------------------------------------------------------------

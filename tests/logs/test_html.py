@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import json
 import re
-import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
 from html.parser import HTMLParser
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from boxes import chromium, show
 
 from pushplan.errors import OutputError
 from pushplan.logging.export.html import MOST_SAMPLES, render, write_html
 from pushplan.logging.reader import read_run
 from pushplan.result import Run
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
 def data_of(page: str) -> dict[str, Any]:
@@ -63,8 +58,11 @@ def test_the_page_holds_the_run(run: Run) -> None:
 
 
 def test_an_unsolved_run_has_a_page_too(run: Run, case: Any) -> None:
-    data = data_of(render(Run(run.scenario, case.unsolved().plan, None, None)))
-    assert "no path" in data["facts"]
+    unsolved = case.unsolved().plan
+    data = data_of(render(Run(run.scenario, unsolved, None, None)))
+    nearest = "the nearest path ends 0.250 m and 8.2 deg from the goal"
+    assert data["why"] == ["no path", "too narrow", "not over", nearest]
+    np.testing.assert_allclose(data["nearest"], unsolved.approximate_path.end, atol=1e-5)
     assert data["samples"]["t"] == []
 
 
@@ -110,28 +108,13 @@ def test_a_page_that_cannot_be_written_is_an_error_with_its_path(run: Run, tmp_p
 # --- in a browser -----------------------------------------------------------------------------------------------
 
 
-@contextmanager
-def shown(run: Run, folder: Path, width: int = 1200) -> Iterator[Any]:
-    """Give a browser that shows the page of a run."""
-    if CHROMIUM is None:
-        pytest.skip("needs chromium")
-    spec = importlib.util.spec_from_file_location("browser", Path(__file__).with_name("browser.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    driver = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(driver)
-    write_html(run, folder / "run.html")
-    with driver.chromium(CHROMIUM, folder / "profile") as browser:
-        size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 500}
-        browser.call("Emulation.setDeviceMetricsOverride", **size)
-        browser.open(folder / "run.html")
-        yield browser
-
-
 @pytest.fixture(scope="module")
 def page(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """Return a browser that shows the page."""
-    with shown(run, tmp_path_factory.mktemp("page")) as browser:
+    folder = tmp_path_factory.mktemp("page")
+    write_html(run, folder / "run.html")
+    with chromium(folder) as browser:
+        show(browser, folder / "run.html", 1200)
         yield browser
 
 
@@ -223,47 +206,6 @@ def labels(page: Any) -> list[dict[str, Any]]:
     """Return what is written in the drawings, with its place."""
     found: list[dict[str, Any]] = page.evaluate("window.pushplan.labels()")
     return found
-
-
-def overlapping(boxes: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Return the pairs of boxes that have a point in common."""
-    return [
-        (a, b)
-        for a, b in combinations(boxes, 2)
-        if a["left"] < b["right"]
-        and b["left"] < a["right"]
-        and a["top"] < b["bottom"]
-        and b["top"] < a["bottom"]
-    ]
-
-
-@pytest.mark.parametrize("width", [390, 1200])
-@pytest.mark.parametrize("executed", [True, False])
-def test_nothing_overlaps_on_phones_or_without_an_execution(
-    width: int, executed: bool, run: Run, case: Any, tmp_path: Path
-) -> None:
-    """The names are made long, so that they need several lines on a phone."""
-    chain = run.scenario.chain
-    long = tuple(dataclasses.replace(one, name=f"{one.name}-of-a-long-name") for one in chain.objects)
-    scenario = dataclasses.replace(run.scenario, chain=dataclasses.replace(chain, objects=long))
-    which = Run(scenario, run.plan, run.execution, None)
-    if not executed:
-        which = Run(scenario, case.unsolved().plan, None, None)
-    with shown(which, tmp_path, width) as page:
-        page.evaluate(FRAMES)
-        for canvas in ("world", "plot"):
-            written, box = [label for label in labels(page) if label["canvas"] == canvas], place(page, canvas)
-            assert written
-            assert overlapping(written) == []
-            assert all(label["left"] >= 0.0 and label["right"] <= box["width"] for label in written)
-            assert all(label["top"] >= 0.0 and label["bottom"] <= box["height"] for label in written)
-        blocks = "[...document.querySelectorAll('h1, #facts, canvas, #legend > *, footer > *')]"
-        seen = f"{blocks}.filter((e) => e.offsetParent).map((e) => e.getBoundingClientRect().toJSON())"
-        assert overlapping(page.evaluate(seen)) == []
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        visible = page.evaluate("document.getElementById('forces').offsetParent !== null")
-        assert visible == executed
-        assert (place(page, "forces")["width"] > 0.0) == executed
 
 
 def test_keys_play_and_step(page: Any) -> None:

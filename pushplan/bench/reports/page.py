@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,15 +20,24 @@ MOST_FAILURES = 200
 """Failed runs that are listed, at most."""
 
 _STYLE = """\
-body{font:15px/1.5 system-ui,sans-serif;color:#2f3338;max-width:1180px;margin:2em auto;padding:0 1em}
-h1{font-size:1.6em;margin-bottom:0}h2{font-size:1.2em;margin:2em 0 .4em;border-bottom:1px solid #ccd1d6}
-table{border-collapse:collapse;font-size:.87em;font-variant-numeric:tabular-nums;margin:.5em 0}
-th,td{padding:.2em .7em;text-align:left;border-bottom:1px solid #e4e7ea;vertical-align:top}
-th{background:#f4f6f7;position:sticky;top:0}.wrong td,.wrong{color:#b3261e;font-weight:600}
-.note{font-size:.85em;color:#6a7178;max-width:75em}.plots{display:flex;flex-wrap:wrap;gap:1em}
-figure{margin:0 0 1em}figcaption{font-size:.85em}img{max-width:100%}pre{font-size:.8em;white-space:pre-wrap;margin:0}
-.scroll{overflow-x:auto}
+:root{--ground:#fff;--ink:#2f3338;--faint:#6a7178;--rule:#e4e7ea;--line:#ccd1d6;--head:#f4f6f7;--bad:#b3261e;
+--link:#1f5f9b;color-scheme:light}
+@media (prefers-color-scheme:dark){:root{--ground:#17191c;--ink:#e8e6e1;--faint:#9aa0a8;--rule:#2c3036;--line:#3c4148;
+--head:#22262b;--bad:#ff8a80;--link:#7fb8ee;color-scheme:dark}}
+body{font:15px/1.5 system-ui,sans-serif;background:var(--ground);color:var(--ink);max-width:1180px;margin:2em auto;
+padding:0 1em;overflow-wrap:anywhere}a{color:var(--link)}
+h1{font-size:1.6em;margin-bottom:0}h2{font-size:1.2em;margin:2em 0 .4em;border-bottom:1px solid var(--line)}
+table{border-collapse:collapse;font-size:.87em;font-variant-numeric:tabular-nums;margin:.5em 0;overflow-wrap:normal}
+th,td{padding:.2em .7em;text-align:left;border-bottom:1px solid var(--rule);vertical-align:top}
+th.number,td.number{text-align:right;white-space:nowrap}
+th{background:var(--head);position:sticky;top:0}.wrong td,.wrong{color:var(--bad);font-weight:600}
+.note{font-size:.85em;color:var(--faint);max-width:75em}.plots{display:flex;flex-wrap:wrap;gap:1em}
+figure{margin:0 0 1em}figcaption{font-size:.85em}img{max-width:100%;height:auto;background:#fff;border-radius:6px}
+pre{font-size:.8em;white-space:pre-wrap;margin:0}.scroll{overflow-x:auto}
 """
+
+_NUMBER = re.compile(rf"[+-]?\d|x \d|{tables.NOTHING}$")
+"""How the text of a number begins, whatever its unit."""
 
 
 def write_report(results: Results, path: Path, with_pictures: bool = True) -> None:
@@ -58,7 +68,8 @@ def render(results: Results, with_pictures: bool = True) -> str:
         _setup(results),
     ]
     body = f"<h1>{_text(title)}</h1>{''.join(sections)}"
-    head = f'<meta charset="utf-8"><title>{_text(title)}</title><style>{_STYLE}</style>'
+    view = '<meta name="viewport" content="width=device-width, initial-scale=1">'
+    head = f'<meta charset="utf-8">{view}<title>{_text(title)}</title><style>{_STYLE}</style>'
     return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>{body}</body></html>\n'
 
 
@@ -73,13 +84,22 @@ def _section(title: str, content: str) -> str:
 def _table(table: Table | None) -> str:
     if table is None or not table.rows:
         return ""
-    head = "".join(f"<th>{_text(word)}</th>" for word in table.head)
+    numbers = [all(_NUMBER.match(word) for word in column) for column in zip(*table.rows, strict=True)]
+    head = _cells("th", table.head, numbers)
     rows = "".join(
-        f"<tr{' class=wrong' if i in table.wrong else ''}>{''.join(f'<td>{_text(word)}</td>' for word in row)}</tr>"
+        f"<tr{' class=wrong' if i in table.wrong else ''}>{_cells('td', row, numbers)}</tr>"
         for i, row in enumerate(table.rows)
     )
     note = f'<p class="note">{_text(table.note)}</p>' if table.note else ""
     return f'<div class="scroll"><table><tr>{head}</tr>{rows}</table></div>{note}'
+
+
+def _cells(tag: str, words: Sequence[str], numbers: Sequence[bool]) -> str:
+    """Return the cells of a row; columns of numbers stand to the right."""
+    return "".join(
+        f"<{tag}{' class=number' if is_number else ''}>{_text(word)}</{tag}>"
+        for word, is_number in zip(words, numbers, strict=True)
+    )
 
 
 def _summary(results: Results) -> str:

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.basics.printable import cut
 from pushplan.bench.reports.statistics import percentiles
 from pushplan.bench.storage.results import Results, RunRow
 from pushplan.drawing.figure import FAINT, axes_at, figure_for
@@ -29,6 +30,9 @@ LEAST_SOLVED = 0.5
 
 _WIDTH, _HEIGHT = 5.2, 3.3
 _LEFT, _BOTTOM, _RIGHT, _TOP = 0.62, 0.5, 0.15, 0.3
+
+_NAME = 12
+"""Letters of a planner's name that fit beside a plot."""
 
 Draw = Callable[[Axes, Results], None]
 
@@ -132,14 +136,12 @@ def draw_first_times(axes: Axes, results: Results) -> None:
         axes.plot([middle, middle], [i - 0.25, i + 0.25], color=colour, linewidth=2.0)
         axes.plot(times, i + rng.uniform(-0.2, 0.2, len(times)), ".", color=colour, markersize=2.5, alpha=0.6)
     axes.set(xscale="log", xlabel="time to the first path [s]", ylim=(len(shown) - 0.4, -0.6))
-    axes.set_yticks(range(len(shown)), shown)
-    axes.tick_params(axis="y", pad=-4, length=0)
-    for label in axes.get_yticklabels():
-        label.set(horizontalalignment="left", verticalalignment="bottom", alpha=0.9)
+    axes.set_yticks(range(len(shown)), [cut(planner, _NAME) for planner in shown], fontsize=7.0)
+    axes.tick_params(axis="y", pad=2, length=0)
 
 
 def draw_margins(axes: Axes, results: Results) -> None:
-    """Draw the smallest margin of each solved run against its cost over the lowest known one."""
+    """Draw the smallest margin of each solved run against its cost over the lowest known one; contacts slip at 0."""
     for planner in results.planners:
         runs = [run for run in results.of(planner) if run.solved]
         costs = [results.excess(run) for run in runs]
@@ -147,4 +149,10 @@ def draw_margins(axes: Axes, results: Results) -> None:
         axes.plot(
             costs, margins, "o", color=_colour(results, planner), markersize=3.0, alpha=0.6, label=planner
         )
-    axes.set(xlabel="cost / lowest known", ylabel="smallest margin", yscale="log")
+    axes.margins(0.08)
+    axes.set(xlabel="cost / lowest known", ylabel="smallest margin (slips at 0)")
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]) if _negative(results) else 0.0)
+
+
+def _negative(results: Results) -> bool:
+    return any(run.solved and run.values["min_margin"] < 0.0 for run in results.runs)

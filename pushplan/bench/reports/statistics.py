@@ -35,11 +35,6 @@ def percentiles(values: FloatArray, which: Sequence[float]) -> FloatArray:
     return np.quantile(values, np.asarray(which) / 100.0, method="higher")
 
 
-def mean(values: FloatArray) -> FloatArray:
-    """Return the mean of each row."""
-    return np.asarray(values.mean(axis=-1))
-
-
 def median(values: FloatArray) -> FloatArray:
     """Return the (upper) median of each row; rows may have infinite values."""
     return np.asarray(np.sort(values, axis=-1)[..., values.shape[-1] // 2])
@@ -62,6 +57,14 @@ def interval(groups: Sequence[FloatArray], statistic: Statistic) -> tuple[float,
     tail = 50.0 * (1.0 - CONFIDENCE)
     low, high = percentiles(found, (tail, 100.0 - tail))
     return float(low), float(high)
+
+
+def wilson(successes: int, count: int) -> tuple[float, float]:
+    """Return Wilson's score interval of a share: not empty of doubt when all of few runs succeed (Wilson 1927)."""
+    if count == 0:
+        return (np.nan, np.nan)
+    found = stats.binomtest(successes, count).proportion_ci(CONFIDENCE, method="wilson")
+    return float(found.low), float(found.high)
 
 
 def success_test(first: BoolArray, second: BoolArray) -> float:

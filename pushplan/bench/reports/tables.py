@@ -10,7 +10,7 @@ import numpy as np
 
 from pushplan.bench.processes.outcome import INVALID, STATUSES
 from pushplan.bench.reports.comparison import compare_planners
-from pushplan.bench.reports.statistics import SOLVED, Comparison, interval, mean, median, percentiles
+from pushplan.bench.reports.statistics import SOLVED, Comparison, interval, median, percentiles, wilson
 from pushplan.bench.storage.results import MISSING, Results, RunRow
 
 PERCENTILES = (5, 25, 50, 75, 95)
@@ -82,7 +82,7 @@ def by_planner(results: Results) -> Table:
                 str(len(found)),
                 str(sum(run.solved for run in runs)),
                 str(len(runs)),
-                _with_interval(groups, lambda run: float(run.solved), percent, share=True),
+                _share_solved(runs),
                 _with_interval(reachable, lambda run: run.first_time, seconds),
                 _with_interval(reachable, results.excess, lambda value: number(value, 4)),
             ]
@@ -91,22 +91,27 @@ def by_planner(results: Results) -> Table:
             wrong.append(i)
     note = (
         "solved: the planner claims a path; valid: the executed path also stands up to the checks of collision, "
-        "margin and goal. In brackets 95 % bootstrap intervals over seeds, the problems being those of the suite. "
-        "Runs without a valid path count as infinitely late and long; problems that nobody solved are left out of "
-        "times and costs."
+        "margin and goal. In brackets 95 % intervals: Wilson's of shares; of medians by bootstrap over seeds, the "
+        "problems being those of the suite. Runs without a valid path count as infinitely late and long; problems "
+        "that nobody solved are left out of times and costs."
     )
     return Table(head, rows, wrong, note)
 
 
-def _with_interval(
-    groups: Sequence[Sequence[RunRow]], value: Callable[[RunRow], float], show: Show, share: bool = False
-) -> str:
+def _share_solved(runs: Sequence[RunRow]) -> str:
+    if not runs:
+        return NOTHING
+    count = sum(run.solved for run in runs)
+    low, high = wilson(count, len(runs))
+    return f"{percent(count / len(runs))} [{percent(low)}, {percent(high)}]"
+
+
+def _with_interval(groups: Sequence[Sequence[RunRow]], value: Callable[[RunRow], float], show: Show) -> str:
     values = [np.array([value(run) for run in group]) for group in groups if group]
     if not values:
         return NOTHING
-    statistic = mean if share else median
-    low, high = interval(values, statistic)
-    return f"{show(float(statistic(np.concatenate(values))))} [{show(low)}, {show(high)}]"
+    low, high = interval(values, median)
+    return f"{show(float(median(np.concatenate(values))))} [{show(low)}, {show(high)}]"
 
 
 def outcomes(results: Results) -> Table:

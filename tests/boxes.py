@@ -1,0 +1,82 @@
+"""Whether what a page shows overlaps or spills, measured from the boxes of its elements in a headless Chromium."""
+
+from __future__ import annotations
+
+import importlib.util
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+SCREENS = [(width, dark) for width in (390, 1280) for dark in (False, True)]
+"""Width of a phone and of a desk, in pixels; on light and on dark ground."""
+
+_ERRORS = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
+
+_LEAVES = """(() => {
+  const shown = (e) => e.checkVisibility({ visibilityProperty: true, opacityProperty: true });
+  const found = [...document.querySelectorAll(SELECTOR)].filter(shown);
+  const named = (e) => (e.textContent || e.id || e.tagName).trim().slice(0, 40);
+  return found.map((e) => ({ text: named(e), box: e.getBoundingClientRect() }))
+    .filter(({ box }) => box.width > 0 && box.height > 0)
+    .map(({ text, box }) => ({ text, left: box.left, right: box.right, top: box.top, bottom: box.bottom }));
+})()"""
+
+
+@contextmanager
+def chromium(folder: Path) -> Iterator[Any]:
+    """Give a browser; tests without one are skipped."""
+    if CHROMIUM is None:
+        pytest.skip("needs chromium")
+    spec = importlib.util.spec_from_file_location("browser", Path(__file__).parent / "logs" / "browser.py")
+    assert spec is not None
+    assert spec.loader is not None
+    driver = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(driver)
+    with driver.chromium(CHROMIUM, folder / "profile") as browser:
+        yield browser
+
+
+def show(browser: Any, page: Path, width: int, dark: bool = False, height: int = 800) -> None:
+    """Open a file as a screen of some size shows it."""
+    theme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+    browser.call("Emulation.setEmulatedMedia", features=theme)
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
+    browser.call("Emulation.setDeviceMetricsOverride", **size)
+    browser.events.clear()
+    browser.open(page)
+    browser.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def boxes(browser: Any, selector: str) -> list[dict[str, Any]]:
+    """Return the boxes of the visible elements that a selector finds, pixels."""
+    found: list[dict[str, Any]] = browser.evaluate(_LEAVES.replace("SELECTOR", repr(selector)))
+    return found
+
+
+def overlapping(found: list[dict[str, Any]], slack: float = 0.5) -> list[tuple[str, str]]:
+    """Return the pairs of boxes that have more than a rim of `slack` pixels in common."""
+    return [
+        (a["text"], b["text"])
+        for a, b in combinations(found, 2)
+        if a["left"] + slack < b["right"]
+        and b["left"] + slack < a["right"]
+        and a["top"] + slack < b["bottom"]
+        and b["top"] + slack < a["bottom"]
+    ]
+
+
+def assert_tidy(browser: Any, selector: str, width: int) -> None:
+    """Assert that no element overlaps another, nothing spills to the side, and the console has no error."""
+    found = boxes(browser, selector)
+    assert len(found) > 2
+    assert overlapping(found) == []
+    assert [one["text"] for one in found if one["left"] < 0.0 or one["right"] > width + 0.5] == []
+    assert browser.evaluate("document.documentElement.scrollWidth") <= width
+    assert browser.told(*_ERRORS) == []
