@@ -19,9 +19,10 @@ from typing import Self
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from pushplan.basics.arrays import IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.errors import OutputError
 from pushplan.execution import Execution, inertia_warning
+from pushplan.geometry.se2 import relative
 from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
 from pushplan.logging.messages.channels import Channels
 from pushplan.logging.messages.effort import Effort, exact
@@ -30,7 +31,7 @@ from pushplan.logging.messages.sentences import execution_sentence, plan_sentenc
 from pushplan.logging.view import views
 from pushplan.logging.view.contact_messages import contact_messages
 from pushplan.logging.view.contacts import resting
-from pushplan.logging.view.frames import chain_frames, placed, poses_in_world
+from pushplan.logging.view.frames import chain_frames, moving_frames, placed, poses_in_world
 from pushplan.logging.view.layout import LAYOUT_FILE, layout_text
 from pushplan.logging.view.scene import PATH_SPACING, nearest, scene, tree
 from pushplan.logging.view.window import smoothed_times
@@ -205,6 +206,25 @@ class RunLogWriter:
         if warning:
             self.log("warning", warning)
         self._words |= metadata.execution_words(execution)
+        channels.flush()
+
+    def slipped(self, t: FloatArray, poses: FloatArray, object_poses: FloatArray) -> None:
+        """Write where the bodies go in an execution with slip; it is no execution of the kinematic simulator.
+
+        Args:
+            t: (m,) times, s.
+            poses: (m, 3) poses of the chain frame in the world.
+            object_poses: (m, n, 3) poses of the objects in the world.
+
+        Raises:
+            OutputError: When the file cannot be written.
+        """
+        channels, instants = self._channels, self._channels.instants(t)
+        within = relative(poses[:, None], object_poses)
+        places = [placed(poses), *(placed(within[:, k]) for k in range(within.shape[1]))]
+        messages = moving_frames(self._scenario.chain).fill(instants, np.concatenate(places, axis=1))
+        channels.send_batch(channels.prepare({schemas.TF: messages}, instants))
+        channels.advance(int(instants[-1]))
         channels.flush()
 
     def _samples(self, execution: Execution, instants: IntArray, seconds: list[slice]) -> None:

@@ -74,6 +74,8 @@ if TYPE_CHECKING:
     from pushplan.sim.slip.settings import SlipSettings
     from pushplan.sim.slip.simulate import simulate
     from pushplan.sim.slip.simulator import SlipSimulator
+    from pushplan.sim.trials.result import Trials
+    from pushplan.sim.trials.uncertain import TrialUncertainty
     from pushplan.sim.worlds.world import World
     from pushplan.stable_sets.grid_cor_set import GridCorSet, grid_cor_set
     from pushplan.stable_sets.interval_set import stable_set_over
@@ -82,6 +84,7 @@ if TYPE_CHECKING:
     from pushplan.stable_sets.stable_set import StableSet
     from pushplan.tolerance.tolerance import Tolerance
     from pushplan.trajectory import Trajectory
+    from pushplan.trial import trial
 
     __version__: str
 
@@ -122,6 +125,9 @@ _HOMES = {
     "mechanics.support": "FeetSupport PressureMapSupport Support UniformSupport UnknownSupport",
     "tolerance.tolerance": "Tolerance",
     "trajectory": "Trajectory",
+    "trial": "trial",
+    "sim.trials.result": "Trials",
+    "sim.trials.uncertain": "TrialUncertainty",
     "drawing.speeds": "plot_admissible_speeds",
     "mechanics.dynamics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
     "mechanics.dynamics.contact_dynamics": "DynamicRows dynamic_margins dynamic_rows",
@@ -186,6 +192,8 @@ __all__ = [
     "TimingError",
     "Tolerance",
     "Trajectory",
+    "TrialUncertainty",
+    "Trials",
     "TurningRadii",
     "Uncertainty",
     "UndefinedEcofError",
@@ -222,6 +230,7 @@ __all__ = [
     "simulate_rigid",
     "stable_set",
     "stable_set_over",
+    "trial",
 ]
 
 

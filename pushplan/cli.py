@@ -10,7 +10,19 @@ from io import TextIOWrapper
 from typing import NoReturn, TextIO
 
 from pushplan.basics.interruption import Interruption, leaving_at_once
-from pushplan.commands import bench, check, completion, examples, new, plan, replay, runs, schema, stable_set
+from pushplan.commands import (
+    bench,
+    check,
+    completion,
+    examples,
+    new,
+    plan,
+    replay,
+    runs,
+    schema,
+    stable_set,
+    trial,
+)
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import PIPE_CLOSED, WRONG_INPUT, report_failure
 
@@ -18,6 +30,7 @@ COMMANDS = {
     "plan": plan,
     "stable-set": stable_set,
     "replay": replay,
+    "trial": trial,
     "runs": runs,
     "bench": bench,
     "check": check,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pushplan.cli import COMMANDS, parser
 
-_SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "name": ".yaml"}
+_SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "worst": ".mcap", "name": ".yaml"}
 """By the option's name; an export's suffix is its name."""
 
 _FOLDERS = {"compare", "runs"}
@@ -43,6 +43,8 @@ def words(command: str, option: str, path: Path, log: Path) -> list[str]:
             return ["replay", "--recover", str(log), str(path)]
         case "replay", _:
             return ["replay", str(log), f"--{option}", str(path)]
+        case "trial", _:
+            return ["trial", str(log), "--samples", "3", f"--{option}", str(path)]
         case "plan", _:
             return ["plan", "one-box", "--first", f"--{option}", str(path)]
         case "check" | "stable-set", _:

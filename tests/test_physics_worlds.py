@@ -13,7 +13,7 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import compose, relative, transform_points
 from pushplan.mechanics.chain import PLATE, Chain
-from pushplan.mechanics.support import FeetSupport, Support
+from pushplan.mechanics.support import FeetSupport, Support, UnknownSupport
 from pushplan.sim.physics import verdict as physics_verdict
 from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.sim.physics.verdict import HARD, STEPS, verdict_of_physics
@@ -104,9 +104,15 @@ def test_a_load_leans_by_the_share_at_its_outermost_foot(chain: Chain, index: in
             np.testing.assert_allclose(obj.support.fractions, 0.25)
 
 
-def test_even_pressure_does_not_lean(make_chain: ChainMaker) -> None:
-    with pytest.raises(SupportError, match="load under 'box0' can only be shifted on points"):
-        with_loads_shifted(make_chain.boxes(1), [1.0, 0.0], 0.1)
+def test_even_pressure_leans_as_points_with_its_moments(make_chain: ChainMaker) -> None:
+    leaned = with_loads_shifted(make_chain.boxes(1), [1.0, 0.0], 0.1).objects[0].support
+    assert leaned.center[0] > 1e-3
+    assert abs(leaned.center[1]) < 1e-9
+
+
+def test_a_load_that_is_not_known_does_not_lean(make_chain: ChainMaker) -> None:
+    with pytest.raises(SupportError, match="load under 'box0' can only be shifted where it is known"):
+        with_loads_shifted(make_chain.boxes(1, support=UnknownSupport), [1.0, 0.0], 0.1)
 
 
 def test_a_slanted_face_turns_all_that_is_carried_as_one(chain: Chain) -> None:

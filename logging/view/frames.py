@@ -42,6 +42,24 @@ def chain_frames(chain: Chain) -> MessageTemplate:
     return MessageTemplate(message, 4)
 
 
+def moving_frames(chain: Chain) -> MessageTemplate:
+    """Return the transforms of all frames, to be filled with the places of the chain frame and, in it, objects."""
+    names = [obj.name for obj in chain.objects]
+
+    def message(stamp: Timestamp, numbers: list[float]) -> FrameTransforms:
+        parents = [WORLD, *([CHAIN] * len(names))]
+        places = [numbers[4 * k : 4 * k + 4] for k in range(len(names) + 1)]
+        moving = [
+            _transform(parent, child, *place)
+            for parent, child, place in zip(parents, [CHAIN, *names], places, strict=True)
+        ]
+        for transform in moving:
+            transform.timestamp.CopyFrom(stamp)
+        return FrameTransforms(transforms=[*moving, _transform(CHAIN, PUSHER, 0.0, 0.0, 0.0, 1.0)])
+
+    return MessageTemplate(message, 4 * (len(names) + 1))
+
+
 def pose_in_world() -> MessageTemplate:
     """Return a pose in the world, to be filled with its place."""
 

@@ -11,7 +11,8 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import Chain, PushedObject
-from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
+from pushplan.sim.physics.model.feet import feet_of
 from pushplan.sim.worlds.misplaced import subtree
 
 
@@ -36,13 +37,13 @@ def with_loads_shifted(chain: Chain, direction: ArrayLike, share: float, index: 
     the largest |e . (x - g)| under the object, so that the most that is added or taken away anywhere is that share.
 
     Args:
-        chain: Objects on points with known loads.
+        chain: Objects with known loads; a polygon's becomes one on points with the same moments.
         direction: (2,) unit vector in the chain frame.
         share: From 0 to below 1.
         index: Of the object; None for all.
 
     Raises:
-        SupportError: When an object does not stand on points with known loads.
+        SupportError: When a load is not known.
     """
     way = np.asarray(direction, dtype=np.float64)
     objects = (
@@ -86,4 +87,7 @@ def _points(name: str, support: Support) -> tuple[FloatArray, FloatArray]:
         return support.positions, support.fractions
     if isinstance(support, PressureMapSupport):
         return support.points, support.fractions
-    raise SupportError(f"the load under {name!r} can only be shifted on points with known loads")
+    if isinstance(support, UniformSupport):
+        feet = feet_of(support)
+        return feet.positions, feet.fractions
+    raise SupportError(f"the load under {name!r} can only be shifted where it is known")

@@ -1,0 +1,117 @@
+"""Trials in words: what the user asks for, the table of what came out, the JSON object."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pushplan.reading.values import units
+
+if TYPE_CHECKING:
+    from pushplan.sim.trials.result import Trials
+    from pushplan.sim.trials.uncertain import TrialUncertainty
+
+UNITS = {
+    **dict.fromkeys(("contact_friction", "floor_friction", "mass", "load"), units.FRACTION),
+    "position": units.LENGTH,
+    "angle": units.ANGLE,
+}
+"""What may be uncertain, and the units of its numbers; plain numbers are shares, m and rad."""
+
+
+def uncertainty(text: str) -> TrialUncertainty:
+    """Return what `--uncertainty` says; argparse's `type`."""
+    from pushplan.errors import PushplanError
+    from pushplan.sim.trials.uncertain import TrialUncertainty
+
+    found = dict.fromkeys(UNITS, 0.0)
+    for part in text.split(","):
+        name, equals, number = (piece.strip() for piece in part.partition("="))
+        if name not in UNITS or not equals:
+            known = ", ".join(UNITS)
+            raise argparse.ArgumentTypeError(f"'{part}' is not NAME=NUMBER with a NAME of {known}")
+        found[name] = _number(name, number)
+    try:
+        return TrialUncertainty(**found)
+    except PushplanError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _number(name: str, text: str) -> float:
+    known = UNITS[name]
+    split = units.split_unit(text)
+    try:
+        return float(text) if split is None else split[0] * known[split[1]]
+    except (ValueError, KeyError):
+        allowed = ", ".join(known)
+        raise argparse.ArgumentTypeError(
+            f"{name} is '{text}'; allowed: a number, also with a unit ({allowed})"
+        ) from None
+
+
+def rows(trials: Trials) -> list[tuple[str, str]]:
+    """Return label and value of the numbers of trials, for people."""
+    position, angle = np.percentile(trials.goal_errors, [50, 90, 100], axis=0).T
+    of = trials.scenario.goal.of or "worst object"
+    failed = ", ".join(f"{name} {count}" for name, count in trials.first_failures.items())
+    found = [
+        ("worlds", trials.uncertainty.words if trials.uncertainty else _stated(trials)),
+        ("contacts held", f"in {100.0 * trials.held:.1f} %"),
+        ("first to move", failed or "none"),
+        (f"{of} off", f"median {_off(position[0], angle[0])}, 90 % within {_off(position[1], angle[1])}"),
+        ("at most", _off(position[2], angle[2])),
+    ]
+    return [*found, ("jammed", f"{trials.jammed.sum()}")] if trials.jammed.any() else found
+
+
+def _stated(trials: Trials) -> str:
+    from pushplan.sim.trials.uncertain import TrialUncertainty
+
+    if trials.scenario.interval is None:
+        return TrialUncertainty().words
+    default = TrialUncertainty()
+    aside = f"objects aside ±{1e3 * default.position:.3g} mm and turned ±{degrees(default.angle):.3g} deg"
+    return f"the scenario's intervals, {aside}"
+
+
+def _off(position: float, angle: float) -> str:
+    return f"{1e3 * position:.3g} mm / {degrees(angle):.3g} deg"
+
+
+def document(trials: Trials, worst: Path | None) -> dict[str, object]:
+    """Return the JSON object of trials."""
+    position, angle = np.percentile(trials.goal_errors, [50, 90, 100], axis=0).T
+    return {
+        "scenario": trials.scenario.name,
+        "solved": True,
+        "samples": trials.samples,
+        "seed": trials.seed,
+        "uncertainty": None if trials.uncertainty is None else asdict(trials.uncertainty),
+        "arrived": int(trials.arrived.sum()),
+        "success": trials.success,
+        "interval": list(trials.interval),
+        "held": trials.held,
+        "jammed": int(trials.jammed.sum()),
+        "first_failures": trials.first_failures,
+        "failures": [
+            {
+                "sample": i,
+                "contact": trials.scenario.chain.contact_name(loss.contact),
+                "mode": loss.mode.name.lower(),
+                "time": loss.time,
+                "point": loss.point,
+            }
+            for i, loss in enumerate(trials.losses)
+            if loss is not None
+        ],
+        "goal_error": {
+            name: {"median": values[0], "p90": values[1], "max": values[2]}
+            for name, values in (("position", position), ("angle", angle))
+        },
+        "worst": {"sample": trials.worst, "log": worst},
+    }

@@ -1,0 +1,189 @@
+"""Trials: sampled worlds, rates with intervals, the command, its picture and its log."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ChainMaker
+
+import pushplan
+from pushplan.cli import main
+from pushplan.errors import PlanningError, PushplanError
+from pushplan.logging.trial_log import write_trial
+from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario import Scenario
+from pushplan.sim.physics.report import contact_motion
+from pushplan.sim.slip.simulate import simulate
+from pushplan.sim.trials.execute import execute_trials
+from pushplan.sim.trials.result import Trials, wilson
+from pushplan.sim.trials.uncertain import TrialUncertainty, sampled_world
+from pushplan.sim.worlds.world import World
+
+make = ChainMaker()
+SLIPPERY = TrialUncertainty(contact_friction=0.6, load=0.3, position=2e-3)
+
+
+@pytest.fixture(scope="module")
+def planned() -> tuple[Scenario, pushplan.PlanResult]:
+    scenario = pushplan.load_scenario("two-crates")
+    return scenario, pushplan.plan(scenario, seed=1, first=True)
+
+
+@pytest.fixture(scope="module")
+def trials(planned: tuple[Scenario, pushplan.PlanResult]) -> Trials:
+    scenario, plan = planned
+    assert plan.trajectory is not None
+    return execute_trials(scenario, plan.trajectory, 30, SLIPPERY, seed=3)
+
+
+@pytest.mark.parametrize(("successes", "samples"), [(0, 10), (3, 10), (50, 60), (200, 200)])
+def test_wilsons_interval_holds_the_shares_whose_score_test_does_not_reject(
+    successes: int, samples: int
+) -> None:
+    share, z = successes / samples, 1.959963984540054
+    for end in wilson(successes, samples):
+        if 0.0 < end < 1.0:
+            assert abs(share - end) == pytest.approx(z * np.sqrt(end * (1.0 - end) / samples), rel=1e-9)
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+def test_the_same_seed_gives_the_same_samples_however_many_threads(
+    planned: tuple[Scenario, pushplan.PlanResult], trials: Trials
+) -> None:
+    scenario, plan = planned
+    assert plan.trajectory is not None
+    again = execute_trials(scenario, plan.trajectory, 6, SLIPPERY, seed=3, jobs=1)
+    assert (again.object_poses == trials.object_poses[:6]).all()
+    other = execute_trials(scenario, plan.trajectory, 6, SLIPPERY, seed=4)
+    assert not np.allclose(other.object_poses, again.object_poses)
+
+
+def test_trials_count_what_their_reports_say(trials: Trials) -> None:
+    assert 0 < trials.arrived.sum() < trials.samples
+    low, high = trials.interval
+    assert low < trials.success < high
+    assert sum(trials.first_failures.values()) == sum(loss is not None for loss in trials.losses)
+    report = trials.report(trials.worst)
+    assert (report.object_poses[-1] == trials.object_poses[trials.worst]).all()
+    assert report.loss == trials.losses[trials.worst]
+    assert not report.arrived(trials.scenario.goal)
+
+
+def test_nothing_uncertain_is_the_world_as_stated(planned: tuple[Scenario, pushplan.PlanResult]) -> None:
+    scenario, plan = planned
+    assert plan.trajectory is not None
+    off = TrialUncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    drawn = sampled_world(scenario, off, np.random.default_rng(1))
+    poses = [
+        simulate(plan.trajectory, world).object_poses[-1] for world in (drawn, World.from_scenario(scenario))
+    ]
+    assert (poses[0] == poses[1]).all()
+
+
+def test_objects_that_stand_off_their_places_touch_and_do_not_overlap() -> None:
+    scenario = pushplan.load_scenario("parallel-stacks")
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        world = sampled_world(scenario, TrialUncertainty(position=3e-3, angle=0.03), rng)
+        motions = pushplan.SlipReport(
+            world=world,
+            settings=pushplan.SlipSettings(),
+            t=np.zeros(1),
+            poses=world.start[None],
+            object_poses=world.object_poses[None],
+            modes=np.zeros((0, 1), dtype=np.int64),
+            forces=np.zeros((0, 1, 3)),
+            others=np.zeros((0, 1), dtype=np.int64),
+            residual=np.zeros(0),
+            end=np.zeros(0, dtype=np.int64),
+            switched=np.zeros(0, dtype=np.int64),
+            jammed_at=None,
+        ).motions
+        slide, opening, turn = contact_motion(world.chain, motions, None)
+        assert np.abs(slide).max() <= 5e-3
+        assert (opening >= -1e-12).all()
+        assert np.abs(turn).max() <= 0.03
+
+
+def test_intervals_of_a_scenario_are_what_worlds_are_drawn_from() -> None:
+    text = """
+format: pushplan/1
+name: intervals
+floor: {friction: [0.2, 0.4]}
+objects:
+  - {name: table, shape: {box: [0.2, 0.2]}, mass: [0.9, 1.5],
+     support: {feet: [[0.08, 0.08, [0.2, 0.3]], [0.08, -0.08, [0.2, 0.3]], [-0.08, 0, [0.4, 0.6]]]}}
+pusher: {width: 0.2, friction: [0.3, 0.5]}
+goal: {pose: [1, 0, 0]}
+"""
+    scenario = scenario_from_text(text)
+    drawn = [sampled_world(scenario, None, np.random.default_rng(k)).chain for k in range(200)]
+    for values, (low, high) in (
+        ([chain.objects[0].mass for chain in drawn], (0.9, 1.5)),
+        ([chain.objects[0].floor_friction for chain in drawn], (0.2, 0.4)),
+        ([chain.contacts[0].friction for chain in drawn], (0.3, 0.5)),
+    ):
+        assert low <= min(values) < low + 0.1 * (high - low)
+        assert high - 0.1 * (high - low) < max(values) <= high
+
+
+def test_the_command_tells_rates_draws_and_writes_the_worst(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    planned: tuple[Scenario, pushplan.PlanResult],
+    trials: Trials,
+) -> None:
+    log, picture, worst = tmp_path / "run.mcap", tmp_path / "t.png", tmp_path / "w.mcap"
+    write_trial(trials, 0, planned[1], log)
+    words = [
+        "trial",
+        str(log),
+        "--samples",
+        "8",
+        "--seed",
+        "3",
+        "--plot",
+        str(picture),
+        "--worst",
+        str(worst),
+    ]
+    words += ["--uncertainty", "contact_friction=60%, load=30%, position=2mm", "--json"]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["samples"] == 8
+    assert told["arrived"] == int(told["success"] * 8)
+    assert told["interval"][0] <= told["success"] <= told["interval"][1]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    recorded = pushplan.read_run(worst)
+    assert recorded.outcome in ("arrived", "missed")
+    assert recorded.words["pushplan.run"]["trial_sample"] == str(told["worst"]["sample"])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("frction=0.2", "'frction=0.2' is not NAME=NUMBER with a NAME of contact_friction"),
+        ("load=2", "load of the trials' uncertainty is 2.0; it must be from 0 to below 1"),
+        ("position=3deg", "position is '3deg'; allowed: a number, also with a unit (m, cm, mm"),
+    ],
+)
+def test_wrong_uncertainties_are_told(words: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["trial", "two-crates", "--uncertainty", words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_what_cannot_be_tried_is_refused(planned: tuple[Scenario, pushplan.PlanResult]) -> None:
+    scenario, plan = planned
+    assert plan.trajectory is not None
+    with pytest.raises(PushplanError, match="must be at least 1"):
+        execute_trials(scenario, plan.trajectory, 0)
+    unsolved = pushplan.Run(
+        scenario, replace(plan, solved=False, trajectory=None, reason="no room"), None, None
+    )
+    with pytest.raises(PlanningError, match="there is no plan to try: no room"):
+        pushplan.trial(unsolved)
+    assert pushplan.trial(pushplan.Run(scenario, plan, None, None), samples=2).samples == 2
