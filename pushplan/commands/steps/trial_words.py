@@ -8,8 +8,6 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pushplan.reading.values import units
 
 if TYPE_CHECKING:
@@ -56,7 +54,7 @@ def _number(name: str, text: str) -> float:
 
 def rows(trials: Trials) -> list[tuple[str, str]]:
     """Return label and value of the numbers of trials, for people."""
-    position, angle = np.percentile(trials.goal_errors, [50, 90, 100], axis=0).T
+    position, angle = _percentiles(trials)
     of = trials.scenario.goal.of or "worst object"
     failed = ", ".join(f"{name} {count}" for name, count in trials.first_failures.items())
     found = [
@@ -67,6 +65,14 @@ def rows(trials: Trials) -> list[tuple[str, str]]:
         ("at most", _off(position[2], angle[2])),
     ]
     return [*found, ("jammed", f"{trials.jammed.sum()}")] if trials.jammed.any() else found
+
+
+def _percentiles(trials: Trials) -> list[list[float]]:
+    """Return median, 90th percentile and maximum of the position's and the angle's error, m and rad."""
+    import numpy as np
+
+    found: list[list[float]] = np.percentile(trials.goal_errors, [50, 90, 100], axis=0).T.tolist()
+    return found
 
 
 def _stated(trials: Trials) -> str:
@@ -85,7 +91,7 @@ def _off(position: float, angle: float) -> str:
 
 def document(trials: Trials, worst: Path | None) -> dict[str, object]:
     """Return the JSON object of trials."""
-    position, angle = np.percentile(trials.goal_errors, [50, 90, 100], axis=0).T
+    position, angle = _percentiles(trials)
     return {
         "scenario": trials.scenario.name,
         "solved": True,
