@@ -20,6 +20,7 @@ import numpy as np
 import yaml
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.basics.wilson import wilson
 from pushplan.bench.on_feet import on_feet
 from pushplan.bench.processes.machine import Machine
 from pushplan.commands.steps.trial_words import uncertainty
@@ -31,7 +32,6 @@ from pushplan.sim.physics.model.settings import SLIPPING
 from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.sim.slip.report import SlipReport
 from pushplan.sim.slip.simulate import simulate
-from pushplan.sim.trials.result import wilson
 from pushplan.sim.trials.uncertain import TrialUncertainty, sampled_world
 from pushplan.trajectory import Trajectory
 

@@ -119,4 +119,5 @@ def task_of(run: RunSpec) -> Task:
         seconds=run.limits.seconds,
         megabytes=run.limits.megabytes,
         version=run.version,
+        trials=run.trials,
     )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 
 import numpy as np
 
 from pushplan.basics.arrays import BoolArray, FloatArray
+from pushplan.basics.wilson import wilson
 from pushplan.scenario import Scenario
 from pushplan.sim.slip.report import ContactLoss, SlipReport
 from pushplan.sim.slip.settings import SlipSettings
@@ -15,19 +15,6 @@ from pushplan.sim.slip.simulate import simulate
 from pushplan.sim.trials.uncertain import TrialUncertainty, sampled_world
 from pushplan.sim.worlds.world import World
 from pushplan.trajectory import Trajectory
-
-Z95 = 1.959963984540054
-"""Standard deviations on either side that hold 95 % of a normal distribution."""
-
-
-def wilson(successes: int, samples: int, z: float = Z95) -> tuple[float, float]:
-    """Return Wilson's score interval of a share (Wilson 1927): 95 % by default; (0, 1) without samples."""
-    if samples == 0:
-        return 0.0, 1.0
-    share, z2 = successes / samples, z * z / samples
-    middle = (share + 0.5 * z2) / (1.0 + z2)
-    half = z * sqrt(share * (1.0 - share) / samples + 0.25 * z2 / samples) / (1.0 + z2)
-    return max(0.0, middle - half), min(1.0, middle + half)
 
 
 @dataclass(frozen=True, eq=False)

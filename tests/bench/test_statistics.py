@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from pushplan.basics.wilson import wilson
 from pushplan.bench.reports.statistics import (
     RESAMPLES,
     Comparison,
@@ -16,7 +17,6 @@ from pushplan.bench.reports.statistics import (
     percentiles,
     rank_test,
     success_test,
-    wilson,
 )
 
 INF = np.inf

@@ -19,7 +19,7 @@ from pushplan.scenario import Scenario
 from pushplan.sim.physics.report import contact_motion
 from pushplan.sim.slip.simulate import simulate
 from pushplan.sim.trials.execute import execute_trials
-from pushplan.sim.trials.result import Trials, wilson
+from pushplan.sim.trials.result import Trials
 from pushplan.sim.trials.uncertain import TrialUncertainty, sampled_world
 from pushplan.sim.worlds.world import World
 
@@ -38,17 +38,6 @@ def trials(planned: tuple[Scenario, pushplan.PlanResult]) -> Trials:
     scenario, plan = planned
     assert plan.trajectory is not None
     return execute_trials(scenario, plan.trajectory, 30, SLIPPERY, seed=3)
-
-
-@pytest.mark.parametrize(("successes", "samples"), [(0, 10), (3, 10), (50, 60), (200, 200)])
-def test_wilsons_interval_holds_the_shares_whose_score_test_does_not_reject(
-    successes: int, samples: int
-) -> None:
-    share, z = successes / samples, 1.959963984540054
-    for end in wilson(successes, samples):
-        if 0.0 < end < 1.0:
-            assert abs(share - end) == pytest.approx(z * np.sqrt(end * (1.0 - end) / samples), rel=1e-9)
-    assert wilson(0, 0) == (0.0, 1.0)
 
 
 def test_the_same_seed_gives_the_same_samples_however_many_threads(

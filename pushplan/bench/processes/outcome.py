@@ -40,6 +40,7 @@ class Task:
         seconds: Wall-clock time of the run, s, after which it is killed.
         megabytes: Memory that it may allocate, MB.
         version: Of the package that has to do it.
+        trials: Number of sampled worlds that the plan is tried in.
     """
 
     key: str
@@ -57,6 +58,7 @@ class Task:
     seconds: float
     megabytes: float
     version: str
+    trials: int = 0
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ class Figures:
         margin: What the margins of the path had to exceed in the end, which `auto` may lower.
         min_margin: Smallest margin during execution.
         min_dynamic_margin: The same with inertia.
+        trial_success: Share of sampled worlds, with slip, in which the plan arrives.
         duration: Of the trajectory, s.
         extensions: Arcs propagated.
         memory: Most that the process has taken on top of the code and kernels that it starts with, MB.
@@ -99,6 +102,7 @@ class Figures:
     margin: float | None = None
     min_margin: float | None = None
     min_dynamic_margin: float | None = None
+    trial_success: float | None = None
     duration: float | None = None
     extensions: int | None = None
     memory: float | None = None

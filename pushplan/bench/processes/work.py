@@ -49,7 +49,20 @@ def perform(task: Task, folder: Path) -> Figures:
         )
     except (PlanningError, EmptyStableSetError) as error:
         return Figures(reason=str(error), seconds=watch.seconds, memory=peak_memory() - base)
-    return replace(figures(scenario, done, watch), memory=peak_memory() - base)
+    success = _success(done, task, watch) if task.trials else None
+    return replace(figures(scenario, done, watch), trial_success=success, memory=peak_memory() - base)
+
+
+def _success(done: Run, task: Task, watch: Stopwatch) -> float | None:
+    """Return the share of sampled worlds in which a plan arrives; None without a plan or known loads."""
+    if done.plan.trajectory is None or not done.scenario.chain.loads_known:
+        return None
+    with watch("trials"):
+        from pushplan.sim.trials.execute import execute_trials  # most suites do not ask for it
+
+        return execute_trials(
+            done.scenario, done.plan.trajectory, task.trials, seed=task.seed, jobs=1
+        ).success
 
 
 def figures(scenario: Scenario, done: Run, watch: Stopwatch) -> Figures:

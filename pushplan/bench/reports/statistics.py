@@ -59,14 +59,6 @@ def interval(groups: Sequence[FloatArray], statistic: Statistic) -> tuple[float,
     return float(low), float(high)
 
 
-def wilson(successes: int, count: int) -> tuple[float, float]:
-    """Return Wilson's score interval of a share: not empty of doubt when all of few runs succeed (Wilson 1927)."""
-    if count == 0:
-        return (np.nan, np.nan)
-    found = stats.binomtest(successes, count).proportion_ci(CONFIDENCE, method="wilson")
-    return float(found.low), float(found.high)
-
-
 def success_test(first: BoolArray, second: BoolArray) -> float:
     """Return the p-value of McNemar's exact test: whether paired runs (n,) succeed (True) equally often."""
     only_first, only_second = int((first & ~second).sum()), int((~first & second).sum())

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pushplan.basics.wilson import wilson
 from pushplan.bench.processes.outcome import INVALID, STATUSES
 from pushplan.bench.reports.comparison import compare_planners
-from pushplan.bench.reports.statistics import SOLVED, Comparison, interval, median, percentiles, wilson
+from pushplan.bench.reports.statistics import SOLVED, Comparison, interval, median, percentiles
 from pushplan.bench.storage.results import MISSING, Results, RunRow
 
 PERCENTILES = (5, 25, 50, 75, 95)
@@ -136,6 +137,7 @@ QUANTITIES: tuple[tuple[str, str, Show], ...] = (
     ("executing", "execution_time", seconds),
     ("logging", "logging_time", seconds),
     ("validating", "validation_time", seconds),
+    ("trials", "trials_time", seconds),
     ("cost [m]", "solution_length", number),
     ("lower bound [m]", "lower_bound", number),
     ("arcs", "solution_segments", number),
@@ -143,6 +145,7 @@ QUANTITIES: tuple[tuple[str, str, Show], ...] = (
     ("margin kept", "margin", number),
     ("smallest margin", "min_margin", number),
     ("smallest margin with inertia", "min_dynamic_margin", number),
+    ("trials that arrive", "trial_success", number),
     ("duration [s]", "duration", number),
     ("goal error [m]", "solution_difference", number),
     ("goal error [rad]", "goal_angle_error", number),

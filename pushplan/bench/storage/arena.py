@@ -63,6 +63,7 @@ ATTRIBUTES = (
     ("margin", "REAL"),
     ("min_margin", "REAL"),
     ("min_dynamic_margin", "REAL"),
+    ("trial_success", "REAL"),
     ("duration", "REAL"),
     ("extensions", "INTEGER"),
     ("memory", "REAL"),
@@ -71,6 +72,7 @@ ATTRIBUTES = (
     ("execution_time", "REAL"),
     ("logging_time", "REAL"),
     ("validation_time", "REAL"),
+    ("trials_time", "REAL"),
     ("overhead_time", "REAL"),
     ("total_time", "REAL"),
 )

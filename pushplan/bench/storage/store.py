@@ -231,6 +231,7 @@ def _attributes(run: RunSpec, result: Outcome) -> tuple[object, ...]:
         "margin": figures.margin,
         "min_margin": figures.min_margin,
         "min_dynamic_margin": figures.min_dynamic_margin,
+        "trial_success": figures.trial_success,
         "duration": figures.duration,
         "extensions": figures.extensions,
         "memory": figures.memory,
@@ -239,6 +240,7 @@ def _attributes(run: RunSpec, result: Outcome) -> tuple[object, ...]:
         "execution_time": seconds.get("execution"),
         "logging_time": seconds.get("logging"),
         "validation_time": seconds.get("validation"),
+        "trials_time": seconds.get("trials"),
         "overhead_time": result.seconds - sum(seconds.values()) if seconds else None,
         "total_time": result.seconds,
     }

@@ -83,6 +83,7 @@ def suite_from_text(text: str | bytes, path: str | Path = "suite.yaml") -> Suite
         seeds=file.seeds if isinstance(file.seeds, tuple) else tuple(range(1, file.seeds + 1)),
         run_seconds=file.limits.run,
         megabytes=file.limits.memory,
+        trials=file.trials or 0,
     )
 
 

@@ -22,6 +22,7 @@ _MEMORY = {"MB": 1.0, "GB": 1e3, "MiB": 1.048576, "GiB": 1073.741824}
 
 Memory = Annotated[float, Quantity("an amount of memory", _MEMORY, 1.0, 1e6, "2 GB")]
 Iterations = Annotated[int, Quantity("a whole number", {}, 1, 1e12, whole=True)]
+Trials = Annotated[int, Quantity("a whole number", {}, 1, 100_000, whole=True)]
 Count = Annotated[int, Quantity("a whole number", {}, 1, MOST_SEEDS, whole=True)]
 Number = Annotated[int, Quantity("a whole number", {}, 0, p.MOST_OBSTACLES, whole=True)]
 Share = Annotated[float, Quantity("a share", {"%": 0.01}, 0.0, 1.0, "10 %")]
@@ -197,6 +198,9 @@ class SuiteFile(t.Strict):
         ],
         Discriminator(_form),
     ] = Field(default=10, description="a number of seeds, or a list of them")
+    trials: Trials | None = Field(
+        default=None, description="a whole number of sampled worlds that every plan is tried in"
+    )
     limits: LimitSection = Field(
         default_factory=LimitSection, description="{time: ..., memory: ..., run: ...}"
     )

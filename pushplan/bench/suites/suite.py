@@ -95,6 +95,7 @@ class RunSpec:
         seed: From which random numbers.
         limits: Within which limits.
         version: Of the package.
+        trials: Number of sampled worlds that its plan is tried in.
     """
 
     key: str
@@ -104,6 +105,7 @@ class RunSpec:
     seed: int
     limits: RunLimits
     version: str
+    trials: int = 0
 
     @property
     def words(self) -> dict[str, str]:
@@ -133,6 +135,7 @@ class Suite:
         seeds: From which random numbers.
         run_seconds: Wall-clock time of a run, s, after which it is killed; None for a generous one.
         megabytes: Memory that a run may allocate, MB.
+        trials: Number of sampled worlds that every plan is tried in.
     """
 
     name: str
@@ -144,13 +147,16 @@ class Suite:
     seeds: tuple[int, ...]
     run_seconds: float | None
     megabytes: float
+    trials: int = 0
 
     def runs(self, version: str) -> Iterator[RunSpec]:
         """Yield all runs, seed by seed, so that a benchmark that is stopped early has some of everything."""
         for seed, problem, planner in product(self.seeds, self.problems, self.planners):
             for name in self.sets or (problem.scenario.stability.set,):
-                key = run_key(problem.hash, planner.settings, name, seed, version)
-                yield RunSpec(key, problem, planner, name, seed, self.limits_for(planner), version)
+                tried = {"trials": self.trials} if self.trials else {}
+                key = run_key(problem.hash, {**planner.settings, **tried}, name, seed, version)
+                limits = self.limits_for(planner)
+                yield RunSpec(key, problem, planner, name, seed, limits, version, self.trials)
 
     def limits_for(self, planner: PlannerSetup) -> RunLimits:
         """Return the limits of a run with a planner."""
