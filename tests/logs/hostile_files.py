@@ -566,7 +566,7 @@ def another_scenario_with_its_metadata(log: bytes) -> bytes:
     for opcode, body in loose(log):
         if opcode == METADATA and b"pushplan.run" in body[:20]:
             body = metadata("pushplan.run", words)
-        out.append((opcode, new[attachment_name(body)] if opcode == ATTACHMENT else body))
+        out.append((opcode, new.get(attachment_name(body), body) if opcode == ATTACHMENT else body))
     return rebuild(out)
 
 
