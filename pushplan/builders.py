@@ -102,8 +102,10 @@ def obstacle_document(obstacle: Obstacle | ArrayLike) -> Document:
     """Return an obstacle in the form that it has in a file; an array (v, 2) is a polygon in the world."""
     if isinstance(obstacle, CircleObstacle):
         return {"circle": obstacle.radius, "center": obstacle.center}
-    outline = obstacle.outline if isinstance(obstacle, PolygonObstacle) else obstacle
-    return {"polygon": _numbers(outline)}
+    if isinstance(obstacle, PolygonObstacle):
+        unknown = {"unknown": "obstacle"} if obstacle.unknown else {}
+        return {"polygon": _numbers(obstacle.outline), **unknown}
+    return {"polygon": _numbers(obstacle)}
 
 
 def _numbers(values: ArrayLike) -> Any:

@@ -185,4 +185,4 @@ def _resolved_surroundings(scenario: Scenario) -> dict[str, Any]:
 def _resolved_obstacle(obstacle: Obstacle) -> dict[str, Any]:
     if isinstance(obstacle, CircleObstacle):
         return {"circle": obstacle.radius, "center": obstacle.center.tolist()}
-    return {"polygon": obstacle.outline.tolist()}
+    return {"polygon": obstacle.outline.tolist(), **({"unknown": "obstacle"} if obstacle.unknown else {})}

@@ -78,9 +78,11 @@ class PolygonObstacle:
 
     Attributes:
         outline: (v, 2) corners in the world, m, counter-clockwise.
+        unknown: It stands for a part of a map of which nothing is known; it is drawn as such.
     """
 
     outline: FloatArray
+    unknown: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "outline", frozen(self.outline, (None, 2), "outline of an obstacle"))

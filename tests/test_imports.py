@@ -192,9 +192,9 @@ def test_a_map_can_be_pushed_through(tmp_path: Path) -> None:
         ("resolution: 0.05", "resolution: 0", "map.yaml:2:13: resolution: is 0; allowed: a length"),
         ("origin: [-1.0, 2.0, 0.0]", "origin: [0, 0]", "origin: is a list of 2; allowed: [x, y, theta]"),
         ("image: map.pgm\n", "", "image: is missing; needed: the name of a picture"),
-        ("image: map.pgm", "image: none.pgm", "none.pgm: cannot read the picture"),
+        ("image: map.pgm", "image: none.pgm", "none.pgm: cannot read the file: No such file"),
         ("image: map.pgm", "image: map.yaml", "map.yaml: cannot read the picture"),
-        ("negate: 0", "negate: 0\nmode: raw", "mode: is 'raw'; allowed: trinary, scale"),
+        ("negate: 0", "negate: 0\nmode: grey", "mode: is the text 'grey'; allowed: trinary, scale or raw"),
         ("negate: 0", "negate: [", "map.yaml:"),
     ],
 )

@@ -74,7 +74,8 @@ class ScenarioFiles:
         scenario = self._parsed(names[0])
         if len(names) == 1 or scenario.to_json().encode() == self._files[SCENARIO_JSON].data:
             return scenario
-        return replace(self._parsed(SCENARIO_JSON), source=scenario.source)
+        # The resolved one names no map any more, its source does.
+        return replace(self._parsed(SCENARIO_JSON), source=scenario.source, attachments=scenario.attachments)
 
     def _parsed(self, name: str) -> Scenario:
         text = self._files[name]

@@ -20,7 +20,7 @@ from pushplan.geometry import se2
 from pushplan.logging.view.shapes import Paint, circle, filled, line, loop
 from pushplan.mechanics.chain import Chain
 from pushplan.result import PlanResult
-from pushplan.scenario import CircleObstacle, Obstacle, Scenario
+from pushplan.scenario import CircleObstacle, Obstacle, PolygonObstacle, Scenario
 
 WORLD, CHAIN = "world", "chain"
 """Frames of every run, beside the plate's, `PUSHER`; each object adds one of its own name."""
@@ -31,7 +31,7 @@ PATH_SPACING = 0.02
 _Z_WORKSPACE, _Z_TREE, _Z_GHOST, _Z_OBSTACLE, _Z_ROBOT, _Z_BODY = 0.0, 0.0002, 0.0004, 0.001, 0.0015, 0.002
 
 _WALL = Paint(0.55, 0.57, 0.60)
-_OBSTACLE = Paint(0.36, 0.38, 0.42)
+_OBSTACLE, _UNKNOWN = Paint(0.36, 0.38, 0.42), Paint(0.36, 0.38, 0.42, 0.35)
 _START, _GOAL = Paint(0.55, 0.57, 0.60, 0.9), Paint.of(colours.GOAL, 0.9)
 _NEAREST = Paint.of(colours.NEAREST)
 _TREE = Paint(0.25, 0.45, 0.85, 0.35)
@@ -66,7 +66,9 @@ def _standing(scenario: Scenario) -> Iterator[SceneEntity]:
         x, y = [area.xmin, area.xmax, area.xmax, area.xmin], [area.ymin, area.ymin, area.ymax, area.ymax]
         yield _outlined("workspace", WORLD, np.stack([x, y], axis=1), _Z_WORKSPACE, _WALL)
     for i, obstacle in enumerate(scenario.obstacles):
-        yield _body(f"obstacle/{i}", WORLD, obstacle_outline(obstacle), _Z_OBSTACLE, _OBSTACLE)
+        unknown = isinstance(obstacle, PolygonObstacle) and obstacle.unknown
+        paint = _UNKNOWN if unknown else _OBSTACLE
+        yield _body(f"obstacle/{i}", WORLD, obstacle_outline(obstacle), _Z_OBSTACLE, paint)
     for name, pose, paint in (
         ("start", scenario.start, _START),
         ("goal", scenario.goal.pose_chain, _GOAL),

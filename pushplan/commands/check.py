@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import DONE
-from pushplan.commands.terminal.options import add_plot, add_scenario, check_outputs
+from pushplan.commands.terminal.options import add_maps, add_plot, add_scenario, check_outputs
 from pushplan.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command."""
     add_scenario(parser)
+    add_maps(parser)
     add_plot(parser, "draw start, goal and obstacles, and the chain with its stable set")
 
 
@@ -27,7 +28,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     from pushplan.reading.scenario_file import load_scenario
 
     check_outputs(args.scenario, args.plot)
-    scenario = load_scenario(args.scenario)
+    scenario = load_scenario(args.scenario, args.map)
     console.say(console.paint(scenario.name, "bold"))
     console.table(understood.rows(scenario))
     with console.computing("computing the stable set"):

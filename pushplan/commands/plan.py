@@ -14,6 +14,7 @@ from pushplan.commands.steps.physics import add_physics
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import DEFECT, MISMATCH, error_document
 from pushplan.commands.terminal.options import (
+    add_maps,
     add_output,
     add_plot,
     add_runs,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the words of the command; what they leave open is taken from the scenario."""
     add_scenario(parser)
+    add_maps(parser)
     add_output(parser, "-o", "--output", help="write the run's log (MCAP), solved or not, here")
     parser.add_argument(
         "--no-log", action="store_true", help="write no log; else one is recorded without -o, too"

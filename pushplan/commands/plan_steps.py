@@ -30,7 +30,7 @@ def load(args: argparse.Namespace, console: Console) -> Scenario:
     if args.no_log and (args.output or args.runs):
         raise PlanUsageError("--no-log does not go together with -o and --runs; leave one of them out")
     check_outputs(args.scenario, args.plot, args.output, args.html)
-    scenario = load_scenario(args.scenario)
+    scenario = load_scenario(args.scenario, args.map)
     if args.physics:
         physics.require_executable(scenario)
     with console.computing("loading the planner"):

@@ -17,14 +17,13 @@ from pushplan.drawing.cor import SENSE_NAMES, SENSES, style_cor_axes
 from pushplan.drawing.figure import FAINT, INK, axes_at, equal_ticks, figure_for
 from pushplan.drawing.sets import draw_sets
 from pushplan.drawing.world import (
-    OBSTACLE_COLOUR,
-    OBSTACLE_EDGE,
     SWEPT_COLOUR,
     Box,
     draw_by_margin,
     draw_surroundings,
     draw_sweep,
     draw_tree,
+    obstacle_keys,
     view_box,
 )
 from pushplan.mechanics.chain import Chain
@@ -71,7 +70,7 @@ def plot_plan(scenario: Scenario, plan: PlanResult, execution: Execution | None,
         corner = (_LEFT / figure.get_figwidth(), 0.04 / figure.get_figheight())
         if plan.tolerance is not None:
             _tell_tolerance(figure, plan.tolerance.sentence)
-        figure.legend(handles=_legend(plan), loc="lower left", bbox_to_anchor=corner, **_LEGEND)
+        figure.legend(handles=_legend(scenario, plan), loc="lower left", bbox_to_anchor=corner, **_LEGEND)
 
 
 def _tell_tolerance(figure: Figure, sentence: str) -> None:
@@ -130,13 +129,13 @@ def _draw_margins(floor: Axes, curve: Axes, bar: Axes, execution: Execution) -> 
     colours.set_ticks([])
 
 
-def _legend(plan: PlanResult) -> list[Artist]:
+def _legend(scenario: Scenario, plan: PlanResult) -> list[Artist]:
     return [
         Patch(facecolor=OBJECT_COLOUR, edgecolor=INK, label="start"),
         Patch(facecolor=GOAL_COLOUR, edgecolor=INK, label="goal"),
         Patch(facecolor=SWEPT_COLOUR, edgecolor=FAINT, label="swept")
         if plan.path is not None
         else Line2D([], [], color=FAINT, linewidth=0.8, label="search tree"),
-        Patch(facecolor=OBSTACLE_COLOUR, edgecolor=OBSTACLE_EDGE, label="obstacle"),
+        *obstacle_keys(scenario),
         *(Patch(facecolor=SENSES[s], alpha=0.35, label=SENSE_NAMES[s]) for s in SENSES),
     ]

@@ -15,9 +15,8 @@ from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, ROB
 from pushplan.drawing.cor import SENSE_NAMES, SENSES
 from pushplan.drawing.figure import INK, axes_at, equal_ticks, figure_for
 from pushplan.drawing.run import draw_set
-from pushplan.drawing.world import OBSTACLE_COLOUR, OBSTACLE_EDGE, draw_surroundings, view_box
+from pushplan.drawing.world import draw_surroundings, obstacle_keys, view_box
 from pushplan.geometry.se2 import transform_points
-from pushplan.mechanics.chain import Chain
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
@@ -54,7 +53,7 @@ def plot_scenario(scenario: Scenario, stable: StableSet, path: str | Path) -> No
         draw_set(chain, scenario.chain, stable)
         _draw_names(chain, scenario)
         corner = (_LEFT / figure.get_figwidth(), 0.04 / figure.get_figheight())
-        figure.legend(handles=_legend(scenario.chain), loc="lower left", bbox_to_anchor=corner, **_LEGEND)
+        figure.legend(handles=_legend(scenario), loc="lower left", bbox_to_anchor=corner, **_LEGEND)
 
 
 def _draw_names(axes: Axes, scenario: Scenario) -> None:
@@ -77,13 +76,17 @@ def _write(axes: Axes, place: FloatArray, text: str, turned: float) -> None:
     axes.text(float(place[0]), float(place[1]), text, rotation=turned, color=INK, zorder=8.0, **style)
 
 
-def _legend(chain: Chain) -> list[Patch]:
-    robot = [Patch(facecolor=ROBOT_COLOUR, edgecolor=INK, label="robot")] if chain.pusher.footprint else []
+def _legend(scenario: Scenario) -> list[Patch]:
+    robot = (
+        [Patch(facecolor=ROBOT_COLOUR, edgecolor=INK, label="robot")]
+        if scenario.chain.pusher.footprint
+        else []
+    )
     return [
         *robot,
         Patch(facecolor=PLATE_COLOUR, edgecolor=INK, label="pusher"),
         Patch(facecolor=OBJECT_COLOUR, edgecolor=INK, label="start"),
         Patch(facecolor=GOAL_COLOUR, edgecolor=INK, label="goal"),
-        Patch(facecolor=OBSTACLE_COLOUR, edgecolor=OBSTACLE_EDGE, label="obstacle"),
+        *obstacle_keys(scenario),
         *(Patch(facecolor=SENSES[s], alpha=0.35, label=SENSE_NAMES[s]) for s in SENSES),
     ]

@@ -18,13 +18,15 @@ from pushplan.drawing.cor import polygon_patches
 from pushplan.drawing.figure import FAINT, INK
 from pushplan.mechanics.chain import Chain
 from pushplan.path import PushPath
-from pushplan.scenario import CircleObstacle, Obstacle, Scenario
+from pushplan.scenario import CircleObstacle, Obstacle, PolygonObstacle, Scenario
 
 Box = tuple[float, float, float, float]
 """(xmin, ymin, xmax, ymax) in the world, m."""
 
 OBSTACLE_COLOUR = "#c3c9d1"
 OBSTACLE_EDGE = "#8b939d"
+OBSTACLE_LOOK: dict[str, Any] = {"facecolor": OBSTACLE_COLOUR, "edgecolor": OBSTACLE_EDGE}
+UNKNOWN_LOOK: dict[str, Any] = {"facecolor": "none", "edgecolor": OBSTACLE_COLOUR, "hatch": "////"}
 SWEPT_COLOUR = "#f3eee2"
 MARGIN_COLOURS = LinearSegmentedColormap.from_list("margin", ["#b5352c", "#e0a04a", "#4f9d8c", "#1d4f7c"])
 """From the edge of the stable set to deep inside it."""
@@ -62,8 +64,19 @@ def draw_surroundings(axes: Axes, scenario: Scenario) -> None:
         )
     for obstacle in scenario.obstacles:
         patch = _patch(obstacle)
-        patch.set(facecolor=OBSTACLE_COLOUR, edgecolor=OBSTACLE_EDGE, linewidth=0.8, zorder=2.0)
+        patch.set(linewidth=0.8, zorder=2.0, **(UNKNOWN_LOOK if _is_unknown(obstacle) else OBSTACLE_LOOK))
         axes.add_patch(patch)
+
+
+def obstacle_keys(scenario: Scenario) -> list[Patch]:
+    """Return the legend's entries for what is in the way."""
+    unknown = {_is_unknown(obstacle) for obstacle in scenario.obstacles}
+    keys = [Patch(**OBSTACLE_LOOK, label="obstacle")] if unknown != {True} else []
+    return keys + ([Patch(**UNKNOWN_LOOK, label="unknown")] if True in unknown else [])
+
+
+def _is_unknown(obstacle: Obstacle) -> bool:
+    return isinstance(obstacle, PolygonObstacle) and obstacle.unknown
 
 
 def draw_sweep(axes: Axes, chain: Chain, path: PushPath) -> None:

@@ -9,25 +9,16 @@ import numpy as np
 from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.reading.arrangement.placement import Surroundings, bodies_at, placement_troubles
-from pushplan.reading.arrangement.shapes import outline_of
 from pushplan.reading.scenario_chain import Bodies, build_bodies
 from pushplan.reading.scenario_files import Attachments
 from pushplan.reading.scenario_salvage import salvage
+from pushplan.reading.scenario_surroundings import Stated, build_surroundings
 from pushplan.reading.schema.findings import nearest, validate
 from pushplan.reading.schema.scenario import ScenarioFile
 from pushplan.reading.yaml.node import Document, shorten
 from pushplan.reading.yaml.report import Report
 from pushplan.scenario import Scenario
-from pushplan.scenario_parts import (
-    CircleObstacle,
-    Goal,
-    Obstacle,
-    PlannerSettings,
-    PolygonObstacle,
-    StabilitySettings,
-    Uncertainty,
-    Workspace,
-)
+from pushplan.scenario_parts import Goal, PlannerSettings, StabilitySettings, Uncertainty
 
 
 def build_scenario(
@@ -48,7 +39,8 @@ def build_scenario(
     if bodies is None:
         return None
     _check_room_for_inertia(file, report)
-    scenario = _scenario(file, path, source, bodies, attachments)
+    surroundings = build_surroundings(file, attachments.read, report)
+    scenario = _scenario(file, path, source, bodies, surroundings, attachments)
     _check_ends(scenario, doubtful, report)
     return None if report.findings else scenario
 
@@ -100,9 +92,13 @@ def _chain_pose(pose: FloatArray, of: str | None, bodies: Bodies) -> FloatArray:
 
 
 def _scenario(
-    file: ScenarioFile, path: Path, source: bytes, bodies: Bodies, attachments: Attachments
+    file: ScenarioFile,
+    path: Path,
+    source: bytes,
+    bodies: Bodies,
+    surroundings: Stated,
+    attachments: Attachments,
 ) -> Scenario:
-    area = file.workspace
     return Scenario(
         name=file.name or path.stem,
         path=path,
@@ -111,8 +107,8 @@ def _scenario(
         floor_friction=file.floor.friction,
         start=np.array(file.start),
         goal=_goal(file, bodies),
-        workspace=None if area is None else Workspace(*area.x, *area.y),
-        obstacles=_obstacles(file),
+        workspace=surroundings.workspace,
+        obstacles=surroundings.obstacles,
         clearance=file.clearance,
         stability=StabilitySettings(file.stability.set, file.stability.margin),
         planner=PlannerSettings(**file.planner.model_dump()),
@@ -124,17 +120,6 @@ def _scenario(
         contact_friction=bodies.contact_friction,
         snapping=bodies.snapping,
     )
-
-
-def _obstacles(file: ScenarioFile) -> tuple[Obstacle, ...]:
-    obstacles: list[Obstacle] = []
-    for stated in file.obstacles:
-        if stated.circle is not None and stated.center is not None:
-            obstacles.append(CircleObstacle(np.array(stated.center), stated.circle))
-        else:
-            pose = stated.pose or (0.0, 0.0, 0.0)
-            obstacles.append(PolygonObstacle(se2.transform_points(pose, outline_of(stated))))
-    return tuple(obstacles)
 
 
 def _check_ends(scenario: Scenario, doubtful: set[str], report: Report) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pushplan.errors import Finding, ScenarioError
 from pushplan.examples import example_file, example_names
+from pushplan.reading.imported.ros_map import map_files
 from pushplan.reading.scenario_build import build_scenario
 from pushplan.reading.scenario_files import Attachments
 from pushplan.reading.schema.findings import nearest
@@ -18,13 +19,18 @@ from pushplan.reading.yaml.tree import read_document
 from pushplan.scenario import Scenario
 
 
-def load_scenario(source: str | Path) -> Scenario:
+def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenario:
     """Read a scenario from a file, or a packaged example by its name.
 
     A file of that name comes first; a Path is never taken for an example's name.
 
+    Args:
+        source: File or name.
+        maps: YAML files of maps that are added to its obstacles.
+
     Raises:
         ScenarioError: With everything found wrong: syntax, values, geometry, start and goal.
+        ImportedFileError: When a map cannot be read.
     """
     path = Path(source)
     if isinstance(source, str) and source in example_names() and not path.is_file():
@@ -34,7 +40,23 @@ def load_scenario(source: str | Path) -> Scenario:
             data = file.read(MOST_BYTES + 1)
     except (OSError, ValueError) as error:
         raise ScenarioError(str(source), [Finding("", _unreadable(source, error))]) from error
+    if maps:
+        return _with_maps(data, path, maps)
     return _read(data, path, Attachments({}, path.parent))
+
+
+def _with_maps(data: bytes, path: Path, maps: Sequence[str | Path]) -> Scenario:
+    """Read a scenario with more maps, as JSON, in which the log holds it."""
+    alone = _read(data, path, Attachments({}, path.parent))
+    files: dict[str, bytes] = {}
+    document: Any = read_document(data).root.plain()
+    obstacles = list(document.get("obstacles", ()))
+    for i, file in enumerate(maps):
+        name = f"map-{i}/{Path(file).name}"
+        files |= map_files(Path(file), name)
+        obstacles.append({"map": name})
+    named = document | {"name": alone.name, "obstacles": obstacles}
+    return scenario_from_document(named, path, {**alone.attachments, **files})
 
 
 def scenario_from_text(

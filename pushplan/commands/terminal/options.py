@@ -18,6 +18,12 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", metavar="SCENARIO", help="a file, or the name of a packaged example")
 
 
+def add_maps(parser: argparse.ArgumentParser) -> None:
+    """Declare the option that adds maps to what is in the way."""
+    words = "add the obstacles of a ROS map (YAML); may be given again"
+    parser.add_argument("--map", metavar="FILE", type=Path, action="append", default=[], help=words)
+
+
 def add_output(parser: argparse.ArgumentParser, *flags: str, help: str) -> None:
     """Declare an option that names a file to write."""
     parser.add_argument(*flags, metavar="FILE", type=Path, help=help)

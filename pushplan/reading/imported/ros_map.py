@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from pydantic import BaseModel, ConfigDict, Field
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.errors import ImportedFileError
 from pushplan.geometry.se2 import transform_points
 from pushplan.reading.imported.hole_free import covering, hole_free
+from pushplan.reading.imported.map_cells import cells_of
 from pushplan.reading.schema import types as t
 from pushplan.reading.schema.findings import validate
 from pushplan.reading.values import units
@@ -23,8 +24,8 @@ from pushplan.reading.yaml.text import MOST_BYTES, DocumentError
 from pushplan.reading.yaml.tree import read_document
 from pushplan.scenario_parts import PolygonObstacle, Workspace
 
-MOST_CELLS = 1 << 26
-"""Cells up to which a map is read."""
+MOST_PICTURE = 1 << 28
+"""Bytes up to which a picture is read."""
 
 _Share = Annotated[float, Quantity("a probability", {}, 0.0, 1.0)]
 _Resolution = Annotated[float, Quantity("a length", units.LENGTH, 1e-4, 100.0, "5 cm")]
@@ -74,69 +75,88 @@ def read_ros_map(
         ImportedFileError: When the file or its picture cannot be read.
     """
     path = Path(path)
-    file = _read_file(path)
-    cells = _blocked(path.parent / file.image, file, unknown_is_free)
-    region = shapely.transform(_region(cells), lambda corners: _to_world(corners, file))
-    height, width = cells.shape
+    read = map_files(path, path.name).__getitem__
+    return ros_map_of(path.name, read, unknown_is_free=unknown_is_free, tolerance=tolerance)
+
+
+def map_files(path: Path, name: str) -> dict[str, bytes]:
+    """Return what a map's YAML file and its picture hold, by `name` and the picture's name beside it.
+
+    Raises:
+        ImportedFileError: When one of them cannot be read.
+    """
+    data = _bytes_of(path)
+    image = _map_file(data, str(path)).image
+    return {name: data, _beside(name, image): _bytes_of(path.parent / image)}
+
+
+def _bytes_of(file: Path) -> bytes:
+    try:
+        with file.open("rb") as stream:
+            return stream.read(MOST_PICTURE)
+    except OSError as error:
+        raise ImportedFileError(f"{file}: cannot read the file: {error.strerror or error}") from error
+
+
+def _beside(name: str, image: str) -> str:
+    """Return the name of a map's picture, relative to the folder of its YAML file."""
+    return str(PurePosixPath(name).parent / image)
+
+
+def ros_map_of(
+    name: str,
+    read: Callable[[str], bytes],
+    *,
+    unknown_is_free: bool = False,
+    tolerance: float | None = None,
+) -> RosMap:
+    """Return the map whose files another one reads; see `read_ros_map`.
+
+    Args:
+        name: Of the YAML file.
+        read: Returns what a file holds, by its name; the picture's is relative to the folder of `name`.
+        unknown_is_free: Whether the chain may go where the map knows nothing.
+        tolerance: How far corners may be moved, m.
+    """
+    file = _map_file(read(name), name)
+    picture = _beside(name, file.image)
+    negate, thresholds = bool(file.negate), (file.occupied_thresh, file.free_thresh)
+    cells = cells_of(read(picture), picture, file.mode, negate, *thresholds)
+    height, width = cells.occupied.shape
     frame = _to_world(np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=np.float64), file)
     (xmin, ymin), (xmax, ymax) = frame.min(axis=0), frame.max(axis=0)
-    if file.origin[2] != 0.0:
-        region |= shapely.box(xmin, ymin, xmax, ymax) - shapely.Polygon(frame)
-    simple = covering(region, 0.75 * file.resolution if tolerance is None else tolerance)
-    obstacles = tuple(PolygonObstacle(outline) for outline in hole_free(simple))
-    return RosMap(obstacles, Workspace(float(xmin), float(xmax), float(ymin), float(ymax)), file.resolution)
+    area = Workspace(float(xmin), float(xmax), float(ymin), float(ymax))
+    unknown = _region(np.zeros_like(cells.unknown) if unknown_is_free else cells.unknown, file)
+    if file.origin[2] != 0.0:  # beyond a turned map nothing is known, whatever is unknown within it
+        unknown |= shapely.box(xmin, ymin, xmax, ymax) - shapely.Polygon(frame)
+    fewer = 0.75 * file.resolution if tolerance is None else tolerance
+    occupied = _region(cells.occupied, file)
+    obstacles = [
+        PolygonObstacle(outline, unknown=is_unknown)
+        for region, is_unknown in ((occupied, False), (unknown, True))
+        for outline in hole_free(covering(region, fewer))
+    ]
+    return RosMap(tuple(obstacles), area, file.resolution)
 
 
-def _read_file(path: Path) -> _MapFile:
+def _map_file(data: bytes, shown: str) -> _MapFile:
     try:
-        with path.open("rb") as stream:
-            document = read_document(stream.read(MOST_BYTES + 1))
-    except OSError as error:
-        raise ImportedFileError(f"{path}: cannot read the file: {error.strerror or error}") from error
+        document = read_document(data[: MOST_BYTES + 1])
     except DocumentError as error:
-        raise ImportedFileError("\n".join(f.text(str(path)) for f in error.findings)) from error
+        raise ImportedFileError("\n".join(f.text(shown) for f in error.findings)) from error
     file, faults = validate(_MapFile, document)
     if file is None:
-        raise ImportedFileError("\n".join(fault.text(str(path)) for fault in faults.values()))
-    if file.mode == "raw":
-        raise ImportedFileError(f"{path}: mode: is 'raw'; allowed: trinary, scale")
+        raise ImportedFileError("\n".join(fault.text(shown) for fault in faults.values()))
     return file
 
 
-def _blocked(picture: Path, file: _MapFile, unknown_is_free: bool) -> npt.NDArray[np.bool_]:
-    """Return which cells (rows from the bottom, columns) are in the way."""
-    values = _grey(picture)
-    occupancy = (values if file.negate else 255.0 - values) / 255.0
-    threshold = file.occupied_thresh if unknown_is_free else file.free_thresh
-    blocked: npt.NDArray[np.bool_] = (occupancy > threshold) if unknown_is_free else ~(occupancy < threshold)
-    return blocked[::-1]
-
-
-def _grey(picture: Path) -> FloatArray:
-    """Return the grey values (rows from the top, columns) of a picture."""
-    from PIL import Image
-
-    try:
-        with Image.open(picture) as image:
-            if image.width * image.height > MOST_CELLS:
-                raise ImportedFileError(
-                    f"{picture}: has {image.width} x {image.height} cells; allowed: {MOST_CELLS} cells"
-                )
-            values: Any = np.asarray(image.convert("RGB"), dtype=np.float64)
-    except ImportedFileError:
-        raise
-    except Exception as error:  # Pillow's plugins raise whatever they stumble over
-        raise ImportedFileError(f"{picture}: cannot read the picture: {error}") from error
-    grey: FloatArray = values.mean(axis=2)
-    return grey
-
-
-def _region(blocked: npt.NDArray[np.bool_]) -> shapely.Geometry:
-    """Return the union of cells, each a unit square; runs of cells in a row are one rectangle."""
+def _region(blocked: BoolArray, file: _MapFile) -> shapely.Geometry:
+    """Return the union of cells in the world; runs of cells in a row are one rectangle."""
     edges = np.diff(np.pad(blocked.astype(np.int8), ((0, 0), (1, 1))), axis=1)
     row, begin = np.nonzero(edges == 1)
     _, end = np.nonzero(edges == -1)
-    return shapely.union_all(shapely.box(begin, row, end, row + 1))
+    cells = shapely.union_all(shapely.box(begin, row, end, row + 1))
+    return shapely.transform(cells, lambda corners: _to_world(corners, file))
 
 
 def _to_world(corners: FloatArray, file: _MapFile) -> FloatArray:

@@ -68,14 +68,15 @@ class Area(t.Strict):
 
 
 class Obstacle(t.Strict):
-    """A polygon or box, both at an optional pose in the world, or a circle."""
+    """A polygon or box, both at an optional pose in the world, a circle, or all that a map has."""
 
     model_config = t.exactly_one(
         "polygon",
         "box",
         "circle",
+        "map",
         needs={"box": "pose", "circle": "center"},
-        only={"center": "circle", "pose": "polygon box"},
+        only={"center": "circle", "pose": "polygon box", "unknown": "polygon map"},
     )
 
     polygon: t.Polygon | None = Field(default=None, description=POLYGON)
@@ -83,14 +84,25 @@ class Obstacle(t.Strict):
     circle: t.Size | None = Field(default=None, description="a radius in m")
     pose: t.Pose | None = Field(default=None, description="[x, y, theta] in the world, of a box or polygon")
     center: t.Point | None = Field(default=None, description="[x, y] in the world, of a circle")
+    map: Annotated[str, Field(strict=True, min_length=1)] | None = Field(
+        default=None, description="a ROS map (YAML) in the scenario's folder"
+    )
+    unknown: Literal["obstacle", "free"] | None = Field(
+        default=None,
+        description="obstacle, the default, or free: what a map does not know",
+    )
 
     @model_validator(mode="after")
     def _complete(self) -> Obstacle:
-        t.require_one(self, "polygon", "box", "circle")
+        t.require_one(self, "polygon", "box", "circle", "map")
         if self.circle is not None and self.center is None:
             raise fault("is a circle without center", "{circle: radius, center: [x, y]}")
         if self.circle is not None and self.pose is not None:
             raise fault("is a circle with a pose", "{circle: radius, center: [x, y]}")
+        if self.map is not None and self.pose is not None:
+            raise fault("is a map with a pose", "{map: file.yaml}, whose origin says where it is")
+        if self.unknown is not None and self.map is None and (self.polygon is None or self.unknown == "free"):
+            raise fault("has unknown but is no map", "{map: file.yaml, unknown: obstacle | free}")
         if self.circle is None and self.center is not None:
             raise fault("has a center but is no circle", "{polygon: ...}, or {box: ..., pose: ...}")
         if self.box is not None and self.pose is None:
@@ -152,7 +164,8 @@ class ScenarioFile(t.Strict):
     workspace: Area | None = Field(default=None, description="{x: [min, max], y: [min, max]}")
     obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(
         default=(),
-        description="a list of at most 10000 {polygon: ...}, {box: ..., pose: ...} and {circle: ..., center: ...}",
+        description="a list of at most 10000 {polygon: ...}, {box: ..., pose: ...}, {circle: ..., center: ...} and "
+        "{map: file.yaml}",
     )
     clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description="a length in m")
     stability: StabilityChoice = Field(default_factory=StabilityChoice, description="{set: ..., margin: ...}")
