@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
-from pushplan.geometry.se2 import compose
+from pushplan.geometry.se2 import compose, relative, wrap_angle
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.support import Support
 from pushplan.scenario import Scenario
@@ -129,8 +129,6 @@ class World:
 
     def with_object_poses(self, poses: ArrayLike) -> World:
         """Return the world with the objects at measured poses (n, 3) in the world."""
-        from pushplan.geometry.se2 import relative, wrap_angle
-
         places = relative(self.start, frozen(poses, (len(self.chain.objects), 3), "poses of the objects"))
         offsets = places - np.array([obj.pose_chain for obj in self.chain.objects])
         offsets[:, 2] = wrap_angle(offsets[:, 2])

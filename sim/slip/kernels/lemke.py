@@ -16,15 +16,14 @@ import math
 from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import no_refcount
 from pushplan.sim.slip.kernels.floor import floor_terms
-from pushplan.sim.slip.kernels.newton import (
+from pushplan.sim.slip.kernels.multipliers import (
     balance_residual,
-    contact_wrench,
-    link,
-    matrices,
+    push_bodies,
     relative_motion,
     release,
     times_inverse,
 )
+from pushplan.sim.slip.kernels.newton import link, matrices
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 
 PASSES, PATIENT_PASSES = 40, 300
@@ -243,10 +242,4 @@ def _take_solution(work: Work, count: int, size: int, force: float) -> None:
         if row >= 0:
             work.forces[c, row] += sign * force * work.tableau[line, 2 * size + 1]
     for c in range(count):
-        x, y, w = contact_wrench(work, c)
-        for side in range(2):
-            i, sign = work.who[c, side], 2.0 * side - 1.0
-            if i < n:
-                dx, dy, dw = times_inverse(work, i, x, y, w)
-                u = work.twists[i]
-                u[0], u[1], u[2] = u[0] + sign * dx, u[1] + sign * dy, u[2] + sign * dw
+        push_bodies(work, c, n)

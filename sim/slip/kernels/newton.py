@@ -12,10 +12,11 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.sim.slip.kernels.floor import floor_terms, invert_symmetric
+from pushplan.sim.slip.kernels.linear import solve_linear
+from pushplan.sim.slip.kernels.multipliers import acts, balance_residual, relative_motion
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 
 ROUNDS = 25
@@ -28,13 +29,6 @@ _CLOSED = 1e-12
 """Share of L up to which gaps are rounding."""
 _SMALL = 1e-9
 """Of the trace of K, added to the diagonal of M."""
-
-
-@no_refcount
-def relative_motion(work: Work, c: int, k: int) -> float:
-    """Return row k of manifold c times U_b - U_a."""
-    a, b, row = work.twists[work.who[c, 0]], work.twists[work.who[c, 1]], work.rows[c, k]
-    return float(row[0] * (b[0] - a[0]) + row[1] * (b[1] - a[1]) + row[2] * (b[2] - a[2]))
 
 
 @no_refcount
@@ -62,7 +56,7 @@ def newton(packed: PackedWorld, work: Work, count: int, eps: float, stiffness: f
         before = residual
         link(work, count)
         matrices(work, tau)
-        if not _solve(work, count):
+        if not solve_linear(work, count):
             return math.inf
         floor_terms(packed, work, eps)
     return math.inf
@@ -102,7 +96,7 @@ def _violation(work: Work, count: int) -> float:
     worst = 0.0
     for c in range(count):
         for k in range(3):
-            if _acts(work, c, k):
+            if acts(work, c, k):
                 gap = work.gaps[c, k] if k < 2 else 0.0
                 worst = max(worst, abs(gap + relative_motion(work, c, k)))
     return worst
@@ -151,191 +145,3 @@ def matrices(work: Work, tau: float) -> None:
         extra = _SMALL * (secant[0] + secant[3] + secant[5])
         m[0], m[3], m[5] = m[0] + extra, m[3] + extra, m[5] + extra
         invert_symmetric(m, work.inverse[i])
-
-
-@no_refcount
-def times_inverse(work: Work, i: int, x: float, y: float, w: float) -> tuple[float, float, float]:
-    """Return M_i^-1 (x, y, w)."""
-    m = work.inverse[i]
-    return (
-        m[0] * x + m[1] * y + m[2] * w,
-        m[1] * x + m[3] * y + m[4] * w,
-        m[2] * x + m[4] * y + m[5] * w,
-    )
-
-
-@no_refcount
-def release(work: Work) -> None:
-    """Move U to where the balance linearised at it would be without contact forces: U - M^-1 g."""
-    for i in range(len(work.gradient)):
-        g, u = work.gradient[i], work.twists[i]
-        x, y, w = times_inverse(work, i, g[0], g[1], g[2])
-        u[0], u[1], u[2] = u[0] - x, u[1] - y, u[2] - w
-
-
-@no_refcount
-def _solve(work: Work, count: int) -> bool:
-    """Solve the balance linearised at U for the multipliers of the guessed modes; update U and multipliers."""
-    n = len(work.gradient)
-    release(work)
-    size = _assemble(work, count)
-    if not _eliminate(work.matrix, size):
-        return False
-    _take_forces(work, count, size)
-    for c in range(count):
-        _push_bodies(work, c, n)
-    return True
-
-
-@no_refcount
-def _acts(work: Work, c: int, k: int) -> bool:
-    """Tell whether row k of manifold c is an equation of the guessed modes."""
-    if k == 2:
-        return bool(work.modes[c, 2] == 1)
-    return bool(k < work.who[c, 3] and work.modes[c, k] == 1)
-
-
-@no_refcount
-def _force_row(work: Work, c: int, k: int) -> tuple[float, float, float]:
-    """Return the wrench of a unit of multiplier k on body b: a slipping normal force brings its friction along."""
-    row = work.rows[c, k]
-    if k == 2 or work.modes[c, 2] == 1:
-        return row[0], row[1], row[2]
-    friction = 0.5 * work.modes[c, 2] * work.frame[c, 4]
-    along = work.rows[c, 2]
-    return row[0] + friction * along[0], row[1] + friction * along[1], row[2] + friction * along[2]
-
-
-@no_refcount
-def _assemble(work: Work, count: int) -> int:
-    """Fill the system A lambda = rhs of all equations that act; return their number."""
-    size = 0
-    for c in range(count):
-        for k in range(3):
-            size += _acts(work, c, k)
-    column = 0
-    for c in range(count):
-        for k in range(3):
-            if _acts(work, c, k):
-                _fill_column(work, count, c, k, column)
-                work.matrix[column, size] = -relative_motion(work, c, k) - (work.gaps[c, k] if k < 2 else 0.0)
-                column += 1
-    return size
-
-
-@no_refcount
-def _fill_column(work: Work, count: int, c: int, k: int, column: int) -> None:
-    """Fill in what a unit of multiplier k of manifold c displaces at every equation."""
-    n = len(work.gradient)
-    x, y, w = _force_row(work, c, k)
-    a, b = work.who[c, 0], work.who[c, 1]
-    ax = ay = aw = bx = by = bw = 0.0
-    if a < n:
-        ax, ay, aw = times_inverse(work, a, x, y, w)
-    if b < n:
-        bx, by, bw = times_inverse(work, b, x, y, w)
-    line = 0
-    for d in range(count):
-        sa = (work.who[d, 0] == a) * 1.0 - (work.who[d, 1] == a) * 1.0
-        sb = (work.who[d, 1] == b) * 1.0 - (work.who[d, 0] == b) * 1.0
-        dx, dy, dw = sa * ax + sb * bx, sa * ay + sb * by, sa * aw + sb * bw
-        for j in range(3):
-            if _acts(work, d, j):
-                row = work.rows[d, j]
-                work.matrix[line, column] = row[0] * dx + row[1] * dy + row[2] * dw
-                line += 1
-
-
-@no_refcount
-def _eliminate(matrix: FloatArray, size: int) -> bool:
-    """Solve in place by elimination with partial pivoting; the last column becomes the solution."""
-    trace = 0.0
-    for i in range(size):
-        trace += abs(matrix[i, i])
-    for i in range(size):
-        pivot = i
-        for r in range(i + 1, size):
-            if abs(matrix[r, i]) > abs(matrix[pivot, i]):
-                pivot = r
-        if not abs(matrix[pivot, i]) > 1e-15 * trace:
-            return False
-        if pivot != i:
-            for j in range(i, size + 1):
-                matrix[i, j], matrix[pivot, j] = matrix[pivot, j], matrix[i, j]
-        inverse = 1.0 / matrix[i, i]
-        for r in range(i + 1, size):
-            factor = matrix[r, i] * inverse
-            if factor != 0.0:
-                for j in range(i + 1, size + 1):
-                    matrix[r, j] -= factor * matrix[i, j]
-    for i in range(size - 1, -1, -1):
-        total = matrix[i, size]
-        for j in range(i + 1, size):
-            total -= matrix[i, j] * matrix[j, size]
-        matrix[i, size] = total / matrix[i, i]
-    return True
-
-
-@no_refcount
-def _take_forces(work: Work, count: int, size: int) -> None:
-    """Read the multipliers out of the solved system."""
-    line = 0
-    for c in range(count):
-        pressed = 0.0
-        for k in range(3):
-            work.forces[c, k] = 0.0
-            if _acts(work, c, k):
-                work.forces[c, k] = work.matrix[line, size]
-                line += 1
-            if k < 2:
-                pressed += work.forces[c, k]
-        if abs(work.modes[c, 2]) == 2:
-            work.forces[c, 2] = 0.5 * work.modes[c, 2] * work.frame[c, 4] * pressed
-
-
-@no_refcount
-def contact_wrench(work: Work, c: int) -> tuple[float, float, float]:
-    """Return the wrench of manifold c on body b."""
-    rows, forces = work.rows[c], work.forces[c]
-    x = y = w = 0.0
-    for k in range(3):
-        x, y, w = x + forces[k] * rows[k, 0], y + forces[k] * rows[k, 1], w + forces[k] * rows[k, 2]
-    return x, y, w
-
-
-@no_refcount
-def _push_bodies(work: Work, c: int, n: int) -> None:
-    """Add to U what the force of manifold c displaces."""
-    x, y, w = contact_wrench(work, c)
-    for side in range(2):
-        i = work.who[c, side]
-        if i < n:
-            dx, dy, dw = times_inverse(work, i, x, y, w)
-            sign = 2.0 * side - 1.0
-            u = work.twists[i]
-            u[0], u[1], u[2] = u[0] + sign * dx, u[1] + sign * dy, u[2] + sign * dw
-
-
-@no_refcount
-def balance_residual(work: Work, count: int) -> float:
-    """Return the largest component of what is left of an object's balance, N."""
-    n = len(work.gradient)
-    left = work.inverse  # free between two solutions
-    for i in range(n):
-        for j in range(3):
-            left[i, j] = work.gradient[i, j]
-    for c in range(count):
-        x, y, w = contact_wrench(work, c)
-        for side in range(2):
-            i, sign = work.who[c, side], 1.0 - 2.0 * side
-            if i < n:
-                left[i, 0], left[i, 1], left[i, 2] = (
-                    left[i, 0] + sign * x,
-                    left[i, 1] + sign * y,
-                    left[i, 2] + sign * w,
-                )
-    worst = 0.0
-    for i in range(n):
-        for j in range(3):
-            worst = max(worst, abs(left[i, j]))
-    return worst

@@ -6,7 +6,8 @@ import math
 
 from pushplan.compiled import no_refcount
 from pushplan.sim.slip.kernels.lemke import RAY, reweighted
-from pushplan.sim.slip.kernels.newton import balance_residual, newton
+from pushplan.sim.slip.kernels.multipliers import balance_residual
+from pushplan.sim.slip.kernels.newton import newton
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 from pushplan.sim.slip.kernels.placing import copy_rows
 from pushplan.sim.slip.kernels.state import CONVERGED, FALLBACK, JAMMED, UNSOLVED, State
