@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import daqp
 import numpy as np
-from scipy.optimize import nnls
 
 from pushplan.basics.arrays import FloatArray
 
 RANK = 1e-9
 """Singular values below this share of the largest one count as 0."""
 
-CONTRADICTION = 1e-9
-"""A residual below this says that the inequalities contradict one another."""
+MISSED = 1e-12
+"""By so much an inequality may be missed: the lengths have to end on the goal to 1e-10."""
 
 
 def least_change(
@@ -19,9 +19,8 @@ def least_change(
 ) -> FloatArray | None:
     """Return the shortest y (k,) with equations y = values and rows y >= bounds, None where there is none.
 
-    Equations that contradict one another are met as well as they can be. What they leave free, y = y_0 + N z, is
-    found by least distance programming: the shortest z with G z >= h comes from the non-negative least squares
-    of [G, h]^T u = (0, ..., 0, 1) (Lawson and Hanson 1974, chapter 23).
+    Equations that contradict one another are met as well as they can be. Of what they leave free, y = y_0 + N z,
+    the shortest z with G z >= h is taken: a quadratic program (DAQP, Arnstrom, Bemporad and Axehill 2022).
 
     Args:
         equations: (m, k).
@@ -36,8 +35,10 @@ def least_change(
     g, h = rows @ free, bounds - rows @ particular
     if (h <= 0.0).all():
         return np.asarray(particular)
-    matrix, target = np.vstack([g.T, h]), np.append(np.zeros(free.shape[1]), 1.0)
-    residual = matrix @ nnls(matrix, target)[0] - target
-    if abs(residual[-1]) < CONTRADICTION:
+    if not free.shape[1]:
         return None
-    return np.asarray(particular - free @ residual[:-1] / residual[-1])
+    square, none = np.eye(free.shape[1]), np.zeros(free.shape[1])
+    z, _, flag, _ = daqp.solve(
+        square, none, np.ascontiguousarray(g), np.full(len(h), np.inf), h, primal_tol=MISSED
+    )
+    return np.asarray(particular + free @ z) if flag > 0 else None

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 import sys
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pushplan.basics import names
 from pushplan.errors import PushplanError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 """The form of `module:attribute`."""
@@ -40,7 +42,7 @@ class OpenNames(tuple[str, ...]):
 
     def adds(self, name: str) -> bool:
         """Return whether this names something that is not built in."""
-        return PLACE.fullmatch(name) is not None or bool(entry_points(group=self.group, name=name))
+        return PLACE.fullmatch(name) is not None or _entry_point(self.group, name) is not None
 
     @property
     def words(self) -> str:
@@ -67,7 +69,7 @@ def attribute_named(name: str, group: str) -> Any:
         PushplanError: When it cannot be imported or has no such attribute.
     """
     if PLACE.fullmatch(name) is None:
-        found = next(iter(entry_points(group=group, name=name)), None)
+        found = _entry_point(group, name)
         if found is None:
             return None
         name = found.value
@@ -82,6 +84,13 @@ def attribute_named(name: str, group: str) -> Any:
     except (ImportError, AttributeError) as error:
         raise PushplanError(f"cannot load {name!r}: {error}; allowed: module:attribute") from error
     return value
+
+
+def _entry_point(group: str, name: str) -> EntryPoint | None:
+    """Return what an installed package adds under a name."""
+    from importlib.metadata import entry_points  # as slow to load as all that the help needs
+
+    return next(iter(entry_points(group=group, name=name)), None)
 
 
 def name_of(made: Any) -> str:

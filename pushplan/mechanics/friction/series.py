@@ -14,7 +14,6 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import binom
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
@@ -56,6 +55,12 @@ def complex_moments(outline: FloatArray, order: int) -> ComplexArray:
     return np.asarray(np.where(degree <= order, moments, 0.0), dtype=np.complex128)
 
 
+def _binomials(upper: float) -> FloatArray:
+    """Return `upper` over 0 ... ORDER (ORDER + 1,)."""
+    k = np.arange(ORDER)
+    return np.cumprod(np.append(1.0, (upper - k) / (k + 1.0)))
+
+
 def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
     """Return the coefficients (5, TERMS) of (kappa radius)^p conj(kappa radius)^q, kappa = i omega / v0.
 
@@ -64,7 +69,7 @@ def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
     """
     moments = complex_moments(outline / radius, ORDER + 2) * radius**2
     p, q = _POWERS
-    factors = binom(0.5, p) * binom(-0.5, q)
+    factors = _binomials(0.5)[p] * _binomials(-0.5)[q]
     return np.array([factors * moments[p + a, q + b] * radius ** (a + b) for a, b in WEIGHTS])
 
 
