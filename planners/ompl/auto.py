@@ -31,6 +31,9 @@ REACH_SHARE = 0.15
 ROOM = (0.3, 1.0)
 """Shares of the best cost by which a new path may exceed it before polishing, in turn from round to round."""
 
+TREES_FIRST = 5
+"""Rounds of trees, where they find no path, before the first search over cells, which takes longer to set up."""
+
 LATTICE_RATIO = 40.0
 """So many arcs of best-first search for each extension of the trees, which takes eight times as long."""
 
@@ -48,7 +51,8 @@ class Auto(AnytimePlanner):
         for number in count(1):
             _round(session, forest, 1.0 + ROOM[number % len(ROOM)])
             session.refine()
-            lattice.run(LATTICE_RATIO * ROUND * number)
+            if session.solved or number > TREES_FIRST:
+                lattice.run(LATTICE_RATIO * ROUND * number)
             if session.finished:
                 return
 

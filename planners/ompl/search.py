@@ -42,11 +42,11 @@ def search(session: Session, make: Factory, box: Box, heading_length: float) -> 
     """
     ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
     ou.RNG.setSeed(session.seed + 1)  # OMPL takes 0 for "no seed"
-    information, definition = pose_problem(session, box, heading_length)
     name = "word"
     word = free_word(session, session.start, session.problem.goal)
     if word is not None:
         session.offer(word)
+    information, definition = pose_problem(session, box, heading_length)
     if not session.finished:  # a free word from the start may be all that was wanted
         planner = make(information)
         if not isinstance(planner, ob.Planner):
