@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from importlib import metadata
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
@@ -75,7 +76,7 @@ def test_what_installed_packages_add_is_found_by_its_name(monkeypatch: pytest.Mo
             EntryPoint("leaning-set", SET, "pushplan.stable_sets"),
         ]
     )
-    monkeypatch.setattr(naming, "entry_points", points.select)
+    monkeypatch.setattr(metadata, "entry_points", points.select)
     name, make = planner_named("lazy")
     assert (name, make.__name__) == ("lazy", "LazyRRT")
     assert "lazy" in naming.planner_names()
