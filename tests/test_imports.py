@@ -218,7 +218,7 @@ def test_any_region_is_covered_by_polygons_without_holes(seed: int, share: float
         assert all(3 <= len(outline) <= MOST_CORNERS for outline in outlines)
         whole = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
         assert shapely.area(shapely.difference(region, shapely.buffer(whole, 1e-9))) < 1e-9
-        assert shapely.area(whole) == pytest.approx(shapely.area(grown), rel=1e-9)
+        assert shapely.area(whole) == pytest.approx(shapely.area(grown), rel=1e-5)
 
 
 def test_polygons_with_too_many_corners_are_cut() -> None:

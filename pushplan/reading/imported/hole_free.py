@@ -8,12 +8,15 @@ import numpy as np
 import shapely
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.geometry.simple import find_flaw
+from pushplan.geometry.simple import LEAST_AREA, SAME_POINT, find_flaw
 from pushplan.reading.schema.types import MOST_CORNERS
+
+_GRID = 10.0 * SAME_POINT
+"""Spacing of the points on which outlines are put where theirs are too near to one another, m."""
 
 
 def hole_free(region: shapely.Geometry) -> Iterator[FloatArray]:
-    """Yield counter-clockwise outlines (v, 2) that cover a region; pieces that are no polygon are left out.
+    """Yield counter-clockwise outlines (v, 2) that cover a region; pieces below 1 mm^2 are left out.
 
     A polygon with a hole is cut in two along a line through the hole, one with too many corners in its middle.
     """
@@ -28,23 +31,33 @@ def hole_free(region: shapely.Geometry) -> Iterator[FloatArray]:
         outline = _without_repeats(shapely.get_coordinates(shapely.orient_polygons(part).exterior)[:-1])
         if len(outline) > 2 and find_flaw(outline) is None:
             yield outline
+        elif part.area >= LEAST_AREA:
+            # Corners nearer than SAME_POINT were taken together, and edges cross now: a little larger, it is on a grid.
+            pending += shapely.get_parts(
+                shapely.set_precision(part.buffer(_GRID, join_style="mitre"), _GRID)
+            ).tolist()
 
 
 def covering(region: shapely.Geometry, tolerance: float) -> shapely.Geometry:
     """Return a region with fewer corners that covers `region`; it reaches at most three times `tolerance` farther.
 
-    What is left out lies within about the tolerance of the new edges; growing by as much covers it again. Where that
-    does not, the region is returned as it is.
+    What is left out lies within about the tolerance of the new edges; growing by as much covers it again. A polygon of
+    the region for which it does not stays as it is. Each is looked at on its own: from thousands of corners to a
+    whole map is a long way.
     """
-    simple = shapely.simplify(region, tolerance)
-    missed = shapely.points(shapely.get_coordinates(region))
-    reach = float(shapely.distance(missed, simple).max(initial=0.0))
-    while reach <= tolerance:
-        grown = shapely.buffer(simple, reach, join_style="mitre", mitre_limit=2.0)
-        if shapely.covers(grown, region):
-            return grown
-        reach = max(1.2 * reach, 1e-3 * tolerance)
-    return region
+    parts = shapely.get_parts(region)
+    simple = shapely.simplify(parts, tolerance)
+    corners, owner = shapely.get_coordinates(parts, return_index=True)
+    reach = np.zeros(len(parts))
+    np.maximum.at(reach, owner, shapely.distance(shapely.points(corners), simple[owner]))
+    missed = np.flatnonzero(reach <= tolerance)
+    while len(missed):
+        grown = shapely.buffer(simple[missed], reach[missed], join_style="mitre", mitre_limit=2.0)
+        covers = shapely.covers(grown, parts[missed])
+        parts[missed[covers]] = grown[covers]
+        reach[missed] = np.maximum(1.2 * reach[missed], 1e-3 * tolerance)
+        missed = missed[~covers & (reach[missed] <= tolerance)]
+    return shapely.union_all(parts)
 
 
 def _halves(polygon: shapely.Polygon) -> list[shapely.Geometry]:
@@ -61,7 +74,7 @@ def _halves(polygon: shapely.Polygon) -> list[shapely.Geometry]:
 
 
 def _without_repeats(outline: FloatArray) -> FloatArray:
-    """Return an outline without corners that lie within a micrometre of the one before."""
-    far = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1) > 1e-6
+    """Return an outline without corners that are the same point as the one before."""
+    far = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1) > SAME_POINT
     distinct: FloatArray = outline[far]
     return distinct
