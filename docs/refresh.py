@@ -17,6 +17,7 @@ PICTURES = {
     "stable-set.png": "stable-set two-crates --plot run.png",
     "four-sets.png": "stable-set two-crates --set ecof --set cof --set robust --set stable --plot run.png",
     "own-scenario.png": "check mine.yaml --plot run.png",
+    "several-pushes.png": f"plan {ROOT}/examples/bring_it_home.yaml -o run.mcap --plot run.png",
 }
 SEEDS = range(1, 21)
 NUMBER = """\

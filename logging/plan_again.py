@@ -8,6 +8,7 @@ from dataclasses import replace
 from pushplan.basics.names import AUTO, COSTS
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.recorded import RecordedRun
+from pushplan.logging.several_again import segments_again
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.trajectories import make_trajectory
@@ -29,10 +30,13 @@ def plan_again(run: RecordedRun) -> PlanResult:
         plan,
         solved=plan.path is not None,
         reason="" if plan.path is not None else plan.reason,
+        objective_cost=None,
     )
     if plan.path is None or plan.trajectory is None:
         return settled
     scenario = as_told(run.scenario, words)
+    if plan.segments:
+        return segments_again(scenario, replace(settled, diagnosis=()), plan.trajectory)
     stable = planning_set(scenario, settled.stable_set)
     margins = margins_to_try(scenario, stable)
     margin = plan.margin if plan.margin in margins else margins[0]  # a lower one only the search can tell

@@ -25,8 +25,8 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.schemas import Topic
 from pushplan.logging.plan_again import plan_again
 from pushplan.logging.reader import read_run
+from pushplan.logging.several_again import execute_again
 from pushplan.logging.writer import RunLogWriter
-from pushplan.sim.judging import execute
 
 FREE_WORDS = ("crc32", "finished_at", "outcome", "error")
 """Words of `pushplan.result` that nothing else determines, beside those of wall-clock times; `outcome` is judged."""
@@ -60,7 +60,7 @@ def _comparable(path: Path) -> list[Topic]:
 def write_again(run: RecordedRun, path: Path) -> None:
     """Write the log that a run's scenario and plan lead to."""
     plan = plan_again(run)
-    execution = execute(run.scenario, plan)
+    execution = execute_again(run.scenario, plan)
     if execution is not None and run.execution is not None and run.execution.dynamic_margins is None:
         execution = replace(execution, dynamic_margins=None)  # a log of an older version
     with RunLogWriter.create(path, run.scenario, {}, run.words.get(metadata.RUN)) as log:

@@ -31,7 +31,7 @@ from pushplan.logging.messages.sentences import execution_sentence, plan_sentenc
 from pushplan.logging.view import views
 from pushplan.logging.view.contact_messages import contact_messages
 from pushplan.logging.view.contacts import resting
-from pushplan.logging.view.frames import chain_frames, moving_frames, placed, poses_in_world
+from pushplan.logging.view.frames import frames_at, moving_frames, placed, poses_in_world
 from pushplan.logging.view.layout import LAYOUT_FILE, layout_text
 from pushplan.logging.view.scene import PATH_SPACING, nearest, scene, tree
 from pushplan.logging.view.window import smoothed_times
@@ -39,6 +39,7 @@ from pushplan.outputs.open_file import OpenFile
 from pushplan.outputs.write import open_output
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
+from pushplan.segment import Segment
 
 _STRETCH = 60
 """Simulated seconds whose messages are made at once: few calls for a short run, little memory for a long one."""
@@ -62,6 +63,7 @@ class RunLogWriter:
         self._words: dict[str, str] = {}
         self._finished = False
         self._improvements = 0
+        self._segments: tuple[Segment, ...] = ()
 
     @classmethod
     def create(
@@ -106,9 +108,11 @@ class RunLogWriter:
         channels.declare()
         channels.send(schemas.SCENE, scene(scenario))
         now = np.zeros(1, dtype=np.int64)
-        start = chain_frames(scenario.chain).fill(now, placed(scenario.start[None]))
-        contacts = contact_messages(scenario.chain, resting(scenario.chain), now)
-        channels.send_batch(channels.prepare({schemas.TF: start, schemas.CONTACTS: contacts}, now))
+        chain, load = scenario.chain, None if scenario.pushes is None else scenario.start[None]
+        rows = {schemas.TF: frames_at(chain, scenario.first_pose[None], load, now)}
+        if load is None:
+            rows[schemas.CONTACTS] = contact_messages(chain, resting(chain), now)
+        channels.send_batch(channels.prepare(rows, now))
         channels.flush()
 
     def log(self, level: str, text: str) -> None:
@@ -151,6 +155,7 @@ class RunLogWriter:
         costs = plan_message.encode_costs(plan.progress)
         costs.timestamp.CopyFrom(channels.stamp)
         channels.send(schemas.COSTS, costs)
+        self._segments = plan.segments
         message = plan_message.encode(plan)
         message.timestamp.CopyFrom(channels.stamp)
         channels.send(schemas.PLAN, message)
@@ -239,7 +244,17 @@ class RunLogWriter:
             block = execution_message.encode_block(execution, second)
             block.timestamp.CopyFrom(channels.advance(int(instants[second.stop - 1])))
             channels.send(schemas.EXECUTION, block)
+            self._send_segments(float(execution.t[second.stop - 1]))
             channels.flush()
+
+    def _send_segments(self, until: float) -> None:
+        """Write the segments that have begun; the time stamp inside is when."""
+        while self._segments and self._segments[0].t0 <= until:
+            segment, *rest = self._segments
+            self._segments = tuple(rest)
+            message = plan_message.segment_message(segment)
+            message.timestamp.FromNanoseconds(round(1e9 * segment.t0))
+            self._channels.send(schemas.SEGMENT, message)
 
     def finish(self, outcome: str, seconds: Mapping[str, float] | None = None) -> None:
         """End the log and give it its final name.

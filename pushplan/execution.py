@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from pushplan.basics.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -45,6 +47,9 @@ class Execution:
         loss: The first loss of stability, or None.
         goal_error: (position m, angle rad) of the final pose against the goal.
         dynamic_margins: (m, n) margin of each contact with inertia; None where it was not looked at.
+        loads: (m, 3) pose of the objects' frame in the world where the robot is not always in contact: `poses` are
+            then those of the robot's frame (see `pushplan.segment`), and margins are 1 where nothing is pushed. None
+            stands for `poses`.
     """
 
     t: FloatArray
@@ -57,6 +62,20 @@ class Execution:
     loss: StabilityLoss | None
     goal_error: tuple[float, float]
     dynamic_margins: FloatArray | None = None
+    loads: FloatArray | None = None
+
+    @property
+    def load_poses(self) -> FloatArray:
+        """(m, 3) pose in the world of the frame that the objects are fixed to."""
+        return self.poses if self.loads is None else self.loads
+
+    def place_at(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """Return the pose (3,) of the chain frame, or robot's frame, and of the objects' frame at a time, s."""
+        pose, load = (
+            np.array([np.interp(time, self.t, column) for column in poses.T])
+            for poses in (self.poses, self.load_poses)
+        )
+        return pose, load
 
     @property
     def min_margin(self) -> float:

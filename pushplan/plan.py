@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Literal, TypedDict
 
 from pushplan.basics.collection import no_collection
-from pushplan.basics.names import AUTO, COSTS
+from pushplan.basics.names import AUTO, COSTS, DEFAULT_PLANNER, RANKED_BY
 from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
@@ -17,6 +17,9 @@ from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.search import Factory
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
+from pushplan.several.plan import Asked, plan_pushes
+from pushplan.several.prepared import Prepared
+from pushplan.several.warm import warm_up_several
 from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
 
@@ -96,6 +99,11 @@ def plan(
     scenario = settled(scenario, cost, margin)
     name, make = planner_named(planner or scenario.planner.name)
     watch = watch or Stopwatch()
+    if scenario.pushes is not None:
+        require_own_search(scenario, name)
+        asked = Asked(seed, time_limit, first, iterations, gap, progress, stop)
+        set_name = None if stable_set is None else add_set(stable_set)
+        return _several(scenario, asked, set_name, tell, watch)
     with watch("posing"):
         set_name = scenario.stability.set if stable_set is None else add_set(stable_set)
         warm_up(name, tell, set_name, scenario.interval is not None)
@@ -104,6 +112,40 @@ def plan(
             means = means_for(scenario, set_name)
     wanted = Wanted(name, make, seed, time_limit, first, iterations, gap, progress, stop)
     return planned(scenario, means, wanted, watch, began)
+
+
+def _several(
+    scenario: Scenario,
+    asked: Asked,
+    set_name: str | None,
+    tell: Callable[[str], None] | None,
+    watch: Stopwatch,
+) -> PlanResult:
+    """Plan several pushes."""
+    with watch("posing"):
+        warm_up_several(tell, set_name or scenario.stability.set, scenario.interval is not None)
+        began = time.perf_counter()
+        with no_collection():
+            prepared = Prepared.of(scenario, set_name)
+    return plan_pushes(prepared, asked, watch, began)
+
+
+def require_own_search(scenario: Scenario, planner: str) -> None:
+    """Refuse what the search for several pushes cannot take into account.
+
+    Raises:
+        PlanningError: When another planner or another cost is asked for.
+    """
+    if planner != DEFAULT_PLANNER:
+        raise PlanningError(
+            f"several pushes (robot.start) have a search of their own, {DEFAULT_PLANNER}; the planner {planner!r} is "
+            "for a single push"
+        )
+    if scenario.planner.cost != RANKED_BY:
+        raise PlanningError(
+            f"several pushes (robot.start) are ranked by {RANKED_BY}, with the weights in 'pushes'; "
+            f"the cost {scenario.planner.cost!r} is for a single push"
+        )
 
 
 def settled(scenario: Scenario, cost: str | None, margin: float | Literal["auto"] | None) -> Scenario:

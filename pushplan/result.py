@@ -11,6 +11,7 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.basics.lazy_field import LazyField
 from pushplan.basics.names import DEFAULT_COST
 from pushplan.path import PushPath
+from pushplan.segment import Segment
 from pushplan.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -87,6 +88,9 @@ class PlanResult:
         margin_asked: What the twists' margins had to exceed at first; None in logs of older versions.
         margin: What they had to exceed in the end: less, where no path was found with `margin_asked`.
         execution: What the kinematic simulator makes of the plan; None when there is none.
+        segments: Of a plan of several pushes, in their order: `path` and `trajectory` are then those of the robot's
+            frame (see `pushplan.segment`) through all of them. Empty for a single push.
+        objective_cost: What such a plan costs in all: way pushed, ways of the robot alone, changes of the contact, m.
         tolerance: What the plan can bear; None when not solved, and in older logs.
     """
 
@@ -112,6 +116,8 @@ class PlanResult:
     margin_asked: float | None = None
     margin: float | None = None
     execution: Execution | None = None
+    segments: tuple[Segment, ...] = ()
+    objective_cost: float | None = None
 
     @property
     def min_dynamic_margin(self) -> float | None:
@@ -135,7 +141,16 @@ class PlanResult:
         """
         if self.path is None or not self.lower_bound:
             return None
-        return max(0.0, self.path.cost / self.lower_bound - 1.0)
+        cost = self.path.cost if self.objective_cost is None else self.objective_cost
+        return max(0.0, cost / self.lower_bound - 1.0)
+
+    @property
+    def way_pushed(self) -> float | None:
+        """Cost of all pushes together, m; None without a path."""
+        if self.path is None:
+            return None
+        pushes = [segment.path.cost for segment in self.segments if segment.pushes]
+        return sum(pushes) if pushes else self.path.cost
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pushplan.basics import names
 from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
+from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.scenario_parts import (
@@ -21,6 +22,7 @@ from pushplan.scenario_parts import (
     Obstacle,
     PlannerSettings,
     PolygonObstacle,
+    Pushes,
     Snapped,
     Snapping,
     StabilitySettings,
@@ -37,6 +39,7 @@ __all__ = [
     "Obstacle",
     "PlannerSettings",
     "PolygonObstacle",
+    "Pushes",
     "Scenario",
     "Snapped",
     "Snapping",
@@ -71,6 +74,8 @@ class Scenario:
         uncertainty: The shares that made intervals of stated numbers; `interval` and `chain` hold these.
         contact_friction: (n, 2) least and largest coefficient of every contact; None stands for the chain's.
         snapping: How measured poses were moved onto their contacts; None when the file does not ask for it.
+        pushes: Where the robot is when several pushes are asked for, and how to choose them; None stands for one push
+            with the plate in contact.
     """
 
     name: str
@@ -92,6 +97,7 @@ class Scenario:
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     contact_friction: FloatArray | None = None
     snapping: Snapping | None = None
+    pushes: Pushes | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", frozen(self.start, (3,), "start"))
@@ -126,6 +132,22 @@ class Scenario:
             raise PushplanError("stability.margin is 'auto', and no number was chosen for it yet")
         return self.stability.margin
 
+    @property
+    def robot_start(self) -> FloatArray:
+        """(3,) pose of the robot's frame (see `pushplan.segment`) before the first of several pushes.
+
+        Raises:
+            PushplanError: Where one push is asked for, with the plate in contact.
+        """
+        if self.pushes is None:
+            raise PushplanError("the scenario asks for one push: it has no robot.start")
+        return se2.compose(self.pushes.robot_start, se2.inverse(self.chain.pusher.plate_pose))
+
+    @property
+    def first_pose(self) -> FloatArray:
+        """(3,) where the chain frame, or the robot's frame of several pushes, is before anything moves."""
+        return self.start if self.pushes is None else self.robot_start
+
     def with_margin(self, margin: float) -> Scenario:
         """Return the scenario with a number for `stability.margin`."""
         return dataclasses.replace(self, stability=dataclasses.replace(self.stability, margin=margin))
@@ -142,12 +164,12 @@ class Scenario:
             **_resolved_uncertainty(self.uncertainty),
             **deepcopy(dict(self.bodies)),
             "start": self.start.tolist(),
-            "goal": _resolved_goal(self.goal),
+            **_resolved_task(self),
             **_resolved_surroundings(self),
             "clearance": self.clearance,
             "stability": dataclasses.asdict(self.stability),
             "trajectory": self.trajectory,
-            "planner": dataclasses.asdict(self.planner),
+            "planner": _resolved_planner(self),
         }
 
     def to_json(self) -> str:
@@ -168,6 +190,24 @@ def _resolved_uncertainty(uncertainty: Uncertainty) -> dict[str, Any]:
     """Return the shares as the file has them; what they stand for is made of them again when it is read."""
     shares = dataclasses.asdict(uncertainty)
     return {"uncertainty": shares} if any(shares.values()) else {}
+
+
+def _resolved_task(scenario: Scenario) -> dict[str, Any]:
+    """Return goal and pushes; where the robot starts, and the contacts, are among what the file states of bodies."""
+    pushes = scenario.pushes
+    if pushes is None:
+        return {"goal": _resolved_goal(scenario.goal)}
+    numbers = ("most", "switch_cost", "transit_weight", "approach", "retreat", "settle")
+    goals = [_resolved_goal(goal) for goal in pushes.goals]
+    return {"goal": goals, "pushes": {name: getattr(pushes, name) for name in numbers}}
+
+
+def _resolved_planner(scenario: Scenario) -> dict[str, Any]:
+    """Return what bears on one push, or on several."""
+    planner = dataclasses.asdict(scenario.planner)
+    return (
+        planner if scenario.pushes is None else {key: planner[key] for key in ("time_limit", "seed", "gap")}
+    )
 
 
 def _resolved_goal(goal: Goal) -> dict[str, Any]:

@@ -32,6 +32,38 @@ class Goal:
         object.__setattr__(self, "pose_chain", frozen(self.pose_chain, (3,), "chain's pose at the goal"))
 
 
+@dataclass(frozen=True, eq=False)
+class Pushes:
+    """Several pushes: where the robot is at first, which contacts it may choose, and what counts.
+
+    Attributes:
+        robot_start: (3,) pose of the plate's frame in the world.
+        goals: Any of which will do.
+        faces: Names of `names.FACES` and angles of outward normals in the chain frame, rad; None stands for all.
+        offsets: Of the plate's middle from the middle of the face, to the left of the push, m.
+        most: Pushes, at most.
+        switch_cost: What a change of the contact counts when plans are ranked, m.
+        transit_weight: What a metre of the robot's way alone counts, as a share of a metre of pushing.
+        approach: Length of the straight way to a contact, m.
+        retreat: Length of the straight way back from it, m.
+        settle: Length of the straight push with which every push begins, m.
+    """
+
+    robot_start: FloatArray
+    goals: tuple[Goal, ...]
+    faces: tuple[str | float, ...] | None = None
+    offsets: tuple[float, ...] = (0.0,)
+    most: int = 6
+    switch_cost: float = 0.1
+    transit_weight: float = 0.1
+    approach: float = 0.05
+    retreat: float = 0.05
+    settle: float = 0.02
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "robot_start", frozen(self.robot_start, (3,), "start of the robot"))
+
+
 @dataclass(frozen=True)
 class Workspace:
     """The rectangle, in the world, that pusher and objects do not leave, m."""

@@ -118,9 +118,14 @@ class Trajectory:
     @cached_property
     def directions(self) -> FloatArray:
         """(m, 3) twists at `t`; where the pusher rests, the one that comes next (at the end: came last)."""
-        nudged = self.t + np.where(self.t + NUDGE < self.duration, NUDGE, -NUDGE)
-        resting = np.abs(self.twists).max(axis=1) < RESTING
-        return np.where(resting[:, None], self.twists_at(nudged), self.twists)
+        return self.directions_at(self.t)
+
+    def directions_at(self, t: FloatArray) -> FloatArray:
+        """Return the twists (m, 3) at times (m,); where the pusher rests, the next one (at the end: the last)."""
+        nudged = t + np.where(t + NUDGE < self.duration, NUDGE, -NUDGE)
+        twists = self.twists_at(t)
+        resting = np.abs(twists).max(axis=1, initial=0.0) < RESTING
+        return np.where(resting[:, None], self.twists_at(nudged), twists)
 
     def piece_at(self, t: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
         """Return the index of the piece at each time (m,)."""

@@ -32,7 +32,7 @@ def simulate_rigid(
         contacts: The contact conditions with inertia; None leaves inertia out.
         inertia_decides: A contact is lost, too, where its margin with inertia is not positive.
     """
-    poses = _integrate(trajectory)
+    poses = integrated(trajectory)
     asked = trajectory.directions
     margins = deciding = judge.contact_margins(asked)
     dynamic = None if contacts is None else contacts.margins(asked, trajectory.rates_at(trajectory.t))
@@ -56,8 +56,8 @@ def simulate_rigid(
     )
 
 
-def _integrate(trajectory: Trajectory) -> FloatArray:
-    """Poses (m, 3) at the sample times: one exact step between any two of samples and breaks."""
+def integrated(trajectory: Trajectory) -> FloatArray:
+    """Return the poses (m, 3) at the sample times: one exact step between any two of samples and breaks."""
     ticks = np.union1d(trajectory.t, trajectory.breaks)
     piece = trajectory.piece_at(ticks[:-1])
     begin = ticks[:-1] - trajectory.breaks[piece]

@@ -16,9 +16,9 @@ import pytest
 from pushplan.cli import main
 from pushplan.examples import example_text
 from pushplan.execution import Execution
+from pushplan.logging.several_again import execute_again
 from pushplan.path import cost_rate
 from pushplan.reading.scenario_file import load_scenario
-from pushplan.sim.judging import execute
 from pushplan.stable_sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]
@@ -109,11 +109,11 @@ def test_replay_reports_a_mismatch_with_exit_code_4(
     planned: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     def shifted(*words: Any) -> Execution:
-        execution = execute(*words)
+        execution = execute_again(*words)
         assert execution is not None
         return replace(execution, poses=execution.poses + 1e-3)
 
-    monkeypatch.setattr("pushplan.logging.verify.execute", shifted)
+    monkeypatch.setattr("pushplan.logging.verify.execute_again", shifted)
     assert main(["replay", str(planned["log"]), "--verify"]) == 4
     out = capsys.readouterr().out
     assert "the log differs from what its scenario and its plan lead to:" in out

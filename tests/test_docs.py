@@ -62,8 +62,9 @@ def test_every_command_and_all_code_run_in_the_order_of_the_page(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     shutil.copy(recorded, "run.mcap")
-    if page.stem == "own-scenario":
-        Path("mine.yaml").write_text("".join(_blocks(page, "yaml")))
+    stated = {"own-scenario": "mine.yaml", "several-pushes": "bring-it-home.yaml"}
+    if page.stem in stated:
+        Path(stated[page.stem]).write_text("".join(_blocks(page, "yaml")))
     for block in _blocks(page, "sh"):
         for line in block.splitlines():
             if line.startswith("pushplan "):

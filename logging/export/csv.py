@@ -42,7 +42,8 @@ def table(run: RecordedRun) -> dict[str, FloatArray]:
     """Return the columns (m,) by name; SI units, radians.
 
     `t`; `x`, `y`, `theta` of the chain frame in the world; `vx`, `vy`, `omega` of the body twist in the chain
-    frame; then for each contact C `C.margin` and, where the loads are known, `C.friction_margin`, `C.lambda`,
+    frame; of several pushes, these are the robot's frame and `load_x`, `load_y`, `load_theta` that of the objects;
+    then for each contact C `C.margin` and, where the loads are known, `C.friction_margin`, `C.lambda`,
     `C.force_x`, `C.force_y` (chain frame).
 
     Raises:
@@ -56,6 +57,8 @@ def table(run: RecordedRun) -> dict[str, FloatArray]:
         **dict(zip(("x", "y", "theta"), execution.poses.T, strict=True)),
         **dict(zip(("vx", "vy", "omega"), execution.twists.T, strict=True)),
     }
+    if execution.loads is not None:
+        columns |= dict(zip(("load_x", "load_y", "load_theta"), execution.loads.T, strict=True))
     for k in range(execution.margins.shape[1]):
         name = run.scenario.chain.contact_name(k)
         columns[f"{name}.margin"] = execution.margins[:, k]

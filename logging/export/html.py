@@ -20,7 +20,7 @@ from pushplan.execution import Execution
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.sentences import no_plan_sentences
 from pushplan.logging.view.contacts import cone_heights, largest_force, longest_arrow, worst_contacts
-from pushplan.logging.view.scene import obstacle_outline
+from pushplan.logging.view.scene import ghosts, obstacle_outline
 from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import path_points, window
 from pushplan.mechanics.body import BodyKind
@@ -63,8 +63,10 @@ def _world(scenario: Scenario) -> dict[str, Any]:
         "name": scenario.name,
         "workspace": corners or None,
         "obstacles": [_plain(obstacle_outline(obstacle)) for obstacle in scenario.obstacles],
-        "start": scenario.start.tolist(),
-        "goal": scenario.goal.pose_chain.tolist(),
+        "start": scenario.first_pose.tolist(),
+        "load": scenario.start.tolist(),
+        "attached": scenario.pushes is None,
+        "ghosts": {name: list(map(_plain, outlines)) for name, outlines in ghosts(scenario).items()},
         "bodies": _bodies(chain),
         "contacts": _contacts(chain),
         "reach": chain.reach,
@@ -119,7 +121,12 @@ def _plan(plan: PlanResult | None) -> dict[str, Any]:
     if plan.path is None:
         end = None if plan.approximate_path is None else _plain(plan.approximate_path.end)
         return {"facts": [*facts, "no plan"], "nearest": end, **shown}
-    facts.append(f"{len(plan.path.lengths)} arcs, cost {plan.path.cost:.3f} m")
+    if plan.segments:
+        pushes = sum(segment.pushes for segment in plan.segments)
+        count = f"{pushes} push{'es' if pushes > 1 else ''}"
+        facts.append(f"{count}, {plan.way_pushed:.3f} m pushed, {plan.path.cost:.3f} m driven in all")
+    else:
+        facts.append(f"{len(plan.path.lengths)} arcs, cost {plan.path.cost:.3f} m")
     return {"facts": facts, "nearest": None, **shown}
 
 
@@ -130,9 +137,11 @@ def _execution(chain: Chain, execution: Execution | None) -> dict[str, Any]:
         return {"samples": nothing, "margin_range": [-0.05, 1.0], "largest_force": 1.0, "named": []}
     kept = _kept(execution)
     poses, margins = execution.poses[kept], execution.margins[kept]
+    loads = None if execution.loads is None else _plain(execution.loads[kept].T)
     samples = {
         "t": _plain(execution.t[kept]),
         **dict(zip(("x", "y", "theta"), _plain(poses.T), strict=True)),
+        "loads": loads,
         "margins": _plain(margins.T),
         "lambdas": None if execution.lambdas is None else _plain(execution.lambdas[kept].T),
         "forces": None if execution.forces is None else _plain(np.moveaxis(execution.forces[kept], 0, -1)),

@@ -96,7 +96,8 @@ def _scene(bag: BagFile, run: RecordedRun, frames: Frames) -> None:
     ghost = () if plan is None else nearest(run.scenario.chain, plan).entities
     if ghost:
         still.append(("/plan/nearest", messages.MARKERS, markers(ghost, frames, width)))
-    bag.send("/tf_static", messages.TF, 0.0, frames.rigid(run.scenario.chain), latched=True)
+    rigid = frames.rigid(run.scenario.chain, run.scenario.pushes is None)
+    bag.send("/tf_static", messages.TF, 0.0, rigid, latched=True)
     for time in np.arange(0.0, 1e-9 if execution is None else execution.t[-1] + 1e-9, _AGAIN):
         for topic, kind, message in still:
             bag.send(topic, kind, float(time), message, latched=True)
@@ -108,15 +109,18 @@ def _motion(bag: BagFile, run: RecordedRun, frames: Frames) -> None:
     width = line_width(window(run.scenario, run.plan))
     if execution is None:
         shapes, samples, times = resting(chain), np.zeros(1, dtype=np.int64), np.zeros(1)
-        poses, twists = run.scenario.start[None], np.zeros((1, 3))
+        poses, twists = run.scenario.first_pose[None], np.zeros((1, 3))
+        loads = run.scenario.start[None]
     else:
         samples = viewed(execution)
         shapes, times = PushedContacts(chain, execution).at(samples), execution.t[samples]
         poses, twists = execution.poses[samples], execution.twists[samples]
+        loads = execution.load_poses[samples]
     contacts = contact_messages(chain, shapes, np.zeros(len(samples), dtype=np.int64))
-    for time, pose, twist, row in zip(times.tolist(), poses, twists, contacts, strict=True):
-        entities = SceneUpdate.FromString(row.tobytes()).entities
-        bag.send("/tf", messages.TF, time, frames.moving(chain, pose))
+    attached = run.scenario.pushes is None
+    for time, pose, load, twist, row in zip(times.tolist(), poses, loads, twists, contacts, strict=True):
+        entities = SceneUpdate.FromString(row.tobytes()).entities if attached else ()
+        bag.send("/tf", messages.TF, time, frames.moving(chain, pose, None if attached else load))
         bag.send("/contacts", messages.MARKERS, time, markers(entities, frames, width))
         bag.send("/pusher/twist", messages.TWIST, time, _twist(twist))
 

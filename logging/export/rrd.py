@@ -17,6 +17,7 @@ from pushplan.basics.colours import PATH, contact_colours, red_green_blue
 from pushplan.basics.extras import optional
 from pushplan.basics.names import PUSHER
 from pushplan.execution import Execution
+from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.sentences import no_plan_sentences
 from pushplan.logging.view.contacts import ContactShapes, PushedContacts, resting
@@ -26,6 +27,7 @@ from pushplan.logging.view.window import path_points, window
 from pushplan.mechanics.chain import Chain
 from pushplan.outputs.write import write_whole
 from pushplan.result import ProgressPoint
+from pushplan.scenario import Scenario
 
 TIMELINE = "time"
 """Name of the timeline: simulated seconds."""
@@ -58,14 +60,15 @@ def write_rrd(run: RecordedRun, path: Path | str) -> None:
 def _record(rerun: Any, recording: Any, run: RecordedRun) -> None:
     for entity, shapes in _shapes(rerun, run):
         recording.log(entity, *shapes, static=True)
-    for obj in run.scenario.chain.objects:
-        recording.log(_frame(rerun, obj.name), _place(rerun, obj.pose_chain), static=True)
+    for obj in run.scenario.chain.objects if run.scenario.pushes is None else ():
+        recording.log(_frame(rerun, obj.name, run.scenario), _place(rerun, obj.pose_chain), static=True)
     if run.execution is not None and len(run.execution.t):
-        for entity, columns in _columns(rerun, run.scenario.chain, run.execution):
+        for entity, columns in _columns(rerun, run.scenario, run.execution):
             index = rerun.TimeColumn(TIMELINE, duration=run.execution.t)
             recording.send_columns(entity, indexes=[index], columns=columns)
     else:
-        recording.log(_MOVING, _place(rerun, run.scenario.start), static=True)
+        for entity, pose in _at_first(rerun, run.scenario):
+            recording.log(entity, _place(rerun, pose), static=True)
     if run.plan is not None and run.plan.progress:
         iterations, costs = _costs(run.plan.progress)
         recording.log(_COSTS, rerun.BarChart(costs, abscissa=iterations), static=True)
@@ -92,10 +95,21 @@ def _costs(progress: Sequence[ProgressPoint]) -> tuple[FloatArray, FloatArray]:
     return iterations, np.array([point.cost for point in progress])[last]
 
 
-def _frame(rerun: Any, name: str) -> str:
-    """Return the entity that a frame of the log becomes."""
+def _frame(rerun: Any, name: str, scenario: Scenario) -> str:
+    """Return the entity that a frame of the log becomes; of several pushes, objects move on their own."""
     fixed = {WORLD: WORLD, CHAIN: _MOVING, PUSHER: f"{_MOVING}/{PUSHER}"}
-    return fixed.get(name) or f"{_MOVING}/objects/{rerun.escape_entity_path_part(name)}"
+    parent = _MOVING if scenario.pushes is None else WORLD
+    return fixed.get(name) or f"{parent}/objects/{rerun.escape_entity_path_part(name)}"
+
+
+def _at_first(rerun: Any, scenario: Scenario) -> Iterator[tuple[str, FloatArray]]:
+    """Yield what moves and where it is (3,) before anything has."""
+    if scenario.pushes is None:
+        yield _MOVING, scenario.start
+        return
+    yield _MOVING, scenario.robot_start
+    for obj in scenario.chain.objects:
+        yield _frame(rerun, obj.name, scenario), se2.compose(scenario.start, obj.pose_chain)
 
 
 def _shapes(rerun: Any, run: RecordedRun) -> Iterator[tuple[str, list[Any]]]:
@@ -104,13 +118,14 @@ def _shapes(rerun: Any, run: RecordedRun) -> Iterator[tuple[str, list[Any]]]:
     if run.plan is not None:
         entities += [*tree(run.plan.tree).entities, *nearest(run.scenario.chain, run.plan).entities]
     for entity in entities:
-        frame = _frame(rerun, entity.frame_id)
+        frame = _frame(rerun, entity.frame_id, run.scenario)
         parts = "/".join(rerun.escape_entity_path_part(part) for part in entity.id.split("/"))
         for kind, shapes in (("inside", entity.triangles), ("outline", entity.lines)):
             if shapes:
                 yield f"{frame}/{parts}/{kind}", [_shape(rerun, kind, shapes, entity.id == "tree")]
     colours = contact_colours(len(run.scenario.chain.contacts))
-    for k, (contact, colour) in enumerate(zip(resting(run.scenario.chain), colours, strict=True)):
+    contacts = zip(resting(run.scenario.chain), colours, strict=True) if run.scenario.pushes is None else ()
+    for k, (contact, colour) in enumerate(contacts):
         strip = np.column_stack([contact.segment, np.full(2, _SEGMENT_HEIGHT)])
         segment = rerun.LineStrips3D([strip], colors=[red_green_blue(colour)], radii=_pixels(rerun, 2.0))
         yield f"{_contact(rerun, run.scenario.chain, k)}/segment", [segment]
@@ -163,16 +178,26 @@ def _place(rerun: Any, pose: FloatArray) -> Any:
     return rerun.Transform3D(translation=(x, y, 0.0), rotation=turn)
 
 
-def _columns(rerun: Any, chain: Chain, execution: Execution) -> Iterator[tuple[str, Any]]:
-    """Yield what changes over time, a column for each entity."""
-    count = len(execution.t)
-    half = 0.5 * execution.poses[:, 2]
-    still = np.zeros(count)
+def _moved(rerun: Any, poses: FloatArray) -> Any:
+    """Columns of poses (m, 3)."""
+    half, still = 0.5 * poses[:, 2], np.zeros(len(poses))
     turns = np.column_stack([still, still, np.sin(half), np.cos(half)])
-    moves = np.column_stack([execution.poses[:, :2], still])
-    yield _MOVING, rerun.Transform3D.columns(translation=moves, quaternion=turns)
+    return rerun.Transform3D.columns(translation=np.column_stack([poses[:, :2], still]), quaternion=turns)
+
+
+def _columns(rerun: Any, scenario: Scenario, execution: Execution) -> Iterator[tuple[str, Any]]:
+    """Yield what changes over time, a column for each entity."""
+    chain, count = scenario.chain, len(execution.t)
+    yield _MOVING, _moved(rerun, execution.poses)
     for name, values in _numbers(chain, execution).items():
         yield name, rerun.Scalars.columns(scalars=values)
+    if execution.loads is not None:
+        for obj in chain.objects:
+            yield (
+                _frame(rerun, obj.name, scenario),
+                _moved(rerun, se2.compose(execution.loads, obj.pose_chain)),
+            )
+        return
     marks = contact_colours(len(chain.contacts))
     shown = PushedContacts(chain, execution).at(np.arange(count))
     for k, (shapes, mark) in enumerate(zip(shown, marks, strict=True)):

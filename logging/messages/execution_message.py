@@ -15,8 +15,9 @@ from pushplan.logging.messages.schemas import Execution as ExecutionBlock
 from pushplan.logging.messages.schemas import ExecutionEnd, MessageClass
 
 REQUIRED = ("t", "poses", "twists", "margins")
-OPTIONAL = ("friction_margins", "lambdas", "forces", "dynamic_margins")
-"""Known only where the loads on the floor are known; the last one is not in logs of older versions."""
+OPTIONAL = ("friction_margins", "lambdas", "forces", "dynamic_margins", "loads")
+"""The first three are known only where the loads on the floor are; `dynamic_margins` are not in logs of older
+versions; `loads` are in those of several pushes."""
 
 
 def seconds(t: FloatArray) -> Iterator[slice]:
@@ -116,7 +117,7 @@ class Collector:
 
 
 def _shape(name: str, samples: int, contacts: int) -> tuple[int, ...]:
-    tails = {"t": (), "poses": (3,), "twists": (3,), "forces": (contacts, 2)}
+    tails = {"t": (), "poses": (3,), "twists": (3,), "loads": (3,), "forces": (contacts, 2)}
     return (samples, *tails.get(name, (contacts,)))
 
 

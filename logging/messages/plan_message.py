@@ -14,11 +14,15 @@ from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.schemas import MessageClass, Plan
 from pushplan.path import PushPath
 from pushplan.result import Diagnosis, PlanResult, ProgressPoint
+from pushplan.segment import Segment
 from pushplan.tolerance.tolerance import Tolerance
 from pushplan.trajectory import Trajectory
 
 _MOST_REASONS = 1000
 """Diagnoses of a plan, and numbers in one, at most: there are some ten."""
+
+_MOST_SEGMENTS = 1000
+"""Of a plan, at most: four for each of at most 100 pushes."""
 
 _ROUNDING = 1e-6
 """Share by which the cost of an improvement may differ from its path's, whose arcs of no length are left out."""
@@ -40,6 +44,8 @@ def encode(plan: PlanResult) -> MessageClass:
         objective=plan.objective,
         margin_asked=plan.margin_asked,
         margin=plan.margin,
+        segments=[segment_message(segment) for segment in plan.segments],
+        objective_cost=plan.objective_cost,
     )
     for field, path in (("path", plan.path), ("approximate_path", plan.approximate_path)):
         if path is not None:
@@ -105,6 +111,8 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[ProgressPoi
         len(found.numbers) > _MOST_REASONS for found in message.diagnosis
     ):
         raise ValueError(f"more than {_MOST_REASONS} reasons, or numbers of one")
+    if len(message.segments) > _MOST_SEGMENTS:
+        raise ValueError(f"more than {_MOST_SEGMENTS} segments")
     if len(progress) != len(effort.progress_s):
         raise ValueError(f"{len(effort.progress_s)} times for {len(progress)} improvements")
     points = zip(effort.progress_s, progress, strict=True)
@@ -134,6 +142,40 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[ProgressPoi
         margin_asked=_optional(message, "margin_asked"),
         margin=_optional(message, "margin"),
         tolerance=_tolerance(message.tolerance) if message.HasField("tolerance") else None,
+        segments=tuple(map(_segment, message.segments)),
+        objective_cost=_optional(message, "objective_cost"),
+    )
+
+
+def segment_message(segment: Segment) -> MessageClass:
+    """Return the `Segment` message of a segment, without a time stamp."""
+    message = schemas.Segment(
+        kind=segment.kind,
+        face=segment.face,
+        offset=segment.offset,
+        robot=segment.robot,
+        load_before=segment.load_before,
+        load_after=segment.load_after,
+        margin=segment.margin,
+        t0=segment.t0,
+        t1=segment.t1,
+    )
+    _fill(message.path, segment.path)
+    return message
+
+
+def _segment(message: MessageClass) -> Segment:
+    return Segment(
+        kind=message.kind,
+        face=message.face,
+        offset=message.offset,
+        path=_path(message.path),
+        robot=_array(message.robot),
+        load_before=_array(message.load_before),
+        load_after=_array(message.load_after),
+        margin=message.margin,
+        t0=message.t0,
+        t1=message.t1,
     )
 
 

@@ -7,6 +7,7 @@ code has to be kept. Field numbers never change their meaning; new fields take n
 - `Progress`: one improvement of the best path. Wall-clock times are in the metadata `pushplan.progress.N` and
   `pushplan.planning`. `Costs`: all of them in one message, as plots of one number over another want it.
 - `Twist`, `Margins`: what the pusher does and how far every contact is from slipping, for people and plots.
+- `Segment`: a part of a plan of several pushes; on its topic when it begins.
 - `Execution`: the samples of one stretch of the execution, bit for bit (see `blocks`), and `ExecutionEnd`.
 """
 
@@ -70,6 +71,8 @@ _MESSAGES: dict[str, tuple[str, ...]] = {
         "16 optional double margin_asked",
         "17 optional double margin",
         "20 pushplan.Tolerance tolerance",
+        "30 repeated pushplan.Segment segments",
+        "31 optional double objective_cost",
     ),
     "Tolerance": (
         "1 optional double contact_friction",
@@ -77,6 +80,19 @@ _MESSAGES: dict[str, tuple[str, ...]] = {
         "3 optional double load",
         "4 optional double position",
         "5 optional double angle",
+    ),
+    "Segment": (
+        _STAMP,
+        "2 string kind",
+        "3 string face",
+        "4 double offset",
+        "5 pushplan.Path path",
+        "6 repeated double robot",
+        "7 repeated double load_before",
+        "8 repeated double load_after",
+        "9 double margin",
+        "10 double t0",
+        "11 double t1",
     ),
     "Number": ("1 string name", "2 double value"),
     "Diagnosis": ("1 string cause", "2 string text", "3 bool proven", "4 repeated pushplan.Number numbers"),
@@ -142,6 +158,7 @@ Margins = _message_class("Margins")
 Progress = _message_class("Progress")
 Costs = _message_class("Costs")
 Plan = _message_class("Plan")
+Segment = _message_class("Segment")
 Diagnosis = _message_class("Diagnosis")
 Array = _message_class("Array")
 Execution = _message_class("Execution")
@@ -197,6 +214,8 @@ COSTS = Topic("/planner/costs", Costs)
 PUSHER_POSE = Topic("/pusher/pose", PoseInFrame)
 PUSHER_TWIST = Topic("/pusher/twist", Twist)
 MARGINS = Topic("/margins", Margins)
+ROBOT = Topic("/robot", PoseInFrame)
+SEGMENT = Topic("/segment", Segment)
 EXECUTION = Topic("/execution/samples", Execution)
 EXECUTION_END = Topic("/execution/result", ExecutionEnd)
 LOG = Topic("/log", Log)
@@ -212,6 +231,8 @@ TOPICS = (
     PUSHER_POSE,
     PUSHER_TWIST,
     MARGINS,
+    ROBOT,
+    SEGMENT,
     EXECUTION,
     EXECUTION_END,
     LOG,

@@ -15,6 +15,10 @@ def plan_sentence(plan: PlanResult) -> str:
         return f"{who}: no plan: {'; '.join(no_plan_sentences(plan))}"
     took = "" if plan.trajectory is None else f", {plan.trajectory.duration:.2f} s"
     lowered = f"; {plan.lowered}" if plan.lowered else ""
+    if plan.segments:
+        pushes = sum(segment.pushes for segment in plan.segments)
+        driven = f"{plan.way_pushed:.4f} m pushed of {plan.path.cost:.4f} m driven"
+        return f"{who}: {pushes} push{'es' if pushes > 1 else ''}, {driven}{took}{lowered}"
     return f"{who}: a path of {len(plan.path.lengths)} arcs, cost {plan.path.cost:.4f} m{took}{lowered}"
 
 

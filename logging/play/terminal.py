@@ -9,18 +9,16 @@ from typing import TextIO
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.basics.printable import cut, printable
 from pushplan.errors import PushplanError
 from pushplan.execution import Execution
-from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.play.canvas import Canvas
 from pushplan.logging.play.keyboard import keyboard
 from pushplan.logging.play.playback import Playback
 from pushplan.logging.play.transport import Transport
 from pushplan.logging.view.contacts import MOST_NAMED, worst_contacts
-from pushplan.logging.view.scene import obstacle_outline
+from pushplan.logging.view.scene import ghosts, obstacle_outline
 from pushplan.logging.view.window import Window, path_points, window
 
 PERIOD = 0.1
@@ -108,7 +106,8 @@ class TerminalView:
     def _draw_room(self, run: RecordedRun) -> None:
         for obstacle in run.scenario.obstacles:
             self._canvas.trace(obstacle_outline(obstacle))
-        self._trace_chain(run.scenario.goal.pose_chain)
+        for outline in ghosts(run.scenario)["goal"]:
+            self._canvas.trace(outline)
         way = path_points(run.plan)
         if len(way) > 1:
             self._canvas.draw(way, every=3)
@@ -117,8 +116,8 @@ class TerminalView:
     def picture(self, time: float, paused: bool = False) -> str:
         """Return the picture at a simulated time, s."""
         execution = self._execution
-        pose = np.array([np.interp(time, execution.t, column) for column in execution.poses.T])
-        self._trace_chain(pose)
+        for outline in self._chain.outlines_at(*execution.place_at(time)):
+            self._canvas.trace(outline)
         i = max(0, int(np.searchsorted(execution.t, time, side="right")) - 1)
         drawn, bars = self._canvas.text(), self._bars(i)
         state = "  paused" if paused else ""
@@ -145,10 +144,6 @@ class TerminalView:
     def _unnamed(self) -> bool:
         """Whether there are contacts for which there is no room."""
         return len(self._shown) < len(self._chain.contacts)
-
-    def _trace_chain(self, pose: FloatArray) -> None:
-        for body in self._chain.bodies:
-            self._canvas.trace(se2.transform_points(pose, body.outline))
 
 
 def _columns_for(view: Window, lines: int) -> int:

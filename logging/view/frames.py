@@ -12,9 +12,10 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.basics.names import PUSHER
-from pushplan.logging.mcap.message_template import MessageTemplate
+from pushplan.geometry import se2
+from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
 from pushplan.logging.view.scene import CHAIN, WORLD
 from pushplan.mechanics.chain import Chain
 
@@ -42,22 +43,37 @@ def chain_frames(chain: Chain) -> MessageTemplate:
     return MessageTemplate(message, 4)
 
 
-def moving_frames(chain: Chain) -> MessageTemplate:
-    """Return the transforms of all frames, to be filled with the places of the chain frame and, in it, objects."""
+def moving_frames(chain: Chain, parent: str = CHAIN) -> MessageTemplate:
+    """Return the transforms of all frames, to be filled with the places of the chain frame and, in `parent`, objects."""
     names = [obj.name for obj in chain.objects]
 
     def message(stamp: Timestamp, numbers: list[float]) -> FrameTransforms:
-        parents = [WORLD, *([CHAIN] * len(names))]
+        parents = [WORLD, *([parent] * len(names))]
         places = [numbers[4 * k : 4 * k + 4] for k in range(len(names) + 1)]
         moving = [
-            _transform(parent, child, *place)
-            for parent, child, place in zip(parents, [CHAIN, *names], places, strict=True)
+            _transform(frame, child, *place)
+            for frame, child, place in zip(parents, [CHAIN, *names], places, strict=True)
         ]
         for transform in moving:
             transform.timestamp.CopyFrom(stamp)
         return FrameTransforms(transforms=[*moving, _transform(CHAIN, PUSHER, 0.0, 0.0, 0.0, 1.0)])
 
     return MessageTemplate(message, 4 * (len(names) + 1))
+
+
+def frames_at(chain: Chain, poses: FloatArray, loads: FloatArray | None, instants: IntArray) -> ByteRows:
+    """Return the transforms of all frames at `instants` (k,), ns.
+
+    Args:
+        chain: What moves.
+        poses: (k, 3) of the chain frame, or of the robot's frame.
+        loads: (k, 3) of the objects' frame where they move on their own.
+        instants: When.
+    """
+    if loads is None:
+        return chain_frames(chain).fill(instants, placed(poses))
+    every = [poses, *(se2.compose(loads, obj.pose_chain) for obj in chain.objects)]
+    return moving_frames(chain, WORLD).fill(instants, np.hstack([placed(one) for one in every]))
 
 
 def pose_in_world() -> MessageTemplate:

@@ -40,7 +40,10 @@ _EDGE = Paint(0.10, 0.10, 0.12)
 
 def scene(scenario: Scenario) -> SceneUpdate:
     """Return everything that a viewer has to draw for the scenario."""
-    return SceneUpdate(entities=[*_standing(scenario), *_moving(scenario.chain)])
+    moving = [
+        entity for entity in _moving(scenario.chain) if scenario.pushes is None or entity.id != "contacts"
+    ]
+    return SceneUpdate(entities=[*_standing(scenario), *moving])
 
 
 def tree(branches: FloatArray) -> SceneUpdate:
@@ -69,11 +72,33 @@ def _standing(scenario: Scenario) -> Iterator[SceneEntity]:
         unknown = isinstance(obstacle, PolygonObstacle) and obstacle.unknown
         paint = _UNKNOWN if unknown else _OBSTACLE
         yield _body(f"obstacle/{i}", WORLD, obstacle_outline(obstacle), _Z_OBSTACLE, paint)
-    for name, pose, paint in (
-        ("start", scenario.start, _START),
-        ("goal", scenario.goal.pose_chain, _GOAL),
-    ):
-        yield _ghost(name, scenario.chain, np.asarray(pose), paint)
+    for name, outlines in ghosts(scenario).items():
+        entity = _entity(name, WORLD)
+        for outline in outlines:
+            entity.lines.append(loop(outline, _Z_GHOST, _START if name == "start" else _GOAL))
+        yield entity
+
+
+def ghosts(scenario: Scenario) -> dict[str, list[FloatArray]]:
+    """Return the world outlines of what stands at start and goals, the robot at the goal of one push only."""
+    chain, pushes = scenario.chain, scenario.pushes
+    if pushes is None:
+        return {name: chain.outlines_at(pose) for name, pose in _ends(scenario).items()}
+    objects = [obj.outline_chain for obj in chain.objects]
+    goals = [se2.transform_points(goal.pose_chain, outline) for goal in pushes.goals for outline in objects]
+    return {"start": chain.outlines_at(scenario.robot_start, scenario.start), "goal": goals}
+
+
+def _ends(scenario: Scenario) -> dict[str, FloatArray]:
+    return {"start": scenario.start, "goal": scenario.goal.pose_chain}
+
+
+def _ghost(name: str, chain: Chain, pose: FloatArray, paint: Paint) -> SceneEntity:
+    """Outlines of all bodies at `pose` (3,) of the chain frame in the world."""
+    entity = _entity(name, WORLD)
+    for outline in chain.outlines_at(pose):
+        entity.lines.append(loop(outline, _Z_GHOST, paint))
+    return entity
 
 
 def obstacle_outline(obstacle: Obstacle) -> FloatArray:
@@ -92,14 +117,6 @@ def _moving(chain: Chain) -> Iterator[SceneEntity]:
     yield _body("pusher", PUSHER, chain.pusher.outline, _Z_BODY, Paint.of(colours.PLATE))
     for obj, colour in zip(chain.objects, colours.object_colours(len(chain.objects)), strict=True):
         yield _body(f"object/{obj.name}", obj.name, obj.outline, _Z_BODY, Paint.of(colour))
-
-
-def _ghost(name: str, chain: Chain, pose: FloatArray, paint: Paint) -> SceneEntity:
-    """Outlines of all bodies at `pose` (3,) of the chain frame in the world."""
-    entity = _entity(name, WORLD)
-    for body in chain.bodies:
-        entity.lines.append(loop(se2.transform_points(pose, body.outline), _Z_GHOST, paint))
-    return entity
 
 
 def _body(name: str, frame: str, outline: FloatArray, z: float, paint: Paint) -> SceneEntity:

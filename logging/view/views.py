@@ -14,6 +14,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.execution import Execution
+from pushplan.geometry import se2
 from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.schemas import MessageClass, Topic
@@ -42,14 +43,22 @@ def messages(
 ) -> dict[Topic, ByteRows]:
     """Return what viewers see of `samples` (n,) at `instants` (n,), ns: a message of each topic for each sample."""
     poses = frames.placed(execution.poses[samples])
+    loads = None if execution.loads is None else execution.loads[samples]
+    if loads is None:
+        apart = {
+            schemas.CONTACTS: contact_messages(chain, PushedContacts(chain, execution).at(samples), instants)
+        }
+    else:
+        plates = se2.compose(execution.poses[samples], chain.pusher.plate_pose)
+        apart = {schemas.ROBOT: frames.pose_in_world().fill(instants, frames.placed(plates))}
     columns = {name: numbers[samples] for name, numbers in _contact_columns(chain, execution)}
     margins = [execution.margins[samples].min(axis=1)[:, None], *columns.values()]
     return {
-        schemas.TF: frames.chain_frames(chain).fill(instants, poses),
+        schemas.TF: frames.frames_at(chain, execution.poses[samples], loads, instants),
         schemas.PUSHER_POSE: frames.pose_in_world().fill(instants, poses),
         schemas.PUSHER_TWIST: _twist().fill(instants, execution.twists[samples]),
-        schemas.CONTACTS: contact_messages(chain, PushedContacts(chain, execution).at(samples), instants),
         schemas.MARGINS: _margins(chain, list(columns)).fill(instants, np.concatenate(margins, axis=1)),
+        **apart,
     }
 
 

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.geometry import se2
-from pushplan.logging.view.scene import PATH_SPACING, obstacle_outline
+from pushplan.logging.view.scene import PATH_SPACING, ghosts, obstacle_outline
 from pushplan.path import PushPath
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
@@ -50,7 +49,7 @@ def window(scenario: Scenario, plan: PlanResult | None) -> Window:
     """Return the rectangle around workspace, obstacles, start, goal and everything that the chain passes."""
     chain = scenario.chain
     way = path_points(plan)
-    points = [se2.transform_points(end, body.outline) for end in _ends(scenario) for body in chain.bodies]
+    points = [outline for outlines in ghosts(scenario).values() for outline in outlines]
     points += [obstacle_outline(obstacle) for obstacle in scenario.obstacles]
     points += [way - chain.reach, way + chain.reach]
     if scenario.workspace is not None:
@@ -61,7 +60,3 @@ def window(scenario: Scenario, plan: PlanResult | None) -> Window:
     rim = RIM * float((high - low).max())
     (xmin, ymin), (xmax, ymax) = low - rim, high + rim
     return Window(float(xmin), float(ymin), float(xmax), float(ymax))
-
-
-def _ends(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
-    return scenario.start, scenario.goal.pose_chain

@@ -47,6 +47,15 @@ PUSHER, ROBOT = "pusher", "robot"
 RESERVED_NAMES = ("world", "chain", PUSHER)
 """Frames of a run log; no object may be called so."""
 
+TRANSIT, APPROACH, PUSH, RETREAT = SEGMENT_KINDS = ("transit", "approach", "push", "retreat")
+"""Parts of a plan of several pushes: the robot drives alone, comes up to a face, pushes, backs off."""
+
+RANKED_BY = "travel"
+"""The cost, of `COSTS`, that ranks plans of several pushes, with the weights in `pushes`."""
+
+FACES = ("rear", "front", "left", "right")
+"""Faces of an object whose outward normal is along an axis of the chain frame: -x, +x, +y and -y."""
+
 COLLISION_CLEARANCE = 0.0005
 """Distance that pusher and objects keep from obstacles and walls where the scenario asks for no other, m."""
 

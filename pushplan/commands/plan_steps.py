@@ -41,7 +41,13 @@ def load(args: argparse.Namespace, console: Console) -> Scenario:
 
         del pushplan
         chosen = add_set(args.set or scenario.stability.set)
-        warm_up(args.planner or scenario.planner.name, stable=chosen, intervals=scenario.interval is not None)
+        intervals = scenario.interval is not None
+        if scenario.pushes is None:
+            warm_up(args.planner or scenario.planner.name, stable=chosen, intervals=intervals)
+        else:
+            from pushplan.several.warm import warm_up_several
+
+            warm_up_several(None, chosen, intervals)
         kept = scenario.stability.margin if args.margin is None else args.margin
         require_pushable(replace(scenario, stability=StabilitySettings(chosen, kept)))
     return scenario

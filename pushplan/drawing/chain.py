@@ -9,7 +9,6 @@ from matplotlib.patches import Polygon
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.colours import contact_colours
 from pushplan.drawing.figure import INK
-from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.friction_cone import friction_cone
@@ -23,14 +22,9 @@ ORIGIN = np.zeros(3)
 _CARRYING = {BodyKind.ROBOT: ROBOT_COLOUR, BodyKind.PLATE: PLATE_COLOUR}
 
 
-def outlines(chain: Chain, pose: FloatArray = ORIGIN) -> list[FloatArray]:
-    """Return the outlines (v, 2) of all bodies with the chain frame at `pose`."""
-    return [transform_points(pose, body.outline) for body in chain.bodies]
-
-
 def draw_chain(axes: Axes, chain: Chain, pose: FloatArray = ORIGIN, *, fill: str = OBJECT_COLOUR) -> None:
     """Draw robot, plate and objects, filled and outlined."""
-    for body, outline in zip(chain.bodies, outlines(chain, pose), strict=True):
+    for body, outline in zip(chain.bodies, chain.outlines_at(pose), strict=True):
         colour = _CARRYING.get(body.kind, fill)
         axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=INK, linewidth=0.9, zorder=3.0))
 

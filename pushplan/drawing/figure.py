@@ -20,6 +20,8 @@ INK = "#2f3338"
 """Text and the outlines that matter."""
 FAINT = "#9aa1a9"
 """Axes and what stays in the background."""
+HALO = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+"""Behind letters in a picture."""
 
 _STYLE: Any = {  # Any, because the type of the keys differs between versions of Matplotlib
     "font.family": "sans-serif",

@@ -15,6 +15,7 @@ from matplotlib.patches import Patch
 from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, draw_chain, draw_contacts
 from pushplan.drawing.cor import SENSE_NAMES, SENSES, style_cor_axes
 from pushplan.drawing.figure import FAINT, INK, axes_at, equal_ticks, figure_for
+from pushplan.drawing.segments import ALONE_COLOUR, PUSHED_COLOUR, draw_ends, draw_robot, draw_segments
 from pushplan.drawing.sets import draw_sets
 from pushplan.drawing.world import (
     SWEPT_COLOUR,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 # The layout, in inches.
 _LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 0.62, 0.92, 0.34, 0.2, 0.72
 _FLOOR_HEIGHT, _SIDE_WIDTH, _MARGIN_HEIGHT = 4.0, 1.75, 0.95
+_ROW = 0.2  # of the legend, which has two of them for several pushes
 _SENTENCE, _SMALL = 0.26, 5.0  # height above the lower edge; size of letters in points
 _LEGEND = {"ncols": 6, "handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
 
@@ -57,25 +59,26 @@ def plot_plan(scenario: Scenario, plan: PlanResult, execution: Execution | None,
     view = view_box(scenario, plan.path)
     width = _FLOOR_HEIGHT * (view[2] - view[0]) / (view[3] - view[1])
     side = _LEFT + width + _GAP
-    with figure_for(path, side + _SIDE_WIDTH + _RIGHT, _BOTTOM + _FLOOR_HEIGHT + _TOP) as figure:
-        floor = axes_at(figure, _LEFT, _BOTTOM, width, _FLOOR_HEIGHT)
+    bottom = _BOTTOM + (_ROW if plan.segments else 0.0)
+    with figure_for(path, side + _SIDE_WIDTH + _RIGHT, bottom + _FLOOR_HEIGHT + _TOP) as figure:
+        floor = axes_at(figure, _LEFT, bottom, width, _FLOOR_HEIGHT)
         _draw_floor(floor, scenario, plan, view)
-        above = _BOTTOM + _MARGIN_HEIGHT + _GAP
-        beside = axes_at(figure, side, above, _SIDE_WIDTH, _BOTTOM + _FLOOR_HEIGHT - above)
+        above = bottom + _MARGIN_HEIGHT + _GAP
+        beside = axes_at(figure, side, above, _SIDE_WIDTH, bottom + _FLOOR_HEIGHT - above)
         draw_set(beside, scenario.chain, scenario.stable_set(plan.stable_set))
         if execution is not None:
-            curve = axes_at(figure, side, _BOTTOM, _SIDE_WIDTH, _MARGIN_HEIGHT)
-            bar = axes_at(figure, side + _SIDE_WIDTH + 0.05, _BOTTOM, 0.07, _MARGIN_HEIGHT)
+            curve = axes_at(figure, side, bottom, _SIDE_WIDTH, _MARGIN_HEIGHT)
+            bar = axes_at(figure, side + _SIDE_WIDTH + 0.05, bottom, 0.07, _MARGIN_HEIGHT)
             _draw_margins(floor, curve, bar, execution)
         corner = (_LEFT / figure.get_figwidth(), 0.04 / figure.get_figheight())
         if plan.tolerance is not None:
-            _tell_tolerance(figure, plan.tolerance.sentence)
+            _tell_tolerance(figure, plan.tolerance.sentence, bottom - _BOTTOM)
         figure.legend(handles=_legend(scenario, plan), loc="lower left", bbox_to_anchor=corner, **_LEGEND)
 
 
-def _tell_tolerance(figure: Figure, sentence: str) -> None:
+def _tell_tolerance(figure: Figure, sentence: str, raised: float) -> None:
     """Write what the plan bears above the legend."""
-    x, y = _LEFT / figure.get_figwidth(), _SENTENCE / figure.get_figheight()
+    x, y = _LEFT / figure.get_figwidth(), (_SENTENCE + raised) / figure.get_figheight()
     figure.text(x, y, f"bears {sentence}", fontsize=_SMALL, color=INK, va="bottom", wrap=True)
 
 
@@ -87,6 +90,13 @@ def _draw_floor(axes: Axes, scenario: Scenario, plan: PlanResult, view: Box) -> 
     axes.set_ylabel("y [m]")
     axes.set_title(_title(scenario, plan), loc="left")
     draw_surroundings(axes, scenario)
+    if scenario.pushes is not None:
+        draw_robot(axes, scenario)
+        if plan.segments:
+            draw_segments(axes, scenario, plan)
+        else:
+            draw_ends(axes, scenario)
+        return
     if plan.path is not None:
         draw_sweep(axes, scenario.chain, plan.path)
     else:
@@ -98,6 +108,10 @@ def _draw_floor(axes: Axes, scenario: Scenario, plan: PlanResult, view: Box) -> 
 def _title(scenario: Scenario, plan: PlanResult) -> str:
     if plan.path is None or plan.trajectory is None:
         return f"{scenario.name}: no plan"
+    if plan.segments:
+        count = sum(segment.pushes for segment in plan.segments)
+        pushed = f"{plan.way_pushed:.2f} m in {count} push{'es' if count > 1 else ''}"
+        return f"{scenario.name}: {pushed}, {plan.trajectory.duration:.1f} s"
     return f"{scenario.name}: {plan.path.cost:.2f} m in {plan.trajectory.duration:.1f} s"
 
 
@@ -115,10 +129,10 @@ def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
 
 def _draw_margins(floor: Axes, curve: Axes, bar: Axes, execution: Execution) -> None:
     margins = execution.margins.min(axis=1)
-    line = draw_by_margin(floor, execution.poses[:, :2], margins, {"color": "white", "linewidth": 3.6})
-    draw_by_margin(
-        curve, np.stack([execution.t, margins], axis=1), margins, {"color": FAINT, "linewidth": 0.6}
-    )
+    by_time = np.stack([execution.t, margins], axis=1)
+    line = draw_by_margin(curve, by_time, margins, {"color": FAINT, "linewidth": 0.6})
+    if execution.loads is None:
+        draw_by_margin(floor, execution.poses[:, :2], margins, {"color": "white", "linewidth": 3.6})
     curve.set_xlim(0.0, max(float(execution.t[-1]), 1e-3))
     curve.set_ylim(min(0.0, float(margins.min())), max(1.05 * float(margins.max()), 1e-3))
     curve.set_xlabel("time [s]")
@@ -129,10 +143,21 @@ def _draw_margins(floor: Axes, curve: Axes, bar: Axes, execution: Execution) -> 
     colours.set_ticks([])
 
 
+def _ways(plan: PlanResult) -> list[Artist]:
+    """What the lines of several pushes are."""
+    if not plan.segments:
+        return []
+    return [
+        Line2D([], [], color=PUSHED_COLOUR, linewidth=1.8, label="pushed"),
+        Line2D([], [], color=ALONE_COLOUR, linewidth=0.9, linestyle=(0, (4, 2)), label="robot alone"),
+    ]
+
+
 def _legend(scenario: Scenario, plan: PlanResult) -> list[Artist]:
     return [
         Patch(facecolor=OBJECT_COLOUR, edgecolor=INK, label="start"),
         Patch(facecolor=GOAL_COLOUR, edgecolor=INK, label="goal"),
+        *_ways(plan),
         Patch(facecolor=SWEPT_COLOUR, edgecolor=FAINT, label="swept")
         if plan.path is not None
         else Line2D([], [], color=FAINT, linewidth=0.8, label="search tree"),

@@ -13,8 +13,9 @@ from matplotlib.patches import Patch
 from pushplan.basics.arrays import FloatArray
 from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, ROBOT_COLOUR, draw_chain
 from pushplan.drawing.cor import SENSE_NAMES, SENSES
-from pushplan.drawing.figure import INK, axes_at, equal_ticks, figure_for
+from pushplan.drawing.figure import HALO, INK, axes_at, equal_ticks, figure_for
 from pushplan.drawing.run import draw_set
+from pushplan.drawing.segments import draw_ends
 from pushplan.drawing.world import draw_surroundings, obstacle_keys, view_box
 from pushplan.geometry.se2 import transform_points
 from pushplan.scenario import Scenario
@@ -24,7 +25,6 @@ from pushplan.stable_sets.stable_set import StableSet
 _LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 0.62, 0.86, 0.34, 0.2, 0.72
 _HEIGHT, _SIDE_WIDTH = 4.0, 2.6
 _LEGEND = {"ncols": 7, "handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
-_HALO = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
 
 
 def plot_scenario(scenario: Scenario, stable: StableSet, path: str | Path) -> None:
@@ -47,8 +47,11 @@ def plot_scenario(scenario: Scenario, stable: StableSet, path: str | Path) -> No
         floor.set_title(scenario.name, loc="left")
         equal_ticks(floor, max(view[2] - view[0], view[3] - view[1]))
         draw_surroundings(floor, scenario)
-        draw_chain(floor, scenario.chain, scenario.start)
-        draw_chain(floor, scenario.chain, scenario.goal.pose_chain, fill=GOAL_COLOUR)
+        if scenario.pushes is None:
+            draw_chain(floor, scenario.chain, scenario.start)
+            draw_chain(floor, scenario.chain, scenario.goal.pose_chain, fill=GOAL_COLOUR)
+        else:
+            draw_ends(floor, scenario)
         chain = axes_at(figure, side, _BOTTOM, _SIDE_WIDTH, _HEIGHT)
         draw_set(chain, scenario.chain, stable)
         _draw_names(chain, scenario)
@@ -72,7 +75,7 @@ def _inside(outline: FloatArray) -> FloatArray:
 
 
 def _write(axes: Axes, place: FloatArray, text: str, turned: float) -> None:
-    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5, "clip_on": True, "bbox": _HALO}
+    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5, "clip_on": True, "bbox": HALO}
     axes.text(float(place[0]), float(place[1]), text, rotation=turned, color=INK, zorder=8.0, **style)
 
 

@@ -13,7 +13,6 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.drawing.chain import outlines
 from pushplan.drawing.cor import polygon_patches
 from pushplan.drawing.figure import FAINT, INK
 from pushplan.mechanics.chain import Chain
@@ -82,13 +81,15 @@ def _is_unknown(obstacle: Obstacle) -> bool:
 def draw_sweep(axes: Axes, chain: Chain, path: PushPath) -> None:
     """Fill everything that the chain passes over, and outline it faintly at even distances."""
     bodies = [
-        shapely.Polygon(outline) for pose in path.sampled(_SWEEP_SPACING) for outline in outlines(chain, pose)
+        shapely.Polygon(outline)
+        for pose in path.sampled(_SWEEP_SPACING)
+        for outline in chain.outlines_at(pose)
     ]
     for patch in polygon_patches(shapely.union_all(bodies)):
         patch.set(facecolor=SWEPT_COLOUR, edgecolor="none", zorder=1.0)
         axes.add_patch(patch)
     for pose in path.poses_at(np.linspace(0.0, path.cost, _GHOSTS + 2)[1:-1]):
-        for outline in outlines(chain, pose):
+        for outline in chain.outlines_at(pose):
             axes.add_patch(Polygon(outline, fill=False, edgecolor=INK, alpha=0.22, linewidth=0.6, zorder=1.5))
 
 
@@ -132,7 +133,8 @@ def _patch(obstacle: Obstacle) -> Patch:
 def _extent(scenario: Scenario, path: PushPath | None) -> tuple[FloatArray, FloatArray]:
     """Return the corners of a box around everything that is drawn, with some air."""
     poses = [scenario.start, scenario.goal.pose_chain, *([] if path is None else path.sampled(0.05))]
-    points = [outline for pose in poses for outline in outlines(scenario.chain, pose)]
+    poses += [] if scenario.pushes is None else [scenario.robot_start]
+    points = [outline for pose in poses for outline in scenario.chain.outlines_at(pose)]
     points += [_corners(obstacle) for obstacle in scenario.obstacles]
     low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
     air = _PAD * float((high - low).max())

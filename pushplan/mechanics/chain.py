@@ -178,6 +178,12 @@ class Pusher:
         parts = tuple(frozen(part, (None, 2), "footprint of the robot") for part in self.footprint)
         object.__setattr__(self, "footprint", parts)
 
+    @property
+    def plate_pose(self) -> FloatArray:
+        """(3,) pose of the plate's frame in the chain frame: the middle of its front edge, +x along the push."""
+        low, high = self.outline.min(axis=0), self.outline.max(axis=0)
+        return np.array([high[0], 0.5 * (low[1] + high[1]), 0.0])
+
 
 @dataclass(frozen=True, eq=False)
 class Chain:
@@ -216,6 +222,16 @@ class Chain:
             Body(PUSHER, BodyKind.PLATE, self.pusher.outline),
             *(Body(obj.name, BodyKind.OBJECT, obj.outline_chain) for obj in self.objects),
         )
+
+    def outlines_at(self, pose: FloatArray, load: FloatArray | None = None) -> list[FloatArray]:
+        """Return the world outlines of all `bodies` with the chain frame at a pose (3,).
+
+        Args:
+            pose: Of the chain frame.
+            load: (3,) where the chain frame is for the objects, if the plate is not in contact with them as stated.
+        """
+        at = {BodyKind.OBJECT: pose if load is None else load}
+        return [transform_points(at.get(body.kind, pose), body.outline) for body in self.bodies]
 
     @property
     def loads_known(self) -> bool:

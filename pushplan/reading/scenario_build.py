@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import RANKED_BY
 from pushplan.geometry import se2
 from pushplan.reading.arrangement.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.reading.scenario_chain import Bodies, build_bodies
@@ -15,6 +16,7 @@ from pushplan.reading.scenario_salvage import salvage
 from pushplan.reading.scenario_surroundings import Stated, build_surroundings
 from pushplan.reading.schema.findings import nearest, validate
 from pushplan.reading.schema.scenario import ScenarioFile
+from pushplan.reading.several_pushes import check_places, make_goals, make_pushes, stated_goals
 from pushplan.reading.yaml.node import Document, shorten
 from pushplan.reading.yaml.report import Report
 from pushplan.scenario import Scenario
@@ -40,8 +42,8 @@ def build_scenario(
         return None
     _check_room_for_inertia(file, report)
     surroundings = build_surroundings(file, attachments.read, report)
-    scenario = _scenario(file, path, source, bodies, surroundings, attachments)
-    _check_ends(scenario, doubtful, report)
+    scenario = _scenario(file, path, source, bodies, surroundings, attachments, report)
+    _check_ends(scenario, file, doubtful, report)
     return None if report.findings else scenario
 
 
@@ -58,13 +60,13 @@ def _bodies(
 def _goal_exists(file: ScenarioFile, report: Report) -> bool:
     """Tell whether the object that the goal names exists, and report it if not."""
     known = [obj.name for obj in file.objects]
-    if file.goal.of is None or file.goal.of in known:
-        return True
-    near = nearest(file.goal.of, known)
-    report.add(
-        ("goal", "of"), f"no object is called '{shorten(file.goal.of)}'{near} allowed: {', '.join(known)}"
-    )
-    return False
+    for place, goal in stated_goals(file):
+        if goal.of is not None and goal.of not in known:
+            near = nearest(goal.of, known)
+            what = f"no object is called '{shorten(goal.of)}'{near} allowed: {', '.join(known)}"
+            report.add((*place, "of"), what)
+            return False
+    return True
 
 
 def _check_room_for_inertia(file: ScenarioFile, report: Report) -> None:
@@ -77,20 +79,6 @@ def _check_room_for_inertia(file: ScenarioFile, report: Report) -> None:
         )
 
 
-def _goal(file: ScenarioFile, bodies: Bodies) -> Goal:
-    stated, tolerance = file.goal, file.goal.tolerance
-    pose = np.array(stated.pose)
-    return Goal(pose, stated.of, _chain_pose(pose, stated.of, bodies), tolerance.position, tolerance.angle)
-
-
-def _chain_pose(pose: FloatArray, of: str | None, bodies: Bodies) -> FloatArray:
-    """Return the chain frame's pose (3,) in the world that brings the object `of` to `pose`."""
-    chain = bodies.chain
-    if of not in [obj.name for obj in chain.objects]:
-        return pose
-    return se2.compose(pose, se2.inverse(chain.objects[chain.index_of(of)].pose_chain))
-
-
 def _scenario(
     file: ScenarioFile,
     path: Path,
@@ -98,7 +86,9 @@ def _scenario(
     bodies: Bodies,
     surroundings: Stated,
     attachments: Attachments,
+    report: Report,
 ) -> Scenario:
+    goals = make_goals(file, bodies.chain)
     return Scenario(
         name=file.name or path.stem,
         path=path,
@@ -106,12 +96,12 @@ def _scenario(
         chain=bodies.chain,
         floor_friction=file.floor.friction,
         start=np.array(file.start),
-        goal=_goal(file, bodies),
+        goal=goals[0],
         workspace=surroundings.workspace,
         obstacles=surroundings.obstacles,
         clearance=file.clearance,
         stability=StabilitySettings(file.stability.set, file.stability.margin),
-        planner=PlannerSettings(**file.planner.model_dump()),
+        planner=_planner(file),
         trajectory=file.trajectory,
         attachments=attachments.contents,
         bodies=bodies.stated,
@@ -119,14 +109,24 @@ def _scenario(
         uncertainty=Uncertainty(**file.uncertainty.model_dump()),
         contact_friction=bodies.contact_friction,
         snapping=bodies.snapping,
+        pushes=make_pushes(file, goals, report),
     )
 
 
-def _check_ends(scenario: Scenario, doubtful: set[str], report: Report) -> None:
+def _planner(file: ScenarioFile) -> PlannerSettings:
+    stated = PlannerSettings(**file.planner.model_dump())
+    return stated if file.robot.start is None else replace(stated, cost=RANKED_BY)
+
+
+def _check_ends(scenario: Scenario, file: ScenarioFile, doubtful: set[str], report: Report) -> None:
     """Report collisions at start and goal, as far as all that matters for them is known."""
     if doubtful & {"workspace", "obstacles", "clearance"}:
         return
     surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
+    if scenario.pushes is not None:
+        if not doubtful & {"start", "goal", "robot"}:
+            check_places(scenario, file, surroundings, report)
+        return
     for what, place, pose in (
         ("start", ("start",), scenario.start),
         ("goal", ("goal", "pose"), scenario.goal.pose_chain),

@@ -26,6 +26,10 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
     if needed:
         report.add(("uncertainty",), needed)
         return report.findings
+    if (
+        scenario.pushes is not None
+    ):  # the contact that the file states is only one of those that may be chosen
+        return report.findings
     try:
         stable = scenario.stable_set()
         margin = scenario.stability.margin

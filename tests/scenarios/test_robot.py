@@ -111,11 +111,7 @@ def test_a_scenario_without_a_robot_resolves_as_it_always_has(valid: Changed) ->
     ),
     (
         "{footprint: {box: [0.42, 0.285]}, base: [0, 0, 0]}",
-        "f.yaml:21:42: robot.base: unknown key; allowed: footprint, drive",
-    ),
-    (
-        "{start: [0.5, 0.5, 0.0]}",
-        "f.yaml:21:9: robot.start: unknown key; allowed: footprint, drive",
+        "f.yaml:21:42: robot.base: unknown key; allowed: footprint, drive, start",
     ),
     (
         "{footprint: {box: [0.4, 0.2], polygon: [[0, 0], [1, 0], [0, 1]]}}",

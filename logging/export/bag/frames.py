@@ -71,15 +71,28 @@ class Frames:
         """Return the name in the bag of a frame of the log."""
         return self.map if frame == WORLD else frame
 
-    def rigid(self, chain: Chain) -> Message:
-        """Return the message for /tf_static."""
+    def rigid(self, chain: Chain, attached: bool) -> Message:
+        """Return the message for /tf_static; objects are in it where the plate is always in contact."""
         pairs = [(self.map, self.odom, np.zeros(3)), (self.base, CHAIN, se2.inverse(base_pose(chain)))]
-        pairs += [(CHAIN, PUSHER, np.zeros(3)), *((CHAIN, obj.name, obj.pose_chain) for obj in chain.objects)]
+        pairs.append((CHAIN, PUSHER, np.zeros(3)))
+        if attached:
+            pairs += [(CHAIN, obj.name, obj.pose_chain) for obj in chain.objects]
         return {"transforms": [_transform(*pair) for pair in pairs]}
 
-    def moving(self, chain: Chain, pose: FloatArray) -> Message:
-        """Return the message for /tf with the chain frame at `pose` (3,) in the world."""
-        return {"transforms": [_transform(self.odom, self.base, se2.compose(pose, base_pose(chain)))]}
+    def moving(self, chain: Chain, pose: FloatArray, load: FloatArray | None) -> Message:
+        """Return the message for /tf.
+
+        Args:
+            chain: What moves.
+            pose: (3,) of the chain frame, or of the robot's frame, in the world.
+            load: (3,) of the objects' frame where they move on their own.
+        """
+        transforms = [_transform(self.odom, self.base, se2.compose(pose, base_pose(chain)))]
+        if load is not None:
+            transforms += [
+                _transform(self.map, o.name, se2.compose(load, o.pose_chain)) for o in chain.objects
+            ]
+        return {"transforms": transforms}
 
 
 def base_pose(chain: Chain) -> FloatArray:

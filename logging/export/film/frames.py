@@ -81,13 +81,13 @@ class Film:
         return parts
 
     def _draw_chain(self, pen: ImageDraw.ImageDraw, time: float) -> Box:
-        poses, t = self._execution.poses, self._execution.t
-        pose = np.array([np.interp(time, t, column) for column in poses.T])
-        paints, bodies = iter(self._paints), self._scene.outlines(pose)
+        pose, load = self._execution.place_at(time)
+        paints, bodies = iter(self._paints), self._scene.outlines(pose, load)
         for body, corners in zip(self._chain.bodies, bodies, strict=True):
             pen.polygon(corners, _CARRYING.get(body.kind) or next(paints), INK, FINE)
         drawn = [point for body in bodies for point in body]
-        return _box([*drawn, *self._draw_contacts(pen, time, pose)])
+        touching = self._draw_contacts(pen, time, pose) if self._execution.loads is None else []
+        return _box([*drawn, *touching])
 
     def _draw_contacts(self, pen: ImageDraw.ImageDraw, time: float, pose: FloatArray) -> Points:
         """Draw segments, forces and friction cones, and return all their points."""

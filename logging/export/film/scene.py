@@ -10,10 +10,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from pushplan.basics import colours
 from pushplan.basics.arrays import FloatArray
-from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.sentences import no_plan_sentences
-from pushplan.logging.view.scene import obstacle_outline
+from pushplan.logging.view.scene import ghosts, obstacle_outline
 from pushplan.logging.view.window import path_points, shown_path, window
 from pushplan.result import Run
 
@@ -51,19 +50,18 @@ class FilmScene:
         place = FINE * (middle + self._scale * (points - self._middle) * [1.0, -1.0])
         return [(float(x), float(y)) for x, y in place]
 
-    def outlines(self, pose: FloatArray) -> list[Points]:
-        """Return the outlines of all bodies with the chain frame at `pose` (3,) in the world."""
-        bodies = self._run.scenario.chain.bodies
-        return [self.world(se2.transform_points(pose, body.outline)) for body in bodies]
+    def outlines(self, pose: FloatArray, load: FloatArray | None = None) -> list[Points]:
+        """Return the outlines of all bodies; see `Chain.outlines_at`."""
+        return [self.world(outline) for outline in self._run.scenario.chain.outlines_at(pose, load)]
 
     def picture(self) -> Image.Image:
         """Return the room, with nothing in the part below it."""
         image = Image.new("RGB", (FINE * WIDTH, FINE * HEIGHT), GROUND)
         pen = ImageDraw.Draw(image)
         self._draw_room(pen)
-        for pose, paint in self._ghosts():
-            for outline in self.outlines(pose):
-                pen.polygon(outline, None, paint, FINE)
+        for outlines, paint in self._ghosts():
+            for outline in outlines:
+                pen.polygon(self.world(outline), None, paint, FINE)
         way = path_points(self._run.plan)
         if len(way) > 1:
             pen.line(self.world(way), self._way_colour, 2 * FINE, joint="curve")
@@ -95,13 +93,14 @@ class FilmScene:
         state = "planned, but not executed" if plan.path is not None else "no plan"
         return [f"{self._run.scenario.name}: {state}", *no_plan_sentences(plan)]
 
-    def _ghosts(self) -> Iterator[tuple[FloatArray, str]]:
-        """Yield poses at which the chain is outlined, and in which colour."""
-        yield self._run.scenario.start, INK if self._run.execution is None else RULE
-        yield self._run.scenario.goal.pose_chain, colours.GOAL
+    def _ghosts(self) -> Iterator[tuple[list[FloatArray], str]]:
+        """Yield outlines in the world of what stands at start and goals, or comes nearest, and in which colour."""
+        standing = ghosts(self._run.scenario)
+        yield standing["start"], INK if self._run.execution is None else RULE
+        yield standing["goal"], colours.GOAL
         path = shown_path(self._run.plan)
         if path is not None and not self._solved:
-            yield path.end, colours.NEAREST
+            yield self._run.scenario.chain.outlines_at(path.end), colours.NEAREST
 
     def _draw_room(self, pen: ImageDraw.ImageDraw) -> None:
         scenario, plan = self._run.scenario, self._run.plan

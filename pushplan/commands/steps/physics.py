@@ -34,6 +34,8 @@ def require_executable(scenario: Scenario) -> None:
     from pushplan.sim.physics.model.engine import PhysicsError, engine
 
     engine()
+    if scenario.pushes is not None:
+        raise PhysicsError("--physics executes a single push, and robot.start asks for several; leave it out")
     unknown = [obj.name for obj in scenario.chain.objects if not obj.support.known]
     if unknown:
         names = ", ".join(repr(name) for name in unknown)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pushplan.path import PushPath
     from pushplan.result import PlanResult
     from pushplan.scenario import Scenario
+    from pushplan.segment import Segment
 
 
 def exit_code(plan: PlanResult, execution: Execution | None) -> int:
@@ -59,8 +60,55 @@ def document(
         "margin": plan.margin,
         "tolerance": asdict(plan.tolerance) if plan.tolerance else None,
         "contact_lost": _loss(execution.loss) if execution and execution.loss else None,
+        "segments": [_segment(segment) for segment in plan.segments],
+        **_of_several(plan),
         "log": log,
     }
+
+
+def _of_several(plan: PlanResult) -> dict[str, object]:
+    """What only a plan of several pushes has."""
+    if not plan.segments:
+        return {}
+    return {"way_pushed": plan.way_pushed, "objective_cost": plan.objective_cost}
+
+
+def _segment(segment: Segment) -> dict[str, object]:
+    robot = segment.robot_path
+    return {
+        "kind": segment.kind,
+        "face": segment.face or None,
+        "offset": segment.offset,
+        "arcs": _arcs(segment.path),
+        "robot_before": robot.start,
+        "robot_after": robot.end,
+        "object_before": segment.load_before,
+        "object_after": segment.load_after,
+        "t0": segment.t0,
+        "t1": segment.t1,
+    }
+
+
+def segment_rows(plan: PlanResult) -> list[tuple[str, str]]:
+    """Return a line for each segment: when, how far, and from where to where what moves."""
+    return [
+        (f"{k}. {segment.kind}", _segment_text(segment)) for k, segment in enumerate(plan.segments, start=1)
+    ]
+
+
+def _segment_text(segment: Segment) -> str:
+    when = f"{segment.t0:7.2f} - {segment.t1:6.2f} s  {segment.path.cost:6.3f} m"
+    side = f"  {segment.face}" if segment.face else ""
+    if segment.offset:
+        side += f" {1e3 * segment.offset:+.3g} mm"
+    if not segment.pushes:
+        return f"{when}{side}"
+    before, after = (_pose_text(pose) for pose in (segment.load_before, segment.load_after))
+    return f"{when}{side}  chain frame {before} -> {after}"
+
+
+def _pose_text(pose: FloatArray) -> str:
+    return f"({pose[0]:.3f}, {pose[1]:.3f}, {degrees(pose[2]):.1f} deg)"
 
 
 def rows(
@@ -72,7 +120,14 @@ def rows(
         position, angle = plan.approximate_error
         off = f"ends {position:.3g} m and {degrees(angle):.3g} deg from the goal"
         found.append(("nearest path", f"{plan.approximate_path.cost:.3f} m long, {off}"))
-    if plan.path and plan.trajectory:
+    if plan.segments and plan.trajectory:
+        found += segment_rows(plan)
+        most = "" if plan.gap is None else f", at most {100.0 * plan.gap:.3g} % above the least possible"
+        pushes = sum(segment.pushes for segment in plan.segments)
+        found.append(("pushed", f"{plan.way_pushed:.3f} m in {counted(pushes, 'push', 'pushes')}"))
+        found.append(("cost", f"{plan.objective_cost:.3f} m with the robot's own ways and changes{most}"))
+        found.append(("duration", f"{plan.trajectory.duration:.2f} s"))
+    elif plan.path and plan.trajectory:
         most = "" if plan.gap is None else f", at most {100.0 * plan.gap:.3g} % above the least possible"
         found.append(
             ("path cost", f"{plan.path.cost:.3f} m in {counted(len(plan.path.lengths), 'arc')}{most}")

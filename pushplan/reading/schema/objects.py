@@ -14,6 +14,7 @@ from pushplan.reading.values.quantity import fault
 NAME = "a name of up to 64 letters, digits, blanks, '.', '_' and '-' that begins with a letter or digit"
 FRICTION = 'a friction coefficient, or a friction angle, e.g. "14 deg"'
 POLYGON = f"a list of 3 to {t.MOST_CORNERS} corners [x, y]"
+FACES = f"all, or a list of {', '.join(names.FACES)} and angles of outward normals in the chain frame"
 _SUPPORT = "uniform, unknown, {feet: [[x, y], ...]}, {feet: [[x, y, load], ...]} or {pressure_map: file.csv}"
 DRIVE = "omnidirectional, {differential: {axle: [x, y, theta]}} or {car: {axle: ..., min_radius: ...}}"
 _AXLE = (
@@ -160,6 +161,13 @@ class MotionLimits(t.Strict):
     )
 
 
+Faces = Annotated[
+    Annotated[Literal["all"], Tag("<word>")]
+    | Annotated[Annotated[tuple[t.Face, ...], t.Several(1, 100)], Tag("<list>")],
+    Discriminator(lambda value: "<list>" if isinstance(value, list | tuple) else "<word>"),
+]
+
+
 class Plate(t.Strict):
     """The plate and the robot that carries it."""
 
@@ -168,6 +176,10 @@ class Plate(t.Strict):
     friction: t.Friction = Field(description=FRICTION)
     contact_height: t.Height = Field(default=0.0, description="a height in m")
     drive: Drive = Field(default="omnidirectional", description=DRIVE)
+    faces: Faces | None = Field(default=None, description=FACES)
+    offsets: Annotated[tuple[t.Coordinate, ...], t.Several(1, 20)] | None = Field(
+        default=None, description="a list of 1 to 20 lengths in m, e.g. [0, 15 mm]"
+    )
     limits: MotionLimits = Field(
         default_factory=MotionLimits,
         description="{speed: ..., acceleration: ..., jerk: ..., ...}",

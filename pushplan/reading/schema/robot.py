@@ -49,3 +49,6 @@ class Robot(t.Strict):
         f"{MOST_PARTS} of these",
     )
     drive: Drive | None = Field(default=None, description=DRIVE)
+    start: t.Pose | None = Field(
+        default=None, description="[x, y, theta] of the plate's frame in the world; asks for several pushes"
+    )

@@ -58,6 +58,28 @@ class GoalPose(t.Strict):
         default=None, description="the name of the object meant; left out, the chain frame is meant"
     )
     tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
+    symmetry: t.Symmetry = Field(
+        default=1, description="a whole number: after so many equal turns the frame meant is as it was"
+    )
+
+
+GOAL = "{pose: [x, y, theta], ...}, or a list of 1 to 100 of these, any of which will do"
+Goals = Annotated[
+    Annotated[GoalPose, Tag("<mapping>")]
+    | Annotated[Annotated[tuple[GoalPose, ...], t.Several(1, 100)], Tag("<list>")],
+    Discriminator(lambda value: "<list>" if isinstance(value, list | tuple) else "<mapping>"),
+]
+
+
+class PushChoice(t.Strict):
+    """What several pushes may come to, and what counts when they are ranked."""
+
+    most: t.Most = Field(default=6, description="a whole number")
+    switch_cost: t.ArcPrice = Field(default=0.1, description="a length in m")
+    transit_weight: t.Weight = Field(default=0.1, description="a weight from 0 to 1000")
+    approach: t.Travel = Field(default=0.05, description="a length in m")
+    retreat: t.Travel = Field(default=0.05, description="a length in m")
+    settle: t.Travel = Field(default=0.02, description="a length in m")
 
 
 class Area(t.Strict):
@@ -156,11 +178,14 @@ class ScenarioFile(t.Strict):
     )
     contacts: Contacts = Field(default_factory=Contacts, description="{friction: ..., between: [...]}")
     pusher: Plate = Field(description="{width: ..., friction: ..., ...}")
-    robot: Robot = Field(default_factory=Robot, description="{footprint: ..., drive: ...}")
+    robot: Robot = Field(default_factory=Robot, description="{footprint: ..., drive: ..., start: ...}")
     start: t.Pose = Field(
         default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world"
     )
-    goal: GoalPose = Field(description="{pose: [x, y, theta], ...}")
+    goal: Goals = Field(description=GOAL)
+    pushes: PushChoice | None = Field(
+        default=None, description="{most: ..., switch_cost: ..., transit_weight: ..., approach: ..., ...}"
+    )
     workspace: Area | None = Field(default=None, description="{x: [min, max], y: [min, max]}")
     obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(
         default=(),

@@ -23,6 +23,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from pushplan.basics.names import FACES
 from pushplan.geometry.simple import find_flaw
 from pushplan.reading.values import units
 from pushplan.reading.values.interval import OrInterval, Span
@@ -59,6 +60,13 @@ ArcPrice = Annotated[float, Quantity("a length", units.LENGTH, 0.0, 100.0, "30 m
 Weight = Annotated[float, Quantity("a weight", {}, 0.0, 1000.0)]
 Gap = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 100.0, "1 %")]
 Share = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 0.9, "20 %")]
+Face = Annotated[
+    float | str,
+    OrAuto(Quantity(f"{', '.join(FACES)}, or an angle", units.ANGLE, -10.0, 10.0, "120 deg"), FACES),
+]
+Most = Annotated[int, Quantity("a whole number", {}, 1, 100, whole=True)]
+Symmetry = Annotated[int, Quantity("a whole number", {}, 1, 360, whole=True)]
+Travel = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 10.0, "50 mm")]
 Seed = Annotated[int, Quantity("a whole number", {}, 0, 2**31 - 1, whole=True)]
 Speed = Annotated[
     float | tuple[float, float], EitherWay(Quantity("a speed", units.SPEED, 1e-4, 100.0, "0.2 m/s"))

@@ -126,21 +126,23 @@ class Quantity:
 
 @dataclass(frozen=True)
 class OrAuto:
-    """A quantity, or the word `auto`; put beside `float | Literal["auto"]` in an annotation.
+    """A quantity, or a word; put beside `float | Literal["auto"]` in an annotation.
 
     Attributes:
-        number: The quantity; its name tells of the word, too.
+        number: The quantity; its name tells of the words, too.
+        words: That may stand in its place.
     """
 
     number: Quantity
+    words: tuple[str, ...] = (AUTO,)
 
     def read(self, value: object) -> object:
-        """Return the number in SI, or the word.
+        """Return the number in SI, or a word.
 
         Raises:
             PydanticCustomError: When `value` is neither.
         """
-        return value if value == AUTO else self.number.read(value)
+        return value if value in self.words else self.number.read(value)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
@@ -148,7 +150,12 @@ class OrAuto:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        return {"anyOf": [{"const": AUTO}, self.number.__get_pydantic_json_schema__(schema, handler)]}
+        return {
+            "anyOf": [
+                *({"const": word} for word in self.words),
+                self.number.__get_pydantic_json_schema__(schema, handler),
+            ]
+        }
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,162 @@
+"""Single blocks of ReloPush (fluentrobotics/ReloPush, BSD-3-Clause): each to its goal, the others in the way.
+
+    python benchmarks/relopush.py FOLDER [--instances 100] [--better 10] [--strict]
+
+FOLDER holds its `testdata` as 2o1r.json, 4o.json and 6o2.json: lists of {blocks, goals, assignment, robot}, poses as
+[x, y, theta]. The robot is a car of 0.42 x 0.285 m, axle 0.30 m behind its plate, turning radius 1.008 m; blocks are
+cubes of 0.15 m that may end in any of four orientations; the walls are 0.5 m outside of the room of 4.0 x 5.4 m, or
+around it with `--strict`.
+
+Printed: how many blocks with a free goal get a plan, the CPU time to the first one (the load prepared, the room
+built anew), how long a refusal of an occupied goal takes, and for the first `--better` instances the
+way of the block over the straight line after 1 s, its changes weighed little.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.errors import PlanningError
+from pushplan.geometry import se2
+from pushplan.planners.multi.graph import Sequence
+from pushplan.planners.multi.room import Question
+from pushplan.planners.multi.search import Limits, search
+from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.scenario import Goal, PolygonObstacle, Scenario, Workspace
+from pushplan.several.plan import free_goals
+from pushplan.several.prepared import Prepared
+from pushplan.several.warm import warm_up_several
+
+SIDE, AXLE, LOOSE = 0.15, 0.30, 0.5
+FIRST_LIMIT = 4.0
+FILES = ("2o1r", "4o", "6o2")
+SQUARE = 0.5 * SIDE * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+DOCUMENT: dict[str, Any] = {
+    "format": "pushplan/1",
+    "name": "relopush",
+    "floor": {"friction": 0.3},
+    "objects": [{"name": "cube", "shape": {"box": [SIDE, SIDE]}, "mass": 1.0}],
+    "pusher": {"width": 0.285, "friction": 0.5, "thickness": 0.02},
+    "robot": {
+        "footprint": {"box": [0.42, 0.285], "pose": [-0.21, 0.0, 0.0]},
+        "drive": {"car": {"axle": [-AXLE, 0.0, 0.0], "min_radius": 1.008}},
+        "start": [1.0, -5.0, 0.0],
+    },
+    "goal": {"pose": [1.0, 0.0, 0.0], "of": "cube", "symmetry": 4},
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a block: CPU time (s), way of the block over the straight line, pushes."""
+
+    refused: bool
+    seconds: float
+    way: float | None = None
+    pushes: int = 0
+
+
+def main() -> None:
+    """Print the figures of each file."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--instances", type=int, default=100)
+    parser.add_argument("--better", type=int, default=10)
+    parser.add_argument("--strict", action="store_true")
+    args = parser.parse_args()
+    warm_up_several(print, "ecof", intervals=False)
+    prepared = _prepared(0.0 if args.strict else LOOSE, {})
+    light = _prepared(0.0 if args.strict else LOOSE, {"switch_cost": 0.05, "transit_weight": 0.01})
+    for name in FILES:
+        instances = json.loads((args.folder / f"{name}.json").read_text())
+        first = [row for one in instances[: args.instances] for row in _blocks(prepared, one, None)]
+        better = [row for one in instances[: args.better] for row in _blocks(light, one, 1.0)]
+        _report(name, first, better)
+
+
+def _prepared(loose: float, pushes: dict[str, float]) -> Prepared:
+    scenario = scenario_from_document({**DOCUMENT, "pushes": pushes})
+    area = Workspace(-loose, 4.0 + loose, -loose, 5.4 + loose)
+    prepared = Prepared.of(replace(scenario, workspace=area))
+    prepared.room(0)
+    return prepared
+
+
+def _blocks(prepared: Prepared, instance: dict[str, Any], limit: float | None) -> Iterator[Row]:
+    x, y, theta = map(float, instance["robot"].split(","))
+    plate = se2.compose(np.array([x, y, theta]), [AXLE, 0.0, 0.0])
+    for name, goal in instance["assignment"].items():
+        others = [np.array(pose) for other, pose in instance["blocks"].items() if other != name]
+        began = time.process_time()
+        block, target = np.array(instance["blocks"][name]), np.array(instance["goals"][goal])
+        scenario = _scenario(prepared.scenario, plate, block, target, others)
+        yield _row(prepared, scenario, began, float(np.hypot(*(target - block)[:2])), limit)
+
+
+def _scenario(
+    stated: Scenario, plate: FloatArray, block: FloatArray, target: FloatArray, others: list[FloatArray]
+) -> Scenario:
+    inner = se2.inverse(stated.chain.objects[0].pose_chain)
+    pushes = stated.pushes
+    assert pushes is not None
+    x, y, theta = target
+    turned = [np.array([x, y, theta + 0.5 * k * np.pi]) for k in range(4)]
+    goals = tuple(Goal(pose, "cube", se2.compose(pose, inner), 0.002, 0.0035) for pose in turned)
+    return replace(
+        stated,
+        start=se2.compose(block, inner),
+        goal=goals[0],
+        obstacles=tuple(PolygonObstacle(se2.transform_points(other, SQUARE)) for other in others),
+        pushes=replace(pushes, robot_start=plate, goals=goals),
+    )
+
+
+def _row(prepared: Prepared, scenario: Scenario, began: float, straight: float, limit: float | None) -> Row:
+    try:
+        goals = free_goals(scenario)
+    except PlanningError:
+        return Row(True, time.process_time() - began)
+    room = prepared.with_obstacles(scenario).room(0)
+    until = time.perf_counter() + (FIRST_LIMIT if limit is None else limit)
+    question = Question(scenario.robot_start, scenario.start, goals)
+    found = search(room, question, Limits(until, first=limit is None), seed=1).best
+    spent = time.process_time() - began
+    if found is None:
+        return Row(False, spent)
+    return Row(False, spent, _way(scenario, found) / straight, len(found.steps))
+
+
+def _way(scenario: Scenario, found: Sequence) -> float:
+    """How far the middle of the block goes, m; it is as far ahead of every contact."""
+    ahead = float(scenario.chain.objects[0].pose_chain[0])
+    arcs = np.concatenate([step.arcs for step in found.steps])
+    return float((np.hypot(arcs[:, 0], arcs[:, 1] + ahead * arcs[:, 2]) * arcs[:, 3]).sum())
+
+
+def _report(name: str, first: list[Row], better: list[Row]) -> None:
+    asked, refused = [row for row in first if not row.refused], [row for row in first if row.refused]
+    solved = [row for row in asked if row.way is not None]
+    print(f"{name}: {len(solved)} of {len(asked)} blocks with a free goal solved (wanted: 99 %)")
+    p50, p90, most = 1e3 * np.percentile([row.seconds for row in asked], [50, 90, 100])
+    print(f"  first plan, CPU ms: p50 {p50:.1f} (wanted: 10), p90 {p90:.1f} (wanted: 30), most {most:.0f}")
+    if refused:
+        longest = 1e3 * max(row.seconds for row in refused)
+        print(f"  {len(refused)} occupied goals refused, CPU ms: most {longest:.1f} (wanted: 10)")
+    ways = [row.way for row in better if row.way is not None]
+    pushes = np.mean([row.pushes for row in better if row.way is not None])
+    print(
+        f"  way over straight line after 1 s: median {np.median(ways):.3f} (wanted: 1.05), {pushes:.2f} pushes"
+    )
+
+
+if __name__ == "__main__":
+    main()

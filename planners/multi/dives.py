@@ -1,0 +1,195 @@
+"""Good poses to change the contact at, by random descent where nothing is in the way.
+
+For a sequence of contacts, the poses between its pushes are moved for as long as the sum of the cheapest words gets
+less; many such descents from random beginnings find the sequences that are worth looking at in the room.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray, IntArray, RandomState
+from pushplan.compiled import compiled
+from pushplan.planners.collision.separation import step
+from pushplan.planners.multi.pushing import Hold, joined, seen_from_contact
+from pushplan.planners.problem.problem import random
+from pushplan.planners.problem.steering import MAX_WORDS, find_words
+
+FARTHEST_TURN = 0.75 * math.pi
+"""Random turns turn by this much at most, rad."""
+
+SHORTEST, LONGEST = 0.03, 1.5
+"""Random straight pushes, m."""
+
+WIDEST = 0.3
+"""Scale of the first moves, m; a turn by 1 rad counts `TURN_LENGTH`."""
+
+FINEST = 1e-5
+"""Scale at which a descent ends, m."""
+
+TURN_LENGTH = 0.3
+
+GROWTH, DECAY = 1.6, 0.93
+"""How the scale changes after a move that helped, and one that did not."""
+
+MOVES = 120
+"""Of a dive, for each pose."""
+
+
+class Crew(NamedTuple):
+    """All contacts, stacked: see `Hold`; families that one contact has less than others are zeros."""
+
+    families: FloatArray
+    contact: FloatArray
+    settling: FloatArray
+    settle: float
+
+
+def crew_of(holds: Sequence[Hold]) -> Crew:
+    """Return contacts stacked."""
+    most = max(len(hold.families) for hold in holds)
+    families = np.zeros((len(holds), most, 3, 3))
+    for i, hold in enumerate(holds):
+        families[i, : len(hold.families)] = hold.families
+    contact, settling = (
+        np.array([getattr(hold, name) for hold in holds]) for name in ("contact", "settling")
+    )
+    return Crew(families, contact, settling, holds[0].settle)
+
+
+@compiled
+def _cost(crew: Crew, m: int, start: FloatArray, goal: FloatArray, words: FloatArray) -> float:
+    """Cost of the cheapest push by contact m."""
+    begin, end = joined(start, crew.contact[m]), joined(goal, crew.contact[m])
+    begin[0], begin[1], begin[2] = step(
+        begin[0], begin[1], begin[2], crew.settling[m, 0], crew.settling[m, 1], 0.0, crew.settle
+    )
+    best = np.inf
+    for f in range(crew.families.shape[1]):
+        for k in range(find_words(crew.families[m, f], begin, end, words)):
+            best = min(best, words[k, 0])
+    return best + crew.settle
+
+
+@compiled
+def _normal(state: RandomState) -> float:
+    """Draw a normally distributed number (Box and Muller 1958)."""
+    return math.sqrt(-2.0 * math.log(1.0 - random(state))) * math.cos(2.0 * math.pi * random(state))
+
+
+@compiled
+def pushed_at_random(crew: Crew, m: int, pose: FloatArray, sense: float, state: RandomState) -> FloatArray:
+    """Return where a random push by contact m brings a load, or, with sense -1, brings it from."""
+    twist = crew.families[m, 0, int(3 * random(state))]
+    length = SHORTEST * (LONGEST / SHORTEST) ** random(state)
+    if twist[2] != 0.0:
+        length = FARTHEST_TURN * random(state) / abs(twist[2])
+    at = joined(pose, crew.contact[m])
+    at[0], at[1], at[2] = step(at[0], at[1], at[2], twist[0], twist[1], twist[2], sense * length)
+    return seen_from_contact(at, crew.contact[m])
+
+
+@compiled
+def descend(
+    crew: Crew,
+    sequence: IntArray,
+    ends: FloatArray,
+    poses: FloatArray,
+    scale: float,
+    moves: int,
+    state: RandomState,
+) -> float:
+    """Move the poses between pushes so that these get cheaper; return the sum of the pushes' costs.
+
+    Args:
+        crew: All contacts.
+        sequence: (k,) contact of each push.
+        ends: (2, 3) first and last pose of the load.
+        poses: (k - 1, 3) between the pushes; changed.
+        scale: Of the first moves, m.
+        moves: Tried, at most.
+        state: Of the random numbers.
+    """
+    count = len(sequence)
+    words, costs, moved = np.empty((MAX_WORDS, 7)), np.empty(count), np.empty(3)
+    for i in range(count):
+        before = ends[0] if i == 0 else poses[i - 1]
+        after = ends[1] if i == count - 1 else poses[i]
+        costs[i] = _cost(crew, sequence[i], before, after, words)
+    for _ in range(moves):
+        if scale < FINEST:
+            break
+        i = int(random(state) * (count - 1))
+        turn = 0.0 if random(state) < 0.3 else scale / TURN_LENGTH
+        moved[0] = poses[i, 0] + scale * _normal(state)
+        moved[1] = poses[i, 1] + scale * _normal(state)
+        moved[2] = poses[i, 2] + turn * _normal(state)
+        first = _cost(crew, sequence[i], ends[0] if i == 0 else poses[i - 1], moved, words)
+        if first < costs[i] + costs[i + 1]:
+            second = _cost(crew, sequence[i + 1], moved, ends[1] if i == count - 2 else poses[i + 1], words)
+            if first + second < costs[i] + costs[i + 1]:
+                poses[i] = moved
+                costs[i], costs[i + 1] = first, second
+                scale = min(GROWTH * scale, WIDEST)
+                continue
+        scale *= DECAY
+    return float(costs.sum())
+
+
+@compiled
+def dive(
+    crew: Crew,
+    start: FloatArray,
+    goals: FloatArray,
+    most: int,
+    changes: FloatArray,
+    below: float,
+    state: RandomState,
+    poses: FloatArray,
+) -> int:
+    """Draw a sequence of contacts and the poses between its pushes, and descend.
+
+    Args:
+        crew: All contacts.
+        start: (3,) pose of the load.
+        goals: (g, 3).
+        most: Pushes, at most.
+        changes: (m, m) the least that changes of the contact cost.
+        below: What the whole has to cost less than, m.
+        state: Of the random numbers.
+        poses: (most - 1, 3) filled with the poses between the pushes.
+
+    Returns:
+        How many there are; 0 where the sequence costs too much.
+    """
+    modes = crew.contact.shape[0]
+    count = 2 + int((most - 1) * random(state) ** 2)
+    sequence, ends = np.empty(count, dtype=np.int64), np.empty((2, 3))
+    ends[0], ends[1] = start, goals[int(random(state) * len(goals))]
+    extra = 0.0
+    for i in range(count):
+        sequence[i] = int(random(state) * modes)
+        if i > 0:
+            extra += changes[sequence[i - 1], sequence[i]]
+            if sequence[i] == sequence[i - 1]:
+                return 0
+    if extra >= below:
+        return 0
+    # From both ends towards the middle.
+    i, j = 0, count - 2
+    front, back = ends[0].copy(), ends[1].copy()
+    while i <= j:
+        if random(state) < 0.5:
+            front = pushed_at_random(crew, sequence[i], front, 1.0, state)
+            poses[i] = front
+            i += 1
+        else:
+            back = pushed_at_random(crew, sequence[j + 1], back, -1.0, state)
+            poses[j] = back
+            j -= 1
+    cost = descend(crew, sequence, ends, poses, WIDEST, MOVES * (count - 1), state)
+    return count - 1 if cost + extra < below else 0

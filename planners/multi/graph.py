@@ -1,0 +1,309 @@
+"""What is known, or assumed, of the pushes and changes between poses of the load: the graph of a lazy search.
+
+Every push and every way of the robot is assumed to cost what it costs where nothing is in the way, until it is looked
+at; the cheapest sequence is looked at until all of it is known (lazy shortest paths, Bohlin and Kavraki 2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.planners.multi.bound import lower_bounds
+from pushplan.planners.multi.pushing import ARCS, push, robot_at, settles, ways_are_free, word_costs
+from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.shortest import cheapest_sequence
+from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened, way_is_free
+from pushplan.planners.problem.posing import sampling_box
+
+EFFORT = (30, 200, 1000)
+"""Poses drawn in search of a way of the robot: a way that is not found is looked for again, with more, later on."""
+
+SHORTCUTS = 200
+"""Attempts at shortening each way of a plan."""
+
+SPREAD = 1.0
+"""How far from its ends poses are drawn in search of a way, m; beside the reach of the robot."""
+
+SAME = 1e-9
+"""Costs that differ by less are what was assumed, m."""
+
+FIRST = -1
+"""Stands for the contact before the first push: there is none."""
+
+Change = tuple[int, int, int]
+"""Node, contact left (or `FIRST`) and contact taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A push of a plan, and how the robot gets to it.
+
+    Attributes:
+        contact: Index of the contact.
+        before: (3,) pose of the load.
+        after: Likewise.
+        start: (3,) pose of the robot's frame before it drives there.
+        way: (k, 4) arcs of the robot alone to the contact's approach.
+        arcs: (ARCS, 4) of the push, in the contact's frame.
+        cost: Of the push, m.
+    """
+
+    contact: int
+    before: FloatArray
+    after: FloatArray
+    start: FloatArray
+    way: FloatArray
+    arcs: FloatArray
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """A plan: its pushes and what it costs, the robot's ways and changes of the contact included, m."""
+
+    steps: tuple[Step, ...]
+    cost: float
+
+
+class Graph:
+    """Poses of the load, and what leads from one to another.
+
+    Args:
+        room: Robot, load and contacts.
+        question: From where to where.
+        seed: Of the random numbers.
+    """
+
+    def __init__(self, room: PushRoom, question: Question, seed: int) -> None:
+        assert room.scenario.pushes is not None
+        self._room, self._question, self._pushes = room, question, room.scenario.pushes
+        self._state = np.array([seed], dtype=np.uint64)
+        self._box = np.array(sampling_box(room.scenario))
+        self.goals = len(question.goals)
+        self.contacts = len(room.contacts)
+        self.poses = np.zeros((0, 3))
+        m = self.contacts
+        self._push = np.zeros((m, 0, 0))
+        self._change = np.zeros((0, m, m))
+        self._can_begin = np.zeros((m, 0), dtype=np.bool_)
+        self._to, self._on = np.zeros(0), np.zeros(0)
+        self._known_pushes: dict[tuple[int, int, int], FloatArray] = {}
+        self._known_ways: dict[Change, FloatArray] = {}
+        self._postponed: list[tuple[Change, int, float]] = []
+        self.looked_at = 0
+        holds = [contact.hold for contact in room.contacts]
+        start, goals = question.load[None], question.goals
+        self.begins = np.array([ways_are_free(room.robot, hold, start, False)[0] for hold in holds])
+        self.leaves = np.array([bool(settles(c.scene, c.hold, question.load)) for c in room.contacts])
+        self.ends = np.array([ways_are_free(room.robot, hold, goals, True) for hold in holds])
+        self.changes = self._changed(room.shortest)
+        self.add(np.concatenate([start, goals]), np.inf)
+        self._first = np.array([self._assumed(k) for k in range(m)])
+        self.least = float(self._first.min()) + self._pushes.settle + self._weighed(self._pushes.retreat)
+
+    def _assumed(self, taken: int) -> float:
+        """The least that the way to a first push can cost: as the crow flies."""
+        goal = robot_at(self._room.contacts[taken].hold, self.poses[0], self._pushes.approach)
+        return self._weighed(float(np.hypot(*(goal - self._question.robot)[:2])) + self._pushes.approach)
+
+    def _weighed(self, way: float) -> float:
+        return self._pushes.transit_weight * way
+
+    def _changed(self, way: Any) -> Any:
+        """What changes of the contact cost whose ways between retreat and approach are so long, m."""
+        return self._pushes.switch_cost + self._weighed(way + self._pushes.retreat + self._pushes.approach)
+
+    @property
+    def arrives(self) -> bool:
+        """Whether the robot has a way to some contact at the start, or may have one."""
+        return bool(np.isfinite(self._first[self.begins]).any())
+
+    def add(self, poses: FloatArray, below: float) -> None:
+        """Add poses (k, 3) of the load, and what may lead to and from them in a plan that costs less than `below`."""
+        bounds = lower_bounds(self._room, self._question, poses)
+        useful = bounds[0] + bounds[1] < below
+        poses, to, on = poses[useful], *(bound[useful] for bound in bounds)
+        old, new = len(self.poses), len(self.poses) + len(poses)
+        every = np.concatenate([self.poses, poses])
+        self._to, self._on = np.append(self._to, to), np.append(self._on, on)
+        push = np.full((self.contacts, new, new), np.inf)
+        push[:, :old, :old] = self._push
+        change = np.full((new, self.contacts, self.contacts), np.inf)
+        change[:old] = self._change
+        can_begin = np.zeros((self.contacts, new), dtype=np.bool_)
+        can_begin[:, :old] = self._can_begin
+        for k, contact in enumerate(self._room.contacts):
+            begins = ways_are_free(self._room.robot, contact.hold, poses, False)
+            ends = ways_are_free(self._room.robot, contact.hold, poses, True)
+            fresh = old + np.flatnonzero(begins)
+            push[k, fresh] = word_costs(contact.hold, every[fresh], every, self._to[fresh], self._on, below)
+            before = np.flatnonzero(self._can_begin[k])
+            push[k, before, old:] = word_costs(
+                contact.hold, every[before], poses, self._to[before], on, below
+            )
+            can_begin[k, old:] = begins
+            push[k][:, old + np.flatnonzero(~ends)] = np.inf
+            change[old:, k] = self.changes[k]
+            change[old:, k, k] = np.inf
+        push[:, np.arange(new), np.arange(new)] = np.inf
+        push[:, :, 0] = np.inf
+        push[:, 1 : 1 + self.goals] = np.inf
+        self.poses, self._push, self._change, self._can_begin = every, push, change, can_begin
+
+    @property
+    def stuck(self) -> bool:
+        """Whether no first push is free, or the robot cannot back off from any last one."""
+        return not (self.begins & self.leaves).any() or not self.ends.any()
+
+    def cheapest(self, below: float, over: Callable[[], bool]) -> Sequence | None:
+        """Return the cheapest sequence of pushes, looking at what is assumed of it.
+
+        None where none costs less than `below`, or before that is known once it is `over`.
+        """
+        while not over():
+            end = self._weighed(self._pushes.retreat)
+            cost, steps = cheapest_sequence(
+                self._push, self._change, self._first, self.goals, self._pushes.most
+            )
+            if not cost + end < below:
+                return None
+            rows = [(int(m), int(u), int(v)) for m, u, v in steps]
+            if self._all_known(rows):
+                return Sequence(tuple(self._steps(rows)), cost + end)
+        return None
+
+    def shorten_ways(self, best: Sequence) -> Sequence:
+        """Return a plan with shorter ways of the robot."""
+        found = []
+        for step in best.steps:
+            arcs, n = np.zeros((MOST_ARCS, 4)), len(step.way)
+            arcs[:n] = step.way
+            around = self._room.around(step.before)
+            n = shortened(around, self._room.wheels, step.start, arcs, n, self._state, SHORTCUTS)
+            found.append(replace(step, way=arcs[:n].copy()))
+        saved = sum(
+            float(old.way[:, 3].sum() - new.way[:, 3].sum())
+            for old, new in zip(best.steps, found, strict=True)
+        )
+        return Sequence(tuple(found), best.cost - self._weighed(saved))
+
+    def _all_known(self, rows: list[tuple[int, int, int]]) -> bool:
+        """Look at what is assumed of a sequence, pushes, then changes, then the first way, until one costs more."""
+        for row in rows:
+            if row not in self._known_pushes and not self._look_at_push(row):
+                return False
+        changes = [(v, m, q) for (m, _, v), (q, _, _) in pairwise(rows)]
+        for change in [*changes, (0, FIRST, rows[0][0])]:
+            if change not in self._known_ways and not self._look_at_way(change, 0):
+                return False
+        return True
+
+    def _look_at_push(self, row: tuple[int, int, int]) -> bool:
+        """Find a push; return whether it costs what was assumed."""
+        m, u, v = row
+        assumed = self._push[m, u, v]
+        contact, arcs = self._room.contacts[m], np.zeros((ARCS, 4))
+        self._push[m, u, v] = push(contact.scene, contact.hold, self.poses[u], self.poses[v], arcs)
+        self._known_pushes[row] = arcs
+        self.looked_at += 1
+        return bool(self._push[m, u, v] <= assumed + SAME)
+
+    def _look_at_way(self, change: Change, level: int) -> bool:
+        """Find the way of a change, return whether it costs what was assumed; one that is not found is put off."""
+        v, left, taken = change
+        assumed = self._first[taken] if left == FIRST else self._change[v, left, taken]
+        arcs = self._way(change, level)
+        self.looked_at += 1
+        if arcs is None:
+            cost = np.inf
+            if level + 1 < len(EFFORT):
+                self._postponed.append((change, level + 1, float(assumed)))
+        else:
+            length = float(arcs[:, 3].sum())
+            self._known_ways[change] = arcs
+            cost = self._weighed(length + self._pushes.approach) if left == FIRST else self._changed(length)
+        if left == FIRST:
+            self._first[taken] = cost
+        else:
+            self._change[v, left, taken] = cost
+        return bool(cost <= assumed + SAME)
+
+    def try_harder(self) -> bool:
+        """Look again, with more effort, for a way that was not found; return whether there was one to look for."""
+        if not self._postponed:
+            return False
+        self._postponed.sort(key=lambda item: (item[1], item[2]))
+        change, level, assumed = self._postponed.pop(0)
+        v, left, taken = change
+        if left == FIRST:
+            self._first[taken] = assumed
+        else:
+            self._change[v, left, taken] = assumed
+        self._look_at_way(change, level)
+        return True
+
+    def _way(self, change: Change, level: int) -> FloatArray | None:
+        v, left, taken = change
+        load, second = self.poses[v], self._room.contacts[taken].hold
+        around = self._room.around(load)
+        goal = robot_at(second, load, second.approach)
+        start = self._way_start(change)
+        if left != FIRST:
+            known = self._room.way_around(left, taken)
+            if known is not None and way_is_free(around, start, known):
+                return known
+        arcs = np.zeros((MOST_ARCS, 4))
+        reach = SPREAD + self._room.scenario.chain.reach
+        n = find_transit(
+            around, self._room.wheels, start, goal, self._box, reach, self._state, EFFORT[level], arcs
+        )
+        return None if n < 0 else arcs[:n].copy()
+
+    def _way_start(self, change: Change) -> FloatArray:
+        """Return where the robot's frame (3,) is before it drives to a contact."""
+        v, left, _ = change
+        if left == FIRST:
+            return self._question.robot
+        first = self._room.contacts[left].hold
+        return robot_at(first, self.poses[v], first.retreat)
+
+    def _steps(self, rows: list[tuple[int, int, int]]) -> list[Step]:
+        found, left = [], FIRST
+        for m, u, v in rows:
+            way = self._known_ways[u, left, m]
+            cost = float(self._push[m, u, v])
+            start = self._way_start((u, left, m))
+            found.append(Step(m, self.poses[u], self.poses[v], start, way, self._known_pushes[m, u, v], cost))
+            left = m
+        return found
+
+    def forget(self, most: int, below: float) -> None:
+        """Forget poses but for start, goals and at most so many: those through which plans can be least good."""
+        bound = self._to + self._on
+        bound[: 1 + self.goals] = -np.inf
+        keep = np.sort(np.argsort(bound, kind="stable")[:most])
+        keep = keep[bound[keep] < below]
+        place = {int(old): new for new, old in enumerate(keep)}
+        self.poses, self._to, self._on = self.poses[keep], self._to[keep], self._on[keep]
+        self._push = np.ascontiguousarray(self._push[:, keep][:, :, keep])
+        self._change = np.ascontiguousarray(self._change[keep])
+        self._can_begin = self._can_begin[:, keep]
+        self._known_pushes = {
+            (m, place[u], place[v]): arcs
+            for (m, u, v), arcs in self._known_pushes.items()
+            if u in place and v in place
+        }
+        self._known_ways = {
+            (place[v], left, taken): arcs for (v, left, taken), arcs in self._known_ways.items() if v in place
+        }
+        self._postponed = [
+            ((place[v], left, taken), level, cost)
+            for (v, left, taken), level, cost in self._postponed
+            if v in place
+        ]

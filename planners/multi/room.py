@@ -1,0 +1,221 @@
+"""What several pushes of one load in one room rest on: the robot, and every contact, among what stands there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.mechanics.body import BodyKind
+from pushplan.path import TURN_WEIGHT, cost_rate
+from pushplan.planners.collision.convex_pieces import convex_pieces
+from pushplan.planners.collision.scene import bounding_circle, flatten, scene_of
+from pushplan.planners.collision.separation import Scene, sweep_is_free
+from pushplan.planners.multi.driving import Surroundings, Wheels, shortest_drive, wheels_of
+from pushplan.planners.multi.grip import Grip
+from pushplan.planners.multi.pushing import Hold, robot_at
+from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened
+from pushplan.planners.problem.controls import MARGIN_FLOOR
+from pushplan.planners.problem.posing import SLACK, open_scene
+from pushplan.scenario import Scenario
+
+NOWHERE = np.zeros(3)
+
+WAY_ITERATIONS, WAY_SHORTCUTS = 1000, 400
+"""What is spent on a way around the load, which is found once for each pair of contacts."""
+
+TOUCHING = 1e-3
+"""Up to so far before the contact (m) the robot is proven not to touch the load elsewhere."""
+
+GENTLER = 0.4
+"""Share of the curvature of the tightest turns that gentler ones have."""
+
+MOST_FAMILIES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A contact in a room.
+
+    Attributes:
+        grip: What it can do.
+        hold: The same for compiled code.
+        scene: The chain with this contact among what stands in the room.
+    """
+
+    grip: Grip
+    hold: Hold
+    scene: Scene
+
+
+@dataclass(frozen=True, eq=False)
+class PushRoom:
+    """The robot, the load and all contacts in a room.
+
+    Attributes:
+        scenario: Chain, room and settings.
+        wheels: How the robot moves alone.
+        robot: The robot among what stands in the room.
+        load: The robot among the objects, these in the frame of the load.
+        contacts: That can be used.
+        shortest: (m, m) cost of the robot's shortest way from each contact left to each contact taken, whatever is in
+            the way, m.
+    """
+
+    scenario: Scenario
+    wheels: Wheels
+    robot: Scene
+    load: Scene
+    contacts: tuple[Contact, ...]
+    shortest: FloatArray
+    _ways: dict[tuple[int, int], FloatArray | None] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, scenario: Scenario, grips: tuple[Grip, ...]) -> PushRoom:
+        """Return what planning with some grips rests on in the scenario's room."""
+        robot, load = _scenes(scenario)
+        body = bounding_circle(robot.body.corners[:, :2])
+        wheels = wheels_of(scenario.chain.pusher.drive, body[:2])
+        contacts = tuple(
+            Contact(grip, hold, _with_body(robot, grip.scenario))
+            for grip in grips
+            if _reaches(load, hold := _hold(grip, scenario))
+        )
+        holds = [contact.hold for contact in contacts]
+        ends = [(robot_at(h, NOWHERE, h.retreat), robot_at(h, NOWHERE, h.approach)) for h in holds]
+        shortest = [[shortest_drive(wheels, left[0], taken[1]) for taken in ends] for left in ends]
+        return cls(scenario, wheels, robot, load, contacts, np.array(shortest).reshape(len(ends), len(ends)))
+
+    def with_obstacles(self, scenario: Scenario) -> PushRoom:
+        """Return it for a scenario that differs in what stands in the room; ways around the load are kept."""
+        robot, _ = _scenes(scenario)
+        contacts = tuple(
+            replace(
+                contact, scene=robot._replace(body=contact.scene.body, body_bound=contact.scene.body_bound)
+            )
+            for contact in self.contacts
+        )
+        return replace(self, scenario=scenario, robot=robot, contacts=contacts)
+
+    def around(self, load: FloatArray) -> Surroundings:
+        """Return what the robot must not touch with the load at a pose (3,)."""
+        return Surroundings(self.robot, self.load, load)
+
+    def way_around(self, left: int, taken: int) -> FloatArray | None:
+        """Return a way (k, 4) around the load from one contact to another where nothing else is, None without any."""
+        if (left, taken) not in self._ways:
+            self._ways[left, taken] = self._find_way(left, taken)
+        return self._ways[left, taken]
+
+    def _find_way(self, left: int, taken: int) -> FloatArray | None:
+        first, second = self.contacts[left].hold, self.contacts[taken].hold
+        start, goal = robot_at(first, NOWHERE, first.retreat), robot_at(second, NOWHERE, second.approach)
+        open_room = self.robot._replace(
+            obstacles=flatten([]), circles=np.zeros((0, 3)), tree=np.zeros((0, 9)), walls=_NO_WALLS
+        )
+        around = Surroundings(open_room, self.load, NOWHERE)
+        reach = 2.0 * (self.scenario.chain.reach + self.wheels.radius)
+        box, state = np.array([-reach, -reach, reach, reach]), np.zeros(1, dtype=np.uint64)
+        arcs = np.zeros((MOST_ARCS, 4))
+        spread = self.scenario.chain.reach
+        n = find_transit(around, self.wheels, start, goal, box, spread, state, WAY_ITERATIONS, arcs)
+        if n < 0:
+            return None
+        n = shortened(around, self.wheels, start, arcs, n, state, WAY_SHORTCUTS)
+        return arcs[:n].copy()
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """From where to where.
+
+    Attributes:
+        robot: (3,) pose of the robot's frame.
+        load: (3,) pose of the load.
+        goals: (g, 3) poses of the load, any of which will do.
+    """
+
+    robot: FloatArray
+    load: FloatArray
+    goals: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in (
+            "robot",
+            "load",
+            "goals",
+        ):  # compiled code is made anew for arrays that cannot be written
+            object.__setattr__(self, name, np.array(getattr(self, name), dtype=np.float64))
+
+
+_NO_WALLS = np.array([-math.inf, -math.inf, math.inf, math.inf])
+
+
+def _scenes(scenario: Scenario) -> tuple[Scene, Scene]:
+    """The robot among what stands in the room, and among the objects in the load's frame."""
+    everything = open_scene(scenario)
+    clearance = scenario.clearance + SLACK
+    carried = [body.outline for body in scenario.chain.bodies if body.kind is not BodyKind.OBJECT]
+    robot = list(convex_pieces(carried))
+    room = everything._replace(
+        body=flatten(robot), body_bound=bounding_circle(np.concatenate(robot)), kept=scenario.clearance
+    )
+    objects = list(convex_pieces([obj.outline_chain for obj in scenario.chain.objects]))
+    load = scene_of(robot, objects, np.zeros((0, 3)), _NO_WALLS, clearance, scenario.clearance)
+    return room, load
+
+
+def _with_body(room: Scene, scenario: Scenario) -> Scene:
+    """Return a scene with the chain of another scenario."""
+    body = list(convex_pieces([moving.outline for moving in scenario.chain.bodies]))
+    return room._replace(body=flatten(body), body_bound=bounding_circle(np.concatenate(body)))
+
+
+def _hold(grip: Grip, scenario: Scenario) -> Hold:
+    pushes = scenario.pushes
+    assert pushes is not None
+    return Hold(
+        _families(grip),
+        np.array(grip.place.contact),
+        np.array(grip.robot),
+        np.array(grip.settling),
+        pushes.settle,
+        pushes.approach,
+        pushes.retreat,
+        scenario.clearance,
+        max(1.0, float(np.linalg.norm(grip.place.contact[:2])) / TURN_WEIGHT),
+    )
+
+
+def _families(grip: Grip) -> FloatArray:
+    """Return the families that differ, and where there is room for one more, one with gentler turns."""
+    kept: list[FloatArray] = []
+    for family in grip.controls.families:
+        if not any(np.array_equal(family, other) for other in kept):
+            kept.append(family)
+    if len(kept) < MOST_FAMILIES and kept[0][1].any():
+        gentler = _gentler(kept[0])
+        margins = grip.stable.margin(gentler[gentler.any(axis=1)])
+        if (margins > grip.scenario.required_margin + MARGIN_FLOOR).all():
+            kept.append(gentler)
+    return np.array(kept)
+
+
+def _gentler(family: FloatArray) -> FloatArray:
+    """Return a family whose turns are combinations of the turns and the straight push."""
+    out = family.copy()
+    for k in (0, 2):
+        if family[k].any():
+            mixed = GENTLER * family[k] + (1.0 - GENTLER) * family[1]
+            out[k] = mixed / cost_rate(mixed)
+    return out
+
+
+def _reaches(load: Scene, hold: Hold) -> bool:
+    """Tell whether the robot gets to the contact, and back, without touching the load elsewhere."""
+    scene = load._replace(clearance=0.5 * TOUCHING, kept=0.25 * TOUCHING)
+    far = max(hold.approach, hold.retreat)
+    x, y, theta = robot_at(hold, NOWHERE, far)
+    return far > TOUCHING and bool(sweep_is_free(scene, x, y, theta, 1.0, 0.0, 0.0, far - TOUCHING))

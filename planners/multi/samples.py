@@ -1,0 +1,181 @@
+"""Poses of the load at which the contact may be changed: where pushes lead, and where descents end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.compiled import compiled
+from pushplan.geometry import se2
+from pushplan.planners.multi.dives import crew_of, descend, dive, pushed_at_random
+from pushplan.planners.multi.graph import Sequence
+from pushplan.planners.multi.pushing import Hold
+from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.problem.posing import sampling_box
+
+PARALLEL = 1e-6
+"""Sine of the angle between two rays below which they do not cross."""
+
+SAME_HEADING = 1e-9
+
+FINEST, WIDEST = 1e-3, 0.5
+"""Scales of the moves of a pose at which the contact is changed, m."""
+
+NEAR_SHARE, PUSHED_SHARE, UNIFORM_SHARE = 0.3, 0.2, 0.02
+"""Shares of the poses that are near those of the best plan, that random pushes lead to, and uniform; others are
+where descents end."""
+
+DIVES = 12
+"""Descents, at most, for one that is worth looking at."""
+
+POLISH_MOVES = 300
+"""Moves of a descent from the best plan."""
+
+
+def crossings(start: FloatArray, goals: FloatArray, holds: list[Hold]) -> FloatArray:
+    """Return poses (k, 3) where a straight push from the start, or from a tight turn there, meets one into a goal."""
+    directions = np.array([_direction(hold) for hold in holds])
+    found = [_crossings(start, goals, directions)]
+    for hold in holds:
+        for goal in goals:
+            for pose in _turned_to(start, float(goal[2]), hold, 1.0):
+                found += [pose[None], _crossings(pose, goal[None], directions)]
+            for pose in _turned_to(goal, float(start[2]), hold, -1.0):
+                found += [pose[None], _crossings(start, pose[None], directions)]
+    return np.concatenate(found)
+
+
+@compiled
+def _crossings(start: FloatArray, goals: FloatArray, directions: FloatArray) -> FloatArray:
+    """Poses (k, 3) where straight pushes from a start (3,) in directions (m, 2) meet others into goals (g, 3)."""
+    out, n = np.empty((len(goals) * len(directions) ** 2, 3)), 0
+    c, s = math.cos(start[2]), math.sin(start[2])
+    for goal in goals:
+        if abs((goal[2] - start[2] + math.pi) % (2.0 * math.pi) - math.pi) > SAME_HEADING:
+            continue
+        dx, dy = (
+            c * (goal[0] - start[0]) + s * (goal[1] - start[1]),
+            c * (goal[1] - start[1]) - s * (goal[0] - start[0]),
+        )
+        for a in directions:
+            for b in directions:
+                det = a[0] * b[1] - a[1] * b[0]
+                if abs(det) < PARALLEL:
+                    continue
+                ahead = (dx * b[1] - dy * b[0]) / det
+                if ahead > 0.0 and (a[0] * dy - a[1] * dx) / det > 0.0:
+                    x, y = ahead * a[0], ahead * a[1]
+                    out[n, 0], out[n, 1], out[n, 2] = (
+                        start[0] + c * x - s * y,
+                        start[1] + s * x + c * y,
+                        start[2],
+                    )
+                    n += 1
+    return out[:n]
+
+
+def _direction(hold: Hold) -> FloatArray:
+    """Direction (2,) of the settling push in the load's frame."""
+    return se2.rotate(hold.contact[2], hold.settling[:2])
+
+
+def _turned_to(pose: FloatArray, heading: float, hold: Hold, sense: float) -> Iterator[FloatArray]:
+    """Yield the poses to which the tightest turns, driven on or back, turn a load so that it has a heading."""
+    for letter in (0, 2):
+        twist = hold.families[0, letter]
+        if twist[2] == 0.0:
+            continue
+        angle = float((sense * np.sign(twist[2]) * (heading - pose[2])) % (2.0 * np.pi))
+        if 1e-9 < angle < math.pi + 1e-9:
+            yield _moved(pose, hold, twist, sense * angle / abs(twist[2]))
+
+
+def _moved(pose: FloatArray, hold: Hold, twist: FloatArray, length: float) -> FloatArray:
+    """Return where a twist in the contact's frame, driven so far, brings the load (3,)."""
+    contact = se2.compose(se2.compose(pose, hold.contact), se2.exp(twist * length))
+    return se2.compose(contact, se2.inverse(hold.contact))
+
+
+class Sampler:
+    """Draws poses of the load.
+
+    Args:
+        room: Robot, load and contacts.
+        question: From where to where.
+        changes: (m, m) the least that changes of the contact cost, m.
+        seed: Of the random numbers.
+    """
+
+    def __init__(self, room: PushRoom, question: Question, changes: FloatArray, seed: int) -> None:
+        assert room.scenario.pushes is not None
+        self._question, self._changes = question, changes
+        self._crew = crew_of([contact.hold for contact in room.contacts])
+        self._box, self._most = np.array(sampling_box(room.scenario)), room.scenario.pushes.most
+        self._random = np.random.default_rng(seed)
+        self._state = np.array([seed], dtype=np.uint64)
+
+    def draw(self, count: int, best: Sequence | None) -> FloatArray:
+        """Return poses (count or a few more, 3), most of them near the changes of a plan or where descents end."""
+        found: list[FloatArray] = []
+        if best is not None and len(best.steps) > 1:
+            found += self._polished(best)
+        while len(found) < count:
+            found += self._some(best)
+        return np.array(found)
+
+    def _some(self, best: Sequence | None) -> list[FloatArray]:
+        kind = self._random.random()
+        if kind < NEAR_SHARE and best is not None and len(best.steps) > 1:
+            return [self._near(best.steps[self._random.integers(len(best.steps) - 1)].after)]
+        if kind < NEAR_SHARE + PUSHED_SHARE:
+            return [self._pushed()]
+        if kind < NEAR_SHARE + PUSHED_SHARE + UNIFORM_SHARE or self._most < 2:
+            low, high = self._box[:2], self._box[2:]
+            return [np.append(self._random.uniform(low, high), self._random.uniform(-np.pi, np.pi))]
+        return self._dived(math.inf if best is None else best.cost)
+
+    def _near(self, pose: FloatArray) -> FloatArray:
+        """A pose beside another, at a scale drawn evenly between orders of magnitude."""
+        scale = math.exp(self._random.uniform(math.log(FINEST), math.log(WIDEST)))
+        step = self._random.normal(size=3) * [scale, scale, 2.0 * scale]
+        if self._random.random() < 0.5:
+            step[2] = 0.0
+        return se2.compose(pose, step)
+
+    def _pushed(self) -> FloatArray:
+        """A pose that a random push leads to from the start, or from which one leads to a goal."""
+        back = self._random.random() < 0.5
+        goals = self._question.goals
+        pose = goals[self._random.integers(len(goals))] if back else self._question.load
+        contact = int(self._random.integers(len(self._crew.contact)))
+        return pushed_at_random(self._crew, contact, pose, -1.0 if back else 1.0, self._state)
+
+    def _dived(self, below: float) -> list[FloatArray]:
+        """The poses between the pushes where a descent ends that costs less than `below`, or one at random."""
+        question, poses = self._question, np.zeros((self._most - 1, 3))
+        for _ in range(DIVES):
+            n = dive(
+                self._crew,
+                question.load,
+                question.goals,
+                self._most,
+                self._changes,
+                below,
+                self._state,
+                poses,
+            )
+            if n:
+                return list(poses[:n])
+        return [self._pushed()]
+
+    def _polished(self, best: Sequence) -> list[FloatArray]:
+        """The poses at which a plan changes the contact, after a descent from where they are."""
+        poses = np.array([step.after for step in best.steps[:-1]])
+        scale = math.exp(self._random.uniform(math.log(FINEST), math.log(WIDEST)))
+        ends = np.stack([best.steps[0].before, best.steps[-1].after])
+        sequence = np.array([step.contact for step in best.steps])
+        descend(self._crew, sequence, ends, poses, scale, POLISH_MOVES, self._state)
+        return list(poses)

@@ -1,0 +1,123 @@
+"""The search for several pushes: a first plan soon, then better ones until the time is over."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from pushplan.basics.arrays import BoolArray
+from pushplan.planners.multi.bound import lower_bounds
+from pushplan.planners.multi.graph import Graph, Sequence
+from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.samples import Sampler, crossings
+
+BATCH = 12
+"""Poses added at a time."""
+
+MOST_POSES = 160
+"""More are let go of, those first through which a plan can be least good."""
+
+GAIN = 1e-6
+"""Smallest saving that counts, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a search came to.
+
+    Attributes:
+        best: The best plan, None without any.
+        lower_bound: Cost that no plan beats, m.
+        seconds: Until the first plan, None without any.
+        looked_at: Pushes and ways that were looked at.
+        arrives: The robot found a way to some contact at the start, or none was looked for.
+        begins: (m,) whether the robot has room to drive to each contact at the start.
+        leaves: (m,) whether the settling push of each contact is free at the start.
+        ends: (m, g) whether it has room to back off from each contact at each goal.
+    """
+
+    best: Sequence | None
+    lower_bound: float
+    seconds: float | None
+    looked_at: int
+    arrives: bool
+    begins: BoolArray
+    leaves: BoolArray
+    ends: BoolArray
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a search ends.
+
+    Attributes:
+        until: `time.perf_counter` at which it is over.
+        patience: The same while there is no plan.
+        first: The first plan is enough.
+        iterations: Batches of poses, at most.
+        gap: Share above the lower bound at which a plan is good enough.
+        stop: Asked whether to end at once.
+    """
+
+    until: float
+    patience: float = math.inf
+    first: bool = False
+    iterations: int | None = None
+    gap: float = 0.0
+    stop: Callable[[], bool] | None = None
+
+    def over(self, batches: int, without_plan: bool = False) -> bool:
+        """Whether there is no more time."""
+        spent = self.iterations is not None and batches >= self.iterations
+        until = min(self.until, self.patience) if without_plan else self.until
+        return spent or time.perf_counter() >= until or (self.stop is not None and self.stop())
+
+
+def search(
+    room: PushRoom,
+    question: Question,
+    limits: Limits,
+    seed: int,
+    improved: Callable[[Sequence, int], None] | None = None,
+) -> Found:
+    """Search for several pushes.
+
+    Args:
+        room: Robot, load and contacts.
+        question: From where to where.
+        limits: When to end.
+        seed: Of the random numbers.
+        improved: Called with every better plan and the pushes and ways looked at so far.
+    """
+    began = time.perf_counter()
+    holds = [contact.hold for contact in room.contacts]
+    graph = Graph(room, question, seed)
+    bound = max(float(lower_bounds(room, question, question.load[None])[1][0]), graph.least)
+    sampler = Sampler(room, question, graph.changes, seed)
+    best: Sequence | None = None
+    first: float | None = None
+    batches = 0
+    while True:
+        below = math.inf if best is None else best.cost - GAIN
+        found = graph.cheapest(below, partial(limits.over, batches, best is None))
+        if found is not None:
+            best = found if limits.first else graph.shorten_ways(found)
+            first = time.perf_counter() - began if first is None else first
+            if improved is not None:
+                improved(best, graph.looked_at)
+        if best is not None and (limits.first or best.cost <= bound * (1.0 + limits.gap)):
+            break
+        if graph.stuck or limits.over(batches, best is None):
+            break
+        if best is None:
+            graph.try_harder()
+        below = math.inf if best is None else best.cost - GAIN
+        poses = crossings(question.load, question.goals, holds) if batches == 0 else sampler.draw(BATCH, best)
+        if batches and len(graph.poses) + len(poses) > MOST_POSES:
+            graph.forget(MOST_POSES // 2, below)
+        graph.add(poses, below)
+        batches += 1
+    return Found(best, bound, first, graph.looked_at, graph.arrives, graph.begins, graph.leaves, graph.ends)

@@ -1,0 +1,93 @@
+"""A plan of several pushes on the floor: pushes solid, the robot's own ways dashed, the load's poses numbered."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, ROBOT_COLOUR
+from pushplan.drawing.cor import polygon_patches
+from pushplan.drawing.figure import HALO, INK
+from pushplan.drawing.world import SWEPT_COLOUR
+from pushplan.geometry.se2 import compose, transform_points
+from pushplan.mechanics.body import BodyKind
+
+if TYPE_CHECKING:
+    from pushplan.result import PlanResult
+    from pushplan.scenario import Scenario
+    from pushplan.segment import Segment
+
+ALONE_COLOUR = "#7d8794"
+PUSHED_COLOUR = "#1d4f7c"
+
+_SPACING = 0.01
+"""Path cost between the poses that a line runs through, and whose union is filled, m."""
+_NUMBER: dict[str, Any] = {"ha": "center", "va": "center", "bbox": HALO}
+_CARRYING = {BodyKind.ROBOT: ROBOT_COLOUR, BodyKind.PLATE: PLATE_COLOUR}
+
+
+def draw_segments(axes: Axes, scenario: Scenario, plan: PlanResult) -> None:
+    """Draw start, goal and all segments of a plan."""
+    pushes = [segment for segment in plan.segments if segment.pushes]
+    for patch in polygon_patches(shapely.union_all([_swept(scenario, push) for push in pushes])):
+        patch.set(facecolor=SWEPT_COLOUR, edgecolor="none", zorder=1.0)
+        axes.add_patch(patch)
+    middle = _middle(scenario)
+    for segment in plan.segments:
+        line = segment.robot_path.sampled(_SPACING)
+        if segment.pushes:
+            line = compose(segment.load_at(line), np.append(middle, 0.0))
+            axes.plot(*line[:, :2].T, color=PUSHED_COLOUR, linewidth=1.8, zorder=6.0)
+        else:
+            axes.plot(*line[:, :2].T, color=ALONE_COLOUR, linewidth=0.9, linestyle=(0, (4, 2)), zorder=5.0)
+    poses = [scenario.start, *(push.load_after for push in pushes)]
+    for k, pose in enumerate(poses):
+        _draw_load(axes, scenario, pose, OBJECT_COLOUR if k < len(poses) - 1 else GOAL_COLOUR)
+        x, y = transform_points(pose, middle)
+        axes.text(float(x), float(y), str(k), fontsize=6.5, color=INK, zorder=8.0, **_NUMBER)
+
+
+def draw_ends(axes: Axes, scenario: Scenario) -> None:
+    """Draw the robot where it starts, and the load at start and goals."""
+    assert scenario.pushes is not None
+    draw_robot(axes, scenario)
+    _draw_load(axes, scenario, scenario.start, OBJECT_COLOUR)
+    for goal in scenario.pushes.goals:
+        _draw_load(axes, scenario, goal.pose_chain, GOAL_COLOUR)
+
+
+def draw_robot(axes: Axes, scenario: Scenario) -> None:
+    """Draw the robot and its plate where it starts."""
+    for body in scenario.chain.bodies:
+        if body.kind in _CARRYING:
+            outline = transform_points(scenario.robot_start, body.outline)
+            colour = _CARRYING[body.kind]
+            axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=INK, linewidth=0.9, zorder=3.5))
+
+
+def _draw_load(axes: Axes, scenario: Scenario, pose: FloatArray, fill: str) -> None:
+    for obj in scenario.chain.objects:
+        outline = transform_points(pose, obj.outline_chain)
+        axes.add_patch(Polygon(outline, facecolor=fill, edgecolor=INK, linewidth=0.9, zorder=3.0))
+
+
+def _middle(scenario: Scenario) -> FloatArray:
+    """Middle (2,) of the objects in their frame."""
+    points = np.concatenate([obj.outline_chain for obj in scenario.chain.objects])
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
+
+
+def _swept(scenario: Scenario, push: Segment) -> shapely.Geometry:
+    """What robot and load pass over in a push."""
+    robot = push.robot_path.sampled(_SPACING)
+    outlines = [
+        shapely.Polygon(outline)
+        for pose, load in zip(robot, push.load_at(robot), strict=True)
+        for outline in scenario.chain.outlines_at(pose, load)
+    ]
+    return shapely.union_all(outlines)

@@ -1,0 +1,132 @@
+"""Several pushes in a scenario file: goals, where the robot starts, and what is wrong with either."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import DEFAULT_PLANNER, RANKED_BY
+from pushplan.geometry import se2
+from pushplan.geometry.penetration import overlap_depth
+from pushplan.mechanics.body import Body, BodyKind
+from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.reading.arrangement.meeting import millimetres
+from pushplan.reading.arrangement.placement import Surroundings, placement_troubles
+from pushplan.reading.schema.scenario import GoalPose, PushChoice, ScenarioFile
+from pushplan.reading.yaml.node import Place
+from pushplan.reading.yaml.report import Report
+from pushplan.scenario import Scenario
+from pushplan.scenario_parts import Goal, Pushes
+
+NEAREST = 1e-3
+"""What an approach begins, and a retreat ends, farther from the objects than the clearance, m."""
+
+
+BEARS_ON_SEVERAL = {"name", "cost", "time_limit", "seed", "gap"}
+"""Keys of `planner` that bear on several pushes."""
+
+_NOT_FOR_SEVERAL = "is for a single push; several pushes (robot.start) are weighed by what 'pushes' says"
+
+
+def stated_goals(file: ScenarioFile) -> tuple[tuple[Place, GoalPose], ...]:
+    """Return the goals of a file and where each stands."""
+    if isinstance(file.goal, GoalPose):
+        return ((("goal",), file.goal),)
+    return tuple((("goal", i), goal) for i, goal in enumerate(file.goal))
+
+
+def make_goals(file: ScenarioFile, chain: Chain) -> tuple[Goal, ...]:
+    """Return all goals, one for each turn that an object's symmetry allows."""
+    return tuple(goal for _, stated in stated_goals(file) for goal in _turned(stated, chain))
+
+
+def _turned(stated: GoalPose, chain: Chain) -> Iterator[Goal]:
+    known = [obj.name for obj in chain.objects]
+    inner = np.zeros(3) if stated.of not in known else chain.objects[chain.index_of(stated.of)].pose_chain
+    for k in range(stated.symmetry):
+        turn = se2.wrap_angle(stated.pose[2] + 2.0 * np.pi * k / stated.symmetry) if k else stated.pose[2]
+        pose = np.array([*stated.pose[:2], turn])
+        pose_chain = pose if stated.of not in known else se2.compose(pose, se2.inverse(inner))
+        yield Goal(pose, stated.of, pose_chain, stated.tolerance.position, stated.tolerance.angle)
+
+
+def make_pushes(file: ScenarioFile, goals: tuple[Goal, ...], report: Report) -> Pushes | None:
+    """Return what several pushes start from and may choose, or None where one push is asked for.
+
+    What bears on several pushes only is reported where one is asked for.
+    """
+    start = file.robot.start
+    if start is None:
+        for place in _meaningless(file):
+            report.add(
+                place,
+                "is for several pushes: it needs a robot.start, the plate's pose in the world",
+                at_key=True,
+            )
+        return None
+    for name in sorted(file.planner.model_fields_set - BEARS_ON_SEVERAL):
+        report.add(("planner", name), _NOT_FOR_SEVERAL, at_key=True)
+    for name, only in (("name", DEFAULT_PLANNER), ("cost", RANKED_BY)):
+        if name in file.planner.model_fields_set and getattr(file.planner, name) != only:
+            report.add(("planner", name), f"is for a single push; several pushes have {only} only")
+    plate, choice = file.pusher, file.pushes or PushChoice()
+    faces = None if plate.faces in (None, "all") else tuple(plate.faces)
+    return Pushes(np.array(start), goals, faces, plate.offsets or (0.0,), **choice.model_dump())
+
+
+def _meaningless(file: ScenarioFile) -> Iterator[Place]:
+    """Yield the places of what says nothing of one push with the plate in contact."""
+    if not isinstance(file.goal, GoalPose):
+        yield ("goal",)
+    elif file.goal.symmetry > 1:
+        yield ("goal", "symmetry")
+    for name in ("faces", "offsets"):
+        if getattr(file.pusher, name) is not None:
+            yield ("pusher", name)
+    if file.pushes is not None:
+        yield ("pushes",)
+
+
+def check_places(scenario: Scenario, file: ScenarioFile, surroundings: Surroundings, report: Report) -> None:
+    """Report objects that are not free at the start or at any goal, and a robot that is not free at its start."""
+    pushes, chain = scenario.pushes, scenario.chain
+    assert pushes is not None
+    apart = [contact.pushed for contact in chain.contacts if contact.pusher == PLATE]
+    if len(apart) > 1:
+        names = " and ".join(f"'{chain.objects[i].name}'" for i in apart)
+        report.add(
+            ("robot", "start"),
+            f"several pushes need objects that touch one another; {names} touch the plate only",
+        )
+    for name in ("approach", "retreat"):
+        least = scenario.clearance + NEAREST
+        if getattr(pushes, name) < least:
+            kept = f"the robot keeps {scenario.clearance:.6g} m from the objects when it drives on"
+            what = f"is {getattr(pushes, name):.6g} m, and {kept}; allowed: at least {least:.6g}"
+            report.add(("pushes", name), what)
+    objects = [body for body in chain.bodies if body.kind is BodyKind.OBJECT]
+    for trouble in placement_troubles("start", _placed(objects, scenario.start), surroundings):
+        report.add(("start",), trouble)
+    taken = [
+        list(placement_troubles("goal", _placed(objects, goal.pose_chain), surroundings))
+        for goal in pushes.goals
+    ]
+    if all(taken):
+        for trouble in taken[0]:
+            report.add((*stated_goals(file)[0][0], "pose"), trouble)
+    carried = [body for body in chain.bodies if body.kind is not BodyKind.OBJECT]
+    robot = _placed(carried, scenario.robot_start)
+    for trouble in placement_troubles("robot's start", robot, surroundings):
+        report.add(("robot", "start"), trouble)
+    for name, outline in robot:
+        for other, standing in _placed(objects, scenario.start):
+            depth = overlap_depth(standing, outline)
+            if depth > 0.0:
+                what = f"at the robot's start, '{name}' overlaps '{other}' by {millimetres(depth)}"
+                report.add(("robot", "start"), what)
+
+
+def _placed(bodies: list[Body], pose: FloatArray) -> list[tuple[str, FloatArray]]:
+    return [(body.name, se2.transform_points(pose, body.outline)) for body in bodies]

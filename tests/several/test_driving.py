@@ -1,0 +1,128 @@
+"""Ways of the robot alone: words that lead where they should, as the drive can, and around what is in the way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from ompl import base
+from several.conftest import Problem
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.geometry import se2
+from pushplan.mechanics.body import BodyKind
+from pushplan.path import PushPath, cost_rate
+from pushplan.planners.multi import driving, reeds_shepp
+from pushplan.planners.multi.driving import CAR, DIFFERENTIAL, OMNIDIRECTIONAL, Surroundings, Wheels
+from pushplan.planners.multi.room import _scenes
+from pushplan.planners.multi.transit import MOST_ARCS, find_transit
+from pushplan.planners.validation.checker import collision_along
+from pushplan.planners.validation.motion import Motion
+from pushplan.planners.validation.room import Room
+from pushplan.scenario import Scenario
+
+AXLE = np.array([-0.3, 0.02, 0.1])
+KINDS = pytest.mark.parametrize("kind", [OMNIDIRECTIONAL, DIFFERENTIAL, CAR])
+
+
+def words_between(wheels: Wheels, start: FloatArray, goal: FloatArray) -> list[FloatArray]:
+    """Return the arcs (k, 4) of every word."""
+    words = np.empty((reeds_shepp.MOST_WORDS, driving.WORD))
+    n = driving.find_drives(wheels, start, goal, words)
+    return [word[2 : 2 + 4 * int(word[1])].reshape(-1, 4) for word in words[:n]]
+
+
+def driven(start: FloatArray, arcs: FloatArray) -> FloatArray:
+    for arc in arcs:
+        start = se2.compose(start, se2.exp(arc[:3] * arc[3]))
+    return start
+
+
+def test_the_shortest_word_of_a_car_is_as_long_as_that_of_ompl() -> None:
+    space = base.ReedsSheppStateSpace(1.0)
+    first, second = space.allocState(), space.allocState()
+    first.setX(0.0), first.setY(0.0), first.setYaw(0.0)
+    random = np.random.default_rng(1)
+    for scale in np.repeat([0.1, 1.0, 5.0], 150):
+        x, y = scale * random.uniform(-1.0, 1.0, 2)
+        phi = random.uniform(-math.pi, math.pi)
+        second.setX(x), second.setY(y), second.setYaw(phi)
+        assert reeds_shepp.shortest_reeds_shepp(x, y, phi) == pytest.approx(
+            space.distance(first, second), abs=1e-9
+        )
+
+
+@KINDS
+def test_every_word_leads_to_the_goal(kind: int) -> None:
+    wheels, random = Wheels(kind, AXLE, 1.0), np.random.default_rng(2)
+    for start, goal in random.uniform(-3.0, 3.0, (100, 2, 3)):
+        words = words_between(wheels, start, goal)
+        assert words
+        for arcs in words:
+            assert max(se2.pose_error(driven(start, arcs), goal)) < 1e-9
+            np.testing.assert_allclose(cost_rate(arcs[:, :3]), 1.0, atol=1e-12)
+
+
+@KINDS
+def test_words_exist_where_start_and_goal_differ_in_one_thing_or_in_nothing(kind: int) -> None:
+    wheels = Wheels(kind, AXLE, 1.0)
+    for step in ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.5, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, -math.pi]):
+        start = np.array([0.3, -0.2, 0.7])
+        goal = se2.compose(start, step)
+        words = words_between(wheels, start, goal)
+        assert min(max(se2.pose_error(driven(start, arcs), goal)) for arcs in words) < 1e-9
+
+
+@pytest.mark.parametrize("kind", [DIFFERENTIAL, CAR])
+def test_an_axle_never_moves_sideways_and_a_car_turns_no_tighter_than_it_can(kind: int) -> None:
+    wheels, random = Wheels(kind, AXLE, 0.8), np.random.default_rng(3)
+    for start, goal in random.uniform(-3.0, 3.0, (50, 2, 3)):
+        for arcs in words_between(wheels, start, goal):
+            turned = se2.rotate(-AXLE[2], arcs[:, :2] + arcs[:, 2:3] * np.array([-AXLE[1], AXLE[0]]))
+            np.testing.assert_allclose(turned[:, 1], 0.0, atol=1e-12)
+            if kind == CAR:
+                assert (np.abs(arcs[:, 2]) * 0.8 <= np.abs(turned[:, 0]) + 1e-12).all()
+
+
+def robot_alone(scenario: Scenario) -> Room:
+    room = Room.of(scenario)
+    carried = [i for i, body in enumerate(scenario.chain.bodies) if body.kind is not BodyKind.OBJECT]
+    kept = np.isin(room.body, carried)
+    names = tuple(room.names[i] for i in carried)
+    return Room(names, room.corners[kept], room.body[kept], room.shapes, room.radii, room.tree, room.walls)
+
+
+@pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])
+def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, drive: str) -> None:
+    standing = [{"box": [0.3, 1.5], "pose": [0.6, 0.0, 0.0]}, {"circle": 0.2, "center": [-0.6, 0.8]}]
+    scenario = problem(drive, obstacles=standing, start=[3.0, 3.0, 0.0], robot={"start": [0.0, 0.0, 0.0]})
+    robot, load = _scenes(scenario)
+    wheels = driving.wheels_of(scenario.chain.pusher.drive, np.array([-0.2, 0.0]))
+    around = Surroundings(robot, load, scenario.start)
+    start, goal = np.zeros(3), np.array([1.4, 0.1, 2.0])
+    arcs, state = np.zeros((MOST_ARCS, 4)), np.array([1], dtype=np.uint64)
+    n = find_transit(around, wheels, start, goal, np.array([-2.0, -2.0, 4.0, 4.0]), 1.0, state, 2000, arcs)
+    assert n > 1
+    path = PushPath(start, arcs[:n, :3], arcs[:n, 3])
+    assert max(se2.pose_error(path.end, goal)) < 1e-9
+    motion = Motion.along(path, scenario.chain.reach)
+    assert collision_along(scenario, motion, robot_alone(scenario)) is None
+
+
+def test_there_is_no_way_out_of_a_closed_yard(problem: Problem) -> None:
+    yard = [
+        {"box": [0.1, 3.0], "pose": [-1.0, 0.0, 0.0]},
+        {"box": [0.1, 3.0], "pose": [1.0, 0.0, 0.0]},
+        {"box": [3.0, 0.1], "pose": [0.0, -1.0, 0.0]},
+        {"box": [3.0, 0.1], "pose": [0.0, 1.0, 0.0]},
+    ]
+    scenario = problem(
+        "omnidirectional", obstacles=yard, start=[3.0, 3.0, 0.0], robot={"start": [0.0, 0.0, 0.0]}
+    )
+    robot, load = _scenes(scenario)
+    around = Surroundings(robot, load, scenario.start)
+    wheels = driving.wheels_of(scenario.chain.pusher.drive, np.array([-0.2, 0.0]))
+    arcs, state = np.zeros((MOST_ARCS, 4)), np.array([1], dtype=np.uint64)
+    goal, box = np.array([2.0, 0.0, 0.0]), np.array([-2.0, -2.0, 4.0, 4.0])
+    assert find_transit(around, wheels, np.zeros(3), goal, box, 1.0, state, 300, arcs) == -1

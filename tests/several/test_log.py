@@ -1,0 +1,183 @@
+"""A run of several pushes on the command line and in its log: lines, JSON, topics, replay, verification, exports."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from mcap.reader import make_reader
+from several.conftest import problem_document
+
+from pushplan.cli import main
+from pushplan.geometry import se2
+from pushplan.logging.export.csv import table
+from pushplan.logging.export.film.frames import Film
+from pushplan.logging.export.html import render
+from pushplan.logging.export.ros2 import write_ros2
+from pushplan.logging.messages import schemas
+from pushplan.logging.messages.recorded import RecordedRun
+from pushplan.logging.play.terminal import TerminalView
+from pushplan.logging.reader import read_run
+from pushplan.logging.verify import verify
+
+Captured = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a scenario file: the box has to come back towards the robot."""
+    path = tmp_path_factory.mktemp("several") / "back.yaml"
+    document = problem_document("differential", goal={"pose": [0.5, 1.0, 0.0], "of": "b0"})
+    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    return path
+
+
+@pytest.fixture(scope="module")
+def log(file: Path) -> Path:
+    """Return the log of its plan."""
+    path = file.with_suffix(".mcap")
+    words = ["plan", str(file), "--first", "-o", str(path), "--plot", str(file.with_suffix(".svg"))]
+    assert main(words) == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def recorded(log: Path) -> RecordedRun:
+    return read_run(log)
+
+
+def messages(log: Path, topic: str) -> list[tuple[float, bytes]]:
+    with log.open("rb") as stream:
+        return [(1e-9 * m.log_time, m.data) for *_, m in make_reader(stream).iter_messages(topics=[topic])]
+
+
+def test_the_log_gives_the_segments_back(recorded: RecordedRun) -> None:
+    plan = recorded.plan
+    assert plan is not None
+    assert plan.trajectory is not None
+    assert [segment.kind for segment in plan.segments] == ["transit", "approach", "push", "retreat"]
+    assert plan.segments[-1].t1 == plan.trajectory.duration
+    assert recorded.execution is not None
+    np.testing.assert_allclose(recorded.execution.load_poses[-1], plan.segments[-1].load_after, atol=1e-9)
+
+
+def test_a_recorded_run_is_verified_segment_by_segment(recorded: RecordedRun) -> None:
+    report = verify(recorded)
+    assert report.matches, [str(check) for check in report.mismatches]
+    named = {check.quantity for check in report.checks}
+    assert {"segment 1, transit: begins and ends at rest", "segments", "pose of the objects"} <= named
+
+
+@pytest.mark.parametrize("change", ["load", "time"])
+def test_a_segment_that_was_changed_is_found(recorded: RecordedRun, change: str) -> None:
+    plan = recorded.plan
+    assert plan is not None
+    push = plan.segments[2]
+    tampered = {
+        "load": replace(push, load_after=push.load_after + np.array([0.0, 1e-5, 0.0])),
+        "time": replace(push, t1=push.t1 + 1e-5),
+    }[change]
+    segments = (*plan.segments[:2], tampered, plan.segments[3])
+    assert not verify(replace(recorded, plan=replace(plan, segments=segments))).matches
+
+
+def test_segments_and_robot_have_topics_of_their_own(log: Path, recorded: RecordedRun) -> None:
+    assert recorded.plan is not None
+    assert recorded.execution is not None
+    told = [schemas.Segment.FromString(data) for _, data in messages(log, "/segment")]
+    assert [(s.kind, s.t0) for s in told] == [(s.kind, s.t0) for s in recorded.plan.segments]
+    _, data = messages(log, "/robot")[-1]
+    place = PoseInFrame.FromString(data).pose.position
+    plate = se2.compose(recorded.execution.poses[-1], recorded.scenario.chain.pusher.plate_pose)
+    assert (place.x, place.y) == pytest.approx(tuple(plate[:2]))
+
+
+def test_plate_and_box_move_on_their_own_in_tf(log: Path, recorded: RecordedRun) -> None:
+    assert recorded.execution is not None
+    frames = [FrameTransforms.FromString(data) for _, data in messages(log, "/tf")]
+    parents = {t.child_frame_id: t.parent_frame_id for t in frames[-1].transforms}
+    assert parents == {"chain": "world", "b0": "world", "pusher": "chain"}
+    boxes = [t.translation.x for frame in frames for t in frame.transforms if t.child_frame_id == "b0"]
+    assert boxes[0] == pytest.approx(1.075)
+    assert boxes[-1] == pytest.approx(0.5)
+
+
+def test_exports_show_both(recorded: RecordedRun, tmp_path: Path) -> None:
+    assert recorded.execution is not None
+    columns = table(recorded)
+    np.testing.assert_array_equal(columns["load_x"], recorded.execution.load_poses[:, 0])
+    page = render(recorded)
+    told = json.loads(page.split('id="run" type="application/json">')[1].split("</script>")[0])
+    assert told["attached"] is False
+    assert told["samples"]["loads"][0][-1] == pytest.approx(recorded.execution.load_poses[-1, 0], abs=1e-4)
+    film = Film(recorded, recorded.execution)
+    end = float(recorded.execution.t[-1])
+    first, last = (film.moving(time)[0] for time in (0.0, end))
+    assert (first.x, first.y, first.image.size) != (last.x, last.y, last.image.size)
+    view = TerminalView(recorded, recorded.execution, 80, 24)
+    assert view.picture(0.0) != view.picture(end)
+    write_ros2(recorded, tmp_path / "bag.mcap")
+    assert (tmp_path / "bag.mcap").stat().st_size > 1000
+
+
+def test_a_line_is_printed_for_each_segment(log: Path, capsys: Captured) -> None:
+    capsys.readouterr()
+    assert main(["replay", str(log)]) == 0
+    out = capsys.readouterr().out
+    for k, kind in enumerate(("transit", "approach", "push", "retreat"), start=1):
+        assert f"{k}. {kind}" in out
+    assert "chain frame (1.000, 1.000, 0.0 deg) -> (0.425, 1.000, 0.0 deg)" in out
+    assert "in 1 push" in out
+
+
+def json_of(words: list[str], capsys: Captured) -> tuple[int, Mapping[str, Any]]:
+    capsys.readouterr()
+    code = main([*words, "--json"])
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_json_has_the_segments(log: Path, capsys: Captured) -> None:
+    code, told = json_of(["replay", str(log), "--verify"], capsys)
+    assert code == 0
+    segments = told["segments"]
+    assert [segment["kind"] for segment in segments] == ["transit", "approach", "push", "retreat"]
+    push = segments[2]
+    assert (push["face"], push["offset"]) == ("front", 0.0)
+    assert push["object_before"] == [1.0, 1.0, 0.0]
+    assert push["object_after"] == pytest.approx([0.425, 1.0, 0.0])
+    assert sum(arc["length"] for arc in push["arcs"]) == pytest.approx(0.575)
+    assert told["way_pushed"] == pytest.approx(0.575)
+    for first, second in pairwise(segments):
+        assert first["t1"] == second["t0"]
+        assert max(se2.pose_error(*map(np.array, (first["robot_after"], second["robot_before"])))) < 1e-9
+
+
+def test_a_box_that_nothing_gets_out_of_its_corner_is_no_plan(tmp_path: Path, capsys: Captured) -> None:
+    corner: dict[str, Any] = {"start": [0.01, 0.085, 0.0], "workspace": {"x": [0.0, 3.0], "y": [0.0, 3.0]}}
+    changes: dict[str, Any] = {"robot": {"start": [1.5, 1.5, 0.0]}, "goal": {"pose": [1.0, 1.0, 0.0]}}
+    path = tmp_path / "corner.yaml"
+    path.write_text(yaml.safe_dump(problem_document(**corner, **changes)))
+    code, told = json_of(["plan", str(path), "--no-log", "--plot", str(tmp_path / "corner.png")], capsys)
+    assert code == 3
+    assert told["segments"] == []
+    assert told["diagnosis"][0]["proven"] is True
+
+
+@pytest.mark.parametrize("words", [["--planner", "rrt"], ["--cost", "time"], ["--physics"]])
+def test_what_is_for_a_single_push_ends_with_code_2(file: Path, words: list[str], capsys: Captured) -> None:
+    assert main(["plan", str(file), "--no-log", *words]) == 2
+    assert "several" in capsys.readouterr().err
+
+
+def test_check_and_its_picture_show_robot_and_goals(file: Path, tmp_path: Path) -> None:
+    assert main(["check", str(file), "--plot", str(tmp_path / "check.svg")]) == 0
+    assert (tmp_path / "check.svg").stat().st_size > 1000

@@ -1,0 +1,145 @@
+"""The search for several pushes: exact graphs, sound bounds, descents that only descend, faces that fit."""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from several.conftest import Problem, problem_document
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.geometry import se2
+from pushplan.planners.multi.bound import lower_bounds
+from pushplan.planners.multi.dives import crew_of, descend
+from pushplan.planners.multi.faces import places
+from pushplan.planners.multi.room import Question
+from pushplan.planners.multi.search import Limits, search
+from pushplan.planners.multi.shortest import cheapest_sequence
+from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.several.modes import find_modes
+from pushplan.several.prepared import Prepared
+
+
+def by_enumeration(
+    pushes: FloatArray, changes: FloatArray, first: FloatArray, goals: int, most: int
+) -> float:
+    """Return the cheapest cost of all sequences, each looked at."""
+    modes, nodes, _ = pushes.shape
+    best = np.inf
+    for count in range(1, most + 1):
+        for by in product(range(modes), repeat=count):
+            for between in product(range(goals + 1, nodes), repeat=count - 1):
+                for goal in range(1, goals + 1):
+                    at = (0, *between, goal)
+                    cost = first[by[0]] + sum(pushes[m, at[k], at[k + 1]] for k, m in enumerate(by))
+                    cost += sum(changes[at[k + 1], by[k], by[k + 1]] for k in range(count - 1))
+                    best = min(best, cost)
+    return float(best)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_cheapest_sequence_is_the_cheapest_of_all(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    pushes, changes, first = random.random((2, 5, 5)), 0.1 * random.random((5, 2, 2)), random.random(2)
+    pushes[random.random(pushes.shape) < 0.5] = np.inf
+    pushes[:, :, 0] = pushes[:, 1:3] = np.inf
+    changes[:, [0, 1], [0, 1]] = np.inf
+    cost, steps = cheapest_sequence(pushes, changes, first, 2, 3)
+    assert cost == pytest.approx(by_enumeration(pushes, changes, first, 2, 3))
+    if np.isfinite(cost):
+        along = first[steps[0, 0]] + sum(pushes[m, u, v] for m, u, v in steps)
+        along += sum(changes[a[2], a[0], b[0]] for a, b in pairwise(steps))
+        assert along == pytest.approx(cost)
+        assert (steps[1:, 1] == steps[:-1, 2]).all()
+
+
+def test_a_box_has_four_faces_and_a_row_is_pushed_from_its_ends(problem: Problem) -> None:
+    assert {mode.place.face for mode in find_modes(problem())} == {"rear", "front", "left", "right"}
+    ends = find_modes(problem("omnidirectional", boxes=3))
+    assert {mode.place.face for mode in ends} == {"b0 rear", "b2 front"}
+    assert [mode.order for mode in ends] == [(0, 1, 2), (2, 1, 0)]
+
+
+def test_the_plate_takes_no_place_where_it_would_overlap(problem: Problem) -> None:
+    """In the notch of an L the plate of 20 cm finds no room; on its outer faces it does."""
+    notched = [[0.0, 0.0], [0.3, 0.0], [0.3, 0.1], [0.1, 0.1], [0.1, 0.3], [0.0, 0.3]]
+    document = problem_document(goal={"pose": [1.0, 2.0, 0.0], "of": "b0"})
+    document["objects"][0]["shape"] = {"polygon": notched}
+    scenario = scenario_from_document(document)
+    assert scenario.pushes is not None
+    found = list(places(scenario.chain, scenario.pushes))
+    assert sorted(place.face for place in found) == ["front", "left", "rear", "right"]
+    outline = scenario.chain.objects[0].outline_chain
+    for place in found:
+        ahead = se2.rotate(place.contact[2], [1.0, 0.0])
+        assert ((outline - place.contact[:2]) @ ahead).min() > -1e-9
+
+
+def test_offsets_and_faces_are_those_that_are_asked_for(problem: Problem) -> None:
+    pusher = {"faces": ["left", 180.0], "offsets": [0.0, "20 mm"]}
+    document = problem_document(pusher={**pusher, "faces": ["left", "180 deg"]})
+    modes = find_modes(scenario_from_document(document))
+    assert {(mode.place.face, mode.place.offset) for mode in modes} == {
+        ("left", 0.0), ("left", 0.02), ("rear", 0.0), ("rear", 0.02),
+    }  # fmt: skip
+
+
+def test_a_contact_is_the_push_problem_that_the_same_box_would_state(problem: Problem) -> None:
+    """A square box is the same from every side: so are its stable sets, and the robot stands as far behind."""
+    scenario = problem()
+    stated = scenario.stable_set()
+    twists = np.random.default_rng(1).normal(size=(200, 3))
+    for mode in find_modes(scenario):
+        np.testing.assert_allclose(mode.stable.margin(twists), stated.margin(twists), atol=1e-9)
+        axle = mode.scenario.chain.pusher.drive.axle
+        assert axle is not None
+        np.testing.assert_allclose(axle, [-0.3, 0.0, 0.0], atol=1e-12)
+
+
+def question_of(prepared: Prepared) -> Question:
+    scenario = prepared.scenario
+    assert scenario.pushes is not None
+    goals = np.array([goal.pose_chain for goal in scenario.pushes.goals])
+    return Question(scenario.robot_start, scenario.start, goals)
+
+
+def test_a_descent_never_climbs_and_ends_below_where_it_began(problem: Problem) -> None:
+    room = Prepared.of(problem("omnidirectional")).room(0)
+    crew = crew_of([contact.hold for contact in room.contacts])
+    ends = np.array([[0.0, 0.0, 0.0], [0.3, 0.2, 0.4]])
+    sequence, state = np.array([0, 1, 2]), np.array([3], dtype=np.uint64)
+    poses = np.array([[0.5, -0.5, 1.0], [-0.4, 0.6, -1.0]])
+    before = [descend(crew, sequence, ends, poses, 0.3, n, state) for n in (0, 50, 50, 200)]
+    assert all(later <= earlier for earlier, later in pairwise(before))
+    assert before[-1] < 0.7 * before[0]
+
+
+@pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])
+def test_more_search_never_makes_a_plan_worse_and_none_beats_the_bound(problem: Problem, drive: str) -> None:
+    prepared = Prepared.of(problem(drive, goal={"pose": [0.9, 1.1, 0.5]}))
+    room, question = prepared.room(0), question_of(prepared)
+    costs: list[float] = []
+    limits = Limits(time.perf_counter() + 60.0, iterations=6)
+    found = search(room, question, limits, 1, lambda best, _: costs.append(best.cost))
+    assert found.best is not None
+    assert costs == sorted(costs, reverse=True)
+    assert found.lower_bound <= found.best.cost
+    for step in found.best.steps:
+        to, on = lower_bounds(room, question, step.after[None])
+        assert float(to[0] + on[0]) <= found.best.cost + 1e-9
+
+
+def test_two_pushes_move_a_box_aside_where_one_takes_six_metres(problem: Problem) -> None:
+    aside = {"goal": {"pose": [1.0, 1.05, 0.0]}, "pusher": {"faces": ["front", "rear"]}}
+    prepared = Prepared.of(problem("differential", **aside))
+    room, question = prepared.room(0), question_of(prepared)
+    until = time.perf_counter() + 60.0
+    first = search(room, question, Limits(until, first=True), 1).best
+    better = search(room, question, Limits(until, iterations=10), 1).best
+    assert first is not None
+    assert better is not None
+    assert len(first.steps) == 1
+    assert sum(step.cost for step in first.steps) > 3.0
+    assert sum(step.cost for step in better.steps) < 0.6
