@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from pushplan.mechanics.worst_case.interval_chain import IntervalChain
     from pushplan.path import PushPath
     from pushplan.plan import plan
+    from pushplan.push_queries import PushQueries
     from pushplan.queries import Queries
     from pushplan.reading.imported.outlines import read_csv_outlines, read_svg_outlines
     from pushplan.reading.imported.ros_map import RosMap, read_ros_map
@@ -99,6 +100,7 @@ _HOMES = {
     "path": "PushPath",
     "recording": "IncompleteLogError",
     "plan": "plan",
+    "push_queries": "PushQueries",
     "queries": "Queries",
     "drawing.run": "plot_plan",
     "drawing.scenario": "plot_scenario",
@@ -167,6 +169,7 @@ __all__ = [
     "PressureMapSupport",
     "ProgressPoint",
     "PushPath",
+    "PushQueries",
     "PushedObject",
     "Pusher",
     "PushplanError",

@@ -44,7 +44,12 @@ def chain_frames(chain: Chain) -> MessageTemplate:
 
 
 def moving_frames(chain: Chain, parent: str = CHAIN) -> MessageTemplate:
-    """Return the transforms of all frames, to be filled with the places of the chain frame and, in `parent`, objects."""
+    """Return the transforms of all frames, to be filled with the places of the chain frame and of the objects.
+
+    Args:
+        chain: What moves.
+        parent: Frame that the objects' places are in.
+    """
     names = [obj.name for obj in chain.objects]
 
     def message(stamp: Timestamp, numbers: list[float]) -> FrameTransforms:

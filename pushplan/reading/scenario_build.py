@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from pushplan.basics.names import RANKED_BY
-from pushplan.geometry import se2
 from pushplan.reading.arrangement.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.reading.scenario_chain import Bodies, build_bodies
 from pushplan.reading.scenario_files import Attachments
@@ -20,7 +19,7 @@ from pushplan.reading.several_pushes import check_places, make_goals, make_pushe
 from pushplan.reading.yaml.node import Document, shorten
 from pushplan.reading.yaml.report import Report
 from pushplan.scenario import Scenario
-from pushplan.scenario_parts import Goal, PlannerSettings, StabilitySettings, Uncertainty
+from pushplan.scenario_parts import PlannerSettings, StabilitySettings, Uncertainty
 
 
 def build_scenario(
@@ -125,7 +124,7 @@ def _check_ends(scenario: Scenario, file: ScenarioFile, doubtful: set[str], repo
     surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
     if scenario.pushes is not None:
         if not doubtful & {"start", "goal", "robot"}:
-            check_places(scenario, file, surroundings, report)
+            check_places(scenario, file, report)
         return
     for what, place, pose in (
         ("start", ("start",), scenario.start),

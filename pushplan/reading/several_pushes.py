@@ -89,43 +89,57 @@ def _meaningless(file: ScenarioFile) -> Iterator[Place]:
         yield ("pushes",)
 
 
-def check_places(scenario: Scenario, file: ScenarioFile, surroundings: Surroundings, report: Report) -> None:
-    """Report objects that are not free at the start or at any goal, and a robot that is not free at its start."""
+def check_places(scenario: Scenario, file: ScenarioFile, report: Report) -> None:
+    """Report what cannot be several pushes: objects apart, short ways, what is not free at first or at any goal."""
     pushes, chain = scenario.pushes, scenario.chain
     assert pushes is not None
     apart = [contact.pushed for contact in chain.contacts if contact.pusher == PLATE]
     if len(apart) > 1:
         names = " and ".join(f"'{chain.objects[i].name}'" for i in apart)
-        report.add(
-            ("robot", "start"),
-            f"several pushes need objects that touch one another; {names} touch the plate only",
-        )
+        what = f"several pushes need objects that touch one another; {names} touch the plate only"
+        report.add(("robot", "start"), what)
     for name in ("approach", "retreat"):
         least = scenario.clearance + NEAREST
         if getattr(pushes, name) < least:
             kept = f"the robot keeps {scenario.clearance:.6g} m from the objects when it drives on"
             what = f"is {getattr(pushes, name):.6g} m, and {kept}; allowed: at least {least:.6g}"
             report.add(("pushes", name), what)
-    objects = [body for body in chain.bodies if body.kind is BodyKind.OBJECT]
-    for trouble in placement_troubles("start", _placed(objects, scenario.start), surroundings):
-        report.add(("start",), trouble)
-    taken = [
-        list(placement_troubles("goal", _placed(objects, goal.pose_chain), surroundings))
-        for goal in pushes.goals
-    ]
+    for place, what in troubles_at_first(scenario):
+        report.add(place, what)
+    taken = [list(troubles_at(scenario, goal.pose_chain, "goal")) for goal in pushes.goals]
     if all(taken):
-        for trouble in taken[0]:
-            report.add((*stated_goals(file)[0][0], "pose"), trouble)
+        for what in taken[0]:
+            report.add((*stated_goals(file)[0][0], "pose"), what)
+
+
+def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:
+    """Yield the place in a file and a sentence for objects, and parts of the robot, that are not free at first."""
+    chain = scenario.chain
+    for what in troubles_at(scenario, scenario.start, "start"):
+        yield ("start",), what
     carried = [body for body in chain.bodies if body.kind is not BodyKind.OBJECT]
     robot = _placed(carried, scenario.robot_start)
-    for trouble in placement_troubles("robot's start", robot, surroundings):
-        report.add(("robot", "start"), trouble)
+    for what in placement_troubles("robot's start", robot, _surroundings(scenario)):
+        yield ("robot", "start"), what
     for name, outline in robot:
-        for other, standing in _placed(objects, scenario.start):
+        for other, standing in _placed(_objects(chain), scenario.start):
             depth = overlap_depth(standing, outline)
             if depth > 0.0:
                 what = f"at the robot's start, '{name}' overlaps '{other}' by {millimetres(depth)}"
-                report.add(("robot", "start"), what)
+                yield ("robot", "start"), what
+
+
+def troubles_at(scenario: Scenario, load: FloatArray, what: str) -> Iterator[str]:
+    """Yield a sentence for each object that is not free with the load at a pose (3,), its `start` or a `goal`."""
+    return placement_troubles(what, _placed(_objects(scenario.chain), load), _surroundings(scenario))
+
+
+def _surroundings(scenario: Scenario) -> Surroundings:
+    return Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
+
+
+def _objects(chain: Chain) -> list[Body]:
+    return [body for body in chain.bodies if body.kind is BodyKind.OBJECT]
 
 
 def _placed(bodies: list[Body], pose: FloatArray) -> list[tuple[str, FloatArray]]:

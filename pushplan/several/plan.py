@@ -20,7 +20,7 @@ from pushplan.planners.multi.graph import Sequence
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.problem.posing import SLACK
-from pushplan.reading.arrangement.placement import Surroundings, placement_troubles
+from pushplan.reading.several_pushes import troubles_at
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.segment import Segment, join_paths
@@ -47,7 +47,6 @@ class Asked:
     gap: float | None = None
     progress: Callable[[ProgressPoint], None] | None = None
     stop: Callable[[], bool] | None = None
-    timed: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,16 +97,12 @@ def free_goals(scenario: Scenario) -> FloatArray:
         PlanningError: When there are none, or the load is at one already.
     """
     assert scenario.pushes is not None
-    surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
-    free, troubles = [], []
+    free: list[FloatArray] = []
+    troubles: list[str] = []
     for goal in scenario.pushes.goals:
         if max(se2.pose_error(scenario.start, goal.pose_chain)) < 1e-7:
             raise PlanningError("the load is at a goal already: there is nothing to push")
-        placed = [
-            (obj.name, se2.transform_points(goal.pose_chain, obj.outline_chain))
-            for obj in scenario.chain.objects
-        ]
-        wrong = list(placement_troubles("goal", placed, surroundings))
+        wrong = list(troubles_at(scenario, goal.pose_chain, "goal"))
         troubles += wrong
         if not wrong:
             free.append(goal.pose_chain)
@@ -201,7 +196,7 @@ def _checked(prepared: Prepared, outcome: Outcome, asked: Asked, watch: Stopwatc
         objective_cost=objective_cost(scenario, segments),
         min_margin=least_margin(segments, prepared.modes),
     )
-    return _driven(prepared, result, watch) if asked.timed else replace(result, solved=True)
+    return _driven(prepared, result, watch)
 
 
 def _backing_off(scenario: Scenario, question: Question) -> tuple[Segment, ...]:

@@ -12,6 +12,7 @@ from several.conftest import DRIVES, Problem
 import pushplan
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
+from pushplan.reading.scenario_file import load_scenario
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
 from pushplan.segment import Segment, trajectory_of
@@ -179,3 +180,31 @@ def test_what_is_for_a_single_push_is_refused(problem: Problem, option: Any) -> 
 def test_a_box_that_is_at_its_goal_needs_no_push(problem: Problem) -> None:
     with pytest.raises(PlanningError, match="at a goal already"):
         pushplan.plan(problem("car", goal={"pose": [1.0, 1.0, 0.0], "of": None}))
+
+
+def test_queries_answer_as_the_whole_call_does_and_again_among_other_things(problem: Problem) -> None:
+    scenario = problem("car", **ROUND)
+    assert scenario.pushes is not None
+    questions = pushplan.PushQueries(scenario)
+    goals = [goal.pose_chain for goal in scenario.pushes.goals]
+    once = pushplan.plan(scenario, first=True, time_limit=60.0)
+    answers = [questions.plan(scenario.pushes.robot_start, scenario.start, goals) for _ in range(2)]
+    assert [answer.objective_cost for answer in answers] == [once.objective_cost] * 2
+    way = once.segments[0].robot_path
+    x, y, _ = way.poses_at(np.array([0.5 * way.cost]))[0]
+    blocked = questions.with_obstacles([pushplan.CircleObstacle(np.array([x, y]), 0.05)])
+    around = blocked.plan(scenario.pushes.robot_start, scenario.start, goals, time_limit=60.0)
+    assert around.solved, around.reason
+    assert around.objective_cost != once.objective_cost
+
+
+def test_queries_refuse_what_is_not_free(problem: Problem) -> None:
+    questions = pushplan.PushQueries(problem("car"))
+    with pytest.raises(PlanningError, match="at the robot's start, 'pusher' overlaps 'b0'"):
+        questions.plan([1.05, 1.0, 0.0], [1.0, 1.0, 0.0], [[2.0, 1.0, 0.0]])
+    with pytest.raises(PlanningError, match=r"the goal is occupied: at the goal, 'b0' leaves the workspace"):
+        questions.plan([0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [[9.0, 1.0, 0.0]])
+    with pytest.raises(PlanningError, match="allowed: finite poses"):
+        questions.plan([0.0, 1.0, 0.0], [1.0, 1.0], [[2.0, 1.0, 0.0]])
+    with pytest.raises(PlanningError, match=r"no robot\.start; allowed: Queries"):
+        pushplan.PushQueries(load_scenario("one-box"))
