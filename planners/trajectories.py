@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from pushplan.path import PushPath
 from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.collision.separation import Scene
@@ -34,5 +36,7 @@ def make_trajectory(
     """
     bounds = motion_bounds(scenario, stable)
     if scenario.trajectory == "blended":
-        return blend_path(scenario, path, stable, bounds, rate, scene).trajectory
-    return time_path(path, bounds, rate)
+        timed = blend_path(scenario, path, stable, bounds, rate, scene).trajectory
+    else:
+        timed = time_path(path, bounds, rate)
+    return replace(timed, base=scenario.chain.pusher.base_pose)

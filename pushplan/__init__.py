@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     )
     from pushplan.examples import example_names, example_text
     from pushplan.execution import Execution, StabilityLoss
+    from pushplan.following.follower import Command, Follower, FollowerState
     from pushplan.logging.messages.recorded import RecordedRun
     from pushplan.logging.reader import read_run
     from pushplan.mechanics.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
@@ -95,6 +96,7 @@ _HOMES = {
     "RunLogError ScenarioError SupportError TimingError UndefinedEcofError",
     "examples": "example_names example_text",
     "mechanics.contacts.friction": "cof ecof friction_wrench",
+    "following.follower": "Command Follower FollowerState",
     "logging.reader": "read_run",
     "logging.messages.recorded": "RecordedRun",
     "path": "PushPath",
@@ -145,6 +147,7 @@ __all__ = [
     "Chain",
     "ChainError",
     "CircleObstacle",
+    "Command",
     "Contact",
     "ContactLoss",
     "Diagnosis",
@@ -154,6 +157,8 @@ __all__ = [
     "Execution",
     "FeetSupport",
     "Finding",
+    "Follower",
+    "FollowerState",
     "Goal",
     "GridCorSet",
     "ImportedFileError",

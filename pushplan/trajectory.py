@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -63,7 +63,8 @@ class Trajectory:
         breaks: (q + 1,) times between which the twist is one polynomial, s; the first is 0.
         coefficients: (q, 3, 3) twist on piece i at time t: sum_j coefficients[i, j] (t - breaks[i])^j.
         arc: (q,) index of the path's arc that a piece belongs to (a blend counts to the arc it leaves).
-        rate: Samples per second of `t`, `poses` and `twists`.
+        rate: Samples per second of `t`, `poses` and `twists`, and of the same of the base.
+        base: (3,) pose in the chain frame of the robot's base, the frame that path followers steer.
     """
 
     start: FloatArray
@@ -71,6 +72,7 @@ class Trajectory:
     coefficients: FloatArray
     arc: FloatArray
     rate: float = SAMPLE_RATE
+    base: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         pieces = len(self.coefficients)
@@ -78,6 +80,7 @@ class Trajectory:
         object.__setattr__(self, "breaks", frozen(self.breaks, (pieces + 1,), "breaks of the trajectory"))
         object.__setattr__(self, "coefficients", frozen(self.coefficients, (None, 3, 3), "coefficients"))
         object.__setattr__(self, "arc", frozen(self.arc, (pieces,), "arc of the trajectory"))
+        object.__setattr__(self, "base", frozen(self.base, (3,), "base of the trajectory"))
         if not self.rate > 0.0:
             raise PushplanError(f"rate is {self.rate} Hz; it must be > 0")
         if self.breaks[0] != 0.0 or (np.diff(self.breaks) <= 0.0).any():
@@ -104,6 +107,16 @@ class Trajectory:
     def twists(self) -> FloatArray:
         """(m, 3) body twists in the chain frame at `t`."""
         return frozen(self.twists_at(self.t), (None, 3), "twists")
+
+    @cached_property
+    def base_poses(self) -> FloatArray:
+        """(m, 3) poses of the robot's base in the world at `t`; the angle runs on, it is not wrapped."""
+        return frozen(self.base_poses_at(self.t), (None, 3), "poses of the base")
+
+    @cached_property
+    def base_twists(self) -> FloatArray:
+        """(m, 3) body twists of the robot's base, in its own frame, at `t`; with wheels, vy is 0 at the axle."""
+        return frozen(self.base_twists_at(self.t), (None, 3), "twists of the base")
 
     @cached_property
     def break_poses(self) -> FloatArray:
@@ -148,6 +161,22 @@ class Trajectory:
         piece = self.piece_at(t)
         c1, c2 = self.coefficients[piece, 1], self.coefficients[piece, 2]
         return np.asarray(c1 + 2.0 * (t - self.breaks[piece])[:, None] * c2)
+
+    def base_poses_at(self, t: ArrayLike) -> FloatArray:
+        """Return the poses (m, 3) of the robot's base in the world at times (m,), clipped to the trajectory."""
+        return se2.compose(self.poses_at(t), self.base)
+
+    def base_twists_at(self, t: ArrayLike) -> FloatArray:
+        """Return the body twists (m, 3) of the robot's base at times (m,), clipped to the trajectory."""
+        return se2.twist_of(self.base, self.twists_at(t))
+
+    def sample(self, rate: float) -> Trajectory:
+        """Return the same motion with `t`, `poses`, `twists`, `base_poses` and `base_twists` at another rate, Hz.
+
+        Raises:
+            PushplanError: When the rate is not above 0.
+        """
+        return replace(self, rate=rate)
 
     def poses_at(self, t: ArrayLike) -> FloatArray:
         """Return the poses (m, 3) in the world at times (m,), clipped to the trajectory."""

@@ -11,6 +11,7 @@ _SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "worst": "
 """By the option's name; an export's suffix is its name."""
 
 _FOLDERS = {"compare", "runs"}
+_INPUTS = {"map"}
 
 
 def _declared() -> list[tuple[str, str]]:
@@ -29,7 +30,7 @@ def _declared() -> list[tuple[str, str]]:
 OPTIONS = [
     (command, option, _SUFFIXES.get(option, f".{option}"))
     for command, option in _declared()
-    if option not in _FOLDERS and (command, option) != ("bench", "output")
+    if option not in _FOLDERS | _INPUTS and (command, option) != ("bench", "output")
 ]
 """Command, option and suffix of every output."""
 

@@ -65,6 +65,9 @@ def test_every_command_and_all_code_run_in_the_order_of_the_page(
     stated = {"own-scenario": "mine.yaml", "several-pushes": "bring-it-home.yaml"}
     if page.stem in stated:
         Path(stated[page.stem]).write_text("".join(_blocks(page, "yaml")))
+    if page.stem == "from-a-map":
+        shutil.copytree(ROOT / "examples" / "office", ".", dirs_exist_ok=True)
+        assert _blocks(page, "yaml") == [Path("push.yaml").read_text().partition("\n")[2]]
     for block in _blocks(page, "sh"):
         for line in block.splitlines():
             if line.startswith("pushplan "):

@@ -11,9 +11,10 @@ from plain import load_plain
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.examples import example_names
+from pushplan.mechanics.body import as_one
 from pushplan.path import TURN_WEIGHT
 from pushplan.plan import plan
-from pushplan.planners.infeasible.free_space import body, disc_at, largest_disc
+from pushplan.planners.infeasible.free_space import disc_at, largest_disc
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario
@@ -93,7 +94,7 @@ def test_the_largest_disc_lies_inside_the_chain() -> None:
     chain = scenario_from_text(AHEAD, "ahead.yaml").chain
     disc = largest_disc(chain)
     assert disc.radius == pytest.approx(0.1, abs=1e-4)
-    assert body(chain).buffer(1e-9).contains(disc.at(np.zeros(3)).buffer(disc.radius))
+    assert as_one(chain.bodies).buffer(1e-9).contains(disc.at(np.zeros(3)).buffer(disc.radius))
     assert disc_at(chain, np.zeros(2)).radius == pytest.approx(0.1, abs=2e-6)
     assert disc_at(chain, np.array([5.0, 0.0])).radius == 0.0
 

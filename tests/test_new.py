@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -100,3 +101,31 @@ def test_no_words_at_all_show_the_help(capsys: Captured) -> None:
     assert out == ""
     assert "COMMAND" in err
     assert "pushplan examples" in err
+
+
+MAP = Path(__file__).parents[1] / "examples" / "office"
+
+
+@pytest.mark.parametrize("drive", ["omnidirectional", "differential", "car"])
+def test_a_scenario_in_a_map_for_any_drive_loads_and_plans(drive: str, capsys: Captured) -> None:
+    shutil.copytree(MAP, "maps")
+    assert main(["new", "mine", "--map", "maps/office.yaml", "--drive", drive]) == 0
+    scenario = load_scenario("mine.yaml")
+    assert scenario.chain.pusher.drive.kind == drive
+    assert any(getattr(obstacle, "unknown", False) for obstacle in scenario.obstacles)
+    assert main(["check", "mine.yaml"]) == 0
+    assert main(["plan", "mine.yaml", "--first"]) == 0
+
+
+def test_a_map_that_cannot_be_used_leaves_no_file(tmp_path: Path, capsys: Captured) -> None:
+    (tmp_path / "sub").mkdir()
+    shutil.copytree(MAP, tmp_path / "maps")
+    assert main(["new", "sub/mine", "--map", "maps/office.yaml"]) == 2
+    assert "maps/office.yaml: lies outside the folder of the scenario, 'sub'" in capsys.readouterr().err
+    text = (tmp_path / "maps" / "office.yaml").read_text()
+    (tmp_path / "maps" / "office.yaml").write_text(text.replace("resolution: 0.05", "resolution: 0.01"))
+    assert main(["new", "mine", "--map", "maps/office.yaml"]) == 2
+    assert "has no two places in sight of each other with 0.75 m of room" in capsys.readouterr().err
+    assert main(["new", "mine", "--map", "gone.yaml"]) == 2
+    assert "gone.yaml: cannot read the file" in capsys.readouterr().err
+    assert not Path("mine.yaml").exists()

@@ -12,6 +12,7 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
+from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.outputs.write import write_pieces
 
@@ -43,6 +44,7 @@ def table(run: RecordedRun) -> dict[str, FloatArray]:
 
     `t`; `x`, `y`, `theta` of the chain frame in the world; `vx`, `vy`, `omega` of the body twist in the chain
     frame; of several pushes, these are the robot's frame and `load_x`, `load_y`, `load_theta` that of the objects;
+    `base_x`, `base_y`, `base_theta`, `base_vx`, `base_vy`, `base_omega` of the robot's base, in its own frame;
     then for each contact C `C.margin` and, where the loads are known, `C.friction_margin`, `C.lambda`,
     `C.force_x`, `C.force_y` (chain frame).
 
@@ -59,6 +61,13 @@ def table(run: RecordedRun) -> dict[str, FloatArray]:
     }
     if execution.loads is not None:
         columns |= dict(zip(("load_x", "load_y", "load_theta"), execution.loads.T, strict=True))
+    base = run.scenario.chain.pusher.base_pose
+    columns |= dict(
+        zip(("base_x", "base_y", "base_theta"), se2.compose(execution.poses, base).T, strict=True)
+    )
+    columns |= dict(
+        zip(("base_vx", "base_vy", "base_omega"), se2.twist_of(base, execution.twists).T, strict=True)
+    )
     for k in range(execution.margins.shape[1]):
         name = run.scenario.chain.contact_name(k)
         columns[f"{name}.margin"] = execution.margins[:, k]

@@ -1,9 +1,10 @@
 """A run as a ROS 2 bag: one MCAP file of CDR messages that `ros2 bag play` plays and RViz shows.
 
 Topics: /tf_static and /tf (see `bag.frames`), /scene and /contacts (markers), /plan/path and /plan/smoothed, or
-/plan/nearest where there is no plan, /pusher/twist, /margins/... (a number each, as PlotJuggler plots them), /log.
-Scene and paths are offered as transient local, and sent again every second for programs that only listen. Beside the
-bag come a file for RViz and one for PlotJuggler.
+/plan/nearest where there is no plan, /pusher/twist, /margins/... (a number each, as PlotJuggler plots them), /log; of
+the robot's base, for path followers, /base/path, /base/twist and /footprint, the outline of all that moves with it.
+Scene, paths and footprint are offered as transient local, and sent again every second for programs that only listen.
+Beside the bag come a file for RViz and one for PlotJuggler.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.names import BESIDE_A_BAG
 from pushplan.execution import Execution
+from pushplan.geometry import se2
 from pushplan.logging.export.bag import messages
 from pushplan.logging.export.bag.beside import margin_topics, plotjuggler_layout, rviz_file
 from pushplan.logging.export.bag.file import BagFile
@@ -33,8 +35,10 @@ from pushplan.logging.view.contacts import PushedContacts, resting
 from pushplan.logging.view.scene import CHAIN, PATH_SPACING, nearest, scene
 from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import smoothed_times, window
+from pushplan.mechanics.body import BodyKind, outline_of_all
 from pushplan.outputs.target import look
 from pushplan.outputs.write import write_whole
+from pushplan.scenario import Scenario
 
 Message = dict[str, Any]
 
@@ -93,6 +97,7 @@ def _scene(bag: BagFile, run: RecordedRun, frames: Frames) -> None:
     width = line_width(window(run.scenario, plan))
     still = [("/scene", messages.MARKERS, markers(scene(run.scenario).entities, frames, width))]
     still += [(topic, messages.PATH, _path(poses, frames)) for topic, poses in _paths(run)]
+    still.append(("/footprint", messages.POLYGON, _footprint(run.scenario, frames)))
     ghost = () if plan is None else nearest(run.scenario.chain, plan).entities
     if ghost:
         still.append(("/plan/nearest", messages.MARKERS, markers(ghost, frames, width)))
@@ -122,7 +127,9 @@ def _motion(bag: BagFile, run: RecordedRun, frames: Frames) -> None:
         entities = SceneUpdate.FromString(row.tobytes()).entities if attached else ()
         bag.send("/tf", messages.TF, time, frames.moving(chain, pose, None if attached else load))
         bag.send("/contacts", messages.MARKERS, time, markers(entities, frames, width))
-        bag.send("/pusher/twist", messages.TWIST, time, _twist(twist))
+        bag.send("/pusher/twist", messages.TWIST, time, _twist(twist, CHAIN))
+        base = se2.twist_of(chain.pusher.base_pose, twist)
+        bag.send("/base/twist", messages.TWIST, time, _twist(base, frames.base))
 
 
 def _margins(bag: BagFile, run: RecordedRun, frames: Frames) -> None:
@@ -144,7 +151,9 @@ def _paths(run: RecordedRun) -> Iterator[tuple[str, FloatArray]]:
     if run.plan is not None and run.plan.path is not None:
         yield "/plan/path", run.plan.path.sampled(PATH_SPACING)
     if run.trajectory is not None:
-        yield "/plan/smoothed", run.trajectory.poses_at(smoothed_times(run.trajectory))
+        times = smoothed_times(run.trajectory)
+        yield "/plan/smoothed", run.trajectory.poses_at(times)
+        yield "/base/path", run.trajectory.base_poses_at(times)
 
 
 def _path(poses: FloatArray, frames: Frames) -> Message:
@@ -160,9 +169,20 @@ def _line(line: LogLine) -> Message:
     return {"level": 10 * (1 + LEVELS.index(line.level)), "name": "pushplan", "msg": line.text}
 
 
-def _twist(twist: FloatArray) -> Message:
+def _footprint(scenario: Scenario, frames: Frames) -> Message:
+    """Return the outline of robot and plate, and of the objects if they stay there, in the frame of the base."""
+    chain, attached = scenario.chain, scenario.pushes is None
+    bodies = [body for body in chain.bodies if attached or body.kind is not BodyKind.OBJECT]
+    corners = se2.transform_points(se2.inverse(chain.pusher.base_pose), outline_of_all(bodies))
+    return {
+        "header": {"frame_id": frames.base},
+        "polygon": {"points": [{"x": x, "y": y} for x, y in corners.tolist()]},
+    }
+
+
+def _twist(twist: FloatArray, frame: str) -> Message:
     vx, vy, omega = twist
     return {
-        "header": {"frame_id": CHAIN},
+        "header": {"frame_id": frame},
         "twist": {"linear": {"x": vx, "y": vy}, "angular": {"z": omega}},
     }

@@ -56,7 +56,7 @@ def encode(plan: PlanResult) -> MessageClass:
             if value is not None:
                 setattr(message.tolerance, name, value)
     if plan.trajectory is not None:
-        for name in ("start", "breaks", "coefficients", "arc"):
+        for name in ("start", "breaks", "coefficients", "arc", "base"):
             getattr(message.trajectory, name).extend(getattr(plan.trajectory, name).ravel())
         message.trajectory.rate = plan.trajectory.rate
     return message
@@ -218,6 +218,7 @@ def _trajectory(message: MessageClass) -> Trajectory:
         coefficients=_array(message.coefficients, (-1, 3, 3)),
         arc=_array(message.arc),
         rate=message.rate,
+        base=_array(message.base) if message.base else np.zeros(3),  # older logs do not say it
     )
 
 

@@ -51,6 +51,7 @@ _MESSAGES: dict[str, tuple[str, ...]] = {
         "3 repeated double coefficients",
         "4 repeated double arc",
         "5 double rate",
+        "6 repeated double base",
     ),
     "Plan": (
         _STAMP,

@@ -16,11 +16,9 @@ from shapely.geometry.base import BaseGeometry
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
+from pushplan.mechanics.body import SEAM, as_one
 from pushplan.mechanics.chain import Chain
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
-
-SEAM = 1e-7
-"""Bodies this close (m) count as one: they touch along lines that rounding may open."""
 
 ARC_SEGMENTS = 8
 """Segments per quarter of a round corner, all inside it: what is blocked is never overestimated."""
@@ -41,21 +39,15 @@ class Disc(NamedTuple):
         return shapely.Point(se2.transform_points(pose, self.center))
 
 
-def body(chain: Chain) -> BaseGeometry:
-    """Return what moves as one shape in the chain frame."""
-    outlines = [shapely.Polygon(moving.outline) for moving in chain.bodies]
-    return shapely.union_all(outlines).buffer(SEAM, join_style="mitre").buffer(-SEAM, join_style="mitre")
-
-
 def largest_disc(chain: Chain) -> Disc:
     """Return the largest disc inside the chain."""
-    circle = shapely.maximum_inscribed_circle([body(chain)])
+    circle = shapely.maximum_inscribed_circle([as_one(chain.bodies)])
     return disc_at(chain, shapely.get_coordinates(circle)[0])
 
 
 def disc_at(chain: Chain, center: FloatArray) -> Disc:
     """Return the largest disc inside the chain around a point (2,) of it; its radius is 0 outside."""
-    shape, point = body(chain), shapely.Point(center)
+    shape, point = as_one(chain.bodies), shapely.Point(center)
     radius = float(shape.boundary.distance(point)) if shape.contains(point) else 0.0
     return Disc(np.asarray(center, dtype=np.float64), max(0.0, radius - 10.0 * SEAM))
 

@@ -13,7 +13,8 @@ import shapely
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.names import CLEARANCE_ROOM
-from pushplan.planners.infeasible.free_space import body, largest_disc, room
+from pushplan.mechanics.body import as_one
+from pushplan.planners.infeasible.free_space import largest_disc, room
 from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
 
@@ -77,14 +78,14 @@ def _widest(
 
 def _swept_width(scenario: Scenario, headings: FloatArray) -> float:
     """Smallest width (m) of the chain across its straight pushes, or across +x where there is none."""
-    corners = shapely.get_coordinates(body(scenario.chain))
+    corners = shapely.get_coordinates(as_one(scenario.chain.bodies))
     across = corners @ np.stack([-headings[:, 1], headings[:, 0]]) if len(headings) else corners[:, 1:]
     return float(np.ptp(across, axis=0).min())
 
 
 def _reach(scenario: Scenario) -> float:
     """Size of the chain: the diameter of a circle around it, m."""
-    return 2.0 * float(shapely.minimum_bounding_radius(body(scenario.chain)))
+    return 2.0 * float(shapely.minimum_bounding_radius(as_one(scenario.chain.bodies)))
 
 
 def _proven(width: float, needed: float, passage: float | None) -> Diagnosis:

@@ -52,6 +52,20 @@ def relative(pose_a_b: ArrayLike, pose_a_c: ArrayLike) -> FloatArray:
     return compose(inverse(pose_a_b), pose_a_c)
 
 
+def twist_of(pose_a_b: ArrayLike, twists_a: ArrayLike) -> FloatArray:
+    """Return the body twists (..., 3) in frame b of a body that moves with twists (..., 3) in its frame a.
+
+    The origin of b, at (x, y) in a, moves with (vx - omega y, vy + omega x).
+
+    Args:
+        pose_a_b: (3,) pose of b in a.
+        twists_a: (..., 3) body twists in a.
+    """
+    (x, y, theta), v = np.asarray(pose_a_b, dtype=np.float64), np.asarray(twists_a, dtype=np.float64)
+    linear = v[..., :2] + v[..., 2:] * np.array([-y, x])
+    return np.concatenate([rotate(-theta, linear), v[..., 2:]], axis=-1)
+
+
 def exp(twist: ArrayLike) -> FloatArray:
     """Return the pose(s) (..., 3) reached from the origin by the body twist(s) (..., 3) in unit time.
 

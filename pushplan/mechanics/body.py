@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 
+import shapely
+from shapely.geometry.base import BaseGeometry
+
 from pushplan.basics.arrays import FloatArray
+
+SEAM = 1e-7
+"""Bodies this close (m) count as one: they touch along lines that rounding may open."""
 
 
 class BodyKind(Enum):
@@ -29,3 +36,17 @@ class Body:
     name: str
     kind: BodyKind
     outline: FloatArray
+
+
+def as_one(bodies: Iterable[Body]) -> BaseGeometry:
+    """Return what the bodies cover together, in the chain frame."""
+    outlines = [shapely.Polygon(body.outline) for body in bodies]
+    return shapely.union_all(outlines).buffer(SEAM, join_style="mitre").buffer(-SEAM, join_style="mitre")
+
+
+def outline_of_all(bodies: Iterable[Body]) -> FloatArray:
+    """Return one polygon (v, 2) around all bodies, counter-clockwise; where they are apart, their convex hull."""
+    shape = as_one(bodies)
+    around = shape if isinstance(shape, shapely.Polygon) else shape.convex_hull
+    ring = shapely.Polygon(shapely.get_exterior_ring(around))  # without holes between the bodies
+    return shapely.get_coordinates(shapely.orient_polygons(ring))[:-1]

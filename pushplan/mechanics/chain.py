@@ -164,6 +164,8 @@ class Pusher:
         limits: What its motion may not exceed.
         footprint: Outlines (v, 2) of the robot's parts in the chain frame, m, counter-clockwise; none where the robot
             is not stated. They may overlap the plate and one another.
+        base: (3,) pose in the chain frame of the robot's base, the frame that path followers steer; by default the
+            drive's axle, and the chain frame itself where there is none.
     """
 
     outline: FloatArray
@@ -172,11 +174,21 @@ class Pusher:
     drive: Drive = field(default_factory=Drive)
     limits: Limits = field(default_factory=Limits)
     footprint: tuple[FloatArray, ...] = ()
+    base: FloatArray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "outline", frozen(self.outline, (None, 2), "outline of the pusher"))
         parts = tuple(frozen(part, (None, 2), "footprint of the robot") for part in self.footprint)
         object.__setattr__(self, "footprint", parts)
+        if self.base is not None:
+            object.__setattr__(self, "base", frozen(self.base, (3,), "base of the robot"))
+
+    @property
+    def base_pose(self) -> FloatArray:
+        """(3,) `base`, or what stands for it."""
+        if self.base is not None:
+            return self.base
+        return np.zeros(3) if self.drive.axle is None else self.drive.axle
 
     @property
     def plate_pose(self) -> FloatArray:

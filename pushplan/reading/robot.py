@@ -75,6 +75,12 @@ def make_drive(file: ScenarioFile, layout: Layout, report: Report) -> Drive:
     return _drive(file.robot.drive, layout.plate_pose)
 
 
+def make_base(file: ScenarioFile, layout: Layout) -> FloatArray | None:
+    """Return the robot's base (3,) in the chain frame; None where it is not stated."""
+    stated = file.robot.base
+    return None if stated is None else se2.compose(layout.plate_pose, np.array(stated))
+
+
 def _drive(stated: StatedDrive, frame: FloatArray) -> Drive:
     """Return a drive that is stated in a frame (3,) given in the chain frame."""
     if not isinstance(stated, WheeledDrive):

@@ -17,7 +17,7 @@ from pushplan.reading.arrangement.contacts import find_segments, make_contacts
 from pushplan.reading.arrangement.layout import Layout, Part, lay_out
 from pushplan.reading.arrangement.shapes import outline_of
 from pushplan.reading.arrangement.snapping import SnapTolerance
-from pushplan.reading.robot import footprint_parts, make_drive, make_footprint
+from pushplan.reading.robot import footprint_parts, make_base, make_drive, make_footprint
 from pushplan.reading.scenario_intervals import make_interval_chain, stated_floor_friction
 from pushplan.reading.scenario_supports import ReadFile, make_support
 from pushplan.reading.schema.scenario import ScenarioFile, Snap
@@ -108,6 +108,7 @@ def _pusher(file: ScenarioFile, parts: Sequence[Part], layout: Layout, report: R
         make_drive(file, layout, report),
         limits,
         make_footprint(file, parts, layout, report),
+        make_base(file, layout),
     )
 
 

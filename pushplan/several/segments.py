@@ -114,7 +114,7 @@ def timed(
         TimingError: When an arc cannot be timed within the limits.
     """
     alone = Bounds(scenario.chain.pusher.limits)
-    return join_trajectories(
+    with_times, whole = join_trajectories(
         segments,
         [
             _timed_push(segment, mode_of(segment, modes), rate)
@@ -123,6 +123,7 @@ def timed(
             for segment in segments
         ],
     )
+    return with_times, replace(whole, base=scenario.chain.pusher.base_pose)
 
 
 def _timed_push(segment: Segment, mode: Mode, rate: float) -> Trajectory:

@@ -58,7 +58,7 @@ def test_rosbags_reads_the_bag(recorded: RecordedRun, tmp_path: Path) -> None:
             message = store.deserialize_cdr(data, connection.msgtype)
             found.setdefault(connection.topic, []).append((time, message))
         latched = {c.topic for c in reader.connections if c.ext.offered_qos_profiles[0].durability.value == 1}
-    assert latched == {"/tf_static", "/scene", "/plan/path", "/plan/smoothed"}
+    assert latched == {"/tf_static", "/scene", "/plan/path", "/plan/smoothed", "/base/path", "/footprint"}
     execution = recorded.execution
     assert execution is not None
     begun = datetime.fromisoformat(recorded.words["pushplan.run"]["started_at"]).timestamp()
@@ -112,6 +112,9 @@ def test_the_definitions_in_the_bag_decode_its_messages(recorded: RecordedRun, t
         "/plan/path",
         "/plan/smoothed",
         "/pusher/twist",
+        "/base/path",
+        "/base/twist",
+        "/footprint",
         "/log",
     }
 
@@ -121,7 +124,9 @@ def test_an_unsolved_run_becomes_a_bag_of_its_start(unsolved: RecordedRun, tmp_p
     write_ros2(unsolved, tmp_path / "bag.mcap")
     with rosbag2.Reader(tmp_path / "bag.mcap") as reader:
         topics = sorted(connection.topic for connection, _, _ in reader.messages())
-    assert topics == ["/contacts", "/log", "/plan/nearest", "/pusher/twist", "/scene", "/tf", "/tf_static"]
+    of_base = {"/base/twist", "/footprint"}
+    still = {"/contacts", "/plan/nearest", "/scene", "/tf_static"}
+    assert set(topics) == of_base | still | {"/log", "/pusher/twist", "/tf"}
 
 
 def bag_of(run: RecordedRun, path: Path, **how: Any) -> dict[str, list[Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from pushplan.logging.export.film.frames import Film
 from pushplan.logging.export.film.scene import FINE, FilmScene
 from pushplan.logging.export.mp4 import STILL, write_mp4
 from pushplan.logging.export.parquet import write_parquet
+from pushplan.logging.export.trajectory import write_trajectory
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
 from pushplan.logging.view.window import window
@@ -40,7 +42,7 @@ def test_csv_holds_every_number_bit_for_bit(recorded: RecordedRun, tmp_path: Pat
     assert values[:, names.index("omega")].tolist() == execution.twists[:, 2].tolist()
     assert execution.forces is not None
     assert values[:, names.index("near-far.force_y")].tolist() == execution.forces[:, 1, 1].tolist()
-    assert len(names) == len(set(names)) == 7 + 2 * 5
+    assert len(names) == len(set(names)) == 7 + 6 + 2 * 5
 
 
 def test_csv_leaves_out_what_is_not_known(case: Any, tmp_path: Path) -> None:
@@ -52,6 +54,35 @@ def test_there_is_no_table_of_a_run_that_was_not_executed(unsolved: RecordedRun,
     with pytest.raises(PushplanError, match="nothing was executed"):
         write_csv(unsolved, tmp_path / "run.csv")
     assert list(tmp_path.iterdir()) == []
+
+
+# --- Trajectory --------------------------------------------------------------------------------------------------
+
+
+def test_the_trajectory_as_json_is_that_of_the_run(recorded: RecordedRun, tmp_path: Path) -> None:
+    write_trajectory(recorded, tmp_path / "way.json")
+    told = json.loads((tmp_path / "way.json").read_text())
+    trajectory = recorded.trajectory
+    assert trajectory is not None
+    samples = {name: np.array(values) for name, values in told["samples"].items()}
+    assert samples["t"].tobytes() == trajectory.t.tobytes()
+    assert samples["chain_poses"].tobytes() == trajectory.poses.tobytes()
+    assert samples["base_twists"].tobytes() == trajectory.base_twists.tobytes()
+    assert told["duration"] == trajectory.duration
+    # As the documentation has it: in piece i the twist at t is the sum over j of c[i][j] (t - breaks[i])^j.
+    breaks, pieces = np.array(told["polynomials"]["breaks"]), np.array(told["polynomials"]["coefficients"])
+    t = 0.4 * trajectory.duration
+    i = int(np.searchsorted(breaks, t, side="right")) - 1
+    twist = sum(pieces[i, j] * (t - breaks[i]) ** j for j in range(3))
+    np.testing.assert_allclose(twist, trajectory.twists_at([t])[0], atol=1e-12)
+    goal = recorded.scenario.goal.pose_chain
+    assert told["goal"]["chain"] == goal.tolist()
+    assert len(told["path"]["arcs"]) == len(recorded.plan.path.lengths)  # type: ignore[union-attr]
+
+
+def test_there_is_no_trajectory_without_a_plan(unsolved: RecordedRun, tmp_path: Path) -> None:
+    with pytest.raises(PushplanError, match="there is no plan, so there is no trajectory"):
+        write_trajectory(unsolved, tmp_path / "way.json")
 
 
 # --- Parquet -----------------------------------------------------------------------------------------------------

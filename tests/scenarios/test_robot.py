@@ -110,8 +110,8 @@ def test_a_scenario_without_a_robot_resolves_as_it_always_has(valid: Changed) ->
         "x <= -0.001",
     ),
     (
-        "{footprint: {box: [0.42, 0.285]}, base: [0, 0, 0]}",
-        "f.yaml:21:42: robot.base: unknown key; allowed: footprint, drive, start",
+        "{footprint: {box: [0.42, 0.285]}, bass: [0, 0, 0]}",
+        "f.yaml:21:42: robot.bass: unknown key; did you mean 'base'? allowed: footprint, drive, start, base",
     ),
     (
         "{footprint: {box: [0.4, 0.2], polygon: [[0, 0], [1, 0], [0, 1]]}}",

@@ -73,7 +73,7 @@ class Frames:
 
     def rigid(self, chain: Chain, attached: bool) -> Message:
         """Return the message for /tf_static; objects are in it where the plate is always in contact."""
-        pairs = [(self.map, self.odom, np.zeros(3)), (self.base, CHAIN, se2.inverse(base_pose(chain)))]
+        pairs = [(self.map, self.odom, np.zeros(3)), (self.base, CHAIN, se2.inverse(chain.pusher.base_pose))]
         pairs.append((CHAIN, PUSHER, np.zeros(3)))
         if attached:
             pairs += [(CHAIN, obj.name, obj.pose_chain) for obj in chain.objects]
@@ -87,18 +87,12 @@ class Frames:
             pose: (3,) of the chain frame, or of the robot's frame, in the world.
             load: (3,) of the objects' frame where they move on their own.
         """
-        transforms = [_transform(self.odom, self.base, se2.compose(pose, base_pose(chain)))]
+        transforms = [_transform(self.odom, self.base, se2.compose(pose, chain.pusher.base_pose))]
         if load is not None:
             transforms += [
                 _transform(self.map, o.name, se2.compose(load, o.pose_chain)) for o in chain.objects
             ]
         return {"transforms": transforms}
-
-
-def base_pose(chain: Chain) -> FloatArray:
-    """Return where the robot's frame is in the chain frame (3,): at its axle, else at the plate's front."""
-    axle = chain.pusher.drive.axle
-    return np.zeros(3) if axle is None else axle
 
 
 def turn(theta: float) -> Message:

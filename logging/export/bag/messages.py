@@ -8,6 +8,7 @@ PATH = "nav_msgs/msg/Path"
 LOG = "rcl_interfaces/msg/Log"
 NUMBER = "std_msgs/msg/Float64"
 TWIST = "geometry_msgs/msg/TwistStamped"
+POLYGON = "geometry_msgs/msg/PolygonStamped"
 
 TYPES: dict[str, tuple[str, ...]] = {
     "builtin_interfaces/Time": ("int32 sec", "uint32 nanosec"),
@@ -17,6 +18,9 @@ TYPES: dict[str, tuple[str, ...]] = {
     "std_msgs/ColorRGBA": ("float32 r", "float32 g", "float32 b", "float32 a"),
     "geometry_msgs/Vector3": ("float64 x", "float64 y", "float64 z"),
     "geometry_msgs/Point": ("float64 x", "float64 y", "float64 z"),
+    "geometry_msgs/Point32": ("float32 x", "float32 y", "float32 z"),
+    "geometry_msgs/Polygon": ("geometry_msgs/Point32[] points",),
+    "geometry_msgs/PolygonStamped": ("std_msgs/Header header", "geometry_msgs/Polygon polygon"),
     "geometry_msgs/Quaternion": ("float64 x", "float64 y", "float64 z", "float64 w"),
     "geometry_msgs/Pose": ("geometry_msgs/Point position", "geometry_msgs/Quaternion orientation"),
     "geometry_msgs/PoseStamped": ("std_msgs/Header header", "geometry_msgs/Pose pose"),

@@ -22,6 +22,11 @@ if TYPE_CHECKING:
 WRITERS = {
     "html": ("export.html", "write_html", "write a page that plays the run"),
     "csv": ("export.csv", "write_csv", "write the executed samples as a table"),
+    "trajectory": (
+        "export.trajectory",
+        "write_trajectory",
+        "write the timed motion as JSON, of chain and robot",
+    ),
     "parquet": ("export.parquet", "write_parquet", "write the executed samples as a Parquet table"),
     "mp4": ("export.mp4", "write_mp4", "write a film of the run"),
     "rrd": ("export.rrd", "write_rrd", "write a recording for Rerun"),

@@ -32,7 +32,7 @@ def hole_free(region: shapely.Geometry) -> Iterator[FloatArray]:
         if len(outline) > 2 and find_flaw(outline) is None:
             yield outline
         elif part.area >= LEAST_AREA:
-            # Corners nearer than SAME_POINT were taken together, and edges cross now: a little larger, it is on a grid.
+            # Corners nearer than SAME_POINT were taken together, and edges cross now. On a grid they do not.
             pending += shapely.get_parts(
                 shapely.set_precision(part.buffer(_GRID, join_style="mitre"), _GRID)
             ).tolist()
@@ -41,9 +41,9 @@ def hole_free(region: shapely.Geometry) -> Iterator[FloatArray]:
 def covering(region: shapely.Geometry, tolerance: float) -> shapely.Geometry:
     """Return a region with fewer corners that covers `region`; it reaches at most three times `tolerance` farther.
 
-    What is left out lies within about the tolerance of the new edges; growing by as much covers it again. A polygon of
-    the region for which it does not stays as it is. Each is looked at on its own: from thousands of corners to a
-    whole map is a long way.
+    What is left out lies within about the tolerance of the new edges; growing by as much covers it again. A
+    polygon of the region for which it does not stays as it is. Each is looked at on its own: from thousands of
+    corners to a whole map is a long way.
     """
     parts = shapely.get_parts(region)
     simple = shapely.simplify(parts, tolerance)

@@ -52,3 +52,7 @@ class Robot(t.Strict):
     start: t.Pose | None = Field(
         default=None, description="[x, y, theta] of the plate's frame in the world; asks for several pushes"
     )
+    base: t.Pose | None = Field(
+        default=None,
+        description="[x, y, theta] in the plate's frame of the frame that path followers steer; default: the axle",
+    )

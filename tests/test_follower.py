@@ -1,0 +1,260 @@
+"""A robot that follows twists of its base ends where the plan does; one that leaves the path is stopped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import pushplan
+from pushplan import FollowerState, Run
+from pushplan.basics.arrays import FloatArray
+from pushplan.errors import PushplanError
+from pushplan.following.follower import Follower
+from pushplan.geometry import se2
+
+AXLE = [-0.4, 0.0, 0.0]
+SCENARIO = """\
+format: pushplan/1
+name: push
+floor: {{friction: 0.30}}
+objects:
+  - {{name: near, shape: {{box: [0.40, 0.40]}}, mass: 4.0}}
+  - {{name: far, shape: {{box: [0.40, 0.40]}}, mass: 4.0}}
+contacts: {{friction: 0.5}}
+pusher: {{width: 0.40, friction: 0.50}}
+robot: {{footprint: {{box: [0.5, 0.4], pose: [-0.3, 0, 0]}}, {robot}}}
+start: [2.0, 2.0, 0.2]
+goal: {{pose: [6.5, 3.0, 15 deg]}}
+"""
+HOME = Path(__file__).parents[1] / "examples" / "bring_it_home.yaml"
+DRIVES = {
+    "differential": "drive: {differential: {axle: [-0.4, 0, 0]}}",
+    "car, steered elsewhere": "drive: {car: {axle: [-0.4, 0, 0], min_radius: 0.5}}, base: [-0.1, 0.05, 3 deg]",
+    "omnidirectional": "base: [-0.3, 0, 0]",
+}
+
+
+@cache
+def pushed(drive: str) -> Run:
+    scenario = pushplan.scenario_from_text(SCENARIO.format(robot=DRIVES[drive]))
+    run = pushplan.run(scenario, log=False, first=True, seed=1)
+    assert run.plan.solved
+    return run
+
+
+def pose_after(start: FloatArray, twists: pushplan.Trajectory) -> FloatArray:
+    """Integrate the base's twists as a robot does, by a method and a form that the trajectory does not use."""
+
+    def rates(t: float, pose: FloatArray) -> list[float]:
+        v, w, omega = twists.base_twists_at(np.array([t]))[0]
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        return [c * v - s * w, s * v + c * w, omega]
+
+    pose = start
+    for begin, end in zip(twists.breaks[:-1], twists.breaks[1:], strict=True):
+        pose = solve_ivp(rates, (begin, end), pose, rtol=1e-11, atol=1e-13).y[:, -1]
+    return pose
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_twists_of_the_base_lead_to_the_goal_within_a_micrometre(drive: str) -> None:
+    run = pushed(drive)
+    trajectory, pusher = run.plan.trajectory, run.scenario.chain.pusher
+    assert trajectory is not None
+    np.testing.assert_array_equal(trajectory.base, pusher.base_pose)
+    end = pose_after(trajectory.base_poses[0], trajectory)
+    goal = se2.compose(run.scenario.goal.pose_chain, pusher.base_pose)
+    assert np.hypot(*(end - goal)[:2]) < 1e-6
+    assert abs(se2.wrap_angle(end[2] - goal[2])) < 1e-6
+    if drive == "differential":
+        assert np.abs(trajectory.base_twists[:, 1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_the_base_moves_as_differences_of_its_poses_say(drive: str) -> None:
+    trajectory = pushed(drive).plan.trajectory
+    assert trajectory is not None
+    t, h = np.linspace(0.5, trajectory.duration - 0.5, 40), 1e-5
+    poses = trajectory.base_poses_at(t)
+    moved = se2.relative(poses, trajectory.base_poses_at(t + h))
+    back = se2.relative(poses, trajectory.base_poses_at(t - h))
+    np.testing.assert_allclose((moved - back) / (2 * h), trajectory.base_twists_at(t), atol=1e-6)
+
+
+def test_samples_at_another_rate_are_of_the_same_motion() -> None:
+    trajectory = pushed("differential").plan.trajectory
+    assert trajectory is not None
+    fine = trajectory.sample(400.0)
+    np.testing.assert_allclose(np.diff(fine.t[:-1]), 1 / 400)
+    np.testing.assert_array_equal(fine.base_poses, trajectory.base_poses_at(fine.t))
+    with pytest.raises(PushplanError, match="rate is 0"):
+        trajectory.sample(0.0)
+
+
+def test_log_and_resolved_scenario_keep_the_base(tmp_path: Path) -> None:
+    scenario = pushed("car, steered elsewhere").scenario
+    pushplan.run(scenario, log=tmp_path / "run.mcap", first=True)
+    read = pushplan.read_run(tmp_path / "run.mcap")
+    assert read.trajectory is not None
+    np.testing.assert_array_equal(read.trajectory.base, scenario.chain.pusher.base_pose)
+    again = pushplan.scenario_from_document(scenario.resolved(), Path("again.yaml"))
+    np.testing.assert_allclose(again.chain.pusher.base_pose, scenario.chain.pusher.base_pose)
+
+
+def moved(pose: FloatArray, twist: FloatArray, seconds: float) -> FloatArray:
+    """Return where a unicycle (or a robot that moves aside) gets to, in closed form on circles of its own."""
+    v, w, omega = twist
+    heading = pose[2] + omega * seconds
+    if abs(omega) < 1e-9:
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        return np.array([pose[0] + (c * v - s * w) * seconds, pose[1] + (s * v + c * w) * seconds, heading])
+    x = (v * (np.sin(heading) - np.sin(pose[2])) + w * (np.cos(heading) - np.cos(pose[2]))) / omega
+    y = (-v * (np.cos(heading) - np.cos(pose[2])) + w * (np.sin(heading) - np.sin(pose[2]))) / omega
+    return np.array([pose[0] + x, pose[1] + y, heading])
+
+
+def followed(
+    run: Run, follower: Follower, start: FloatArray, slow: float = 1.0, noise: float = 0.0, seen: bool = True
+) -> tuple[FloatArray, FloatArray, pushplan.Command]:
+    """Drive to the end: poses of the base, distances from the planned way, and the last command."""
+    rng, pose, poses = np.random.default_rng(3), start, [start]
+    for _ in range(20_000):
+        measured = pose + noise * rng.normal(size=3) * [1.0, 1.0, 3.0]
+        command = follower.step(measured if seen else None)
+        if command.state is not FollowerState.FOLLOWING:
+            break
+        pose = moved(pose, command.twist, 0.02 * slow)
+        poses.append(pose)
+    trajectory = run.plan.trajectory
+    assert trajectory is not None
+    way = trajectory.base_poses_at(np.arange(0.0, trajectory.duration, 1e-3))[:, :2]
+    off = np.array([np.hypot(*(way - p[:2]).T).min() for p in np.array(poses)])
+    return np.array(poses), off, command
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("slow", [1.0, 1.05])
+def test_a_robot_at_50_hz_stays_within_a_millimetre_even_if_its_clock_is_slow(
+    drive: str, slow: float
+) -> None:
+    """A clock that is 5 % slow keeps every twist 5 % too long; the measured pose makes up for it."""
+    run = pushed(drive)
+    trajectory = run.plan.trajectory
+    assert trajectory is not None
+    follower = Follower(run)
+    poses, off, command = followed(run, follower, trajectory.base_poses[0], slow)
+    assert command.state is FollowerState.ARRIVED
+    assert off.max() < 1e-3
+    assert np.hypot(*(poses[-1] - trajectory.base_poses[-1])[:2]) < 1e-3
+
+
+def test_by_time_alone_a_robot_with_a_good_clock_arrives() -> None:
+    run = pushed("differential")
+    trajectory = run.plan.trajectory
+    assert trajectory is not None
+    poses, off, command = followed(run, Follower(run, speed=0.7), trajectory.base_poses[0], seen=False)
+    assert command.state is FollowerState.ARRIVED
+    assert command.progress == 1.0
+    assert len(poses) == pytest.approx(trajectory.duration / 0.02 / 0.7, abs=2)
+    assert off.max() < 1e-3
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_robot_that_starts_beside_the_path_comes_back_on_stable_twists(drive: str) -> None:
+    run = pushed(drive)
+    trajectory = run.plan.trajectory
+    assert trajectory is not None
+    chain, stable = run.scenario.chain, run.scenario.stable_set()
+    start = se2.compose(trajectory.base_poses[0], np.array([0.0, 0.01, radians(-0.5)]))
+    follower = Follower(run, off=(0.03, radians(5.0)))
+    poses, off, command = followed(run, follower, start, noise=2e-4)
+    assert command.state is FollowerState.ARRIVED
+    assert off[0] > 0.009
+    assert np.median(off[-100:]) < 1e-3
+    twists = se2.log(se2.relative(poses[:-1], poses[1:])) / 0.02
+    of_chain = se2.twist_of(se2.inverse(trajectory.base), twists)
+    moving = np.abs(of_chain).max(axis=1) > 1e-6
+    assert stable.margin(of_chain[moving]).min() > 0.4 * (run.plan.min_margin or 0.0) > 0.0
+    assert chain.pusher.limits.both("angular_speed")[1] >= np.abs(of_chain[:, 2]).max()
+
+
+def test_a_robot_that_is_held_up_is_waited_for() -> None:
+    run = pushed("differential")
+    trajectory = run.plan.trajectory
+    assert trajectory is not None
+    follower, pose = Follower(run), trajectory.base_poses[0]
+    for _ in range(200):
+        command = follower.step(pose)
+        pose = moved(pose, command.twist, 0.02)
+    before = command.time
+    for _ in range(500):
+        command = follower.step(pose)  # wheels do not turn
+    assert command.state is FollowerState.FOLLOWING
+    assert command.time < before + 0.05
+
+
+def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
+    run = pushed("differential")
+    trajectory, chain = run.plan.trajectory, run.scenario.chain
+    assert trajectory is not None
+    start = trajectory.base_poses[0]
+    beside = se2.compose(start, np.array([0.0, 0.004, 0.0]))
+    command = Follower(run).step(beside)
+    assert command.state is FollowerState.ABORTED
+    assert (command.twist == 0.0).all()
+    assert "the base is 4 mm and 0 deg off the path after 0.00 s; allowed: 2 mm and 0.2 deg" in command.reason
+    follower = Follower(run)
+    objects = np.array([se2.compose(trajectory.poses[0], obj.pose_chain) for obj in chain.objects])
+    assert follower.step(start, objects).state is FollowerState.FOLLOWING
+    objects[1, 1] += 0.02
+    command = follower.step(start, objects)
+    assert "'far' is 20 mm and 0 deg off its place in the chain" in command.reason
+    assert follower.step(start).state is FollowerState.ABORTED
+    follower = Follower(run)
+    follower.abort("operator")
+    assert follower.step().reason == "operator"
+
+
+def test_what_cannot_be_followed_is_told() -> None:
+    run = pushed("differential")
+    with pytest.raises(PushplanError, match="push: there is no plan to follow"):
+        Follower(replace(run, plan=replace(run.plan, trajectory=None)))
+    with pytest.raises(PushplanError, match="period is 0"):
+        Follower(run, period=0.0)
+    with pytest.raises(PushplanError, match="speed is 2"):
+        Follower(run).speed = 2.0
+    with pytest.raises(PushplanError, match="pose of the base"):
+        Follower(run).step([1.0, 2.0])
+
+
+def test_a_plan_of_several_pushes_is_followed_and_its_load_watched() -> None:
+    run = pushplan.run(pushplan.load_scenario(HOME), log=False, first=True, seed=1)
+    trajectory, execution, obj = run.plan.trajectory, run.execution, run.scenario.chain.objects[0]
+    assert trajectory is not None
+    assert execution is not None
+    follower, pose = Follower(run), trajectory.base_poses[0]
+    end = se2.compose(trajectory.poses[-1], run.scenario.chain.pusher.base_pose)
+    for step in range(20_000):
+        at = min(int(np.searchsorted(execution.t, 0.02 * step)), len(execution.t) - 1)
+        box = se2.compose(execution.load_poses[at], obj.pose_chain)
+        command = follower.step(pose, [box])
+        if command.state is not FollowerState.FOLLOWING:
+            break
+        pose = moved(pose, command.twist, 0.02)
+    assert (command.state, command.reason) == (FollowerState.ARRIVED, "")
+    assert np.hypot(*(pose - end)[:2]) < 1e-3
+    corners = follower.footprint
+    assert corners[:, 0].max() == pytest.approx(0.30, abs=1e-6)  # the plate; the box comes and goes
+
+
+def test_the_footprint_holds_robot_plate_and_objects() -> None:
+    run = pushed("differential")
+    corners = Follower(run).footprint
+    np.testing.assert_allclose([corners[:, 0].min(), corners[:, 0].max()], [-0.15, 0.4 + 0.8], atol=1e-6)
+    np.testing.assert_allclose([corners[:, 1].min(), corners[:, 1].max()], [-0.2, 0.2], atol=1e-6)
