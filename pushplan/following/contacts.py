@@ -91,7 +91,8 @@ class SeveralPushes(Contacts):
 
     def load_pose(self, robot_pose: FloatArray, time: float) -> FloatArray:
         """See `Contacts`."""
-        return self._segments[self._at(time)].load_at(robot_pose[None])[0]
+        (pose,) = self._segments[self._at(time)].load_at(robot_pose[None])
+        return np.asarray(pose)
 
     @property
     def carried(self) -> tuple[Body, ...]:
