@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pushplan.basics.arrays import FloatArray
 from pushplan.path import PushPath
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session
@@ -66,6 +67,7 @@ class Search:
         good_enough: Share above the lower bound at which a path is good enough; 0 asks for the best.
         progress: Called with every improvement.
         pose: Makes the compiled problems.
+        known: (k, 4) arcs of a path that is free and stable with the first margin; None where there is none.
     """
 
     stable: StableSet
@@ -76,6 +78,7 @@ class Search:
     good_enough: float = 0.0
     progress: Callable[[ProgressPoint], None] | None = None
     pose: Posing = field(default_factory=Posing)
+    known: FloatArray | None = None
 
     def with_margins(self, scenario: Scenario, margins: Sequence[float]) -> Attempt:
         """Search with one margin after the other; return the first attempt with a path, or the last.
@@ -125,6 +128,10 @@ class Search:
         """Search once, from a path known to the search before if there is one: only the objective is another then."""
         if before is None or known is None:
             problem = self.pose(scenario, self.stable, self.began + budget.time_limit)
+            if self.known is not None:  # its twists need not lie on a segment
+                problem = problem._replace(
+                    segments=np.vstack([problem.segments, np.tile(self.known[:, :3], 2)])
+                )
         else:
             objective = make_objective(scenario, self.stable, before.problem.segments)
             problem = before.problem._replace(objective=objective)
@@ -141,6 +148,8 @@ class Search:
         )
         if known is not None:
             session.offer(np.column_stack([known.twists, known.lengths]))
+        elif self.known is not None:
+            session.offer(self.known)
         if self.good_enough > 0.0:
             session.raise_lower_bound(lower_bound(scenario))
         definition = search(session, self.make, sampling_box(scenario), body_reach(scenario))

@@ -12,6 +12,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pushplan.closed_loop import ClosedLoopRun, run_closed_loop
+    from pushplan.control.controller import Controller
+    from pushplan.control.sensor import Sensor
+    from pushplan.control.settings import ControlSettings
     from pushplan.drawing.run import plot_plan
     from pushplan.drawing.scenario import plot_scenario
     from pushplan.drawing.sets import plot_stable_sets
@@ -78,6 +82,7 @@ if TYPE_CHECKING:
     from pushplan.sim.slip.simulator import SlipSimulator
     from pushplan.sim.trials.result import Trials
     from pushplan.sim.trials.uncertain import TrialUncertainty
+    from pushplan.sim.worlds.kick import Kick
     from pushplan.sim.worlds.world import World
     from pushplan.stable_sets.grid_cor_set import GridCorSet, grid_cor_set
     from pushplan.stable_sets.interval_set import stable_set_over
@@ -123,6 +128,11 @@ _HOMES = {
     "sim.slip.simulate": "simulate",
     "sim.slip.simulator": "SlipSimulator",
     "sim.worlds.world": "World",
+    "sim.worlds.kick": "Kick",
+    "closed_loop": "ClosedLoopRun run_closed_loop",
+    "control.controller": "Controller",
+    "control.sensor": "Sensor",
+    "control.settings": "ControlSettings",
     "mechanics.sphere": "TurningRadii",
     "stable_sets.named": "stable_set",
     "stable_sets.stable_set": "StableSet",
@@ -147,9 +157,12 @@ __all__ = [
     "Chain",
     "ChainError",
     "CircleObstacle",
+    "ClosedLoopRun",
     "Command",
     "Contact",
     "ContactLoss",
+    "ControlSettings",
+    "Controller",
     "Diagnosis",
     "Drive",
     "DynamicRows",
@@ -164,6 +177,7 @@ __all__ = [
     "ImportedFileError",
     "IncompleteLogError",
     "IntervalChain",
+    "Kick",
     "Limits",
     "Mode",
     "OutputError",
@@ -186,6 +200,7 @@ __all__ = [
     "RunLogError",
     "Scenario",
     "ScenarioError",
+    "Sensor",
     "SlipReport",
     "SlipSettings",
     "SlipSimulator",
@@ -232,6 +247,7 @@ __all__ = [
     "read_run",
     "read_svg_outlines",
     "run",
+    "run_closed_loop",
     "scenario_from_document",
     "scenario_from_text",
     "simulate",

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from pushplan.basics.arrays import FloatArray
 from pushplan.basics.collection import no_collection
 from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import OutOfTimeError, PlanningError, TimingError
@@ -65,7 +66,12 @@ class Means:
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """How to search, in the words of `plan`; None stands for what the scenario says."""
+    """How to search, in the words of `plan`; None stands for what the scenario says.
+
+    Attributes:
+        known: (k, 4) arcs of a path that is there already, free and stable with the first margin.
+        explain: Find out why there is no path where none is found.
+    """
 
     name: str
     make: Factory
@@ -76,6 +82,8 @@ class Wanted:
     gap: float | None = None
     progress: Callable[[ProgressPoint], None] | None = None
     stop: Callable[[], bool] | None = None
+    known: FloatArray | None = None
+    explain: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +95,19 @@ class TimedPath:
     reason: str = ""
 
 
-def means_for(scenario: Scenario, stable_set: str | None = None) -> Means:
+def means_for(scenario: Scenario, stable_set: str | None = None, pose: Posing | None = None) -> Means:
     """Return what planning in a scenario rests on.
+
+    Args:
+        scenario: The problem.
+        stable_set: Name of the set to plan in; None stands for the scenario's.
+        pose: Makes the compiled problems, if not in the usual way.
 
     Raises:
         PushplanError: When there is no such set.
     """
     stable = planning_set(scenario, stable_set)
-    return Means(stable, margins_to_try(scenario, stable), Room.of(scenario))
+    return Means(stable, margins_to_try(scenario, stable), Room.of(scenario), pose or Posing())
 
 
 def planned(scenario: Scenario, means: Means, wanted: Wanted, watch: Stopwatch, began: float) -> PlanResult:
@@ -117,7 +130,9 @@ def planned(scenario: Scenario, means: Means, wanted: Wanted, watch: Stopwatch, 
     good_enough = scenario.planner.gap if wanted.gap is None else wanted.gap
     stall, gap = int(STALL * math.sqrt(limit)), max(good_enough, ROUNDING)
     budget = Budget(limit, stall, gap, wanted.first, wanted.iterations, stop=wanted.stop)
-    search = Search(means.stable, wanted.make, budget, seed, began, good_enough, wanted.progress, means.pose)
+    search = Search(
+        means.stable, wanted.make, budget, seed, began, good_enough, wanted.progress, means.pose, wanted.known
+    )
     try:
         with watch("search"), no_collection():
             attempt = search.with_margins(scenario, means.margins)
@@ -206,6 +221,8 @@ def _why_none(attempt: Attempt, stable: StableSet, wanted: Wanted) -> tuple[str,
     """Why a search found no path, and more about it unless it was interrupted."""
     if wanted.stop is not None and wanted.stop():
         return "the search was interrupted before it found a path", None
+    if not wanted.explain:
+        return "no path was found in time", None
     failure = explain_failure(attempt.session, attempt.scenario, stable, attempt.monitor)
     return failure.reason, failure
 

@@ -14,14 +14,18 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
+from pushplan.path import PushPath
 from pushplan.plan import settled
 from pushplan.planned import Means, Wanted, means_for, planned
 from pushplan.planners.ompl.auto import Auto
-from pushplan.planners.problem.posing import open_scene
+from pushplan.planners.problem.controls import MERIDIANS
+from pushplan.planners.problem.posing import Posing, open_scene
 from pushplan.planners.problem.reach import reach as costs_of_words
+from pushplan.planners.problem.rejoin import rejoin
 from pushplan.planners.validation.room import Room
 from pushplan.result import PlanResult
 from pushplan.scenario import Goal, Obstacle, Scenario
+from pushplan.stable_sets.stable_set import StableSet
 
 
 class Queries:
@@ -33,6 +37,8 @@ class Queries:
         scenario: Chain, room and settings; its start and goal do not matter.
         margin: What the twists' margins have to exceed; None stands for that of the scenario.
         tell: Called with sentences for the user about what takes long.
+        meridians: How finely an omnidirectional pusher's controls are taken from the stable set; half as many take
+            half the time to make.
 
     Attributes:
         scenario: With which the questions are asked.
@@ -47,10 +53,11 @@ class Queries:
         *,
         margin: float | Literal["auto"] | None = None,
         tell: Callable[[str], None] | None = None,
+        meridians: int = MERIDIANS,
     ) -> None:
         warm_up(Auto.name, tell, scenario.stability.set, scenario.interval is not None)
         self.scenario = settled(scenario, None, margin)
-        self._keep(means_for(self.scenario))
+        self._keep(means_for(self.scenario, pose=Posing(meridians=meridians)))
 
     def plan(
         self,
@@ -60,6 +67,8 @@ class Queries:
         timed: bool = True,
         seed: int | None = None,
         time_limit: float | None = None,
+        previous: PushPath | None = None,
+        explain: bool = True,
     ) -> PlanResult:
         """Return the first path from one pose to another, checked like every plan.
 
@@ -70,6 +79,9 @@ class Queries:
                 checked, which takes a tenth of the time; `trajectory`, `execution` and `tolerance` are None.
             seed: Of the random numbers; None stands for that of the scenario.
             time_limit: Seconds; None stands for that of the scenario.
+            previous: An earlier path; a way onto it and along its rest, moved so that it ends at the goal, is the
+                first candidate, so that a plan that is still good is kept.
+            explain: Find out why there is no path where none is found, which takes longer than some searches.
 
         Raises:
             PlanningError: When a pose is none, too near to something, or both are the same.
@@ -80,7 +92,8 @@ class Queries:
             pose, None, pose, self.scenario.goal.position_tolerance, self.scenario.goal.angle_tolerance
         )
         asked = replace(self.scenario, start=_pose(start, "start"), goal=target)
-        wanted = Wanted(Auto.name, Auto, seed, time_limit, first=True)
+        known = None if previous is None else self._rest(previous, asked)
+        wanted = Wanted(Auto.name, Auto, seed, time_limit, first=True, known=known, explain=explain)
         return planned(asked, replace(self._means, timed=timed), wanted, Stopwatch(), began)
 
     def reach(self, starts: ArrayLike, goals: ArrayLike) -> FloatArray:
@@ -105,6 +118,35 @@ class Queries:
         pose = self._means.pose.in_room(open_scene(other.scenario))
         other._keep(replace(self._means, room=Room.of(other.scenario), pose=pose))
         return other
+
+    @property
+    def stable(self) -> StableSet:
+        """The set that questions are planned in."""
+        return self._means.stable
+
+    @property
+    def margin(self) -> float:
+        """The margin that is planned with first."""
+        return self._means.margins[0]
+
+    @property
+    def twists(self) -> FloatArray:
+        """(k, 3) stable twists that words are made of, with the first margin, scaled to a cost rate of 1."""
+        twists = np.unique(self._families.reshape(-1, 3), axis=0)
+        return np.asarray(twists[np.abs(twists).max(axis=1) > 0.0])
+
+    def _rest(self, previous: PushPath, asked: Scenario) -> FloatArray | None:
+        """Return the arcs of a way onto an earlier path and along its rest, None where none is free and stable."""
+        stable, least = self._means.stable, self._means.margins[0]
+        return rejoin(
+            self._scene,
+            self._families,
+            asked.clearance,
+            lambda twists: stable.margin(twists) > least,
+            previous,
+            asked.start,
+            asked.goal.pose_chain,
+        )
 
     def _keep(self, means: Means) -> None:
         """Take over what planning rests on, and make what the first margin needs."""

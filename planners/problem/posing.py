@@ -12,7 +12,7 @@ from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.compiled import no_refcount
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import Scene, separation
-from pushplan.planners.problem.controls import MARGIN_FLOOR, control_segments, steering_families
+from pushplan.planners.problem.controls import MARGIN_FLOOR, MERIDIANS, control_segments, steering_families
 from pushplan.planners.problem.objective import make_objective
 from pushplan.planners.problem.problem import Problem
 from pushplan.scenario import CircleObstacle, Scenario
@@ -43,10 +43,16 @@ class Posing:
     Args:
         scene: An `open_scene` that is there already.
         controls: By margin, likewise.
+        meridians: Of the stable set that controls are taken from.
     """
 
-    def __init__(self, scene: Scene | None = None, controls: dict[float, Controls] | None = None) -> None:
-        self._scene = scene
+    def __init__(
+        self,
+        scene: Scene | None = None,
+        controls: dict[float, Controls] | None = None,
+        meridians: int = MERIDIANS,
+    ) -> None:
+        self._scene, self._meridians = scene, meridians
         self._controls = {} if controls is None else controls
 
     def __call__(self, scenario: Scenario, stable: StableSet, until: float = math.inf) -> Problem:
@@ -85,13 +91,14 @@ class Posing:
         """
         margin = scenario.required_margin
         if margin not in self._controls:
-            segments = control_segments(stable, scenario.chain.pusher.drive, margin + MARGIN_FLOOR)
+            drive = scenario.chain.pusher.drive
+            segments = control_segments(stable, drive, margin + MARGIN_FLOOR, self._meridians)
             self._controls[margin] = Controls(segments, steering_families(segments))
         return self._controls[margin]
 
     def in_room(self, scene: Scene) -> Posing:
         """Return it for another room: the controls are shared."""
-        return Posing(scene, self._controls)
+        return Posing(scene, self._controls, self._meridians)
 
 
 def build_problem(scenario: Scenario, stable: StableSet) -> Problem:

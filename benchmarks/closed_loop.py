@@ -1,0 +1,172 @@
+"""Closed loop against open loop in the same disturbed worlds.
+
+Run `python benchmarks/closed_loop.py [--worlds 2] [--random 40] [--only NAME ...]`; prints a line a scenario and each
+figure next to what is wanted, and exits 1 on a miss. Every packaged scenario, and random ones of one to four
+objects with walls and obstacles, are executed in worlds in which
+
+- every coefficient of friction, of contacts and of the floor, is off by 20 %, up or down on its own;
+- one object is displaced by 5 mm and 3 deg at a random moment, in a random direction;
+- objects are measured 30 times a second, 0.1 s late, with noise of 1 mm and 0.3 deg.
+
+Counted is whether the goal's object (every object, where the goal names none) ends within 5 mm and 1 deg of its goal.
+Loads that are unknown are even in these worlds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.basics.wilson import wilson
+from pushplan.bench.processes.machine import Machine
+from pushplan.bench.random_problems.generator import generate
+from pushplan.bench.random_problems.parameters import ProblemParameters
+from pushplan.control.aims import Aim
+from pushplan.control.controller import Controller
+from pushplan.control.course import OpenLoop, course_in
+from pushplan.examples import example_names
+from pushplan.plan import plan
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.result import PlanResult
+from pushplan.scenario import Scenario
+from pushplan.sim.worlds.kick import Kick
+from pushplan.sim.worlds.world import World
+
+POSITION, ANGLE = 5e-3, np.radians(1.0)
+DISPLACED, TURNED = 5e-3, np.radians(3.0)
+OFF = 0.2
+WANTED = 0.9
+MEDIAN, MOST = 0.020, 0.100
+
+
+@dataclass(frozen=True)
+class Row:
+    """One world: whether the goal's object arrives, and what it took."""
+
+    closed: bool
+    opened: bool
+    error: FloatArray
+    replans: tuple[float, ...]
+    why: str
+    seconds: float
+
+
+def random_scenarios(count: int) -> list[tuple[Scenario, PlanResult]]:
+    """Return so many random scenarios that have a plan."""
+    found: list[tuple[Scenario, PlanResult]] = []
+    seed = 0
+    with tempfile.TemporaryDirectory() as folder:
+        while len(found) < count:
+            path = Path(folder) / f"random-{seed}.yaml"
+            path.write_text(generate(ProblemParameters(), seed), encoding="utf-8")
+            scenario = load_scenario(path)
+            result = plan(scenario, seed=1, time_limit=1.0)
+            if result.solved:
+                found.append((scenario, result))
+            seed += 1
+    return found
+
+
+def disturbed(scenario: Scenario, duration: float, random: np.random.Generator) -> tuple[World, Kick]:
+    """Return a world whose friction is off, and a kick."""
+    world = World.from_scenario(scenario)
+    for obj in scenario.chain.objects:
+        world = world.with_contact_friction(1.0 + OFF * random.choice([-1.0, 1.0]), obj.name)
+        world = world.with_floor_friction(1.0 + OFF * random.choice([-1.0, 1.0]), obj.name)
+    way = random.uniform(-np.pi, np.pi)
+    turn = TURNED * random.choice([-1.0, 1.0])
+    index = int(random.integers(len(scenario.chain.objects)))
+    x, y = DISPLACED * np.cos(way), DISPLACED * np.sin(way)
+    return world, Kick(random.uniform(0.0, duration), index, float(x), float(y), float(turn))
+
+
+def judge(scenario: Scenario, object_poses: FloatArray) -> FloatArray:
+    """Return how far (m) and by what angle (rad) the worst of the goal's objects is off."""
+    return Aim.of(scenario.goal, scenario.chain, POSITION, ANGLE).errors(object_poses)
+
+
+def one(scenario: Scenario, result: PlanResult, seed: int, verbose: bool) -> Row:
+    """Run both loops in one world."""
+    assert result.trajectory is not None
+    random = np.random.default_rng([seed, len(scenario.name)])
+    world, kick = disturbed(scenario, result.trajectory.duration, random)
+    controller = Controller(scenario)
+    began = time.process_time()
+    course = course_in(world, controller, controller.settings.rate, [kick], seed=seed)
+    seconds = time.process_time() - began
+    blind = course_in(world, OpenLoop(result.trajectory, 50.0), 50.0, [kick])
+    errors = [judge(scenario, run.object_poses[-1]) for run in (course, blind)]
+    closed, opened = (bool((error <= [POSITION, ANGLE]).all()) for error in errors)
+    why = "jammed" if course.jammed else controller.reason
+    if verbose:
+        print(kick, [c.friction for c in world.chain.contacts])
+        for event in controller.events:
+            print(f"    {event.time:7.2f} {event.kind:8} {event.text}")
+    return Row(closed, opened, errors[0], tuple(r.seconds for r in controller.replans), why, seconds)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--worlds", type=int, default=2, help="worlds a scenario")
+    parser.add_argument("--random", type=int, default=40, help="random scenarios")
+    parser.add_argument("--only", nargs="*", help="names of scenarios")
+    parser.add_argument("--verbose", action="store_true", help="print every event of runs that miss")
+    arguments = parser.parse_args()
+    print(Machine.this().words)
+    problems = [
+        (scenario, plan(scenario, seed=1, time_limit=1.0)) for scenario in map(load_scenario, example_names())
+    ]
+    problems += random_scenarios(arguments.random)
+    rows: list[Row] = []
+    for scenario, result in problems:
+        if arguments.only and scenario.name not in arguments.only:
+            continue
+        found = [one(scenario, result, seed, arguments.verbose) for seed in range(arguments.worlds)]
+        rows += found
+        closed, opened = sum(row.closed for row in found), sum(row.opened for row in found)
+        share = f"of {len(found)} arrive {closed} in closed, {opened} in open loop"
+        print(
+            f"{scenario.name:22} {share}, {np.mean([len(r.replans) for r in found]):.1f} replans", flush=True
+        )
+        for row in found:
+            if not row.closed:
+                print(f"    {1e3 * row.error[0]:.1f} mm {np.degrees(row.error[1]):.2f} deg: {row.why}")
+    return report(rows)
+
+
+def report(rows: list[Row]) -> int:
+    """Print every figure next to what is wanted; return the exit code."""
+    misses = 0
+    shares = {}
+    for who, count in (("closed", sum(r.closed for r in rows)), ("open", sum(r.opened for r in rows))):
+        low, high = wilson(count, len(rows))
+        shares[who] = count / len(rows)
+        print(f"{who:7} loop: {count} of {len(rows)} arrive ({100 * low:.1f} to {100 * high:.1f} %)")
+    replans = np.array([seconds for row in rows for seconds in row.replans])
+    for words, value, wanted, good in (
+        ("arrive in closed loop", shares["closed"], f">= {WANTED}", shares["closed"] >= WANTED),
+        (
+            "replan, median CPU ms",
+            1e3 * np.median(replans),
+            f"<= {1e3 * MEDIAN:.0f}",
+            np.median(replans) <= MEDIAN,
+        ),
+        ("replan, most CPU ms", 1e3 * replans.max(), f"<= {1e3 * MOST:.0f}", replans.max() <= MOST),
+    ):
+        misses += not good
+        print(f"{'ok  ' if good else 'MISS'} {words}: {value:.3g}, wanted {wanted}")
+    print(f"{len(replans)} replans; {np.mean([row.seconds for row in rows]):.2f} s a run")
+    return 1 if misses else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,76 @@
+"""The rest of an earlier path as a path from somewhere else to somewhere else: a word, then its own arcs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from pushplan.basics.arrays import BoolArray, FloatArray
+from pushplan.geometry.se2 import compose, relative
+from pushplan.path import PushPath
+from pushplan.planners.collision.separation import Scene, sweep_is_free
+from pushplan.planners.problem.posing import scene_between
+from pushplan.planners.problem.reach import reach
+from pushplan.planners.problem.steering import MAX_WORDS, connect
+
+PLACES = 24
+"""Places of the earlier path that are tried, its end included."""
+SWEEPS = 4
+"""Candidates that are swept for collisions, at most, cheapest first."""
+
+
+def rejoin(
+    scene: Scene,
+    families: FloatArray,
+    clearance: float,
+    stable: Callable[[FloatArray], BoolArray],
+    path: PushPath,
+    start: FloatArray,
+    goal: FloatArray,
+) -> FloatArray | None:
+    """Return the arcs (k, 4) of the cheapest way onto an earlier path and along its rest; None where none is free.
+
+    The rest is moved rigidly so that it ends at the goal, which need not be where the path ended.
+
+    Args:
+        scene: An `open_scene`.
+        families: (f, 3, 3) left, straight and right twists.
+        clearance: Distance that is kept, m.
+        stable: Tells which of twists (k, 3) have the margin that is asked for.
+        path: The earlier one.
+        start: (3,) pose of the chain frame in the world.
+        goal: Likewise.
+    """
+    s = np.unique(np.append(np.linspace(0.0, path.cost, PLACES), np.cumsum(path.lengths)))
+    onto = compose(goal, relative(path.end, path.poses_at(s)))
+    words = reach(scene, families, np.asarray(start, dtype=np.float64)[None], onto, clearance)[0]
+    between = scene_between(scene, clearance, start, goal)
+    for k in np.argsort(words + path.cost - s)[:SWEEPS]:
+        if words[k] == math.inf:
+            break
+        rest = _rest(path, float(s[k]))
+        if len(rest) and not (stable(rest[:, :3]).all() and _is_free(between, onto[k], rest)):
+            continue
+        word = np.zeros((3, 4))
+        if connect(between, families, start, onto[k], math.inf, MAX_WORDS, word)[0] < math.inf:
+            return np.concatenate([word, rest])
+    return None
+
+
+def _rest(path: PushPath, s: float) -> FloatArray:
+    """Return the arcs (k, 4) that are left from the cost `s` on."""
+    ends = np.cumsum(path.lengths)
+    left = np.minimum(path.lengths, ends - s)
+    ahead = left > 1e-9
+    return np.column_stack([path.twists, left])[ahead]
+
+
+def _is_free(scene: Scene, pose: FloatArray, arcs: FloatArray) -> bool:
+    """Tell whether arcs (k, 4) from a pose (3,) are free."""
+    here = PushPath(pose, arcs[:, :3], arcs[:, 3])
+    return all(
+        sweep_is_free(scene, knot[0], knot[1], knot[2], twist[0], twist[1], twist[2], length)
+        for knot, twist, length in zip(here.knots, here.twists, here.lengths, strict=False)
+    )

@@ -1,0 +1,72 @@
+"""What a controller is told about its sensor, and when it acts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from pushplan.errors import PushplanError
+
+SIGMAS = 6.0
+"""Standard deviations of a mean by which a contact may seem to be open and count as closed."""
+LEAST_GAP, LEAST_TURN = 8e-4, 5e-3
+"""Gap (m) and turn (rad) that count as closed however well objects are measured."""
+
+_LEAST = {"position_noise": 0, "angle_noise": 0, "friction": 0, "replans": 0, "looks": 2}
+"""Least values of what need not be above 0."""
+
+
+@dataclass(frozen=True)
+class ControlSettings:
+    """Settings of a controller.
+
+    Attributes:
+        rate: Twists per second, Hz.
+        position_noise: Standard deviation of each coordinate of a measured position, m.
+        angle_noise: Standard deviation of a measured angle, rad.
+        looks: Measurements at rest that a decision rests on; while it moves, half as many have to agree.
+        position_slack: How far an object may be off its place in the plan while the plan goes on, m.
+        angle_slack: By what angle it may be, rad.
+        position_tolerance: Distance from its goal within which the goal's object has arrived, m. The goal's own
+            tolerance counts where it is wider.
+        angle_tolerance: The same of the angle, rad.
+        friction: Share by which coefficients of friction may be off; pushes that close contacts are proven for it.
+        time_limit: Wall-clock time that the search of a plan may take, s.
+        replans: So many plans are made after the first one, at most.
+        patience: Time without a measurement after which the plate stops, s; after ten times that the controller
+            gives up.
+    """
+
+    rate: float = 50.0
+    position_noise: float = 1e-3
+    angle_noise: float = math.radians(0.3)
+    looks: int = 16
+    position_slack: float = 2.5e-3
+    angle_slack: float = math.radians(0.5)
+    position_tolerance: float = 5e-3
+    angle_tolerance: float = math.radians(1.0)
+    friction: float = 0.2
+    time_limit: float = 0.06
+    replans: int = 30
+    patience: float = 0.5
+
+    @property
+    def gap(self) -> float:
+        """Gap up to which a contact that was looked at counts as closed, m."""
+        return max(LEAST_GAP, SIGMAS / math.sqrt(self.looks) * self.position_noise)
+
+    @property
+    def turn(self) -> float:
+        """Turn up to which it does, rad."""
+        return max(LEAST_TURN, SIGMAS / math.sqrt(self.looks) * self.angle_noise)
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value, least = getattr(self, field.name), _LEAST.get(field.name)
+            fits = value > 0.0 if least is None else value >= least
+            most = 1.0 if field.name == "friction" else math.inf
+            if not (fits and value < most):
+                allowed = "> 0" if least is None else f">= {least}"
+                raise PushplanError(
+                    f"{field.name} of the control settings is {value}; it must be {allowed} and below {most:g}"
+                )

@@ -1,0 +1,145 @@
+"""The closed loop in simulated worlds."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import pushplan
+from pushplan.control.controller import Controller, Phase
+from pushplan.control.course import OpenLoop, course_in
+from pushplan.errors import PlanningError, PushplanError
+from pushplan.geometry.se2 import compose
+
+STILL = pushplan.Sensor(position=0.0, angle=0.0)
+
+
+@cache
+def scenario(name: str) -> pushplan.Scenario:
+    return pushplan.load_scenario(name)
+
+
+@cache
+def plan_of(name: str) -> pushplan.PlanResult:
+    return Controller(scenario(name)).plan
+
+
+def kick(name: str, share: float, index: int, way: float, turn: float = 3.0) -> pushplan.Kick:
+    """A kick of 5 mm, after a share of the plan."""
+    trajectory = plan_of(name).trajectory
+    assert trajectory is not None
+    x, y = 5e-3 * np.cos(way), 5e-3 * np.sin(way)
+    return pushplan.Kick(share * trajectory.duration, index, float(x), float(y), float(np.radians(turn)))
+
+
+def off_by_a_fifth(name: str) -> pushplan.World:
+    world = pushplan.World.from_scenario(scenario(name))
+    return world.with_contact_friction(0.8).with_floor_friction(1.2, scenario(name).chain.objects[0].name)
+
+
+@pytest.mark.parametrize("name", ["one-box", "two-crates"])
+def test_in_an_undisturbed_world_the_plate_goes_along_the_plan_and_arrives(name: str) -> None:
+    plan = plan_of(name)
+    assert plan.trajectory is not None
+    run = pushplan.run_closed_loop(scenario(name), plan=plan, sensor=STILL)
+    planned = plan.trajectory.poses_at(run.course.t)
+    assert np.abs(run.course.poses - planned).max() < 1e-9
+    assert run.outcome == "arrived"
+    assert not run.replans
+    blind = course_in(pushplan.World.from_scenario(scenario(name)), OpenLoop(plan.trajectory, 50.0), 50.0)
+    assert np.abs(blind.object_poses[-1] - run.course.object_poses[-1]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "way"), [("hook", 1, -1.5), ("parallel-stacks", 2, -1.5), ("feet", 1, 1.5)]
+)
+def test_a_kicked_object_is_brought_to_the_goal_that_the_plan_alone_misses(
+    name: str, index: int, way: float
+) -> None:
+    plan, world, kicks = plan_of(name), off_by_a_fifth(name), [kick(name, 0.4, index, way)]
+    assert plan.trajectory is not None
+    run = pushplan.run_closed_loop(scenario(name), world, kicks, plan=plan)
+    assert run.outcome == "arrived", run.reason
+    assert (run.goal_errors <= [5e-3, np.radians(1.0)]).all()
+    assert any(replan.solved for replan in run.replans)
+    blind = course_in(world, OpenLoop(plan.trajectory, 50.0), 50.0, kicks)
+    missed = replace(run, course=blind).goal_errors
+    assert (missed > [5e-3, np.radians(1.0)]).any()
+
+
+def test_the_same_seeds_give_the_same_run() -> None:
+    world, kicks = off_by_a_fifth("hook"), [kick("hook", 0.3, 0, 1.0)]
+    first, second = (
+        pushplan.run_closed_loop(scenario("hook"), world, kicks, plan=plan_of("hook"), seed=3)
+        for _ in range(2)
+    )
+    assert first.events == second.events
+    np.testing.assert_array_equal(first.course.object_poses, second.course.object_poses)
+    other = pushplan.run_closed_loop(scenario("hook"), world, kicks, plan=plan_of("hook"), seed=4)
+    assert not np.array_equal(other.course.measured[:9], first.course.measured[:9])
+
+
+def test_an_object_that_is_carried_away_is_given_up_with_the_reason() -> None:
+    far = pushplan.Kick(3.0, 1, 0.3, 0.0, 0.5)
+    run = pushplan.run_closed_loop(scenario("two-crates"), kicks=[far], plan=plan_of("two-crates"))
+    assert run.outcome == "gave up"
+    assert run.reason == "no push of up to 50 mm closes the contacts"
+    assert run.events[-1].kind == "gave up"
+    assert run.events[-1].text == run.reason
+
+
+def test_objects_that_slid_too_far_against_one_another_for_the_goal_are_given_up_at_its_end() -> None:
+    aside = pushplan.Kick(3.0, 1, 0.0, -0.03, 0.0)
+    everything = replace(scenario("two-crates").goal, of=None)
+    asked = replace(scenario("two-crates"), goal=everything)
+    run = pushplan.run_closed_loop(asked, kicks=[aside], plan=plan_of("two-crates"))
+    assert run.outcome == "gave up"
+    assert run.reason.startswith("objects have slid against one another: they cannot all be nearer than 1")
+
+
+def test_without_measurements_the_plate_stops_and_the_controller_gives_up() -> None:
+    controller = Controller(scenario("one-box"), plan_of("one-box"))
+    twists = [controller.step(0.02 * k) for k in range(300)]
+    speeds = np.abs(twists).max(axis=1)
+    assert speeds[20] > 0.01
+    assert (speeds[150:] == 0.0).all()
+    assert controller.phase is Phase.GAVE_UP
+    assert controller.reason == "no measurement has come for 5.0 s"
+
+
+def test_what_is_no_measurement_is_refused() -> None:
+    controller = Controller(scenario("one-box"), plan_of("one-box"))
+    with pytest.raises(PushplanError, match=r"poses of the objects has shape \(2, 3\)"):
+        controller.step(0.0, np.zeros((2, 3)))
+    with pytest.raises(
+        PushplanError, match=r"a measurement was taken at 9.000 s; known is where the plate was"
+    ):
+        controller.step(0.02, np.zeros((1, 3)), measured_at=9.0)
+    unsolved = replace(plan_of("one-box"), path=None, trajectory=None, reason="nothing was found")
+    with pytest.raises(PlanningError, match="there is no plan to begin with: nothing was found"):
+        Controller(scenario("one-box"), unsolved)
+
+
+def test_twists_of_a_measured_plate_lead_back_to_the_path() -> None:
+    controller = Controller(scenario("one-box"), plan_of("one-box"))
+    start = scenario("one-box").start
+    place = scenario("one-box").chain.objects[0].pose_chain
+    aside = start + np.array([0.0, 1e-3, 0.0])
+    objects = compose(aside, place)[None]
+    twist = controller.step(0.0, objects, plate_pose=aside)
+    assert twist[1] == pytest.approx(-1e-3 * controller.settings.rate, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("rate", 0.0), ("looks", 1), ("friction", 1.0), ("patience", -1.0)]
+)
+def test_settings_that_make_no_sense_are_refused(field: str, value: float) -> None:
+    with pytest.raises(PushplanError, match=f"{field} of the control settings is {value}"):
+        pushplan.ControlSettings(**{field: value})  # type: ignore[arg-type]
+
+
+def test_several_pushes_are_refused() -> None:
+    asked = replace(scenario("one-box"), pushes=object())  # type: ignore[arg-type]
+    with pytest.raises(PlanningError, match="the closed loop knows one push: leave out robot.start"):
+        Controller(asked)
