@@ -141,5 +141,5 @@ def test_settings_that_make_no_sense_are_refused(field: str, value: float) -> No
 
 def test_several_pushes_are_refused() -> None:
     asked = replace(scenario("one-box"), pushes=object())  # type: ignore[arg-type]
-    with pytest.raises(PlanningError, match="the closed loop knows one push: leave out robot.start"):
+    with pytest.raises(PlanningError, match=r"the closed loop knows one push: leave out robot.start"):
         Controller(asked)
