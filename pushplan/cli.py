@@ -25,6 +25,7 @@ from pushplan.commands import (
 )
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import PIPE_CLOSED, WRONG_INPUT, report_failure
+from pushplan.commands.terminal.parsing import Parser
 
 COMMANDS = {
     "plan": plan,
@@ -75,7 +76,7 @@ def main(argv: Sequence[str]) -> int:
         parser().print_help(sys.stderr)
         return WRONG_INPUT
     try:
-        args = parser().parse_args(argv)
+        args = parser().parse_every(argv)
     except SystemExit as stop:  # argparse has written its help or what is wrong
         return int(stop.code or 0)
     console = Console(json=args.json, verbose=args.verbose)
@@ -89,20 +90,19 @@ def main(argv: Sequence[str]) -> int:
     return code
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """Return the parser of all commands."""
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog="pushplan",
         description="Plan how a robot pushes a chain of objects to a goal pose without anything slipping.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     top.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, module in COMMANDS.items():
         summary = (module.__doc__ or "").partition("\n")[0]
-        child = commands.add_parser(name, help=summary, description=summary, allow_abbrev=False)
+        child = commands.add_parser(name, help=summary, description=summary)
         module.declare(child)
         child.add_argument("--json", action="store_true", help="print one JSON object on stdout")
         child.add_argument(

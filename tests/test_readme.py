@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from pushplan.cli import main
-from pushplan.examples import example_text
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -51,10 +50,11 @@ def test_the_message_about_a_mistake_is_the_one_that_is_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("mine.yaml").write_text(example_text("two-crates").replace("width: 0.20", "widht: 0.20"))
+    assert main(["new", "mine"]) == 0
+    file = Path("mine.yaml")
+    file.write_text(file.read_text().replace("  width: ", "  widht: "))
     assert main(["check", "mine.yaml"]) == 2
-    for line in _blocks("text")[1].splitlines():
-        assert line in capsys.readouterr().err
+    assert capsys.readouterr().err == _blocks("text")[1]
 
 
 def test_the_python_code_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:

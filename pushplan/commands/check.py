@@ -29,6 +29,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
     check_outputs(args.scenario, args.plot)
     scenario = load_scenario(args.scenario, args.map)
+    ask(scenario, console)
     console.say(console.paint(scenario.name, "bold"))
     console.table(understood.rows(scenario))
     with console.computing("computing the stable set"):
@@ -49,6 +50,15 @@ def run(args: argparse.Namespace, console: Console) -> int:
         }
     )
     return DONE
+
+
+def ask(scenario: Scenario, console: Console) -> None:
+    """Ask about numbers that the file may state but hardly means."""
+    from pushplan.reading.scenario_questions import questions
+    from pushplan.reading.yaml.tree import read_document
+
+    for question in questions(read_document(scenario.source)):
+        console.note(f"question: {question.text(str(scenario.path))}")
 
 
 def require_pushable(scenario: Scenario) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pushplan.basics.interruption import INTERRUPTED, Interruption
-from pushplan.commands.check import require_pushable
+from pushplan.commands.check import ask, require_pushable
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.options import check_outputs
 from pushplan.errors import PushplanError
@@ -31,6 +31,7 @@ def load(args: argparse.Namespace, console: Console) -> Scenario:
         raise PlanUsageError("--no-log does not go together with -o and --runs; leave one of them out")
     check_outputs(args.scenario, args.plot, args.output, args.html)
     scenario = load_scenario(args.scenario, args.map)
+    ask(scenario, console)
     if args.physics:
         physics.require_executable(scenario)
     with console.computing("loading the planner"):

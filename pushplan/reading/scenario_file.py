@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from pushplan.examples import example_file, example_names
 from pushplan.reading.imported.ros_map import map_files
 from pushplan.reading.scenario_build import build_scenario
 from pushplan.reading.scenario_files import Attachments
+from pushplan.reading.scenario_questions import length_question
 from pushplan.reading.schema.findings import nearest
 from pushplan.reading.yaml.report import Report
 from pushplan.reading.yaml.text import MOST_BYTES, DocumentError
@@ -121,8 +123,20 @@ def _read(data: bytes, path: Path, attachments: Attachments) -> Scenario:
     report = Report(document)
     scenario = build_scenario(document, path, data, attachments, report)
     if scenario is None:
-        raise ScenarioError(str(path), report.findings)
+        raise ScenarioError(str(path), _told_first(report))
     return scenario
+
+
+def _told_first(report: Report) -> tuple[Finding, ...]:
+    """Return what is wrong; lengths that are millimetres by all appearance stand for what follows from them."""
+    question = length_question(report.document)
+    if question is None:
+        return report.findings
+    more = len(report.findings)
+    follows = (
+        "one more finding may follow from it" if more == 1 else f"{more} more findings may follow from it"
+    )
+    return (replace(question, what=f"{question.what}; {follows}"),)
 
 
 def _unreadable(source: str | Path, error: Exception) -> str:

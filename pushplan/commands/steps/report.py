@@ -11,7 +11,7 @@ import numpy as np
 
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import DONE, MISMATCH, NO_PLAN
-from pushplan.commands.terminal.numbers import counted, time_text
+from pushplan.commands.terminal.numbers import angle_text, counted, length_text, plain, time_text
 from pushplan.execution import inertia_warning
 from pushplan.mechanics.chain import Chain
 
@@ -108,7 +108,8 @@ def _segment_text(segment: Segment) -> str:
 
 
 def _pose_text(pose: FloatArray) -> str:
-    return f"({pose[0]:.3f}, {pose[1]:.3f}, {degrees(pose[2]):.1f} deg)"
+    x, y, theta = plain(round(pose[0], 3)), plain(round(pose[1], 3)), plain(round(degrees(pose[2]), 1))
+    return f"({x:.3f}, {y:.3f}, {theta:.1f} deg)"
 
 
 def rows(
@@ -158,7 +159,7 @@ def _execution_rows(scenario: Scenario, execution: Execution) -> list[tuple[str,
     chain = scenario.chain
     position, angle = execution.goal_error
     found = [
-        ("goal error", f"{position:.1e} m, {degrees(angle):.1e} deg after execution"),
+        ("goal error", f"{length_text(position)}, {angle_text(angle)} after execution"),
         ("smallest margin", _smallest(chain, execution, execution.margins)),
     ]
     if execution.dynamic_margins is not None:

@@ -8,6 +8,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pushplan.commands.terminal.numbers import angle_text, length_text
 from pushplan.reading.values import units
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def _stated(trials: Trials) -> str:
 
 
 def _off(position: float, angle: float) -> str:
-    return f"{1e3 * position:.3g} mm / {degrees(angle):.3g} deg"
+    return f"{length_text(position)} / {angle_text(angle)}"
 
 
 def document(trials: Trials, worst: Path | None) -> dict[str, object]:

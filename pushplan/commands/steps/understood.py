@@ -10,7 +10,7 @@ import shapely
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.names import KNOWN_LOAD_SETS
-from pushplan.commands.terminal.numbers import counted
+from pushplan.commands.terminal.numbers import counted, plain
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
@@ -225,7 +225,8 @@ def _place(scenario: Scenario, pose: FloatArray) -> dict[str, object]:
 
 def _place_text(scenario: Scenario, pose: FloatArray) -> str:
     free = room(scenario, pose)
-    text = f"chain frame at ({pose[0]:.4g}, {pose[1]:.4g}) m, {degrees(pose[2]):.4g} deg"
+    x, y, theta = plain(pose[0]), plain(pose[1]), plain(degrees(pose[2]))
+    text = f"chain frame at ({x:.4g}, {y:.4g}) m, {theta:.4g} deg"
     return (
         f"{text}; nothing in the way"
         if not isfinite(free)

@@ -45,11 +45,26 @@ def add_runs(parser: argparse.ArgumentParser) -> None:
 
 
 def seconds(text: str) -> float:
-    """Return a time limit; argparse's `type`."""
-    value = float(text)
+    """Return a time limit such as `2`, `2s`, `500 ms` or `1 min`, s; argparse's `type`."""
+    value = _time(text)
     if not (isfinite(value) and value > 0.0):
-        raise argparse.ArgumentTypeError(f"{text} s is no time limit; it must be above 0 and finite")
+        raise argparse.ArgumentTypeError(f"{text} is no time limit; it must be above 0 s and finite")
     return value
+
+
+def _time(text: str) -> float:
+    """Return a time, s, plain or with a unit."""
+    from pushplan.reading.values.units import TIME, split_unit
+
+    parts = split_unit(text)
+    if parts is not None and parts[1] in TIME:
+        return parts[0] * TIME[parts[1]]
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no time; allowed: seconds, or a number with one of {', '.join(TIME)}"
+        ) from None
 
 
 def count(text: str) -> int:

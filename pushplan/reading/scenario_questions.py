@@ -1,0 +1,89 @@
+"""What a scenario file may say but hardly means: millimetres or degrees written as plain numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import pi
+
+from pushplan.errors import Finding
+from pushplan.reading.yaml.node import Document, Place
+from pushplan.reading.yaml.report import Report
+
+LARGEST_OBJECT = 20.0
+"""Side of an object up to which a plain number is taken for metres without a question, m."""
+
+_POSES = (
+    ("start",),
+    ("goal", "pose"),
+    ("robot", "start"),
+    ("robot", "base"),
+    ("objects", "*", "pose"),
+    ("obstacles", "*", "pose"),
+)
+"""Where poses stand; `*` is any member of a list."""
+
+
+def questions(document: Document) -> tuple[Finding, ...]:
+    """Return what is to be asked, most consequential first; text with a unit is never asked about."""
+    report = Report(document)
+    stated = document.root.plain()
+    length = next(_in_millimetres(stated), None)
+    if length is not None:
+        report.add(*length)
+    for place, angle in _angles(stated):
+        if abs(angle) > pi + 0.01:
+            report.add(place, f'is {angle:g}: degrees? plain numbers are rad; write "{angle:g} deg" if so')
+    return report.findings
+
+
+def length_question(document: Document) -> Finding | None:
+    """Return the question for millimetres alone; what is wrong beside it mostly follows from it."""
+    length = next(_in_millimetres(document.root.plain()), None)
+    if length is None:
+        return None
+    report = Report(document)
+    report.add(*length)
+    return report.findings[0]
+
+
+def _in_millimetres(stated: object) -> Iterator[tuple[Place, str]]:
+    for place, shape in _at(stated, ("objects", "*", "shape")):
+        for kind in ("box", "polygon"):
+            numbers = _numbers(shape.get(kind)) if isinstance(shape, Mapping) else []
+            least = min(numbers, default=0.0) if kind == "polygon" else 0.0
+            side = max(numbers, default=0.0) - least
+            if side > LARGEST_OBJECT:
+                yield (
+                    (*place, kind),
+                    f'objects are {side:g} m long: mm? plain numbers are m; write "{side:g} mm" if so, everywhere',
+                )
+
+
+def _angles(stated: object) -> Iterator[tuple[Place, float]]:
+    for pattern in _POSES:
+        for place, pose in _at(stated, pattern):
+            if isinstance(pose, Sequence) and len(pose) == 3 and _is_number(pose[2]):
+                yield (*place, 2), pose[2]
+
+
+def _at(stated: object, pattern: Sequence[str], place: Place = ()) -> Iterator[tuple[Place, object]]:
+    """Yield all that stands at a place of a document, with the place."""
+    if not pattern:
+        yield place, stated
+        return
+    first, *rest = pattern
+    if first == "*" and isinstance(stated, list):
+        for i, member in enumerate(stated):
+            yield from _at(member, rest, (*place, i))
+    elif isinstance(stated, Mapping) and first in stated:
+        yield from _at(stated[first], rest, (*place, first))
+
+
+def _numbers(stated: object) -> list[float]:
+    if isinstance(stated, list):
+        return [number for member in stated for number in _numbers(member)]
+    return [float(stated)] if _is_number(stated) else []  # type: ignore[arg-type]
+
+
+def _is_number(stated: object) -> bool:
+    return isinstance(stated, int | float) and not isinstance(stated, bool)

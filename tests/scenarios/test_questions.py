@@ -1,0 +1,83 @@
+"""Numbers that a file may state but hardly means are asked about; with a unit they never are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pushplan.cli import main
+from pushplan.errors import ScenarioError
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.reading.scenario_questions import questions
+from pushplan.reading.yaml.tree import read_document
+
+IN_MILLIMETRES = """\
+format: pushplan/1
+name: mm
+floor: {friction: 0.30}
+objects:
+  - {name: near, shape: {box: [120, 80]}, mass: 1.2}
+  - {name: far, shape: {polygon: [[-50, -40], [50, -40], [50, 40], [-50, 40]]}, mass: 0.8}
+contacts: {friction: 0.5}
+pusher: {width: 200, thickness: 30, friction: 0.50, limits: {speed: 200}}
+start: [0, 0, 0]
+goal: {pose: [3000, 1000, 5]}
+workspace: {x: [-0.5, 4], y: [-0.5, 2]}
+"""
+SMALL = "[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]"
+
+
+def asked(text: str) -> list[str]:
+    return [question.text("f.yaml") for question in questions(read_document(text.encode()))]
+
+
+def test_what_follows_from_millimetres_is_one_finding(tmp_path: Path) -> None:
+    file = tmp_path / "mm.yaml"
+    file.write_text(IN_MILLIMETRES)
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(file)
+    (finding,) = caught.value.findings
+    assert (finding.where, finding.line, finding.column) == ("objects[0].shape.box", 5, 31)
+    assert 'objects are 120 m long: mm? plain numbers are m; write "120 mm"' in finding.what
+    assert "more finding" in finding.what
+
+
+def test_other_mistakes_are_told_as_ever(tmp_path: Path) -> None:
+    file = tmp_path / "m.yaml"
+    file.write_text(IN_MILLIMETRES.replace("[120, 80]", "[0.12, 0.08]"))
+    with pytest.raises(ScenarioError, match=r"objects\[1\]\.shape\.polygon: objects are 100 m long: mm\?"):
+        load_scenario(file)
+    small = IN_MILLIMETRES.replace("120, 80", "0.12, 0.08").replace(
+        "[-50, -40], [50, -40], [50, 40], [-50, 40]", SMALL
+    )
+    file.write_text(small.replace("200, thickness: 30", "0.2").replace("[3000, 1000, 5]", "[3, 1, 0]"))
+    with pytest.raises(ScenarioError, match=r"limits\.speed: is 200"):
+        load_scenario(file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "question"),
+    [
+        ("start: [0, 0, 0]", "start: [0, 0, 5]", "f.yaml:9:15: start[2]: is 5: degrees? plain numbers are rad"),
+        ("start: [0, 0, 0]", "start: [0, 0, -9]", "f.yaml:9:15: start[2]: is -9: degrees?"),
+        ("start: [0, 0, 0]", "start: [0, 0, 3.1416]", ""),
+        ("start: [0, 0, 0]", "start: [0, 0, 5 rad]", ""),
+        ("[120, 80]", "[120 m, 80 m]", "f.yaml:6:34: objects[1].shape.polygon: objects are 100 m long: mm?"),
+    ],
+)  # fmt: skip
+def test_angles_and_lengths_are_asked_about(old: str, new: str, question: str) -> None:
+    text = IN_MILLIMETRES.replace("[3000, 1000, 5]", "[3, 1, 0]")
+    if "120" not in old:
+        text = text.replace("[120, 80]", "[12, 8]").replace("50", "5").replace("40", "4")
+    found = asked(text.replace(old, new))
+    assert [one[: len(question)] for one in found] == ([question] if question else [])
+
+
+def test_what_loads_is_asked_about_and_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "turned.yaml"
+    text = (Path(__file__).parents[2] / "pushplan" / "scenarios" / "free-space.yaml").read_text()
+    file.write_text(text.replace("start: [0.0, 0.0, 0.0]", "start: [0.0, 0.0, 6.2]"))
+    assert "6.2" in file.read_text()
+    assert main(["check", str(file)]) == 0
+    assert "question:" in capsys.readouterr().err
