@@ -87,7 +87,7 @@ def plan_pushes(prepared: Prepared, asked: Asked, watch: Stopwatch, began: float
     goals = free_goals(scenario)
     with watch("search"):
         outcome = _search(prepared, goals, asked, began)
-    return _checked(prepared, outcome, asked, watch)
+    return checked(prepared, outcome, asked, watch)
 
 
 def free_goals(scenario: Scenario) -> FloatArray:
@@ -155,7 +155,7 @@ def backed_off(room: PushRoom, scenario: Scenario) -> FloatArray:
     return robot if gap >= enough else se2.compose(robot, [-scenario.pushes.retreat, 0.0, 0.0])
 
 
-def _checked(prepared: Prepared, outcome: Outcome, asked: Asked, watch: Stopwatch) -> PlanResult:
+def checked(prepared: Prepared, outcome: Outcome, asked: Asked, watch: Stopwatch) -> PlanResult:
     """Time, execute and check what was found; tell why where nothing was."""
     found, room, scenario = outcome.found, outcome.room, prepared.scenario
     seed = scenario.planner.seed if asked.seed is None else asked.seed

@@ -1,0 +1,1 @@
+"""Several objects to their goals, one after another; what is in the way is moved first."""
