@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -132,6 +133,18 @@ class PlanResult:
         if self.path is None:
             return f"margins from {self.margin_asked:.2g} down to {self.margin:.2g} were tried"
         return f"margin {self.margin:.2g} instead of {self.margin_asked:.2g}: no path was found with more"
+
+    @property
+    def why_not(self) -> list[str]:
+        """Why there is no path, and how near to the goal one comes, in sentences; none where there is one."""
+        if self.path is not None:
+            return []
+        causes = [found.text for found in self.diagnosis if found.text not in self.reason]
+        if self.approximate_error is None:
+            return [self.reason, *causes]
+        position, angle = self.approximate_error
+        near = f"the nearest path ends {position:.3f} m and {math.degrees(angle):.1f} deg from the goal"
+        return [self.reason, *causes, near]
 
     @property
     def gap(self) -> float | None:

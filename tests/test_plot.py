@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import re
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +112,7 @@ def test_a_plan_shows_its_name_numbers_and_labels(
         title,
         "x [m]",
         "y [m]",
-        "stability margin",
+        "margin: the path's colour",
         "time [s]",
         "start",
         "goal",
@@ -141,7 +143,10 @@ def test_the_legend_of_a_plan_covers_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     figures = _kept_figures(monkeypatch)
-    plot_plan(scenario, plan if solved else unsolved, execution if solved else None, tmp_path / "p.png")
+    bearing = replace(plan, tolerance=Tolerance(0.5, 0.25, 0.5, 0.01, 0.1))
+    named = replace(scenario, name="a-long-name-" * 20)
+    plot_plan(named, bearing if solved else unsolved, execution if solved else None, tmp_path / "p.png")
+    assert len(figures[0].texts) == solved
     _assert_nothing_covered(figures[0])
 
 
@@ -182,9 +187,11 @@ def _kept_figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
 def _assert_nothing_covered(figure: Figure) -> None:
     renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
-    legends = [legend.get_window_extent(renderer) for legend in figure.legends]
+    below = [*figure.legends, *figure.texts]
+    legends = [artist.get_window_extent(renderer) for artist in below]
     boxes = [axes.get_tightbbox(renderer) for axes in figure.axes]
     assert legends
+    assert not any(one.overlaps(other) for one, other in combinations(legends, 2))
     for box in boxes:
         assert box is not None
         assert not any(legend.overlaps(box) for legend in legends)
@@ -284,3 +291,23 @@ def test_the_line_is_coloured_by_the_smaller_margin_of_each_piece_and_broken_whe
     assert np.allclose(np.asarray(line.get_array()), [0.29, 0.1])
     assert [segment[0, 0] for segment in line.get_segments()] == [0.0, 2.0]
     assert line.get_clim() == (0.0, 0.3)
+
+
+def test_a_picture_without_a_plan_shows_the_nearest_path_and_says_why(
+    scenario: Scenario, plan: PlanResult, tmp_path: Path
+) -> None:
+    said = "the passage is too narrow for the chain by three millimetres"
+    unsolved = replace(
+        plan, solved=False, reason=said, path=None, trajectory=None, approximate_path=plan.path
+    )
+    plot_plan(scenario, replace(unsolved, approximate_error=(0.25, 0.5)), None, tmp_path / "why.svg")
+    drawn = (tmp_path / "why.svg").read_text()
+    assert "#b45f06" in drawn
+    told = " ".join(re.findall("<!-- (.*) -->", drawn))
+    for words in (
+        said,
+        "the nearest path ends 0.250 m and 28.6 deg from the goal",
+        "no plan",
+        "nearest path",
+    ):
+        assert words in told

@@ -18,7 +18,6 @@ from pushplan.basics import colours
 from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.execution import Execution
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.messages.sentences import no_plan_sentences
 from pushplan.logging.view.contacts import cone_heights, largest_force, longest_arrow, worst_contacts
 from pushplan.logging.view.scene import ghosts, obstacle_outline
 from pushplan.logging.view.views import viewed
@@ -109,7 +108,7 @@ def _why(run: Run | RecordedRun) -> list[str]:
         return ["The log ends before a plan."]
     if run.plan.path is not None and run.execution is None:
         return ["A path was planned, but not executed."]
-    return no_plan_sentences(run.plan)
+    return run.plan.why_not
 
 
 def _plan(plan: PlanResult | None) -> dict[str, Any]:

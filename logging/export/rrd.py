@@ -19,7 +19,6 @@ from pushplan.basics.names import PUSHER
 from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.messages.sentences import no_plan_sentences
 from pushplan.logging.view.contacts import ContactShapes, PushedContacts, resting
 from pushplan.logging.view.scene import CHAIN, WORLD, nearest, scene, tree
 from pushplan.logging.view.shapes import corners
@@ -73,7 +72,7 @@ def _record(rerun: Any, recording: Any, run: RecordedRun) -> None:
         iterations, costs = _costs(run.plan.progress)
         recording.log(_COSTS, rerun.BarChart(costs, abscissa=iterations), static=True)
     if run.plan is not None and run.plan.path is None:
-        recording.log(_WHY, rerun.TextDocument("\n\n".join(no_plan_sentences(run.plan))), static=True)
+        recording.log(_WHY, rerun.TextDocument("\n\n".join(run.plan.why_not)), static=True)
     for entity, colour, name in _curves(run.scenario.chain):
         recording.log(entity, rerun.SeriesLines(colors=[red_green_blue(colour)], names=[name]), static=True)
     for line in run.lines:

@@ -12,7 +12,7 @@ def plan_sentence(plan: PlanResult) -> str:
     """Return the outcome of planning in a sentence."""
     who = f"{plan.planner} within the stable set {plan.stable_set}, seed {plan.seed}"
     if plan.path is None:
-        return f"{who}: no plan: {'; '.join(no_plan_sentences(plan))}"
+        return f"{who}: no plan: {'; '.join(plan.why_not)}"
     took = "" if plan.trajectory is None else f", {plan.trajectory.duration:.2f} s"
     lowered = f"; {plan.lowered}" if plan.lowered else ""
     if plan.segments:
@@ -20,21 +20,6 @@ def plan_sentence(plan: PlanResult) -> str:
         driven = f"{plan.way_pushed:.4f} m pushed of {plan.path.cost:.4f} m driven"
         return f"{who}: {pushes} push{'es' if pushes > 1 else ''}, {driven}{took}{lowered}"
     return f"{who}: a path of {len(plan.path.lengths)} arcs, cost {plan.path.cost:.4f} m{took}{lowered}"
-
-
-def no_plan_sentences(plan: PlanResult) -> list[str]:
-    """Return why there is no plan, and how near to the goal a path comes, in sentences; none where there is one."""
-    if plan.path is not None:
-        return []
-    causes = [found.text for found in plan.diagnosis if found.text not in plan.reason]
-    near = [] if plan.approximate_error is None else [nearest_sentence(plan.approximate_error)]
-    return [plan.reason, *causes, *near]
-
-
-def nearest_sentence(error: tuple[float, float]) -> str:
-    """Return how far from the goal, m and rad, the nearest path ends."""
-    position, angle = error
-    return f"the nearest path ends {position:.3f} m and {math.degrees(angle):.1f} deg from the goal"
 
 
 def execution_sentence(execution: Execution) -> str:

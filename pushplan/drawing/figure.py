@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
@@ -52,7 +53,9 @@ _METADATA: Mapping[str, Mapping[str, None]] = {  # nothing that differs from run
     ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 
-_TICKS = 9
+_TICKS, _TICK = 9, 0.3  # most of them on an axis; inches that each takes
+_LETTER = 0.62
+"""Mean width of a letter of the font over its height."""
 
 
 @contextmanager
@@ -80,7 +83,16 @@ def axes_at(figure: Figure, left: float, bottom: float, width: float, height: fl
 
 
 def equal_ticks(axes: Axes, extent: float) -> None:
-    """Give both axes ticks at the same spacing, about nine of them over `extent`."""
-    ticks = MaxNLocator(_TICKS, steps=[1, 2, 5, 10]).tick_values(0.0, extent)
+    """Give both axes ticks at the same spacing, about nine of them over `extent`, fewer where numbers would touch."""
+    box, x, y = axes.get_window_extent(), np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+    inches = extent * min(box.width / x, box.height / y) / axes.figure.dpi
+    count = int(np.clip(inches / _TICK, 2, _TICKS))
+    ticks = MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(0.0, extent)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(float(ticks[1] - ticks[0])))
+
+
+def letters_across(axes: Axes, points: float) -> int:
+    """Return how many letters of so many points fit beside one another over the width of axes."""
+    inches = axes.get_window_extent().width / axes.figure.dpi
+    return int(72.0 * inches / (_LETTER * points))

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Polygon
 
-from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, draw_chain, draw_contacts
-from pushplan.drawing.cor import SENSE_NAMES, SENSES, style_cor_axes
-from pushplan.drawing.figure import FAINT, INK, axes_at, equal_ticks, figure_for
+from pushplan.basics.colours import NEAREST
+from pushplan.basics.printable import cut
+from pushplan.drawing.chain import GOAL_COLOUR, draw_chain, outline_width
+from pushplan.drawing.figure import FAINT, INK, axes_at, equal_ticks, figure_for, letters_across
+from pushplan.drawing.footer import chain_keys, draw_footer, turn_keys
 from pushplan.drawing.segments import ALONE_COLOUR, PUSHED_COLOUR, draw_ends, draw_robot, draw_segments
-from pushplan.drawing.sets import draw_sets
+from pushplan.drawing.sets import draw_set
 from pushplan.drawing.world import (
     SWEPT_COLOUR,
     Box,
@@ -28,8 +30,7 @@ from pushplan.drawing.world import (
     view_box,
 )
 from pushplan.mechanics.chain import Chain
-from pushplan.stable_sets.cor_window import default_window
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.path import PushPath
 
 if TYPE_CHECKING:
     from pushplan.execution import Execution
@@ -37,11 +38,13 @@ if TYPE_CHECKING:
     from pushplan.scenario import Scenario
 
 # The layout, in inches.
-_LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 0.62, 0.92, 0.34, 0.2, 0.72
+_LEFT, _TOP, _RIGHT, _GAP = 0.62, 0.34, 0.2, 0.72
 _FLOOR_HEIGHT, _SIDE_WIDTH, _MARGIN_HEIGHT = 4.0, 1.75, 0.95
-_ROW = 0.2  # of the legend, which has two of them for several pushes
-_SENTENCE, _SMALL = 0.26, 5.0  # height above the lower edge; size of letters in points
-_LEGEND = {"ncols": 6, "handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
+_AXIS = 0.52  # numbers and name of an axis
+_WORDS = 6.0  # size of the letters that say why there is no plan, points
+_LINES = 13  # of them
+_NEAREST_SPACING = 0.02
+"""Path cost between the poses that the nearest path is drawn through, m."""
 
 
 def plot_plan(scenario: Scenario, plan: PlanResult, execution: Execution | None, path: str | Path) -> None:
@@ -56,30 +59,33 @@ def plot_plan(scenario: Scenario, plan: PlanResult, execution: Execution | None,
     Raises:
         PlotError: On a suffix that is none of these.
     """
-    view = view_box(scenario, plan.path)
+    view = view_box(scenario, plan.path or plan.approximate_path)
     width = _FLOOR_HEIGHT * (view[2] - view[0]) / (view[3] - view[1])
     side = _LEFT + width + _GAP
-    bottom = _BOTTOM + (_ROW if plan.segments else 0.0)
-    with figure_for(path, side + _SIDE_WIDTH + _RIGHT, bottom + _FLOOR_HEIGHT + _TOP) as figure:
-        floor = axes_at(figure, _LEFT, bottom, width, _FLOOR_HEIGHT)
-        _draw_floor(floor, scenario, plan, view)
+    full = side + _SIDE_WIDTH + _RIGHT
+    with figure_for(path, full, _FLOOR_HEIGHT) as figure:
+        bears = "" if plan.tolerance is None else f"bears {plan.tolerance.sentence}"
+        bottom = draw_footer(figure, _LEFT, _keys(scenario, plan), bears) + _AXIS
+        figure.set_size_inches(full, bottom + _FLOOR_HEIGHT + _TOP)
+        _draw_floor(axes_at(figure, _LEFT, bottom, width, _FLOOR_HEIGHT), scenario, plan, view)
         above = bottom + _MARGIN_HEIGHT + _GAP
         beside = axes_at(figure, side, above, _SIDE_WIDTH, bottom + _FLOOR_HEIGHT - above)
         draw_set(beside, scenario.chain, scenario.stable_set(plan.stable_set))
         if execution is not None:
             curve = axes_at(figure, side, bottom, _SIDE_WIDTH, _MARGIN_HEIGHT)
             bar = axes_at(figure, side + _SIDE_WIDTH + 0.05, bottom, 0.07, _MARGIN_HEIGHT)
-            _draw_margins(floor, curve, bar, execution)
-        corner = (_LEFT / figure.get_figwidth(), 0.04 / figure.get_figheight())
-        if plan.tolerance is not None:
-            _tell_tolerance(figure, plan.tolerance.sentence, bottom - _BOTTOM)
-        figure.legend(handles=_legend(scenario, plan), loc="lower left", bbox_to_anchor=corner, **_LEGEND)
+            _draw_margins(figure.axes[0], curve, bar, execution)
+        elif plan.path is None:
+            _tell_why(axes_at(figure, side, bottom, _SIDE_WIDTH, _MARGIN_HEIGHT + 0.3), plan)
 
 
-def _tell_tolerance(figure: Figure, sentence: str, raised: float) -> None:
-    """Write what the plan bears above the legend."""
-    x, y = _LEFT / figure.get_figwidth(), (_SENTENCE + raised) / figure.get_figheight()
-    figure.text(x, y, f"bears {sentence}", fontsize=_SMALL, color=INK, va="bottom", wrap=True)
+def _tell_why(axes: Axes, plan: PlanResult) -> None:
+    """Write why there is no plan."""
+    axes.axis("off")
+    letters = letters_across(axes, _WORDS)
+    lines = [line for sentence in plan.why_not for line in textwrap.wrap(sentence, letters)]
+    text = "\n".join(lines if len(lines) <= _LINES else [*lines[: _LINES - 1], "…"])
+    axes.text(0.0, 1.0, text, transform=axes.transAxes, fontsize=_WORDS, color=INK, va="top")
 
 
 def _draw_floor(axes: Axes, scenario: Scenario, plan: PlanResult, view: Box) -> None:
@@ -88,7 +94,7 @@ def _draw_floor(axes: Axes, scenario: Scenario, plan: PlanResult, view: Box) -> 
     equal_ticks(axes, max(view[2] - view[0], view[3] - view[1]))
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    axes.set_title(_title(scenario, plan), loc="left")
+    axes.set_title(_title(scenario, plan, letters_across(axes, 10.0)), loc="left")
     draw_surroundings(axes, scenario)
     if scenario.pushes is not None:
         draw_robot(axes, scenario)
@@ -101,30 +107,39 @@ def _draw_floor(axes: Axes, scenario: Scenario, plan: PlanResult, view: Box) -> 
         draw_sweep(axes, scenario.chain, plan.path)
     else:
         draw_tree(axes, plan.tree)
+        if plan.approximate_path is not None:
+            _draw_nearest(axes, scenario.chain, plan.approximate_path)
     draw_chain(axes, scenario.chain, scenario.start)
     draw_chain(axes, scenario.chain, scenario.goal.pose_chain, fill=GOAL_COLOUR)
 
 
-def _title(scenario: Scenario, plan: PlanResult) -> str:
+def _draw_nearest(axes: Axes, chain: Chain, path: PushPath) -> None:
+    """Draw the path that comes nearest to the goal, and a ghost of the chain at its end."""
+    way = path.sampled(_NEAREST_SPACING)[:, :2]
+    axes.plot(*way.T, color=NEAREST, linewidth=1.4, zorder=6.0)
+    look: Any = {
+        "fill": False,
+        "edgecolor": NEAREST,
+        "linewidth": outline_width(axes, chain),
+        "linestyle": "--",
+    }
+    for outline in chain.outlines_at(path.end):
+        axes.add_patch(Polygon(outline, zorder=6.0, **look))
+
+
+def _title(scenario: Scenario, plan: PlanResult, letters: int) -> str:
+    outcome = f": {_outcome(plan)}"
+    return cut(scenario.name, max(8, letters - len(outcome))) + outcome
+
+
+def _outcome(plan: PlanResult) -> str:
     if plan.path is None or plan.trajectory is None:
-        return f"{scenario.name}: no plan"
+        return "no plan"
     if plan.segments:
         count = sum(segment.pushes for segment in plan.segments)
         pushed = f"{plan.way_pushed:.2f} m in {count} push{'es' if count > 1 else ''}"
-        return f"{scenario.name}: {pushed}, {plan.trajectory.duration:.1f} s"
-    return f"{scenario.name}: {plan.path.cost:.2f} m in {plan.trajectory.duration:.1f} s"
-
-
-def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
-    """Draw a stable set with the chain and its friction cones, in the chain frame."""
-    window = default_window(chain, [stable])
-    draw_sets(axes, [stable], window)
-    draw_chain(axes, chain)
-    draw_contacts(axes, chain)
-    style_cor_axes(axes, window)
-    axes.set_xlabel("")
-    axes.set_ylabel("")
-    axes.set_title(f"stable CORs [m], {stable.name}", loc="left")
+        return f"{pushed}, {plan.trajectory.duration:.1f} s"
+    return f"{plan.path.cost:.2f} m in {plan.trajectory.duration:.1f} s"
 
 
 def _draw_margins(floor: Axes, curve: Axes, bar: Axes, execution: Execution) -> None:
@@ -136,31 +151,30 @@ def _draw_margins(floor: Axes, curve: Axes, bar: Axes, execution: Execution) -> 
     curve.set_xlim(0.0, max(float(execution.t[-1]), 1e-3))
     curve.set_ylim(min(0.0, float(margins.min())), max(1.05 * float(margins.max()), 1e-3))
     curve.set_xlabel("time [s]")
-    curve.set_title("stability margin", loc="left")
+    coloured = execution.loads is None
+    curve.set_title("margin: the path's colour" if coloured else "stability margin", loc="left")
     curve.spines[["top", "right"]].set_visible(False)
     colours = bar.figure.colorbar(line, cax=bar)
     colours.outline.set_visible(False)
     colours.set_ticks([])
 
 
+def _keys(scenario: Scenario, plan: PlanResult) -> list[Artist]:
+    """Return the entries of the key: what is drawn, and nothing else."""
+    return [*chain_keys(scenario.chain), *_ways(plan), *obstacle_keys(scenario), *turn_keys()]
+
+
 def _ways(plan: PlanResult) -> list[Artist]:
-    """What the lines of several pushes are."""
-    if not plan.segments:
-        return []
-    return [
-        Line2D([], [], color=PUSHED_COLOUR, linewidth=1.8, label="pushed"),
-        Line2D([], [], color=ALONE_COLOUR, linewidth=0.9, linestyle=(0, (4, 2)), label="robot alone"),
-    ]
-
-
-def _legend(scenario: Scenario, plan: PlanResult) -> list[Artist]:
-    return [
-        Patch(facecolor=OBJECT_COLOUR, edgecolor=INK, label="start"),
-        Patch(facecolor=GOAL_COLOUR, edgecolor=INK, label="goal"),
-        *_ways(plan),
-        Patch(facecolor=SWEPT_COLOUR, edgecolor=FAINT, label="swept")
-        if plan.path is not None
-        else Line2D([], [], color=FAINT, linewidth=0.8, label="search tree"),
-        *obstacle_keys(scenario),
-        *(Patch(facecolor=SENSES[s], alpha=0.35, label=SENSE_NAMES[s]) for s in SENSES),
-    ]
+    """Return the entries for paths, and for what was found while they were sought."""
+    keys: list[Artist] = []
+    if plan.segments:
+        keys.append(Line2D([], [], color=PUSHED_COLOUR, linewidth=1.8, label="pushed"))
+        alone: Any = {"color": ALONE_COLOUR, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+        keys.append(Line2D([], [], label="robot alone", **alone))
+    if plan.path is not None:
+        return [*keys, Patch(facecolor=SWEPT_COLOUR, edgecolor=FAINT, label="swept")]
+    if len(plan.tree):
+        keys.append(Line2D([], [], color=FAINT, linewidth=0.8, label="search tree"))
+    if plan.approximate_path is not None:
+        keys.append(Line2D([], [], color=NEAREST, linewidth=1.4, label="nearest path"))
+    return keys

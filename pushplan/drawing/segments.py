@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, ROBOT_COLOUR
+from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, ROBOT_COLOUR, outline_width
 from pushplan.drawing.cor import polygon_patches
 from pushplan.drawing.figure import HALO, INK
 from pushplan.drawing.world import SWEPT_COLOUR
@@ -63,17 +63,19 @@ def draw_ends(axes: Axes, scenario: Scenario) -> None:
 
 def draw_robot(axes: Axes, scenario: Scenario) -> None:
     """Draw the robot and its plate where it starts."""
+    width = outline_width(axes, scenario.chain)
     for body in scenario.chain.bodies:
         if body.kind in _CARRYING:
             outline = transform_points(scenario.robot_start, body.outline)
             colour = _CARRYING[body.kind]
-            axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=INK, linewidth=0.9, zorder=3.5))
+            axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=INK, linewidth=width, zorder=3.5))
 
 
 def _draw_load(axes: Axes, scenario: Scenario, pose: FloatArray, fill: str) -> None:
+    width = outline_width(axes, scenario.chain)
     for obj in scenario.chain.objects:
         outline = transform_points(pose, obj.outline_chain)
-        axes.add_patch(Polygon(outline, facecolor=fill, edgecolor=INK, linewidth=0.9, zorder=3.0))
+        axes.add_patch(Polygon(outline, facecolor=fill, edgecolor=INK, linewidth=width, zorder=3.0))
 
 
 def _middle(scenario: Scenario) -> FloatArray:

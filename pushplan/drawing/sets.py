@@ -46,14 +46,26 @@ def plot_stable_sets(
     left, bottom = 0.7, 0.55 + 0.19 * -(-len(entries) // _COLUMNS)
     with figure_for(path, left + max(width, _LEGEND_WIDTH) + 0.15, bottom + height + 0.15) as figure:
         axes = axes_at(figure, left, bottom, width, height)
-        draw_sets(axes, sets, window)
-        draw_chain(axes, chain)
-        draw_contacts(axes, chain)
-        style_cor_axes(axes, window)
+        _draw_with_chain(axes, chain, sets, window)
         corner = (left / figure.get_figwidth(), 0.05 / figure.get_figheight())
         figure.legend(
             handles=entries, loc="lower left", bbox_to_anchor=corner, ncols=_COLUMNS, borderaxespad=0.0
         )
+
+
+def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
+    """Draw a stable set with the chain and its friction cones, in the chain frame, without names of axes."""
+    _draw_with_chain(axes, chain, [stable], default_window(chain, [stable]))
+    axes.set_xlabel("")
+    axes.set_ylabel("")
+    axes.set_title(f"stable CORs [m], {stable.name}", loc="left")
+
+
+def _draw_with_chain(axes: Axes, chain: Chain, sets: Sequence[StableSet], window: Window) -> None:
+    draw_sets(axes, sets, window)
+    style_cor_axes(axes, window)  # before the chain, whose outlines are as wide as the scale allows
+    draw_chain(axes, chain)
+    draw_contacts(axes, chain)
 
 
 def draw_sets(axes: Axes, sets: Sequence[StableSet], window: Window) -> None:

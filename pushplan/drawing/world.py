@@ -70,7 +70,7 @@ def draw_surroundings(axes: Axes, scenario: Scenario) -> None:
 def obstacle_keys(scenario: Scenario) -> list[Patch]:
     """Return the legend's entries for what is in the way."""
     unknown = {_is_unknown(obstacle) for obstacle in scenario.obstacles}
-    keys = [Patch(**OBSTACLE_LOOK, label="obstacle")] if unknown != {True} else []
+    keys = [Patch(**OBSTACLE_LOOK, label="obstacle")] if False in unknown else []
     return keys + ([Patch(**UNKNOWN_LOOK, label="unknown")] if True in unknown else [])
 
 

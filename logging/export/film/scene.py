@@ -11,7 +11,6 @@ from PIL import Image, ImageDraw, ImageFont
 from pushplan.basics import colours
 from pushplan.basics.arrays import FloatArray
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.messages.sentences import no_plan_sentences
 from pushplan.logging.view.scene import ghosts, obstacle_outline
 from pushplan.logging.view.window import path_points, shown_path, window
 from pushplan.result import Run
@@ -91,7 +90,7 @@ class FilmScene:
         if plan is None:
             return [f"{self._run.scenario.name}: the log ends before a plan"]
         state = "planned, but not executed" if plan.path is not None else "no plan"
-        return [f"{self._run.scenario.name}: {state}", *no_plan_sentences(plan)]
+        return [f"{self._run.scenario.name}: {state}", *plan.why_not]
 
     def _ghosts(self) -> Iterator[tuple[list[FloatArray], str]]:
         """Yield outlines in the world of what stands at start and goals, or comes nearest, and in which colour."""
