@@ -65,7 +65,7 @@ def test_wedges_from_drawn_directions_are_algorithm_2(name: str, monkeypatch: py
 
 
 def test_scenarios_say_what_the_paper_says() -> None:
-    """Friction angles of 14 and 29 degrees, two equal blocks."""
+    """Friction angles of 14 and 29 degrees; that the plate has the larger one is ours."""
     angles = [
         np.degrees(np.arctan(c.friction)) for c in load_scenario(EXAMPLE / "two-blocks.yaml").chain.contacts
     ]

@@ -23,7 +23,7 @@ from pushplan.sim.physics.agreement import Agreement, compare
 from pushplan.stable_sets.named import stable_set
 
 WINDOW = (-0.1, -0.2, 0.16, 0.2)
-PANELS = {"(a) bare plate, 14 deg": "one-block-14deg", "(b) rubber-covered plate, 29 deg": "one-block-29deg"}
+PANELS = {"(a) 14 deg at the plate": "one-block-14deg", "(b) 29 deg at the plate": "one-block-29deg"}
 ALGORITHMS = {"ecof": "Algorithm 1", "cof": "Algorithm 2"}
 HELD, MOVED = "#1d7a4c", "#b5352c"
 SEED = 2006
