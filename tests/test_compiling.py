@@ -47,3 +47,14 @@ def test_a_real_function_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     with announced(told.append):
         assert njit(lambda x: x + 1)(1) == 2
     assert told == [ANNOUNCEMENT]
+
+
+def test_how_many_functions_are_compiled_is_news_until_the_end() -> None:
+    news: list[str] = []
+    with (
+        announced(lambda sentence: None, news.append),
+        trigger_event("numba:compile"),
+        trigger_event("numba:compile"),
+    ):
+        pass
+    assert news == ["compiling function 1", "compiling function 2", ""]

@@ -73,7 +73,7 @@ class Console:
         with self.working(what) as progress:
             from pushplan.compiled.announcement import announced
 
-            with announced(progress.announce):
+            with announced(progress.announce, progress.tell):
                 yield progress
 
     @property
