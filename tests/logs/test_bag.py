@@ -11,9 +11,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import shapely
 import yaml
 
-from pushplan.geometry.se2 import compose
+from pushplan.geometry.se2 import compose, inverse, transform_points
 from pushplan.logging.export.bag.cdr import encode
 from pushplan.logging.export.bag.frames import FrameNamesError, Frames
 from pushplan.logging.export.bag.messages import TYPES, definition
@@ -183,6 +184,15 @@ def test_frames_and_epoch_are_named(case: Any, recorded: RecordedRun, tmp_path: 
     assert run.execution is not None
     assert pose == pytest.approx(run.execution.poses[-1], abs=1e-12)
     assert tree["robot"][0] == "odom"
+    # Every body, seen from the base, lies in the footprint, and nothing else does.
+    (footprint, *_), twist = found["/footprint"], found["/base/twist"][-1]
+    assert (footprint.header.frame_id, twist.header.frame_id) == ("robot", "robot")
+    told = shapely.Polygon([(p.x, p.y) for p in footprint.polygon.points])
+    bodies = [shapely.Polygon(transform_points(inverse(axle), body.outline)) for body in driven.bodies]
+    assert told.symmetric_difference(shapely.union_all(bodies)).area < 1e-6  # of 32 bits
+    vx, vy, omega = run.execution.twists[-1]
+    ahead = np.array([vx - omega * axle[1], vy + omega * axle[0]]) @ [math.cos(axle[2]), math.sin(axle[2])]
+    assert twist.twist.linear.x == pytest.approx(ahead, abs=1e-12)
     assert found["/tf"][0].transforms[0].header.stamp.sec == 1000
     assert {m.header.frame_id for m in found["/scene"][0].markers} == {"world", "pusher", "near", "far"}
 
