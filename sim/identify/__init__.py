@@ -1,0 +1,1 @@
+"""Friction and loads found from pushes that somebody measured."""

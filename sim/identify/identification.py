@@ -1,0 +1,76 @@
+"""What was found: intervals of the unknown numbers, and which of them the data do not determine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.sim.identify.unknowns import Unknown, Unknowns
+
+LEVEL = 0.9
+"""Share of the intervals that hold the truth."""
+_DETERMINED = 0.6
+"""An interval that is at least this part as long as the one before any measurement says nothing."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One unknown number after the measurements.
+
+    Attributes:
+        unknown: Which.
+        low: Lower end of the 90 % interval.
+        median: Half of what is possible lies below.
+        high: Upper end.
+        determined: Whether the data say anything about it.
+    """
+
+    unknown: Unknown
+    low: float
+    median: float
+    high: float
+    determined: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """What pushes tell about friction and loads.
+
+    Attributes:
+        unknowns: What was looked for.
+        samples: (k, p) values that are possible, each as likely as the others.
+        noise: Error of a measured position (m, in x and y each) and angle (rad), as the best prediction leaves it.
+        correlation: By how much errors that persist along a push widen the intervals, >= 1: those of the model do.
+    """
+
+    unknowns: Unknowns
+    samples: FloatArray
+    noise: tuple[float, float]
+    correlation: float
+
+    @cached_property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """All unknowns with their intervals."""
+        return tuple(self._estimate(k, one) for k, one in enumerate(self.unknowns.each))
+
+    def _estimate(self, k: int, one: Unknown) -> Estimate:
+        low, median, high = np.quantile(self.samples[:, k], [0.5 - LEVEL / 2, 0.5, 0.5 + LEVEL / 2])
+        ends = _place(one, np.array([low, high]))
+        determined = bool(ends[1] - ends[0] < _DETERMINED * LEVEL)
+        return Estimate(one, float(low), float(median), float(high), determined)
+
+    def load_spans(self, i: int) -> FloatArray:
+        """Return the 90 % intervals (k, 2) of the part of object i's weight on each of its points."""
+        chosen = self.samples[:: max(1, len(self.samples) // 400)]
+        loads = np.array([self.unknowns.fractions(values)[i] for values in chosen])
+        return np.asarray(np.quantile(loads, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0).T)
+
+
+def _place(one: Unknown, values: FloatArray) -> FloatArray:
+    """Return where values are between the ends of an unknown, 0 to 1."""
+    if one.logarithmic:
+        return np.asarray(np.log(values / one.low) / np.log(one.high / one.low))
+    return np.asarray((values - one.low) / (one.high - one.low))

@@ -1,0 +1,94 @@
+"""Samples of what the unknowns may be, given what was measured: an ensemble of Markov chains.
+
+Half of the proposals are differences of two other members (ter Braak 2006, DE-MC), which know no scale; half come from
+the normal distribution around the most likely place (Laplace's), which is right where the data determine everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from pushplan.basics.arrays import FloatArray
+
+ROUNDS = 300
+"""Of all members once; the first third is forgotten."""
+_WIDER = 1.2
+"""Proposals around the most likely place over what Laplace's approximation says: too narrow ones never leave."""
+
+
+def sample(
+    log_likelihood: Callable[[FloatArray], FloatArray],
+    best: FloatArray,
+    information: FloatArray,
+    rng: np.random.Generator,
+    rounds: int = ROUNDS,
+    progress: Callable[[int, int], None] | None = None,
+) -> FloatArray:
+    """Return samples (k, p) from a likelihood over the unit cube, all of which was alike likely before.
+
+    Args:
+        log_likelihood: Of places (q, p) in the cube; (q,).
+        best: (p,) the most likely place.
+        information: (p, p) second derivatives of minus the log-likelihood there, about.
+        rng: Where the random numbers come from.
+        rounds: How often each member moves.
+        progress: Called with the rounds that are done, and all.
+    """
+    p = len(best)
+    near = _Near(best, information)
+    members = near.draw(max(24, 4 * p), rng)
+    level = log_likelihood(members)
+    kept = []
+    for k in range(rounds):
+        for half in (np.arange(0, len(members), 2), np.arange(1, len(members), 2)):
+            others = np.setdiff1d(np.arange(len(members)), half)
+            if rng.random() < 0.5:
+                proposed = near.draw(len(half), rng)
+                correction = near.log_density(members[half]) - near.log_density(proposed)
+            else:
+                proposed = members[half] + _difference(members[others], len(half), p, rng)
+                correction = np.zeros(len(half))
+            inside = ((proposed > 0.0) & (proposed < 1.0)).all(axis=1)
+            found = np.full(len(half), -np.inf)
+            if inside.any():
+                found[inside] = log_likelihood(proposed[inside])
+            taken = np.log(rng.uniform(size=len(half))) < found - level[half] + correction
+            members[half[taken]], level[half[taken]] = proposed[taken], found[taken]
+        if k >= rounds // 3:
+            kept.append(members.copy())
+        if progress is not None:
+            progress(k + 1, rounds)
+    return np.concatenate(kept)
+
+
+def _difference(others: FloatArray, count: int, p: int, rng: np.random.Generator) -> FloatArray:
+    pairs = np.array([rng.choice(len(others), 2, replace=False) for _ in range(count)])
+    scale = 1.0 if rng.random() < 0.1 else 2.38 / np.sqrt(2.0 * p)
+    jitter = 1e-4 * rng.standard_normal((count, p))
+    return np.asarray(scale * (others[pairs[:, 0]] - others[pairs[:, 1]]) + jitter)
+
+
+class _Near:
+    """The normal distribution around the most likely place, cut off at the cube's sides."""
+
+    def __init__(self, best: FloatArray, information: FloatArray) -> None:
+        self._best = np.clip(best, 0.01, 0.99)
+        even = 12.0 * np.eye(len(best))  # what is known of a number that is anywhere in [0, 1]
+        self._root = np.linalg.cholesky((information + even) / _WIDER**2)
+
+    def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
+        found = np.empty((0, len(self._best)))
+        while len(found) < count:
+            steps = solve_triangular(
+                self._root.T, rng.standard_normal((len(self._best), 4 * count)), lower=False
+            )
+            places = self._best + steps.T
+            found = np.vstack([found, places[((places > 0.0) & (places < 1.0)).all(axis=1)]])
+        return found[:count]
+
+    def log_density(self, places: FloatArray) -> FloatArray:
+        """Return the logarithm of the density (q,), but for a constant."""
+        return np.asarray(-0.5 * (((places - self._best) @ self._root) ** 2).sum(axis=1))

@@ -1,0 +1,72 @@
+"""Errors of predicted object poses against measured ones, for values of the unknowns and places of the start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.geometry import se2
+from pushplan.sim.identify.course import Course
+from pushplan.sim.slip.kernels.march import march
+from pushplan.sim.slip.kernels.packed import PackedWorld, make_work
+from pushplan.sim.slip.kernels.state import CONVERGED, FALLBACK, make_state, make_trace
+from pushplan.sim.slip.simulator import steps_of
+
+STEP = 3e-3
+"""How far the fastest corner moves in a simulated step at most, m: measured slip is off by far more than that costs."""
+MOST_COMPARED = 60
+"""Poses of a course that are compared, evenly over its way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A course made ready to be predicted again and again.
+
+    Attributes:
+        course: What was measured.
+        motions: (s, 3) body twists times time of the plate, one for each simulated step.
+        marks: (k,) number of steps after which poses are compared; the first is 0.
+        samples: (k,) which measured poses those are.
+    """
+
+    course: Course
+    motions: FloatArray
+    marks: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+    samples: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+
+    @classmethod
+    def from_course(cls, course: Course, reach: float) -> Comparison:
+        """Return a course cut into steps; `reach` (m) is how far the farthest corner is from the plate's reference."""
+        course = course.thinned(reach, STEP)
+        motions = steps_of(course.plate_poses)
+        way = np.hypot(motions[:, 0], motions[:, 1]) + reach * np.abs(motions[:, 2])
+        counts = np.maximum(1, np.ceil(way / (1.5 * STEP))).astype(np.int64)
+        fine = np.repeat(motions / counts[:, None], counts, axis=0)
+        ends = np.concatenate([[0], np.cumsum(counts)])
+        samples = np.unique(np.linspace(0, len(ends) - 1, min(MOST_COMPARED, len(ends))).astype(np.int64))
+        return cls(course, fine, ends[samples], samples)
+
+    def errors(self, packed: PackedWorld, shift: FloatArray) -> FloatArray:
+        """Return by how much predicted poses are off the measured ones.
+
+        Args:
+            packed: The arrays of a world.
+            shift: (n, 3) by what the objects really stood off their first measured poses, in the plate's frame: m, rad.
+
+        Returns:
+            (k, n, 3) in the plate's frame: m and rad.
+        """
+        plate = self.course.plate_poses
+        first = se2.relative(plate[0], self.course.object_poses[0]) + shift
+        state = make_state(np.vstack([se2.compose(plate[0], first), plate[:1]]))
+        trace = make_trace(len(self.motions), len(first))
+        done = march(packed, make_work(packed), state, self.motions, trace)
+        if done and trace.end[done - 1] not in (CONVERGED, FALLBACK):
+            trace.poses[done - 1 :] = trace.poses[max(done - 2, 0)]  # a jam: nothing moves on
+        reached = np.concatenate([se2.compose(plate[0], first)[None], trace.poses])[self.marks]
+        there = plate[self.samples][:, None]
+        off = se2.relative(there, reached) - se2.relative(there, self.course.object_poses[self.samples])
+        off[..., 2] = se2.wrap_angle(off[..., 2])
+        return np.asarray(off)

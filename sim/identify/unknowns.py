@@ -1,0 +1,194 @@
+"""What is not known of a chain, as numbers in the unit cube, and the packed world that such numbers make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.mechanics.chain import PushedObject
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
+from pushplan.sim.identify.pressed import MOST_BORDER, MOST_TILT, PressedOutline
+from pushplan.sim.slip.kernels.packed import PackedWorld
+from pushplan.sim.slip.packing import pack_world
+from pushplan.sim.worlds.world import World
+
+FRICTION = (0.02, 1.0)
+RATIO = (0.25, 4.0)
+"""Floor friction (coefficient times weight) of an object over that of the first, as a multiple of what is stated."""
+MOST_FEET = 6
+"""Up to so many feet each has its own load; more of them, and the points of a pressure map, lean together."""
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number that is not known; before anything was measured, it is anywhere between its ends alike.
+
+    Attributes:
+        kind: `contact_friction`, `floor_ratio`, `border`, `tilt` or `foot`.
+        of: The contact's or the object's index.
+        name: For people.
+        low: Least value.
+        high: Largest value.
+        logarithmic: Whether its logarithm is spread evenly, not itself.
+    """
+
+    kind: str
+    of: int
+    name: str
+    low: float
+    high: float
+    logarithmic: bool = False
+
+    def value(self, part: FloatArray) -> FloatArray:
+        """Return the values at parts of the way (...) from `low` to `high`."""
+        if self.logarithmic:
+            return np.asarray(self.low * (self.high / self.low) ** part)
+        return np.asarray(self.low + (self.high - self.low) * part)
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """How the load under an object follows from its unknowns.
+
+    Attributes:
+        points: (k, 2) that carry it, in the object's own frame, m.
+        loads: From the unknowns' values to (k,) parts of the weight.
+        unknowns: These.
+    """
+
+    points: FloatArray
+    loads: Callable[[FloatArray], FloatArray]
+    unknowns: tuple[Unknown, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """All unknown numbers of a world, in one order: contacts' friction, floor ratios, loads.
+
+    Attributes:
+        world: What is stated; its loads are known (some, where they are to be found).
+        packed: Its arrays, with room for any values.
+        loads: One an object.
+        names: All unknowns.
+    """
+
+    world: World
+    packed: PackedWorld
+    loads: tuple[Load, ...]
+    each: tuple[Unknown, ...]
+
+    @classmethod
+    def from_world(cls, world: World) -> Unknowns:
+        """Return what is not known of a world, were nothing stated but shapes, places and masses."""
+        chain = world.chain
+        loads = tuple(_load(i, obj) for i, obj in enumerate(chain.objects))
+        for obj, load in zip(chain.objects, loads, strict=True):
+            even = load.loads(np.array([0.5 * (u.low + u.high) for u in load.unknowns]))
+            world = world.with_support(FeetSupport(load.points, even), obj.name)
+        frictions = [
+            Unknown("contact_friction", k, f"friction of {chain.contact_name(k)}", *FRICTION)
+            for k in range(len(chain.contacts))
+        ]
+        first = chain.objects[0].name
+        ratios = [
+            Unknown("floor_ratio", i, f"floor friction of {obj.name} over {first}", *_ratio(world, i), True)
+            for i, obj in enumerate(chain.objects)
+            if i > 0
+        ]
+        of_loads = [unknown for load in loads for unknown in load.unknowns]
+        return cls(world, pack_world(world), loads, (*frictions, *ratios, *of_loads))
+
+    def values(self, parts: FloatArray) -> FloatArray:
+        """Return the values (..., p) at places (..., p) in the unit cube."""
+        return np.stack([one.value(parts[..., k]) for k, one in enumerate(self.each)], axis=-1)
+
+    def fractions(self, values: FloatArray) -> list[FloatArray]:
+        """Return the parts of the weight on the points under every object, for values (p,)."""
+        ends = np.cumsum([0, *(len(load.unknowns) for load in self.loads)]) + 2 * len(self.loads) - 1
+        spans = zip(self.loads, ends[:-1], ends[1:], strict=True)
+        return [load.loads(values[a:b]) for load, a, b in spans]
+
+    def friction_loads(self, values: FloatArray) -> FloatArray:
+        """Return coefficient times weight of every object (n,), N, for values (p,); the first one's is as stated."""
+        n = len(self.loads)
+        first = self.world.chain.objects[0].friction_load
+        return np.concatenate([[first], first * values[n : 2 * n - 1]])
+
+    def packed_for(self, values: FloatArray) -> PackedWorld:
+        """Return the arrays of the world that has these values (p,)."""
+        packed = self.packed
+        weights, fractions = self.friction_loads(values), self.fractions(values)
+        feet, loads, friction = packed.feet.copy(), packed.loads.copy(), packed.friction.copy()
+        feet[:, 2] = np.concatenate([w * f for w, f in zip(weights, fractions, strict=True)])
+        loads[:, 1] *= weights / loads[:, 0]
+        loads[:, 0] = weights
+        contact = packed.pairs[:, 2]
+        friction[contact >= 0] = values[contact[contact >= 0]]
+        return packed._replace(feet=feet, loads=loads, friction=friction)
+
+    def world_for(self, values: FloatArray) -> World:
+        """Return the world that has these values (p,)."""
+        chain = self.world.chain
+        weights, fractions = self.friction_loads(values), self.fractions(values)
+        objects = tuple(
+            replace(
+                obj,
+                floor_friction=float(weight / obj.friction_load * obj.floor_friction),
+                support=FeetSupport(load.points, part),
+            )
+            for obj, load, weight, part in zip(chain.objects, self.loads, weights, fractions, strict=True)
+        )
+        contacts = tuple(
+            replace(contact, friction=float(values[k])) for k, contact in enumerate(chain.contacts)
+        )
+        return replace(self.world, chain=replace(chain, objects=objects, contacts=contacts))
+
+
+def _ratio(world: World, i: int) -> tuple[float, float]:
+    objects = world.chain.objects
+    stated = objects[i].friction_load / objects[0].friction_load
+    return RATIO[0] * stated, RATIO[1] * stated
+
+
+def _load(i: int, obj: PushedObject) -> Load:
+    """Return what is not known of the load under object i."""
+    support = obj.support
+    if isinstance(support, FeetSupport) and len(support.positions) <= MOST_FEET:
+        names = [f"load of foot {k + 1} of {obj.name}" for k in range(len(support.positions) - 1)]
+        feet = tuple(Unknown("foot", i, name, 0.0, 1.0) for name in names)
+        return Load(support.positions, _broken_stick, feet)
+    tilts = tuple(
+        Unknown("tilt", i, f"tilt of the load of {obj.name} along {axis}", -MOST_TILT, MOST_TILT)
+        for axis in "xy"
+    )
+    if isinstance(support, FeetSupport | PressureMapSupport):
+        points = support.positions if isinstance(support, FeetSupport) else support.points
+        stated = np.full(len(points), 1.0 / len(points)) if support.fractions is None else support.fractions
+        middle, half = 0.5 * (points.max(axis=0) + points.min(axis=0)), 0.5 * np.ptp(points, axis=0)
+        across = (points - middle) / np.maximum(half, 1e-9)
+        return Load(points, lambda values: _normalised(stated * (1.0 + across @ values)), tilts)
+    pressed = PressedOutline.from_outline(
+        obj.outline, support if isinstance(support, UniformSupport) else None
+    )
+    border = Unknown("border", i, f"share of the load on the border of {obj.name}", 0.0, MOST_BORDER)
+    return Load(
+        pressed.points, lambda values: pressed.loads(float(values[0]), values[1:]), (border, *tilts)
+    )
+
+
+def _normalised(loads: FloatArray) -> FloatArray:
+    return np.asarray(loads / loads.sum())
+
+
+def _broken_stick(parts: FloatArray) -> FloatArray:
+    """Return loads of k feet (k,), all alike likely, for places (k - 1,) in the unit cube."""
+    k = len(parts) + 1
+    left, loads = 1.0, []
+    for j, part in enumerate(np.clip(parts, 1e-4, 1.0 - 1e-4)):
+        broken = left * (1.0 - (1.0 - part) ** (1.0 / (k - 1 - j)))
+        loads.append(broken)
+        left -= broken
+    return np.array([*loads, left])
