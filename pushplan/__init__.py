@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from pushplan.examples import example_names, example_text
     from pushplan.execution import Execution, StabilityLoss
     from pushplan.following.follower import Command, Follower, FollowerState
+    from pushplan.identify import identify
     from pushplan.logging.messages.recorded import RecordedRun
     from pushplan.logging.reader import read_run
     from pushplan.mechanics.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
@@ -75,6 +76,9 @@ if TYPE_CHECKING:
         Uncertainty,
         Workspace,
     )
+    from pushplan.sim.identify.course import Course
+    from pushplan.sim.identify.identification import Estimate, Identification
+    from pushplan.sim.identify.identify import identify_courses
     from pushplan.sim.kinematic import simulate_rigid
     from pushplan.sim.slip.report import ContactLoss, Mode, SlipReport
     from pushplan.sim.slip.settings import SlipSettings
@@ -122,6 +126,10 @@ _HOMES = {
     "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle Snapped Snapping StabilitySettings "
     "Uncertainty Workspace",
     "execution": "Execution StabilityLoss",
+    "identify": "identify",
+    "sim.identify.course": "Course",
+    "sim.identify.identification": "Estimate Identification",
+    "sim.identify.identify": "identify_courses",
     "sim.kinematic": "simulate_rigid",
     "sim.slip.report": "ContactLoss Mode SlipReport",
     "sim.slip.settings": "SlipSettings",
@@ -163,10 +171,12 @@ __all__ = [
     "ContactLoss",
     "ControlSettings",
     "Controller",
+    "Course",
     "Diagnosis",
     "Drive",
     "DynamicRows",
     "EmptyStableSetError",
+    "Estimate",
     "Execution",
     "FeetSupport",
     "Finding",
@@ -174,6 +184,7 @@ __all__ = [
     "FollowerState",
     "Goal",
     "GridCorSet",
+    "Identification",
     "ImportedFileError",
     "IncompleteLogError",
     "IntervalChain",
@@ -236,6 +247,8 @@ __all__ = [
     "example_text",
     "friction_wrench",
     "grid_cor_set",
+    "identify",
+    "identify_courses",
     "load_scenario",
     "plan",
     "plot_admissible_speeds",

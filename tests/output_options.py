@@ -12,6 +12,8 @@ _SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "worst": "
 
 _FOLDERS = {"compare", "runs"}
 _INPUTS = {"map"}
+_ELSEWHERE = {("bench", "output"), ("identify", "output")}
+"""Need more than a scenario or the log of a plan; tested with the commands."""
 
 
 def _declared() -> list[tuple[str, str]]:
@@ -30,7 +32,7 @@ def _declared() -> list[tuple[str, str]]:
 OPTIONS = [
     (command, option, _SUFFIXES.get(option, f".{option}"))
     for command, option in _declared()
-    if option not in _FOLDERS | _INPUTS and (command, option) != ("bench", "output")
+    if option not in _FOLDERS | _INPUTS and (command, option) not in _ELSEWHERE
 ]
 """Command, option and suffix of every output."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -41,18 +42,29 @@ class Course:
         shape = (len(plate), objects.shape[1], 3)
         object.__setattr__(self, "object_poses", frozen(objects, shape, f"{self.name}: poses of the objects"))
 
-    def thinned(self, reach: float, step: float) -> Course:
-        """Return the course with poses between which no point within `reach` of the plate moves less than `step`."""
-        moved = se2.log(se2.relative(self.plate_poses[:-1], self.plate_poses[1:]))
-        way = np.cumsum(np.hypot(moved[:, 0], moved[:, 1]) + reach * np.abs(moved[:, 2]))
-        marks = np.floor(way / step * (1.0 + 1e-9))
-        kept = np.flatnonzero(np.diff(np.concatenate([[-1.0], np.concatenate([[0.0], marks])])) > 0)
-        kept = np.union1d(kept, [len(self.plate_poses) - 1])
-        return Course(self.plate_poses[kept], self.object_poses[kept], self.name) if len(kept) > 2 else self
+    def pieces(self, reach: float, step: float, way: float) -> list[Course]:
+        """Return the course cut into shorter ones, of poses between which something moves.
 
-    def slip(self) -> float:
-        """Return how far objects moved on the plate at most, m and rad as if a rad were 0.1 m: what tells anything."""
-        on_plate = se2.relative(self.plate_poses[:, None], self.object_poses)
-        off = on_plate - on_plate[0]
-        off[..., 2] = 0.1 * se2.wrap_angle(off[..., 2])
-        return float(np.linalg.norm(off, axis=-1).max())
+        What is predicted over a long way depends on the last bit of where it began; every piece begins anew where
+        the objects were seen.
+
+        Args:
+            reach: Distance of the farthest corner from the plate's reference, m.
+            step: Way of that corner between two poses at least, m.
+            way: Its way in a piece at most, about, m.
+        """
+        moved = se2.log(se2.relative(self.plate_poses[:-1], self.plate_poses[1:]))
+        gone = np.concatenate(
+            [[0.0], np.cumsum(np.hypot(moved[:, 0], moved[:, 1]) + reach * np.abs(moved[:, 2]))]
+        )
+        marks = np.floor(gone / step * (1.0 + 1e-9))
+        kept = np.flatnonzero(np.diff(marks, prepend=-1.0) > 0)
+        count = max(1, int(np.ceil(gone[-1] / way)))
+        cuts = np.unique(
+            np.searchsorted(gone[kept], gone[-1] * np.arange(count + 1) / count).clip(max=len(kept) - 1)
+        )
+        return [
+            Course(self.plate_poses[these], self.object_poses[these], self.name)
+            for a, b in pairwise(cuts)
+            if len(these := kept[a : b + 1]) > 2
+        ]

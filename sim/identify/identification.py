@@ -12,8 +12,8 @@ from pushplan.sim.identify.unknowns import Unknown, Unknowns
 
 LEVEL = 0.9
 """Share of the intervals that hold the truth."""
-_DETERMINED = 0.6
-"""An interval that is at least this part as long as the one before any measurement says nothing."""
+_SAID = 0.15
+"""An interval that reaches this close to both ends of what was possible says nothing: without data it is 0.05."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Identification:
     def _estimate(self, k: int, one: Unknown) -> Estimate:
         low, median, high = np.quantile(self.samples[:, k], [0.5 - LEVEL / 2, 0.5, 0.5 + LEVEL / 2])
         ends = _place(one, np.array([low, high]))
-        determined = bool(ends[1] - ends[0] < _DETERMINED * LEVEL)
+        determined = bool(ends[0] > _SAID or ends[1] < 1.0 - _SAID)
         return Estimate(one, float(low), float(median), float(high), determined)
 
     def load_spans(self, i: int) -> FloatArray:

@@ -55,9 +55,7 @@ def identify_courses(
         place = problem.best()
         likelihood, information, correlation = problem.likelihood(place)
         p = problem.count
-        found = sample(
-            likelihood, place[:p], information, np.random.default_rng(seed), rounds, progress
-        )
+        found = sample(likelihood, place[:p], information, np.random.default_rng(seed), rounds, progress)
     scales = problem.scales
     return Identification(
         problem.unknowns, problem.unknowns.values(found), (float(scales[0]), float(scales[2])), correlation
@@ -73,9 +71,6 @@ def _check(world: World, courses: Sequence[Course]) -> None:
             raise PushplanError(
                 f"{course.name}: {course.object_poses.shape[1]} objects were measured; the chain has {n}"
             )
-        moved = np.ptp(course.plate_poses, axis=0)
-        if np.hypot(moved[0], moved[1]) + moved[2] * world.chain.reach < 1e-3:
-            raise PushplanError(f"{course.name}: the plate does not move, so there is nothing to learn from")
 
 
 class _Problem:
@@ -84,7 +79,10 @@ class _Problem:
     def __init__(self, world: World, courses: Sequence[Course], jobs: int) -> None:
         self.unknowns = Unknowns.from_world(world)
         self.count = len(self.unknowns.each)
-        self.comparisons = [Comparison.from_course(course, world.chain.reach) for course in courses]
+        reach = world.chain.reach
+        self.comparisons = [piece for course in courses for piece in Comparison.of_pieces(course, reach)]
+        if not self.comparisons:
+            raise PushplanError("the plate hardly moves in any course, so there is nothing to learn from")
         self.shape = (len(world.chain.objects), 3)
         self.scales = EXPECTED
         self.pool = ThreadPoolExecutor(jobs)
@@ -114,10 +112,10 @@ class _Problem:
     def _left_over(self, place: FloatArray) -> FloatArray:
         """Return the root mean square errors that a place leaves, m, m, rad."""
         errors = self.errors(place).reshape(-1, 3) * self.scales
-        free = max(1.0, 1.0 - len(place) / errors.size) if errors.size > 2 * len(place) else 0.5
+        free = max(0.5, 1.0 - len(place) / errors.size)  # degrees of freedom that are left
         squares = (errors**2).mean(axis=0) / free
         away = 0.5 * (squares[0] + squares[1])
-        return np.maximum(np.sqrt([away, away, squares[2]]), LEAST)
+        return np.asarray(np.maximum(np.sqrt([away, away, squares[2]]), LEAST))
 
     def jacobian(self, place: FloatArray) -> FloatArray:
         """Return the derivatives of the errors; where a course began changes that course only."""
@@ -144,9 +142,7 @@ class _Problem:
             begin += size
         return np.stack(columns, axis=1)
 
-    def likelihood(
-        self, place: FloatArray
-    ) -> tuple[Callable[[FloatArray], FloatArray], FloatArray, float]:
+    def likelihood(self, place: FloatArray) -> tuple[Callable[[FloatArray], FloatArray], FloatArray, float]:
         """Return the log-likelihood of places in the cube, its second derivatives, and the errors' correlation.
 
         Where the courses began is integrated out: what that can explain of the errors, to first order, is taken away.

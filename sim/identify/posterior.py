@@ -1,7 +1,7 @@
 """Samples of what the unknowns may be, given what was measured: an ensemble of Markov chains.
 
-Half of the proposals are differences of two other members (ter Braak 2006, DE-MC), which know no scale; half come from
-the normal distribution around the most likely place (Laplace's), which is right where the data determine everything.
+Half of the proposals are differences of two other members (ter Braak 2006, DE-MC), which know no scale; half come
+from the normal distribution around the most likely place (Laplace's), right where the data determine everything.
 """
 
 from __future__ import annotations
@@ -65,7 +65,8 @@ def sample(
 
 
 def _difference(others: FloatArray, count: int, p: int, rng: np.random.Generator) -> FloatArray:
-    pairs = np.array([rng.choice(len(others), 2, replace=False) for _ in range(count)])
+    first = rng.integers(len(others), size=count)
+    pairs = np.column_stack([first, (first + rng.integers(1, len(others), size=count)) % len(others)])
     scale = 1.0 if rng.random() < 0.1 else 2.38 / np.sqrt(2.0 * p)
     jitter = 1e-4 * rng.standard_normal((count, p))
     return np.asarray(scale * (others[pairs[:, 0]] - others[pairs[:, 1]]) + jitter)

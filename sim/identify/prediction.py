@@ -15,9 +15,11 @@ from pushplan.sim.slip.kernels.state import CONVERGED, FALLBACK, make_state, mak
 from pushplan.sim.slip.simulator import steps_of
 
 STEP = 3e-3
-"""How far the fastest corner moves in a simulated step at most, m: measured slip is off by far more than that costs."""
+"""How far the fastest corner moves in a simulated step, about, m."""
+WAY = 0.2
+"""How far the fastest corner moves in a piece of a course that is predicted from where it begins, m."""
 MOST_COMPARED = 60
-"""Poses of a course that are compared, evenly over its way."""
+"""Poses of a piece that are compared, evenly over its way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +39,12 @@ class Comparison:
     samples: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
     @classmethod
-    def from_course(cls, course: Course, reach: float) -> Comparison:
-        """Return a course cut into steps; `reach` (m) is how far the farthest corner is from the plate's reference."""
-        course = course.thinned(reach, STEP)
+    def of_pieces(cls, course: Course, reach: float) -> list[Comparison]:
+        """Return all pieces of a course; `reach` (m) is how far the farthest corner is from the plate's reference."""
+        return [cls._of_piece(piece, reach) for piece in course.pieces(reach, STEP, WAY)]
+
+    @classmethod
+    def _of_piece(cls, course: Course, reach: float) -> Comparison:
         motions = steps_of(course.plate_poses)
         way = np.hypot(motions[:, 0], motions[:, 1]) + reach * np.abs(motions[:, 2])
         counts = np.maximum(1, np.ceil(way / (1.5 * STEP))).astype(np.int64)
@@ -53,7 +58,8 @@ class Comparison:
 
         Args:
             packed: The arrays of a world.
-            shift: (n, 3) by what the objects really stood off their first measured poses, in the plate's frame: m, rad.
+            shift: (n, 3) by what the objects really stood off their first measured poses, in the plate's frame:
+                m, rad.
 
         Returns:
             (k, n, 3) in the plate's frame: m and rad.

@@ -174,9 +174,7 @@ def _load(i: int, obj: PushedObject) -> Load:
         obj.outline, support if isinstance(support, UniformSupport) else None
     )
     border = Unknown("border", i, f"share of the load on the border of {obj.name}", 0.0, MOST_BORDER)
-    return Load(
-        pressed.points, lambda values: pressed.loads(float(values[0]), values[1:]), (border, *tilts)
-    )
+    return Load(pressed.points, lambda values: pressed.loads(float(values[0]), values[1:]), (border, *tilts))
 
 
 def _normalised(loads: FloatArray) -> FloatArray:

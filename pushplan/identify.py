@@ -1,0 +1,69 @@
+"""Learn friction and loads from the logs of pushes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pushplan.errors import PushplanError, RunLogError
+from pushplan.logging.courses import read_course
+from pushplan.scenario import Scenario
+from pushplan.sim.identify.course import Course
+from pushplan.sim.identify.identification import Identification
+from pushplan.sim.identify.identify import identify_courses
+from pushplan.sim.worlds.world import World
+
+
+def identify(
+    logs: Sequence[Path | str] | Path | str,
+    *,
+    seed: int = 1,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Identification:
+    """Find contact friction, loads and ratios of floor friction from recorded pushes of one chain.
+
+    Args:
+        logs: Paths of logs in which the objects' poses are: executions with slip, or with poses on /measured.
+        seed: Of the random numbers.
+        jobs: Threads; None for one a processor.
+        progress: Called with the rounds that are done, and all.
+
+    Raises:
+        RunLogError: When a log cannot be read, tells nothing of the objects, or is one of another chain.
+        PushplanError: When there is no log, or nothing moves.
+    """
+    paths = [logs] if isinstance(logs, Path | str) else list(logs)
+    if not paths:
+        raise PushplanError("there is no log to learn from; name at least one")
+    read = [read_course(path) for path in paths]
+    scenario = read[0][0]
+    for path, (other, _) in zip(paths, read, strict=True):
+        _require_same_chain(scenario, other, str(path), str(paths[0]))
+    courses: list[Course] = [course for _, course in read]
+    return identify_courses(
+        _world([one for one, _ in read]), courses, seed=seed, jobs=jobs, progress=progress
+    )
+
+
+def _world(scenarios: Sequence[Scenario]) -> World:
+    """Return the world of the first scenario; what stands in the way only where it is the same in all."""
+    world = World.from_scenario(scenarios[0])
+    rooms = [(one.resolved().get("obstacles"), one.resolved().get("workspace")) for one in scenarios]
+    return world if all(room == rooms[0] for room in rooms) else replace(world, obstacles=(), workspace=None)
+
+
+def _require_same_chain(first: Scenario, other: Scenario, path: str, begun: str) -> None:
+    pairs = list(zip(first.chain.objects, other.chain.objects, strict=False))
+    same = len(first.chain.objects) == len(other.chain.objects) and all(
+        a.name == b.name
+        and a.outline.shape == b.outline.shape
+        and np.allclose(a.outline, b.outline, atol=1e-6)
+        and np.allclose(a.pose_chain, b.pose_chain, atol=1e-6)
+        for a, b in pairs
+    )
+    if not same:
+        raise RunLogError(path, f"a run of another chain than {begun}; all logs must be of the same objects")

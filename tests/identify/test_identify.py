@@ -1,0 +1,172 @@
+"""Friction and loads from measured pushes: laws of the parts, truth inside intervals, the command."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.stats import kstest
+
+import pushplan
+from pushplan.basics.arrays import FloatArray
+from pushplan.cli import main
+from pushplan.errors import PushplanError, RunLogError
+from pushplan.geometry import se2
+from pushplan.logging.courses import read_course
+from pushplan.logging.writer import RunLogWriter
+from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.sim.identify.course import Course
+from pushplan.sim.identify.identification import Identification
+from pushplan.sim.identify.identify import identify_courses
+from pushplan.sim.identify.learned import piece_of, with_learned
+from pushplan.sim.identify.posterior import sample
+from pushplan.sim.identify.pressed import PressedOutline
+from pushplan.sim.identify.unknowns import Unknowns
+from pushplan.sim.slip.packing import pack_world
+from pushplan.sim.slip.simulate import simulate_poses
+from pushplan.sim.worlds.world import World
+
+BOX = np.array([[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]])
+
+
+def crates() -> pushplan.Scenario:
+    scenario = pushplan.load_scenario("two-crates")
+    return replace(scenario, obstacles=(), workspace=None)
+
+
+def pushed(world: World, twist: FloatArray, noise: float, seed: int) -> Course:
+    """What is measured of a push with a constant body twist (3,), m and rad."""
+    shares = np.linspace(0.0, 1.0, 61)
+    report = simulate_poses(shares, se2.compose(world.start, se2.exp(shares[:, None] * twist)), world)
+    off = noise * np.random.default_rng(seed).standard_normal(report.object_poses.shape) * [1.0, 1.0, 5.0]
+    return Course(report.poses, report.object_poses + off)
+
+
+@pytest.fixture(scope="module")
+def found() -> tuple[FloatArray, Identification]:
+    """True values, and what two short pushes tell of them."""
+    stated = World.from_scenario(crates())
+    unknowns = Unknowns.from_world(stated)
+    parts = np.full(len(unknowns.each), 0.5)
+    parts[:3] = 0.2, 0.15, 0.6
+    truth = unknowns.values(parts)
+    world = unknowns.world_for(truth)
+    twists = np.array([[0.08, 0.05, 0.6], [0.08, -0.05, -0.5]])
+    courses = [pushed(world, twist, 2e-4, k) for k, twist in enumerate(twists)]
+    return truth, identify_courses(stated, courses, rounds=30)
+
+
+def test_a_border_moves_its_share_of_the_load_to_the_outline_and_tilts_move_the_centre() -> None:
+    pressed = PressedOutline.from_outline(BOX)
+    edge = pressed.edge > 0.0
+    for border in (0.0, 0.3, 0.9):
+        loads = pressed.loads(border, np.zeros(2))
+        assert loads.sum() == pytest.approx(1.0)
+        assert loads[edge].sum() == pytest.approx(border, abs=1e-4)
+        assert loads @ pressed.points == pytest.approx(np.zeros(2), abs=1e-6)
+    # Even pressure that grows by s over half the length h has its centre s h / 3 ahead.
+    ahead = pressed.loads(0.0, np.array([0.4, 0.0])) @ pressed.points
+    assert ahead == pytest.approx([0.4 * 0.05 / 3.0, 0.0], abs=1e-4)
+
+
+def test_the_arrays_of_unknown_numbers_are_those_of_the_world_that_has_them() -> None:
+    stated = World.from_scenario(crates())
+    feet = pushplan.FeetSupport(0.9 * BOX, np.array([0.1, 0.2, 0.3, 0.4]))
+    unknowns = Unknowns.from_world(stated.with_support(feet, "far"))
+    values = unknowns.values(np.random.default_rng(1).uniform(size=len(unknowns.each)))
+    ours, packed = unknowns.packed_for(values), pack_world(unknowns.world_for(values))
+    for name in ("feet", "loads", "center", "corners", "friction", "pairs"):
+        assert getattr(ours, name) == pytest.approx(getattr(packed, name), rel=1e-9), name
+    assert values[2] * stated.chain.objects[0].friction_load == pytest.approx(packed.loads[1, 0])
+
+
+def test_loads_of_feet_are_all_alike_likely() -> None:
+    stated = World.from_scenario(crates())
+    feet = pushplan.FeetSupport(0.9 * BOX, np.full(4, 0.25))
+    unknowns = Unknowns.from_world(stated.with_support(feet, "far"))
+    places = np.random.default_rng(2).uniform(size=(400, len(unknowns.each)))
+    loads = np.array([unknowns.fractions(values)[1] for values in unknowns.values(places)])
+    assert loads.sum(axis=1) == pytest.approx(1.0)
+    for k in range(4):  # evenly over the simplex, each is Beta(1, 3)
+        assert kstest(loads[:, k], "beta", args=(1, 3)).pvalue > 1e-3
+
+
+def test_samples_follow_a_known_distribution() -> None:
+    centre, size = np.array([0.3, 0.6, 0.5]), np.array([0.02, 0.05, np.inf])
+
+    def log_likelihood(places: FloatArray) -> FloatArray:
+        return np.asarray(-0.5 * (((places - centre) / size) ** 2).sum(axis=1))
+
+    information = np.diag(1.0 / size**2)
+    samples = sample(log_likelihood, centre, information, np.random.default_rng(3), rounds=300)
+    low, high = np.quantile(samples, [0.05, 0.95], axis=0)
+    assert low == pytest.approx([0.3 - 1.645 * 0.02, 0.6 - 1.645 * 0.05, 0.05], abs=0.015)
+    assert high == pytest.approx([0.3 + 1.645 * 0.02, 0.6 + 1.645 * 0.05, 0.95], abs=0.015)
+
+
+def test_the_truth_is_inside_and_friction_is_determined_where_contacts_slide(
+    found: tuple[FloatArray, Identification],
+) -> None:
+    truth, identified = found
+    plate, between, ratio = identified.estimates[:3]
+    assert between.determined
+    for value, one in zip(truth[:3], (plate, between, ratio), strict=True):
+        assert one.low - 0.02 <= value <= one.high + 0.02, one
+    assert between.high - between.low < 0.1
+    assert identified.noise[0] == pytest.approx(2e-4, rel=0.15)
+
+
+def test_what_was_learned_is_a_piece_of_scenario_that_plans_use(
+    found: tuple[FloatArray, Identification],
+) -> None:
+    truth, identified = found
+    piece = yaml.safe_load(yaml.safe_dump(piece_of(identified)))
+    scenario = crates()
+    merged = scenario_from_document(with_learned(scenario.resolved(), piece))
+    assert merged.contact_friction is not None
+    low, high = merged.contact_friction[1]
+    assert low - 0.02 <= truth[1] <= high + 0.02
+    assert merged.chain.contacts[1].friction == pytest.approx(low)
+    assert merged.stable_set("ecof").margin(np.array([[1.0, 0.0, 0.0]])).shape == (1,)
+
+
+def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_path: Path) -> None:
+    scenario = crates()
+    course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1)
+    with RunLogWriter.create(tmp_path / "slip.mcap", scenario, {}) as log:
+        log.slipped(np.linspace(0.0, 1.0, 61), course.plate_poses, course.object_poses)
+        log.finish("arrived")
+    _, read = read_course(tmp_path / "slip.mcap")
+    assert read.object_poses == pytest.approx(course.object_poses[1:], abs=1e-9)
+    with RunLogWriter.create(tmp_path / "none.mcap", scenario, {}) as log:
+        log.finish("unsolved")
+    with pytest.raises(RunLogError, match="nobody measured where the objects went"):
+        pushplan.identify(tmp_path / "none.mcap")
+    assert main(["identify", str(tmp_path / "none.mcap")]) == 2
+
+
+def test_logs_are_of_one_chain_and_there_is_one(tmp_path: Path) -> None:
+    for name in ("one-box", "two-crates"):
+        scenario = replace(pushplan.load_scenario(name), obstacles=(), workspace=None)
+        course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1)
+        with RunLogWriter.create(tmp_path / f"{name}.mcap", scenario, {}) as log:
+            log.slipped(np.linspace(0.0, 1.0, 61), course.plate_poses, course.object_poses)
+            log.finish("arrived")
+    with pytest.raises(RunLogError, match="a run of another chain than"):
+        pushplan.identify([tmp_path / "one-box.mcap", tmp_path / "two-crates.mcap"])
+    with pytest.raises(PushplanError, match="there is no log"):
+        pushplan.identify([])
+
+
+def test_a_course_that_does_not_fit_is_refused() -> None:
+    world = World.from_scenario(crates())
+    still = np.zeros((5, 3))
+    with pytest.raises(PushplanError, match="1 objects were measured; the chain has 2"):
+        identify_courses(world, [Course(still, np.zeros((5, 1, 3)))])
+    with pytest.raises(PushplanError, match="hardly moves"):
+        identify_courses(world, [Course(still, np.zeros((5, 2, 3)))])
+    with pytest.raises(PushplanError, match="3 is the least"):
+        Course(still[:2], np.zeros((2, 2, 3)))
