@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 from importlib.metadata import version as installed
+from typing import Any
+
+from sphinx.util.inspect import TypeAliasForwardRef
 
 project = "pushplan"
 author = "the pushplan authors"
+copyright = f"2026, {author}; Apache License 2.0"
 version = release = installed("pushplan")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.mathjax",
+    "sphinx_copybutton",
+]
+templates_path = ["_templates"]
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]
@@ -16,10 +30,29 @@ default_role = "code"  # docstrings put code between single backticks
 nitpicky = False
 
 autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_type_aliases = {name: name for name in ("FloatArray", "IntArray", "BoolArray", "ArrayLike")}
+python_maximum_signature_line_length = 88
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True, "show-inheritance": True}
 napoleon_use_rtype = False
+napoleon_attr_annotations = False  # the signature tells the types
 napoleon_use_ivar = True  # attributes are told in the docstring of their class, once
 
 html_theme = "furo"
-html_title = "pushplan"
+html_title = f"pushplan {version}"
+
+
+TypeAliasForwardRef.__repr__ = lambda self: str(
+    self.name
+)  # in unions Sphinx 9 writes how it keeps an alias, not the alias
+
+
+def setup(app: Any) -> None:
+    """Keep napoleon from taking the first words of a property for its type where a colon follows them."""
+    app.connect("autodoc-process-docstring", _begin_with_comment, priority=400)  # before napoleon
+
+
+def _begin_with_comment(_app: Any, what: str, _name: str, _obj: Any, _options: Any, lines: list[str]) -> None:
+    if what in ("attribute", "property"):
+        lines[:0] = ["..", ""]  # an empty comment

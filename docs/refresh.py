@@ -1,4 +1,7 @@
-"""Make pictures, output and figures of README and docs anew: `python docs/refresh.py`, with the package installed."""
+"""Make pictures, output and figures of README and docs anew: `python docs/refresh.py`, with the package installed.
+
+With names, such as `two-crates.png`, only these pictures. Those of viewers are made by `docs/screens.py`.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,16 @@ import tempfile
 from pathlib import Path
 from statistics import median
 
+from stamp import stamp
+
 ROOT = Path(__file__).parents[1]
 PICTURES = {
     "two-crates.png": "plan two-crates -o run.mcap --plot run.png",
     "stable-set.png": "stable-set two-crates --plot run.png",
     "four-sets.png": "stable-set two-crates --set ecof --set cof --set robust --set stable --plot run.png",
-    "own-scenario.png": "check mine.yaml --plot run.png",
+    "own-scenario.png": f"check {ROOT}/docs/mine.yaml --plot run.png",
     "several-pushes.png": f"plan {ROOT}/examples/bring_it_home.yaml -o run.mcap --plot run.png",
+    "from-a-map.png": f"plan {ROOT}/examples/office/push.yaml -o run.mcap --plot run.png",
 }
 SEEDS = range(1, 21)
 NUMBER = """\
@@ -29,16 +35,24 @@ for about a minute.
 
 
 def main() -> None:
-    """Run the README's first command and those that draw its pictures; put in what they print and draw."""
+    """Make the pictures that are asked for; without names all of them, and the README's figure."""
     with tempfile.TemporaryDirectory() as folder:
-        page = (ROOT / "docs" / "own-scenario.md").read_text()
-        steps = re.findall(r"```yaml\n(.*?)```", page, flags=re.DOTALL)
-        (Path(folder) / "mine.yaml").write_text("".join(steps))
-        printed = [
-            _drawn(words.split(), Path(folder), ROOT / "docs" / name) for name, words in PICTURES.items()
-        ]
+        for name in sys.argv[1:] or PICTURES:
+            printed = _run(PICTURES[name].split(), Path(folder))
+            (ROOT / "docs" / name).write_bytes((Path(folder) / "run.png").read_bytes())
+            stamp(ROOT / "docs" / name)
+            if name == "two-crates.png":
+                _refresh_first(printed, Path(folder))
+    if not sys.argv[1:]:
+        readme = ROOT / "README.md"
+        readme.write_text(with_number(readme.read_text(), number()))
+
+
+def _refresh_first(printed: str, folder: Path) -> None:
+    """Put what the README's first command prints into it, and its run, as a page, onto the documentation's index."""
     readme = ROOT / "README.md"
-    readme.write_text(with_number(with_output(readme.read_text(), printed[0]), number()))
+    readme.write_text(with_output(readme.read_text(), printed))
+    _run(["replay", "run.mcap", "--html", str(ROOT / "docs" / "_static" / "two-crates.html")], folder)
 
 
 def with_output(text: str, output: str) -> str:
@@ -59,12 +73,6 @@ def number() -> str:
     found = [json.loads(_run([*command, str(seed)], ROOT)) for seed in SEEDS]
     times = [1e3 * plan["first_solution_s"] for plan in found]
     return NUMBER.format(median=median(times), worst=max(times), count=len(SEEDS), cores=os.cpu_count())
-
-
-def _drawn(words: list[str], folder: Path, picture: Path) -> str:
-    printed = _run(words, folder)
-    picture.write_bytes((folder / "run.png").read_bytes())
-    return printed
 
 
 def _run(words: list[str], folder: Path) -> str:

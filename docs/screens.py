@@ -11,6 +11,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from stamp import stamp
+
 import pushplan
 from pushplan.logging.export.html import write_html
 from pushplan.logging.play.terminal import TerminalView
@@ -50,6 +52,7 @@ def _photograph(browser: Any, path: Path, width: int, height: int) -> None:
     browser.call("Emulation.setDeviceMetricsOverride", **size)
     browser.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     path.write_bytes(base64.b64decode(browser.call("Page.captureScreenshot", format="png")["data"]))
+    stamp(path)
 
 
 def _browser() -> ModuleType:

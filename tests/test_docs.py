@@ -9,10 +9,13 @@ import io
 import re
 import shlex
 import shutil
+import tomllib
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+import yaml
+from PIL import Image
 
 import pushplan
 from pushplan import cli
@@ -112,6 +115,31 @@ def test_links_and_pictures_exist(page: Path) -> None:
             assert (page.parent / target).is_file(), target
 
 
+@pytest.mark.parametrize("picture", sorted((ROOT / "docs").glob("*.png")), ids=_id)
+def test_pictures_are_of_the_present_version(picture: Path) -> None:
+    """`docs/refresh.py` and `docs/screens.py` make them anew and write the version into them."""
+    makers = [(ROOT / "docs" / name).read_text("utf-8") for name in ("refresh.py", "screens.py")]
+    assert any(f'"{picture.name}"' in maker for maker in makers)
+    with Image.open(picture) as image:
+        assert image.info.get("Version") == pushplan.__version__
+
+
+def test_the_run_on_the_index_is_played_by_the_present_player() -> None:
+    """`python docs/refresh.py two-crates.png` makes the page anew."""
+    page = (ROOT / "docs" / "_static" / "two-crates.html").read_text("utf-8")
+    player = (ROOT / "logging" / "export" / "player.html").read_text("utf-8")
+    _, _, script = player.partition("@RUN@")
+    assert page.endswith(script)
+    assert len(page) < 100_000
+
+
+def test_the_citation_is_of_the_present_version() -> None:
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    assert {"cff-version", "message", "title", "authors"} <= set(cited)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert (cited["version"], cited["license"]) == (project["version"], project["license"])
+
+
 def test_every_page_is_reached_from_the_index() -> None:
     index = (ROOT / "docs" / "index.md").read_text("utf-8")
     listed = {
@@ -122,7 +150,7 @@ def test_every_page_is_reached_from_the_index() -> None:
 
 def test_all_public_names_are_in_the_reference() -> None:
     reference = (ROOT / "docs" / "api.md").read_text("utf-8")
-    named = set(re.findall(r"^\.\. auto\w+:: pushplan\.(\w+)$", reference, flags=re.MULTILINE))
+    named = set(re.findall(r"^   pushplan\.(\w+)$", reference, flags=re.MULTILINE))
     assert named == set(pushplan.__all__) - {"__version__"}
 
 
@@ -141,7 +169,8 @@ def test_the_steps_are_a_scenario_and_its_mistake_is_told_as_printed(
     monkeypatch.chdir(tmp_path)
     page = ROOT / "docs" / "own-scenario.md"
     steps = "".join(_blocks(page, "yaml"))
-    assert len(re.findall(r"^\*\*\d+\. ", page.read_text("utf-8"), re.MULTILINE)) == 10
+    assert (ROOT / "docs" / "mine.yaml").read_text() == steps  # the whole file, to copy
+    assert len(re.findall(r"^## \d+\. ", page.read_text("utf-8"), re.MULTILINE)) == 10
     Path("mine.yaml").write_text(steps.replace("width: 0.70", "widht: 0.70"))
     assert main(["check", "mine.yaml"]) == 2
     assert _blocks(page, "text")[0].strip() in capsys.readouterr().err

@@ -236,3 +236,19 @@ def test_the_page_showed_no_error_and_made_no_request(page: Any) -> None:
     asked = {e["params"]["request"]["url"] for e in page.told("Network.requestWillBeSent")}
     assert {url.split(":")[0] for url in asked} <= {"file", "data"}
     assert len([url for url in asked if url.startswith("file")]) == 1
+
+
+def test_embedded_in_another_page_it_plays_by_itself_and_over_again(
+    run: Run, page: Any, tmp_path: Path
+) -> None:
+    write_html(run, tmp_path / "run.html")
+    page.call("Page.navigate", url=(tmp_path / "run.html").as_uri() + "#playing")
+    after = "new Promise((done) => setTimeout(() => done(pushplan.state), {}))"
+    begun = page.evaluate(after.format(300))
+    assert begun["playing"]
+    assert begun["time"] > 0.0
+    page.evaluate("pushplan.seek(1e9)")
+    end = page.evaluate("pushplan.state.time")
+    again = page.evaluate(after.format(1300))
+    assert again["playing"]
+    assert 0.0 < again["time"] < end

@@ -1,0 +1,78 @@
+"""The documentation site is right at first sight on phones and desks, light and dark.
+
+It takes a built site: `sphinx-build -b html docs SITE`, and PUSHPLAN_SITE=SITE.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from boxes import SCREENS, assert_tidy, chromium, show
+
+SITE = Path(os.environ.get("PUSHPLAN_SITE", "none"))
+PAGES = ("index", "own-scenario", "logs", "api", "generated/pushplan.Chain")
+PARTS = ("section > h1", "section > h2", "section > p:not(:has(img))", ".table-wrapper", "iframe", "dt.sig")
+ELEMENTS = ", ".join([*PARTS, "article pre", "article img"])
+
+pytestmark = pytest.mark.skipif(
+    not (SITE / "index.html").is_file(), reason="needs PUSHPLAN_SITE, a built site"
+)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    with chromium(tmp_path_factory.mktemp("site")) as found:
+        yield found
+
+
+@pytest.mark.parametrize(("width", "dark"), SCREENS)
+@pytest.mark.parametrize("page", PAGES)
+def test_nothing_overlaps_or_spills(page: str, width: int, dark: bool, browser: Any) -> None:
+    show(browser, SITE / f"{page}.html", width, dark)
+    assert_tidy(browser, ELEMENTS, width)
+
+
+def test_no_page_is_wider_than_a_phone(browser: Any) -> None:
+    pages = sorted(SITE.glob("*.html"))
+    assert len(pages) > 20
+    for page in pages:
+        show(browser, page, 390)
+        assert browser.evaluate("document.documentElement.scrollWidth") <= 390, page
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_index_plays_a_run_that_needs_no_scrolling(width: int, browser: Any) -> None:
+    show(browser, SITE / "index.html", width)
+    assert browser.evaluate("document.querySelector('iframe').src").endswith(
+        "_static/two-crates.html#playing"
+    )
+    room = browser.evaluate("document.querySelector('iframe').getBoundingClientRect().toJSON()")
+    show(browser, SITE / "_static" / "two-crates.html", int(room["width"]), height=int(room["height"]))
+    assert browser.evaluate("document.documentElement.scrollHeight") <= room["height"]
+
+
+def test_every_class_has_a_page_whose_signature_can_be_read(browser: Any) -> None:
+    show(browser, SITE / "generated" / "pushplan.Chain.html", 1280)
+    told = browser.evaluate("document.querySelector('dt.sig').innerText")
+    assert "tuple[PushedObject" in told
+    for page in (SITE / "generated").glob("*.html"):
+        assert "numpy.ndarray[tuple[" not in page.read_text()
+        assert "ForwardRef" not in page.read_text()
+
+
+def test_code_has_a_button_that_copies_it(browser: Any) -> None:
+    show(browser, SITE / "own-scenario.html", 1280)
+    blocks = browser.evaluate("document.querySelectorAll('div.highlight pre').length")
+    assert browser.evaluate("document.querySelectorAll('button.copybtn').length") == blocks > 10
+    assert browser.evaluate("document.querySelectorAll('article h2').length") >= 12
+
+
+def test_every_page_tells_version_and_holder(browser: Any) -> None:
+    show(browser, SITE / "index.html", 1280)
+    told = browser.evaluate("document.body.innerText")
+    assert "the pushplan authors" in told
+    assert "pushplan 0." in browser.evaluate("document.title") + told
