@@ -56,8 +56,10 @@ def encode(plan: PlanResult) -> MessageClass:
             if value is not None:
                 setattr(message.tolerance, name, value)
     if plan.trajectory is not None:
-        for name in ("start", "breaks", "coefficients", "arc", "base"):
+        for name in ("start", "breaks", "coefficients", "arc"):
             getattr(message.trajectory, name).extend(getattr(plan.trajectory, name).ravel())
+        if plan.trajectory.base.any():  # older logs do not say it, and mean the chain frame
+            message.trajectory.base.extend(plan.trajectory.base)
         message.trajectory.rate = plan.trajectory.rate
     return message
 
@@ -218,7 +220,7 @@ def _trajectory(message: MessageClass) -> Trajectory:
         coefficients=_array(message.coefficients, (-1, 3, 3)),
         arc=_array(message.arc),
         rate=message.rate,
-        base=_array(message.base) if message.base else np.zeros(3),  # older logs do not say it
+        base=_array(message.base) if message.base else np.zeros(3),
     )
 
 
