@@ -1,4 +1,4 @@
-"""Measured pushes out of run logs: where plate and objects were, from /measured or, simulated with slip, from /tf."""
+"""Measured pushes out of run logs: where plate and objects were, as measured or as simulated with slip."""
 
 from __future__ import annotations
 
@@ -51,18 +51,24 @@ def read_course(path: Path | str) -> tuple[Scenario, Course]:
                 reading.take(item)
             except (DecodeError, ValueError) as error:
                 raise RunLogError(str(path), f"a message on {item.topic}: {error}", item.offset) from error
+    if run.execution is not None and run.execution.object_poses is not None and not reading.measured:
+        return run.scenario, Course(run.execution.poses, run.execution.object_poses, str(path))
     plate, objects = reading.finish(str(path))
     return run.scenario, Course(plate, objects, str(path))
 
 
 class _Poses:
-    """Gathers poses of plate and objects from messages."""
+    """Gathers poses of plate and objects from messages.
+
+    Attributes:
+        measured: Poses of the objects on /measured, by time.
+    """
 
     def __init__(self, names: list[str]) -> None:
         self._names = names
         self._plate: dict[float, list[float]] = {}
         self._objects: dict[float, list[list[float]]] = {}
-        self._measured: dict[float, list[list[float]]] = {}
+        self.measured: dict[float, list[list[float]]] = {}
 
     def take(self, message: Message) -> None:
         """Take the next message; of the same time, the last one counts.
@@ -77,7 +83,7 @@ class _Poses:
         if len(found.poses) != len(self._names):
             raise ValueError(f"{len(found.poses)} objects instead of {len(self._names)}")
         poses = [_pose(p.position.x, p.position.y, p.orientation) for p in found.poses]
-        self._measured[_seconds(found.timestamp)] = poses
+        self.measured[_seconds(found.timestamp)] = poses
 
     def _take_frames(self, message: FrameTransforms) -> None:
         frames = {one.child_frame_id: one for one in message.transforms}
@@ -103,7 +109,7 @@ class _Poses:
         Raises:
             RunLogError: When there are none.
         """
-        found = self._measured or self._objects
+        found = self.measured or self._objects
         if len(found) < 3:
             raise RunLogError(path, f"nobody measured where the objects went; learning needs {_NEEDED}")
         times, known = np.array(sorted(found)), np.array(sorted(self._plate))

@@ -124,6 +124,7 @@ class _Reading:
             words=self._words,
             losses=tuple(self._file.losses),
             progress=self._progress(),
+            feedback=self._contents.feedback.feedback,
         )
 
     def _progress(self) -> tuple[ProgressPoint, ...]:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from pushplan.logging.writer import RunLogWriter
 from pushplan.result import PlanResult
+from pushplan.sim.judging import judging_set
+from pushplan.sim.slip.executed import executed
 from pushplan.sim.trials.result import Trials
 
 
@@ -20,7 +22,9 @@ def write_trial(trials: Trials, sample: int, plan: PlanResult, path: Path | str)
     words = {**settings, "trial_seed": trials.seed, "trial_sample": sample}
     with RunLogWriter.create(path, trials.scenario, words) as log:
         log.plan(plan)
-        log.slipped(report.t, report.poses, report.object_poses)
+        judge = judging_set(trials.scenario, plan.stable_set)
+        error = trials.goal_errors[sample]
+        log.execution(executed(report.t, report.poses, report.object_poses, judge, error))
         loss = report.loss
         if loss is not None:
             name, mode = trials.scenario.chain.contact_name(loss.contact), loss.mode.name.lower()

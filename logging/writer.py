@@ -19,10 +19,11 @@ from typing import Self
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import IntArray
 from pushplan.errors import OutputError
+from pushplan.events import Feedback
 from pushplan.execution import Execution, inertia_warning
-from pushplan.geometry.se2 import relative
+from pushplan.logging.feedback_writer import FeedbackWriter
 from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
 from pushplan.logging.messages.channels import Channels
 from pushplan.logging.messages.effort import Effort, exact
@@ -31,7 +32,7 @@ from pushplan.logging.messages.sentences import execution_sentence, plan_sentenc
 from pushplan.logging.view import views
 from pushplan.logging.view.contact_messages import contact_messages
 from pushplan.logging.view.contacts import resting
-from pushplan.logging.view.frames import frames_at, moving_frames, placed, poses_in_world
+from pushplan.logging.view.frames import frames_at, poses_in_world
 from pushplan.logging.view.layout import LAYOUT_FILE, layout_text
 from pushplan.logging.view.scene import PATH_SPACING, nearest, scene, tree
 from pushplan.logging.view.window import smoothed_times
@@ -203,34 +204,29 @@ class RunLogWriter:
         seconds = list(execution_message.seconds(execution.t))
         for k in range(0, len(seconds), _STRETCH):
             self._samples(execution, instants, seconds[k : k + _STRETCH])
-        end = execution_message.encode_end(execution)
-        end.timestamp.CopyFrom(channels.stamp)
-        channels.send(schemas.EXECUTION_END, end)
-        self.log("info" if execution.loss is None else "warning", execution_sentence(execution))
+        self._end_execution(execution)
         warning = inertia_warning(self._scenario, execution)
         if warning:
             self.log("warning", warning)
-        self._words |= metadata.execution_words(execution)
         channels.flush()
 
-    def slipped(self, t: FloatArray, poses: FloatArray, object_poses: FloatArray) -> None:
-        """Write where the bodies go in an execution with slip; it is no execution of the kinematic simulator.
-
-        Args:
-            t: (m,) times, s.
-            poses: (m, 3) poses of the chain frame in the world.
-            object_poses: (m, n, 3) poses of the objects in the world.
+    def closed_loop(self, execution: Execution, feedback: Feedback) -> None:
+        """Write the execution of a closed loop with all that was measured, noticed and planned meanwhile.
 
         Raises:
             OutputError: When the file cannot be written.
         """
-        channels, instants = self._channels, self._channels.instants(t)
-        within = relative(poses[:, None], object_poses)
-        places = [placed(poses), *(placed(within[:, k]) for k in range(within.shape[1]))]
-        messages = moving_frames(self._scenario.chain).fill(instants, np.concatenate(places, axis=1))
-        channels.send_batch(channels.prepare({schemas.TF: messages}, instants))
-        channels.advance(int(instants[-1]))
-        channels.flush()
+        FeedbackWriter(self._channels, self._scenario.chain, self.log).write(execution, feedback)
+        self._end_execution(execution)
+        self._channels.flush()
+
+    def _end_execution(self, execution: Execution) -> None:
+        channels = self._channels
+        end = execution_message.encode_end(execution)
+        end.timestamp.CopyFrom(channels.stamp)
+        channels.send(schemas.EXECUTION_END, end)
+        self.log("info" if execution.loss is None else "warning", execution_sentence(execution))
+        self._words |= metadata.execution_words(execution)
 
     def _samples(self, execution: Execution, instants: IntArray, seconds: list[slice]) -> None:
         """Write the samples of some `seconds` and flush after each; `instants` (m,), ns, are those of all samples."""

@@ -19,6 +19,7 @@ from pushplan.commands import (
     new,
     plan,
     replay,
+    run,
     runs,
     schema,
     stable_set,
@@ -34,6 +35,7 @@ COMMANDS = {
     "replay": replay,
     "trial": trial,
     "identify": identify,
+    "run": run,
     "runs": runs,
     "bench": bench,
     "check": check,
@@ -52,8 +54,8 @@ exit codes:
   2    the input is wrong
   3    no plan: none found within the time limit, or none exists; the run is logged all the same
   4    a replay or an execution does not match the plan, or loses a contact in the physics engine (--physics);
-       a benchmark found an invalid solution or a regression, or runs of it broke off (crash, timeout, out of memory,
-       error; not with --accept-broken)
+       a run does not arrive; a benchmark found an invalid solution or a regression, or runs of it broke off (crash,
+       timeout, out of memory, error; not with --accept-broken)
   130  interrupted
 """
 

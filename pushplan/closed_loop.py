@@ -2,35 +2,50 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.control.again import CONTROL
 from pushplan.control.aims import Aim
 from pushplan.control.controller import DEFAULTS, Controller
-from pushplan.control.course import SENSOR, Course, course_in
-from pushplan.control.events import Event
-from pushplan.control.replanner import Replan
+from pushplan.control.course import SENSOR, Course, OpenLoop, course_in
 from pushplan.control.sensor import Sensor
 from pushplan.control.settings import ControlSettings
+from pushplan.errors import PlanningError
+from pushplan.events import Event, Feedback, Replan
+from pushplan.execution import Execution
+from pushplan.logging.messages.recorded import RecordedRun
+from pushplan.logging.writer import RunLogWriter
+from pushplan.plan import plan as plan_push
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
+from pushplan.sim.judging import judging_set
+from pushplan.sim.slip.executed import executed
 from pushplan.sim.worlds.kick import Kick
 from pushplan.sim.worlds.world import World
+
+JAMMED = "no motion of the objects satisfies all contacts"
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoopRun:
-    """A push in closed loop.
+    """A push in a world with disturbances.
 
     Attributes:
         scenario: What was believed.
         plan: What was planned at first.
         course: What happened in the world.
-        events: What the controller noticed and did.
+        events: What the controller noticed and did; empty in open loop.
         replans: All attempts to plan after the first one.
-        outcome: `arrived`, `gave up`, `jammed` or `time limit`.
+        outcome: `arrived`, `gave up`, `missed`, `jammed` or `time limit`.
         reason: Why it did not arrive; empty if it did.
+        settings: Of the controller; None in open loop.
+        sensor: How objects were measured.
+        seed: Of the sensor's noise.
+        kicks: What happened to objects.
     """
 
     scenario: Scenario
@@ -40,12 +55,49 @@ class ClosedLoopRun:
     replans: tuple[Replan, ...]
     outcome: str
     reason: str
+    settings: ControlSettings | None
+    sensor: Sensor
+    seed: int
+    kicks: tuple[Kick, ...]
 
     @property
     def goal_errors(self) -> FloatArray:
         """(2,) how far (m) and by what angle (rad) the goal's object ends off; the worst where it names none."""
         aim = Aim.of(self.scenario.goal, self.scenario.chain, 0.0, 0.0)
         return aim.errors(self.course.object_poses[-1])
+
+    @property
+    def execution(self) -> Execution:
+        """The course as logs and players know it."""
+        judge = judging_set(self.scenario, self.scenario.stability.set)
+        course = self.course
+        return executed(course.t, course.poses, course.object_poses, judge, self.goal_errors)
+
+    @property
+    def recorded(self) -> RecordedRun:
+        """The run as its log would have it."""
+        feedback = Feedback(self.course.measured, self.events, self.replans)
+        path = Path(f"{self.scenario.name}.mcap")
+        return RecordedRun(path, self.scenario, self.plan, self.execution, (), {}, (), feedback=feedback)
+
+    def write(self, path: Path | str) -> None:
+        """Write the log (MCAP): plan, /measured, /events, the plans made on the way, and what happened.
+
+        Raises:
+            OutputError: When the file cannot be written.
+        """
+        told = {"planner": self.plan.planner, "set": self.plan.stable_set, "seed": self.seed}
+        with RunLogWriter.create(path, self.scenario, told) as log:
+            log.note(CONTROL, self._words())
+            log.plan(self.plan)
+            log.closed_loop(self.execution, Feedback(self.course.measured, self.events, self.replans))
+            log.finish(self.outcome)
+
+    def _words(self) -> dict[str, str]:
+        settings = None if self.settings is None else asdict(self.settings)
+        kicks = [asdict(kick) for kick in self.kicks]
+        found = {"settings": settings, "sensor": asdict(self.sensor), "kicks": kicks}
+        return {name: json.dumps(value) for name, value in found.items()} | {"reason": self.reason}
 
 
 def run_closed_loop(
@@ -80,9 +132,63 @@ def run_closed_loop(
     there = World.from_scenario(scenario) if world is None else world
     controller = Controller(scenario, plan, settings, tell)
     course = course_in(there, controller, settings.rate, kicks, sensor, seed, progress=progress)
-    outcome = "jammed" if course.jammed else controller.phase.value if course.over else "time limit"
-    reason = {"jammed": "no motion of the objects satisfies all contacts", "time limit": "it took too long"}
-    why = reason.get(outcome, controller.reason)
+    outcome, reason = controller.phase.value, controller.reason
+    if course.jammed:
+        outcome, reason = "jammed", JAMMED
+    elif not course.over:
+        outcome, reason = "time limit", f"it was not there after {course.t[-1]:.0f} s"
     return ClosedLoopRun(
-        scenario, controller.plan, course, tuple(controller.events), tuple(controller.replans), outcome, why
+        scenario=scenario,
+        plan=controller.plan,
+        course=course,
+        events=tuple(controller.events),
+        replans=tuple(controller.replans),
+        outcome=outcome,
+        reason=reason,
+        settings=settings,
+        sensor=sensor,
+        seed=seed,
+        kicks=tuple(kicks),
+    )
+
+
+def run_open_loop(
+    scenario: Scenario,
+    world: World | None = None,
+    kicks: Sequence[Kick] = (),
+    *,
+    plan: PlanResult | None = None,
+    settings: ControlSettings = DEFAULTS,
+    tell: Callable[[str], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> ClosedLoopRun:
+    """Execute a plan in a simulated world whatever happens; see `run_closed_loop`.
+
+    Raises:
+        PlanningError: When there is no plan.
+        SupportError: When the load under an object is not known.
+    """
+    there = World.from_scenario(scenario) if world is None else world
+    plan = plan_push(scenario, tell=tell) if plan is None else plan
+    if plan.trajectory is None:
+        raise PlanningError(f"there is no plan: {plan.reason}")
+    driver = OpenLoop(plan.trajectory, settings.rate)
+    course = course_in(there, driver, settings.rate, kicks, progress=progress)
+    aim = Aim.of(scenario.goal, scenario.chain, settings.position_tolerance, settings.angle_tolerance)
+    reached = aim.reached(course.object_poses[-1])
+    outcome = "jammed" if course.jammed else "arrived" if reached else "missed"
+    return ClosedLoopRun(
+        scenario=scenario,
+        plan=plan,
+        course=course,
+        events=(),
+        replans=(),
+        outcome=outcome,
+        reason={"jammed": JAMMED, "missed": "the goal's object is not within its tolerances"}.get(
+            outcome, ""
+        ),
+        settings=None,
+        sensor=SENSOR,
+        seed=1,
+        kicks=tuple(kicks),
     )

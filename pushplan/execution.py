@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.body import BodyKind
 
 if TYPE_CHECKING:
+    from pushplan.mechanics.chain import Chain
     from pushplan.scenario import Scenario
 
 
@@ -50,6 +53,8 @@ class Execution:
         loads: (m, 3) pose of the objects' frame in the world where the robot is not always in contact: `poses` are
             then those of the robot's frame (see `pushplan.segment`), and margins are 1 where nothing is pushed. None
             stands for `poses`.
+        object_poses: (m, n, 3) poses of the objects' own frames in the world where contacts may slip; margins are
+            then those that the twists would have if nothing had. None where the objects keep their places.
     """
 
     t: FloatArray
@@ -63,6 +68,7 @@ class Execution:
     goal_error: tuple[float, float]
     dynamic_margins: FloatArray | None = None
     loads: FloatArray | None = None
+    object_poses: FloatArray | None = None
 
     @property
     def load_poses(self) -> FloatArray:
@@ -76,6 +82,21 @@ class Execution:
             for poses in (self.poses, self.load_poses)
         )
         return pose, load
+
+    def outlines_at(self, chain: Chain, time: float) -> list[FloatArray]:
+        """Return the outlines of all bodies of the chain, in the world, at a time, s."""
+        pose, load = self.place_at(time)
+        if self.object_poses is None:
+            return chain.outlines_at(pose, load)
+        carried = [body for body in chain.bodies if body.kind is not BodyKind.OBJECT]
+        places = [
+            [np.interp(time, self.t, column) for column in self.object_poses[:, k].T]
+            for k in range(len(chain.objects))
+        ]
+        return [
+            *(transform_points(pose, body.outline) for body in carried),
+            *(transform_points(place, obj.outline) for place, obj in zip(places, chain.objects, strict=True)),
+        ]
 
     @property
     def min_margin(self) -> float:

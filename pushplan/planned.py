@@ -33,7 +33,7 @@ from pushplan.scenario import Scenario
 from pushplan.sim.judging import execute_trajectory, planning_set
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.tolerance.work_out import tolerance_of
-from pushplan.trajectory import Trajectory
+from pushplan.trajectory import SAMPLE_RATE, Trajectory
 
 ROUNDING = 1e-9
 """Share of the lower bound by which an optimal path's cost may exceed it."""
@@ -55,6 +55,7 @@ class Means:
         room: What is in the way, for the checker.
         pose: Makes the compiled problem of a scenario.
         timed: Whether paths are timed, executed and checked as trajectories.
+        rate: Samples per second of these.
     """
 
     stable: StableSet
@@ -62,6 +63,7 @@ class Means:
     room: Room
     pose: Posing = field(default_factory=Posing)
     timed: bool = True
+    rate: float = SAMPLE_RATE
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +180,7 @@ def _checked(
     """Time, execute and check what a search found; find out why it found nothing."""
     session, posed, stable = attempt.session, attempt.scenario, means.stable
     with watch("timing"):
-        timed = _soonest(posed, attempt, stable) if means.timed else TimedPath(attempt.path)
+        timed = _soonest(posed, attempt, means) if means.timed else TimedPath(attempt.path)
     path, trajectory = timed.path, timed.trajectory
     with watch("execution"):
         execution = None if trajectory is None else execute_trajectory(posed, stable.name, trajectory)
@@ -227,7 +229,7 @@ def _why_none(attempt: Attempt, stable: StableSet, wanted: Wanted) -> tuple[str,
     return failure.reason, failure
 
 
-def _soonest(scenario: Scenario, attempt: Attempt, stable: StableSet) -> TimedPath:
+def _soonest(scenario: Scenario, attempt: Attempt, means: Means) -> TimedPath:
     """Return the best path with its trajectory, or why none can be driven.
 
     Where paths are ranked by time, the ones that were best by travel are driven as well, and the soonest counts:
@@ -239,7 +241,9 @@ def _soonest(scenario: Scenario, attempt: Attempt, stable: StableSet) -> TimedPa
     reason = ""
     for path in (attempt.path, *attempt.others):
         try:
-            trajectory = make_trajectory(scenario, path, stable, scene=attempt.session.problem.scene)
+            trajectory = make_trajectory(
+                scenario, path, means.stable, means.rate, attempt.session.problem.scene
+            )
         except TimingError as error:
             reason = reason or f"a path was found that cannot be driven: {error}"
         else:

@@ -26,6 +26,7 @@ from pushplan.planners.validation.room import Room
 from pushplan.result import PlanResult
 from pushplan.scenario import Goal, Obstacle, Scenario
 from pushplan.stable_sets.stable_set import StableSet
+from pushplan.trajectory import SAMPLE_RATE
 
 
 class Queries:
@@ -39,6 +40,7 @@ class Queries:
         tell: Called with sentences for the user about what takes long.
         meridians: How finely an omnidirectional pusher's controls are taken from the stable set; half as many take
             half the time to make.
+        rate: Samples per second of trajectories, at which they are executed and checked.
 
     Attributes:
         scenario: With which the questions are asked.
@@ -54,10 +56,12 @@ class Queries:
         margin: float | Literal["auto"] | None = None,
         tell: Callable[[str], None] | None = None,
         meridians: int = MERIDIANS,
+        rate: float = SAMPLE_RATE,
     ) -> None:
         warm_up(Auto.name, tell, scenario.stability.set, scenario.interval is not None)
         self.scenario = settled(scenario, None, margin)
-        self._keep(means_for(self.scenario, pose=Posing(meridians=meridians)))
+        means = means_for(self.scenario, pose=Posing(meridians=meridians))
+        self._keep(replace(means, rate=rate))
 
     def plan(
         self,
@@ -67,6 +71,7 @@ class Queries:
         timed: bool = True,
         seed: int | None = None,
         time_limit: float | None = None,
+        iterations: int | None = None,
         previous: PushPath | None = None,
         explain: bool = True,
     ) -> PlanResult:
@@ -79,6 +84,7 @@ class Queries:
                 checked, which takes a tenth of the time; `trajectory`, `execution` and `tolerance` are None.
             seed: Of the random numbers; None stands for that of the scenario.
             time_limit: Seconds; None stands for that of the scenario.
+            iterations: See `pushplan.plan`.
             previous: An earlier path; a way onto it and along its rest, moved so that it ends at the goal, is the
                 first candidate, so that a plan that is still good is kept.
             explain: Find out why there is no path where none is found, which takes longer than some searches.
@@ -93,7 +99,9 @@ class Queries:
         )
         asked = replace(self.scenario, start=_pose(start, "start"), goal=target)
         known = None if previous is None else self._rest(previous, asked)
-        wanted = Wanted(Auto.name, Auto, seed, time_limit, first=True, known=known, explain=explain)
+        wanted = Wanted(
+            Auto.name, Auto, seed, time_limit, first=True, iterations=iterations, known=known, explain=explain
+        )
         return planned(asked, replace(self._means, timed=timed), wanted, Stopwatch(), began)
 
     def reach(self, starts: ArrayLike, goals: ArrayLike) -> FloatArray:

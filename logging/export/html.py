@@ -17,6 +17,7 @@ import numpy as np
 from pushplan.basics import colours
 from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.execution import Execution
+from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.contacts import cone_heights, largest_force, longest_arrow, worst_contacts
 from pushplan.logging.view.scene import ghosts, obstacle_outline
@@ -47,11 +48,19 @@ def write_html(run: Run | RecordedRun, path: Path | str) -> None:
 def render(run: Run | RecordedRun) -> str:
     """Return the page of `run`."""
     execution = _execution(run.scenario.chain, run.execution)
-    shown = {"window": window(run.scenario, run.plan), "why": _why(run)}
+    shown = {"window": window(run.scenario, run.plan), "why": _why(run), "events": _events(run)}
     data = {**_world(run.scenario), **_plan(run.plan), **execution, **shown}
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no </script>
     page = files("pushplan.logging.export").joinpath("player.html").read_text(encoding="utf-8")
     return page.replace("@TITLE@", html.escape(f"{run.scenario.name} - pushplan")).replace("@RUN@", text)
+
+
+def _events(run: Run | RecordedRun) -> list[tuple[float, str]]:
+    """Return what a closed loop noticed and did."""
+    feedback = run.feedback if isinstance(run, RecordedRun) else None
+    return (
+        [] if feedback is None else [(event.time, f"{event.kind}: {event.text}") for event in feedback.events]
+    )
 
 
 def _world(scenario: Scenario) -> dict[str, Any]:
@@ -137,10 +146,12 @@ def _execution(chain: Chain, execution: Execution | None) -> dict[str, Any]:
     kept = _kept(execution)
     poses, margins = execution.poses[kept], execution.margins[kept]
     loads = None if execution.loads is None else _plain(execution.loads[kept].T)
+    slipped = execution.object_poses
     samples = {
         "t": _plain(execution.t[kept]),
         **dict(zip(("x", "y", "theta"), _plain(poses.T), strict=True)),
         "loads": loads,
+        "objects": None if slipped is None else _moved(chain, slipped[kept]),
         "margins": _plain(margins.T),
         "lambdas": None if execution.lambdas is None else _plain(execution.lambdas[kept].T),
         "forces": None if execution.forces is None else _plain(np.moveaxis(execution.forces[kept], 0, -1)),
@@ -150,6 +161,12 @@ def _execution(chain: Chain, execution: Execution | None) -> dict[str, Any]:
     room = 0.05 * max(high - low, 0.1)
     shown = {"margin_range": [low - room, high + room], "largest_force": largest}
     return {"samples": samples, **shown, "named": worst_contacts(execution)}
+
+
+def _moved(chain: Chain, object_poses: FloatArray) -> list[Any]:
+    """Return where each object of (m, n, 3) has moved the chain frame to, by column."""
+    places = np.array([obj.pose_chain for obj in chain.objects])
+    return _plain(np.moveaxis(se2.compose(object_poses, se2.inverse(places)), 0, -1))
 
 
 def _kept(execution: Execution) -> IntArray:

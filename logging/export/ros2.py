@@ -36,6 +36,7 @@ from pushplan.logging.view.scene import CHAIN, PATH_SPACING, nearest, scene
 from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import smoothed_times, window
 from pushplan.mechanics.body import BodyKind, outline_of_all
+from pushplan.mechanics.chain import Chain
 from pushplan.outputs.target import look
 from pushplan.outputs.write import write_whole
 from pushplan.scenario import Scenario
@@ -101,7 +102,7 @@ def _scene(bag: BagFile, run: RecordedRun, frames: Frames) -> None:
     ghost = () if plan is None else nearest(run.scenario.chain, plan).entities
     if ghost:
         still.append(("/plan/nearest", messages.MARKERS, markers(ghost, frames, width)))
-    rigid = frames.rigid(run.scenario.chain, run.scenario.pushes is None)
+    rigid = frames.rigid(run.scenario.chain, _attached(run))
     bag.send("/tf_static", messages.TF, 0.0, rigid, latched=True)
     for time in np.arange(0.0, 1e-9 if execution is None else execution.t[-1] + 1e-9, _AGAIN):
         for topic, kind, message in still:
@@ -115,21 +116,33 @@ def _motion(bag: BagFile, run: RecordedRun, frames: Frames) -> None:
     if execution is None:
         shapes, samples, times = resting(chain), np.zeros(1, dtype=np.int64), np.zeros(1)
         poses, twists = run.scenario.first_pose[None], np.zeros((1, 3))
-        loads = run.scenario.start[None]
+        objects = _places(chain, run.scenario.start[None])
     else:
         samples = viewed(execution)
         shapes, times = PushedContacts(chain, execution).at(samples), execution.t[samples]
         poses, twists = execution.poses[samples], execution.twists[samples]
-        loads = execution.load_poses[samples]
+        slipped = execution.object_poses
+        objects = _places(chain, execution.load_poses[samples]) if slipped is None else slipped[samples]
     contacts = contact_messages(chain, shapes, np.zeros(len(samples), dtype=np.int64))
-    attached = run.scenario.pushes is None
-    for time, pose, load, twist, row in zip(times.tolist(), poses, loads, twists, contacts, strict=True):
-        entities = SceneUpdate.FromString(row.tobytes()).entities if attached else ()
-        bag.send("/tf", messages.TF, time, frames.moving(chain, pose, None if attached else load))
+    attached = _attached(run)
+    for time, pose, places, twist, row in zip(times.tolist(), poses, objects, twists, contacts, strict=True):
+        entities = SceneUpdate.FromString(row.tobytes()).entities if run.scenario.pushes is None else ()
+        bag.send("/tf", messages.TF, time, frames.moving(chain, pose, None if attached else places))
         bag.send("/contacts", messages.MARKERS, time, markers(entities, frames, width))
         bag.send("/pusher/twist", messages.TWIST, time, _twist(twist, CHAIN))
         base = se2.twist_of(chain.pusher.base_pose, twist)
         bag.send("/base/twist", messages.TWIST, time, _twist(base, frames.base))
+
+
+def _attached(run: RecordedRun) -> bool:
+    """Whether the objects never leave their places in the chain."""
+    slipped = run.execution is not None and run.execution.object_poses is not None
+    return run.scenario.pushes is None and not slipped
+
+
+def _places(chain: Chain, loads: FloatArray) -> FloatArray:
+    """Return the poses (k, n, 3) of the objects in the world, given those of their frame (k, 3)."""
+    return se2.compose(loads[:, None], np.array([obj.pose_chain for obj in chain.objects]))
 
 
 def _margins(bag: BagFile, run: RecordedRun, frames: Frames) -> None:

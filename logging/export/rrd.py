@@ -59,7 +59,8 @@ def write_rrd(run: RecordedRun, path: Path | str) -> None:
 def _record(rerun: Any, recording: Any, run: RecordedRun) -> None:
     for entity, shapes in _shapes(rerun, run):
         recording.log(entity, *shapes, static=True)
-    for obj in run.scenario.chain.objects if run.scenario.pushes is None else ():
+    slips = run.execution is not None and run.execution.object_poses is not None
+    for obj in run.scenario.chain.objects if run.scenario.pushes is None and not slips else ():
         recording.log(_frame(rerun, obj.name, run.scenario), _place(rerun, obj.pose_chain), static=True)
     if run.execution is not None and len(run.execution.t):
         for entity, columns in _columns(rerun, run.scenario, run.execution):
@@ -197,6 +198,10 @@ def _columns(rerun: Any, scenario: Scenario, execution: Execution) -> Iterator[t
                 _moved(rerun, se2.compose(execution.loads, obj.pose_chain)),
             )
         return
+    if execution.object_poses is not None:
+        within = se2.relative(execution.poses[:, None], execution.object_poses)
+        for k, obj in enumerate(chain.objects):
+            yield _frame(rerun, obj.name, scenario), _moved(rerun, within[:, k])
     marks = contact_colours(len(chain.contacts))
     shown = PushedContacts(chain, execution).at(np.arange(count))
     for k, (shapes, mark) in enumerate(zip(shown, marks, strict=True)):

@@ -9,11 +9,21 @@ from pushplan.logging.mcap.items import Message
 from pushplan.logging.messages import plan_message, schemas
 from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.execution_message import Collector
+from pushplan.logging.messages.feedback_message import FeedbackReader
 from pushplan.logging.messages.recorded import LogLine
 from pushplan.logging.messages.schemas import MessageClass, Topic
 from pushplan.result import PlanResult, ProgressPoint
 
-TOPICS = (schemas.PROGRESS, schemas.PLAN, schemas.EXECUTION, schemas.EXECUTION_END, schemas.LOG)
+TOPICS = (
+    schemas.PROGRESS,
+    schemas.PLAN,
+    schemas.EXECUTION,
+    schemas.EXECUTION_END,
+    schemas.LOG,
+    schemas.MEASURED,
+    schemas.EVENTS,
+    schemas.REPLANS,
+)
 """What is read back; the other topics are for viewers, and follow from these and the scenario."""
 
 _LINE, _BLOCK = 1 << 10, 12 << 10
@@ -30,6 +40,7 @@ class Contents:
         plan: The plan, once it has come.
         progress: The improvements so far; their wall-clock times are NaN.
         lines: The lines of /log so far.
+        feedback: What a closed loop saw, noticed and planned so far.
     """
 
     def __init__(self, contacts: Callable[[], int], recover: bool = False) -> None:
@@ -39,6 +50,7 @@ class Contents:
         self.plan: PlanResult | None = None
         self.lines: list[LogLine] = []
         self.progress: list[ProgressPoint] = []
+        self.feedback = FeedbackReader()
         self._samples: Collector | None = None
         self._execution: Execution | None = None
         self._handlers: dict[str, tuple[Topic, Callable[[MessageClass], None]]] = {
@@ -49,6 +61,9 @@ class Contents:
                 (schemas.EXECUTION, self._take_samples),
                 (schemas.EXECUTION_END, self._take_end),
                 (schemas.LOG, self._take_line),
+                (schemas.MEASURED, self.feedback.take_measured),
+                (schemas.EVENTS, self.feedback.take_event),
+                (schemas.REPLANS, self.feedback.take_replan),
             )
         }
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.events import Feedback
 from pushplan.execution import Execution
 from pushplan.path import PushPath
 from pushplan.result import PlanResult, ProgressPoint
@@ -37,6 +38,7 @@ class RecordedRun:
         words: The metadata by name: `pushplan.run`, `pushplan.planning`, `pushplan.result`,
             and `pushplan.progress.0000` and so on for improvements that were logged when found.
         progress: The improvements of the best path; seconds are NaN where the log does not say.
+        feedback: Of a closed loop: what it measured, noticed and planned on the way; else None.
         losses: What of the file could not be read, in words; empty for a whole one.
     """
 
@@ -48,6 +50,7 @@ class RecordedRun:
     words: Mapping[str, Mapping[str, str]]
     losses: tuple[str, ...]
     progress: tuple[ProgressPoint, ...] = ()
+    feedback: Feedback | None = None
 
     @property
     def trajectory(self) -> Trajectory | None:

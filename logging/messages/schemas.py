@@ -220,6 +220,9 @@ SEGMENT = Topic("/segment", Segment)
 EXECUTION = Topic("/execution/samples", Execution)
 EXECUTION_END = Topic("/execution/result", ExecutionEnd)
 LOG = Topic("/log", Log)
+MEASURED = Topic("/measured", PosesInFrame)
+EVENTS = Topic("/events", Log)
+REPLANS = Topic("/plan/replans", Plan)
 
 TOPICS = (
     SCENE,
@@ -240,4 +243,7 @@ TOPICS = (
     CONTACTS,
     PLAN_NEAREST,
     COSTS,
+    MEASURED,
+    EVENTS,
+    REPLANS,
 )

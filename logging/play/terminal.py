@@ -91,6 +91,7 @@ class TerminalView:
 
     def __init__(self, run: RecordedRun, execution: Execution, columns: int, lines: int) -> None:
         self._chain, self._execution = run.scenario.chain, execution
+        self._events = () if run.feedback is None else run.feedback.events
         view = window(run.scenario, run.plan)
         columns, lines = max(20, columns), max(8, lines)
         wide = _columns_for(view, lines - 1)
@@ -116,18 +117,23 @@ class TerminalView:
     def picture(self, time: float, paused: bool = False) -> str:
         """Return the picture at a simulated time, s."""
         execution = self._execution
-        for outline in self._chain.outlines_at(*execution.place_at(time)):
+        for outline in execution.outlines_at(self._chain, time):
             self._canvas.trace(outline)
         i = max(0, int(np.searchsorted(execution.t, time, side="right")) - 1)
         drawn, bars = self._canvas.text(), self._bars(i)
         state = "  paused" if paused else ""
-        clock = f"{time:8.2f} / {execution.t[-1]:.2f} s{state}"
+        clock = f"{time:8.2f} / {execution.t[-1]:.2f} s{state}{self._event(time)}"
         last = f"{clock}   {_HELP}" if len(clock) + len(_HELP) + 3 <= self._columns else clock
         if not self._beside:
             return "\n".join([*drawn, last[: self._columns], *bars])
         bars += [""] * (len(drawn) - len(bars))
         beside = (f"{left}{' ' * _GAP}{bar}".rstrip() for left, bar in zip(drawn, bars, strict=True))
         return "\n".join([*beside, last])
+
+    def _event(self, time: float) -> str:
+        """Return what a closed loop did last before a simulated time, s; empty where there is none."""
+        told = [event for event in self._events if event.time <= time]
+        return printable(f"   {told[-1].kind}: {told[-1].text}") if told else ""
 
     def _bars(self, i: int) -> list[str]:
         """Return the margin of each contact shown at a sample as a line."""

@@ -81,6 +81,22 @@ def frames_at(chain: Chain, poses: FloatArray, loads: FloatArray | None, instant
     return moving_frames(chain, WORLD).fill(instants, np.hstack([placed(one) for one in every]))
 
 
+def slipping_frames(
+    chain: Chain, poses: FloatArray, object_poses: FloatArray, instants: IntArray
+) -> ByteRows:
+    """Return the transforms of all frames where objects slip.
+
+    Args:
+        chain: What moves.
+        poses: (k, 3) of the chain frame in the world.
+        object_poses: (k, n, 3) of the objects in the world.
+        instants: (k,) when, ns.
+    """
+    within = se2.relative(poses[:, None], object_poses)
+    places = [placed(poses), *(placed(within[:, k]) for k in range(within.shape[1]))]
+    return moving_frames(chain).fill(instants, np.concatenate(places, axis=1))
+
+
 def pose_in_world() -> MessageTemplate:
     """Return a pose in the world, to be filled with its place."""
 
@@ -90,12 +106,12 @@ def pose_in_world() -> MessageTemplate:
     return MessageTemplate(message, 4)
 
 
-def poses_in_world(poses: FloatArray) -> bytes:
-    """Return poses (k, 3) in the world, at time 0, as a serialised `PosesInFrame`.
+def poses_in_world(poses: FloatArray, stamp: Timestamp | None = None) -> bytes:
+    """Return poses (k, 3) in the world, at time 0 or that of `stamp`, as a serialised `PosesInFrame`.
 
     Serialised messages joined to one another are the serialised message of all their entries.
     """
-    head = PosesInFrame(timestamp=Timestamp(), frame_id=WORLD).SerializeToString(deterministic=True)
+    head = PosesInFrame(timestamp=stamp or Timestamp(), frame_id=WORLD).SerializeToString(deterministic=True)
     one = MessageTemplate(lambda _, numbers: PosesInFrame(poses=[_pose(*numbers)]), 4)
     return head + one.fill(np.zeros(len(poses), dtype=np.int64), placed(poses)).tobytes()
 

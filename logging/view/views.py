@@ -54,12 +54,20 @@ def messages(
     columns = {name: numbers[samples] for name, numbers in _contact_columns(chain, execution)}
     margins = [execution.margins[samples].min(axis=1)[:, None], *columns.values()]
     return {
-        schemas.TF: frames.frames_at(chain, execution.poses[samples], loads, instants),
+        schemas.TF: _transforms(chain, execution, samples, instants),
         schemas.PUSHER_POSE: frames.pose_in_world().fill(instants, poses),
         schemas.PUSHER_TWIST: _twist().fill(instants, execution.twists[samples]),
         schemas.MARGINS: _margins(chain, list(columns)).fill(instants, np.concatenate(margins, axis=1)),
         **apart,
     }
+
+
+def _transforms(chain: Chain, execution: Execution, samples: IntArray, instants: IntArray) -> ByteRows:
+    poses = execution.poses[samples]
+    if execution.object_poses is not None:
+        return frames.slipping_frames(chain, poses, execution.object_poses[samples], instants)
+    loads = None if execution.loads is None else execution.loads[samples]
+    return frames.frames_at(chain, poses, loads, instants)
 
 
 def _twist() -> MessageTemplate:

@@ -115,9 +115,14 @@ def _tell(recorded: RecordedRun, console: Console) -> None:
 def _verify(recorded: RecordedRun, console: Console) -> VerifyReport:
     """Execute the recorded plan again and tell what differs."""
     with console.computing("executing the recorded plan again"):
-        from pushplan.logging.verify import verify
+        from pushplan.logging.verify import VerifyReport, verify
 
-        report = verify(recorded)
+        if recorded.feedback is None:
+            report = verify(recorded)
+        else:
+            from pushplan.control.again import check_closed_loop
+
+            report = VerifyReport(tuple(check_closed_loop(recorded)))
     if not report.checks:
         console.say("nothing to verify: no plan was found")
     elif report.matches:

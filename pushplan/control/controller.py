@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike
 from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.control.closing import ClosingPush, Spread, closing_push
 from pushplan.control.driving import Driving
-from pushplan.control.events import Event
 from pushplan.control.measured_chain import Contacts, contacts_at, places_of, slid
-from pushplan.control.replanner import Replan, Replanner
+from pushplan.control.replanner import Replanner
 from pushplan.control.settings import ControlSettings
 from pushplan.control.sightings import Sightings
 from pushplan.control.watching import departure
 from pushplan.errors import ChainError, PlanningError
+from pushplan.events import Event, Replan
 from pushplan.geometry.se2 import compose, log, relative
 from pushplan.path import PushPath
 from pushplan.planners.timing.bounds import motion_bounds

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.control.sensor import Measurements, Sensor
+from pushplan.events import Measured
 from pushplan.geometry.se2 import compose, exp, log, relative
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.worlds.kick import Kick, kicked
@@ -66,8 +67,7 @@ class Course:
         poses: (m, 3) of the chain frame, that is of the plate, in the world.
         object_poses: (m, n, 3) of the objects in the world.
         twists: (m, 3) of the plate from then on, body twists in the chain frame.
-        measured_t: (k,) when measurements were taken, s.
-        measured: (k, n, 3) measured poses of the objects, with noise.
+        measured: What the sensor said.
         jammed: Nothing could give way; everything ends there.
         over: What moves the plate came to its end.
     """
@@ -76,8 +76,7 @@ class Course:
     poses: FloatArray
     object_poses: FloatArray
     twists: FloatArray
-    measured_t: FloatArray
-    measured: FloatArray
+    measured: Measured
     jammed: bool
     over: bool
 
@@ -125,5 +124,4 @@ def course_in(
         simulator.move(twist, 1.0 / rate)
         plate = compose(plate, exp(twist / rate))
     t, poses, object_poses, twists = (np.array(column) for column in zip(*rows, strict=True))
-    measured = np.array(seen.t), np.array(seen.poses)
-    return Course(t, poses, object_poses, twists, *measured, simulator.jammed, driver.over)
+    return Course(t, poses, object_poses, twists, seen.measured, simulator.jammed, driver.over)

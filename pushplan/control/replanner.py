@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from pushplan.control.caution import cautious, with_chain
 from pushplan.control.measured_chain import slid
 from pushplan.control.settings import ControlSettings
 from pushplan.errors import PushplanError
+from pushplan.events import Replan
 from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
 from pushplan.plan import plan
@@ -26,34 +27,12 @@ DETOUR = 0.05
 """Way (m of path cost) that going to the exact goal may be longer than going somewhere within the tolerances."""
 CAUTION = (1.0, 0.5, 0.0)
 """Shares of what may be off, friction and places, that plans are made for, one after the other until there is one."""
-MERIDIANS = 128
-"""Meridians of the stable set that controls are taken from: a quarter of what plans without haste take."""
+MERIDIANS = 96
+"""Meridians of the stable set that controls are taken from: plans without haste take five times as many."""
+ITERATIONS = 10_000
+"""Of the search of a plan, a few hundredths of a second: where they, not the time limit, end it, runs repeat."""
 SAME = 0.03
 """Share of a contact's length up to which a slide does not make it another chain."""
-
-
-@dataclass(frozen=True, eq=False)
-class Replan:
-    """A plan made on the way.
-
-    Attributes:
-        time: When, s.
-        start: (3,) pose of the chain frame in the world.
-        result: What was planned; None where the start or the chain is none to plan with.
-        reason: Why there is no plan; empty if there is one.
-        seconds: CPU time that it took, s.
-    """
-
-    time: float
-    start: FloatArray
-    result: PlanResult | None
-    reason: str
-    seconds: float
-
-    @property
-    def solved(self) -> bool:
-        """Whether there is a plan."""
-        return self.result is not None and self.result.solved
 
 
 class Replanner:
@@ -113,7 +92,9 @@ class Replanner:
             margin = self._margins.get(
                 level
             )  # what `auto` comes to is not worked out again for a chain that slid
-            made = Queries(scenario, margin=margin, tell=self._tell, meridians=MERIDIANS)
+            made = Queries(
+                scenario, margin=margin, tell=self._tell, meridians=MERIDIANS, rate=self._settings.rate
+            )
             self._queries[level], self._margins[level] = made, made.margin
         return self._queries[level]
 
@@ -156,7 +137,7 @@ class Replanner:
             reason = result.reason
         except PushplanError as error:
             reason = str(error)
-        return Replan(now, start, result, reason, time.process_time() - began)
+        return Replan(now, result, reason, time.process_time() - began)
 
     def _planned(self, start: FloatArray, previous: PushPath | None, attempt: int) -> PlanResult:
         queries = self.queries(CAUTION[attempt % len(CAUTION)])
@@ -165,6 +146,7 @@ class Replanner:
             self._goal(queries, start),
             seed=1 + attempt // len(CAUTION),
             time_limit=self._settings.time_limit,
+            iterations=ITERATIONS,
             previous=previous,
             explain=False,
         )

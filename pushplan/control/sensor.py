@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
+from pushplan.events import Measured
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,18 @@ class Measurements:
         self._waiting: deque[tuple[float, FloatArray]] = deque()
         self.t: list[float] = []
         self.poses: list[FloatArray] = []
+
+    @classmethod
+    def recorded(cls, sensor: Sensor, measured: Measured) -> Self:
+        """Return measurements that were made, as they came from the sensor."""
+        again = cls(sensor, 0)
+        again._waiting.extend((float(t), poses) for t, poses in zip(measured.t, measured.poses, strict=True))
+        return again
+
+    @property
+    def measured(self) -> Measured:
+        """All measurements so far."""
+        return Measured(np.array(self.t), np.array(self.poses))
 
     def take(self, now: float, object_poses: FloatArray) -> None:
         """Measure the objects (n, 3), if it is time to."""

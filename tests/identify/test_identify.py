@@ -25,6 +25,7 @@ from pushplan.sim.identify.learned import piece_of, with_learned
 from pushplan.sim.identify.posterior import sample
 from pushplan.sim.identify.pressed import PressedOutline
 from pushplan.sim.identify.unknowns import Unknowns
+from pushplan.sim.slip.executed import executed
 from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.simulate import simulate_poses
 from pushplan.sim.worlds.world import World
@@ -133,14 +134,20 @@ def test_what_was_learned_is_a_piece_of_scenario_that_plans_use(
     assert merged.stable_set("ecof").margin(np.array([[1.0, 0.0, 0.0]])).shape == (1,)
 
 
+def slipped(scenario: pushplan.Scenario, course: Course) -> pushplan.Execution:
+    """A course as the simulator with slip would have recorded it."""
+    judge = scenario.stable_set("ecof")
+    return executed(np.linspace(0.0, 1.0, 61), course.plate_poses, course.object_poses, judge, np.zeros(2))
+
+
 def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_path: Path) -> None:
     scenario = crates()
     course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1)
     with RunLogWriter.create(tmp_path / "slip.mcap", scenario, {}) as log:
-        log.slipped(np.linspace(0.0, 1.0, 61), course.plate_poses, course.object_poses)
+        log.execution(slipped(scenario, course))
         log.finish("arrived")
     _, read = read_course(tmp_path / "slip.mcap")
-    assert read.object_poses == pytest.approx(course.object_poses[1:], abs=1e-9)
+    np.testing.assert_array_equal(read.object_poses, course.object_poses)
     with RunLogWriter.create(tmp_path / "none.mcap", scenario, {}) as log:
         log.finish("unsolved")
     with pytest.raises(RunLogError, match="nobody measured where the objects went"):
@@ -153,7 +160,7 @@ def test_logs_are_of_one_chain_and_there_is_one(tmp_path: Path) -> None:
         scenario = replace(pushplan.load_scenario(name), obstacles=(), workspace=None)
         course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1)
         with RunLogWriter.create(tmp_path / f"{name}.mcap", scenario, {}) as log:
-            log.slipped(np.linspace(0.0, 1.0, 61), course.plate_poses, course.object_poses)
+            log.execution(slipped(scenario, course))
             log.finish("arrived")
     with pytest.raises(RunLogError, match="a run of another chain than"):
         pushplan.identify([tmp_path / "one-box.mcap", tmp_path / "two-crates.mcap"])

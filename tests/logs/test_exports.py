@@ -271,7 +271,8 @@ def test_a_film_of_a_run_without_a_plan_says_why(unsolved: RecordedRun, tmp_path
     picture = np.asarray(scene.picture_with_words(), dtype=int)
     assert unsolved.plan is not None
     assert unsolved.plan.approximate_path is not None
-    ghost = scene.outlines(unsolved.plan.approximate_path.end)
+    outlines = unsolved.scenario.chain.outlines_at(unsolved.plan.approximate_path.end)
+    ghost = [scene.world(outline) for outline in outlines]
     nearest = np.array(red_green_blue(NEAREST))
     for x, y in (corner for outline in ghost for corner in outline):
         around = picture[int(y / FINE) - 2 : int(y / FINE) + 3, int(x / FINE) - 2 : int(x / FINE) + 3]

@@ -250,7 +250,10 @@ def test_a_viewer_that_connects_sees_the_run(recorded: RecordedRun) -> None:
     assert set(found) == {topic.name for topic in schemas.TOPICS} - {
         "/robot",
         "/segment",
-    }  # of several pushes
+        "/measured",
+        "/events",
+        "/plan/replans",
+    }  # of several pushes, and of closed loops
     scene = schemas.SCENE.message.FromString(found["/scene"][-1][1])
     assert any(entity.id == "object/far" for entity in scene.entities)
     times = [stamp for stamp, _ in found["/margins"]]

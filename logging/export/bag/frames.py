@@ -79,18 +79,19 @@ class Frames:
             pairs += [(CHAIN, obj.name, obj.pose_chain) for obj in chain.objects]
         return {"transforms": [_transform(*pair) for pair in pairs]}
 
-    def moving(self, chain: Chain, pose: FloatArray, load: FloatArray | None) -> Message:
+    def moving(self, chain: Chain, pose: FloatArray, objects: FloatArray | None) -> Message:
         """Return the message for /tf.
 
         Args:
             chain: What moves.
             pose: (3,) of the chain frame, or of the robot's frame, in the world.
-            load: (3,) of the objects' frame where they move on their own.
+            objects: (n, 3) of the objects in the world where they move on their own.
         """
         transforms = [_transform(self.odom, self.base, se2.compose(pose, chain.pusher.base_pose))]
-        if load is not None:
+        if objects is not None:
             transforms += [
-                _transform(self.map, o.name, se2.compose(load, o.pose_chain)) for o in chain.objects
+                _transform(self.map, obj.name, place)
+                for obj, place in zip(chain.objects, objects, strict=True)
             ]
         return {"transforms": transforms}
 

@@ -81,8 +81,9 @@ class Film:
         return parts
 
     def _draw_chain(self, pen: ImageDraw.ImageDraw, time: float) -> Box:
-        pose, load = self._execution.place_at(time)
-        paints, bodies = iter(self._paints), self._scene.outlines(pose, load)
+        pose, _ = self._execution.place_at(time)
+        outlines = self._execution.outlines_at(self._chain, time)
+        paints, bodies = iter(self._paints), [self._scene.world(outline) for outline in outlines]
         for body, corners in zip(self._chain.bodies, bodies, strict=True):
             pen.polygon(corners, _CARRYING.get(body.kind) or next(paints), INK, FINE)
         drawn = [point for body in bodies for point in body]

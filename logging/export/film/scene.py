@@ -49,10 +49,6 @@ class FilmScene:
         place = FINE * (middle + self._scale * (points - self._middle) * [1.0, -1.0])
         return [(float(x), float(y)) for x, y in place]
 
-    def outlines(self, pose: FloatArray, load: FloatArray | None = None) -> list[Points]:
-        """Return the outlines of all bodies; see `Chain.outlines_at`."""
-        return [self.world(outline) for outline in self._run.scenario.chain.outlines_at(pose, load)]
-
     def picture(self) -> Image.Image:
         """Return the room, with nothing in the part below it."""
         image = Image.new("RGB", (FINE * WIDTH, FINE * HEIGHT), GROUND)

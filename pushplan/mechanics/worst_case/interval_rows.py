@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Sized
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -81,6 +82,7 @@ class IntervalRows:
         return np.concatenate([rows for rows, _ in found]), np.concatenate([size for _, size in found])
 
 
+@lru_cache(maxsize=16)  # sets, judges and limits of one plan all ask for the same
 def pack_intervals(interval: IntervalChain) -> PackedIntervals:
     """Return a chain with intervals as arrays.
 

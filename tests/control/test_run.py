@@ -1,0 +1,149 @@
+"""Closed loops recorded, read back, verified and played, and the command that runs them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+import pushplan
+from pushplan.cli import main
+from pushplan.control.again import check_closed_loop
+from pushplan.errors import RunLogError
+from pushplan.logging.export.html import render
+from pushplan.logging.play.terminal import TerminalView
+from pushplan.logging.verify import verify
+
+KICK = "time=4s,object=far,y=-5mm,turn=3deg"
+
+
+@pytest.fixture(scope="module")
+def run() -> pushplan.ClosedLoopRun:
+    scenario = pushplan.load_scenario("two-crates")
+    kick = pushplan.Kick(4.0, 1, 0.0, -5e-3, 0.05)
+    world = pushplan.World.from_scenario(scenario).with_contact_friction(0.8)
+    return pushplan.run_closed_loop(scenario, world, [kick])
+
+
+@pytest.fixture(scope="module")
+def log(run: pushplan.ClosedLoopRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("closed") / "run.mcap"
+    run.write(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def back(log: Path) -> pushplan.RecordedRun:
+    return pushplan.read_run(log)
+
+
+def test_the_log_has_measurements_events_and_plans_in_the_order_of_time(
+    run: pushplan.ClosedLoopRun, log: Path
+) -> None:
+    times: dict[str, list[int]] = {}
+    with log.open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
+            times.setdefault(channel.topic, []).append(message.log_time)
+    assert len(times["/measured"]) == len(run.course.measured.t)
+    assert len(times["/events"]) == len(run.events)
+    assert len(times["/plan/replans"]) == len(run.replans) > 0
+    assert len(times["/plan/path"]) == 1 + sum(replan.solved for replan in run.replans)
+    together = [time for topic in ("/measured", "/events", "/tf") for time in times[topic]]
+    assert sorted(times["/tf"]) == times["/tf"]
+    assert min(together) == 0
+
+
+def test_what_was_recorded_is_read_back(run: pushplan.ClosedLoopRun, back: pushplan.RecordedRun) -> None:
+    assert back.outcome == run.outcome == "arrived"
+    assert back.feedback is not None
+    assert back.feedback.events == run.events
+    np.testing.assert_allclose(back.feedback.measured.poses, run.course.measured.poses, atol=1e-15)
+    assert [replan.solved for replan in back.feedback.replans] == [replan.solved for replan in run.replans]
+    assert back.execution is not None
+    assert back.execution.object_poses is not None
+    np.testing.assert_array_equal(back.execution.object_poses, run.course.object_poses)
+    np.testing.assert_array_equal(back.execution.poses, run.course.poses)
+
+
+def test_the_same_measurements_lead_to_the_same_twists_events_and_plans(back: pushplan.RecordedRun) -> None:
+    checks = check_closed_loop(back)
+    assert [check.text for check in checks if not check.matches] == []
+    assert {"twist", "number of events", "way of the plate", "plan 1 on the way"} <= {
+        c.quantity for c in checks
+    }
+    assert verify(back).matches
+
+
+def test_a_log_that_was_tampered_with_does_not_verify(back: pushplan.RecordedRun) -> None:
+    assert back.execution is not None
+    assert back.feedback is not None
+    twists = np.array(back.execution.twists)
+    twists[100] += [0.01, 0.0, 0.0]
+    found = check_closed_loop(replace(back, execution=replace(back.execution, twists=twists)))
+    assert {check.quantity for check in found if not check.matches} == {"twist", "way of the plate"}
+    told = replace(back.feedback, events=back.feedback.events[:-1])
+    found = check_closed_loop(replace(back, feedback=told))
+    assert [check.quantity for check in found if not check.matches] == ["number of events"]
+    with pytest.raises(RunLogError, match="the settings of the closed loop cannot be read"):
+        check_closed_loop(replace(back, words={}))
+
+
+def test_players_show_objects_where_they_are_and_what_the_controller_did(back: pushplan.RecordedRun) -> None:
+    text = render(back)
+    shown = json.loads(text.split('id="run" type="application/json">')[1].split("</script>")[0])
+    assert [words for _, words in shown["events"]][-1].startswith("arrived: ")
+    assert np.array(shown["samples"]["objects"]).shape == (2, 3, len(shown["samples"]["t"]))
+    assert back.execution is not None
+    picture = TerminalView(back, back.execution, 100, 24).picture(float(back.execution.t[-1]))
+    assert "arrived: " in picture
+    first, moved = (back.execution.outlines_at(back.scenario.chain, time) for time in (0.0, 6.0))
+    apart = [np.ptp(a - b, axis=0).max() for a, b in zip(first, moved, strict=True)]
+    assert len(apart) == len(back.scenario.chain.bodies)
+    rigid = back.scenario.chain.outlines_at(back.execution.place_at(6.0)[0])
+    assert np.abs(np.array(moved[-1]) - rigid[-1]).max() > 1e-3  # the kicked one stands aside
+
+
+def test_the_command_arrives_in_closed_loop_and_verifies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, page = tmp_path / "run.mcap", tmp_path / "run.html"
+    words = [
+        "run",
+        "two-crates",
+        "--closed-loop",
+        "--kick",
+        KICK,
+        "-o",
+        str(out),
+        "--html",
+        str(page),
+        "--json",
+    ]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["outcome"] == "arrived"
+    assert told["log"] == str(out)
+    assert {event["kind"] for event in told["events"]} >= {"plan", "left", "look", "replan", "arrived"}
+    assert page.stat().st_size > 10_000
+    assert main(["replay", str(out), "--verify"]) == 0
+
+
+def test_the_command_says_what_does_not_arrive_and_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
+    far = "time=3,object=far,x=0.3"
+    assert main(["run", "two-crates", "--no-log", "--closed-loop", "--kick", far]) == 4
+    assert "gave up: no push of up to 50 mm closes the contacts" in capsys.readouterr().out
+    aside = "time=3,object=far,y=-2cm"
+    assert main(["run", "two-crates", "--no-log", "--kick", aside]) == 4
+    assert "missed: the goal's object is not within its tolerances" in capsys.readouterr().out
+    assert main(["run", "two-crates", "--no-log", "--kick", "time=3,object=cat"]) == 2
+    assert "no object is called 'cat'; there are near, far" in capsys.readouterr().err
+    for flag, words, why in (
+        ("--kick", "time=3", "'time=3' does not state the object of the kick"),
+        ("--kick", "object=far,time=soon", "time is 'soon'; allowed: a number, also with a unit (s, ms)"),
+        ("--sensor", "noise=1", "'noise=1' is not NAME=VALUE with a NAME of rate, delay, position, angle"),
+        ("--sensor", "rate=0", "rate of the sensor is 0.0; it must be finite and > 0"),
+    ):
+        assert main(["run", "two-crates", flag, words]) == 2
+        assert why in capsys.readouterr().err
