@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.basics.names import TRANSIT_CLEARANCE
 from pushplan.mechanics.body import BodyKind
 from pushplan.path import TURN_WEIGHT, cost_rate
 from pushplan.planners.collision.convex_pieces import convex_pieces
@@ -156,14 +157,14 @@ _NO_WALLS = np.array([-math.inf, -math.inf, math.inf, math.inf])
 def _scenes(scenario: Scenario) -> tuple[Scene, Scene]:
     """The robot among what stands in the room, and among the objects in the load's frame."""
     everything = open_scene(scenario)
-    clearance = scenario.clearance + SLACK
     carried = [body.outline for body in scenario.chain.bodies if body.kind is not BodyKind.OBJECT]
     robot = list(convex_pieces(carried))
     room = everything._replace(
         body=flatten(robot), body_bound=bounding_circle(np.concatenate(robot)), kept=scenario.clearance
     )
     objects = list(convex_pieces([obj.outline_chain for obj in scenario.chain.objects]))
-    load = scene_of(robot, objects, np.zeros((0, 3)), _NO_WALLS, clearance, scenario.clearance)
+    berth = max(scenario.clearance, TRANSIT_CLEARANCE)
+    load = scene_of(robot, objects, np.zeros((0, 3)), _NO_WALLS, berth + SLACK, berth)
     return room, load
 
 

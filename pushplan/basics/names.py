@@ -59,6 +59,10 @@ FACES = ("rear", "front", "left", "right")
 COLLISION_CLEARANCE = 0.0005
 """Distance that pusher and objects keep from obstacles and walls where the scenario asks for no other, m."""
 
+TRANSIT_CLEARANCE = 0.01
+"""Distance that a robot keeps from the load, at least, while it drives alone, m: one that stands 2 mm and half a
+degree off its place is not touched."""
+
 MOST_FRICTION = 10.0
 """Largest coefficient of friction of a scenario; rubber on rubber has 1 to 2, a larger number is a slip."""
 

@@ -80,7 +80,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     if args.physics and not interruption.requested:
         from pushplan.commands.steps import physics
 
-        found = physics.execute(scenario, done.plan.trajectory, console)
+        found = physics.execute(scenario, done.plan, console)
         told["physics"] = physics.document(found)
         code = MISMATCH if found is not None and not found.kept else code
     _draw_outputs(done, args, console)

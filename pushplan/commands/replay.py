@@ -68,7 +68,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     if args.recover:
         console.say(f"{args.recovered}: a clean log of what is whole")
     report = _verify(kept, console) if args.verify else None
-    found = physics.execute(recorded.scenario, recorded.trajectory, console) if args.physics else None
+    found = physics.execute(recorded.scenario, recorded.plan, console) if args.physics else None
     write_exports(recorded, args, partial(_draw, recorded, console), console)
     play(recorded, args, console)
     told = _document(recorded, report, args.recovered)

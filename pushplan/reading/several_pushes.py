@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import DEFAULT_PLANNER, RANKED_BY
+from pushplan.basics.names import DEFAULT_PLANNER, RANKED_BY, TRANSIT_CLEARANCE
 from pushplan.geometry import se2
 from pushplan.geometry.penetration import overlap_depth
 from pushplan.mechanics.body import Body, BodyKind
@@ -99,10 +99,11 @@ def check_places(scenario: Scenario, file: ScenarioFile, report: Report) -> None
         what = f"several pushes need objects that touch one another; {names} touch the plate only"
         report.add(("robot", "start"), what)
     for name in ("approach", "retreat"):
-        least = scenario.clearance + NEAREST
+        kept = max(scenario.clearance, TRANSIT_CLEARANCE)
+        least = kept + NEAREST
         if getattr(pushes, name) < least:
-            kept = f"the robot keeps {scenario.clearance:.6g} m from the objects when it drives on"
-            what = f"is {getattr(pushes, name):.6g} m, and {kept}; allowed: at least {least:.6g}"
+            why = f"the robot keeps {kept:.6g} m from the objects when it drives on"
+            what = f"is {getattr(pushes, name):.6g} m, and {why}; allowed: at least {least:.6g}"
             report.add(("pushes", name), what)
     for place, what in troubles_at_first(scenario):
         report.add(place, what)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import DEFAULT_PLANNER, RETREAT
+from pushplan.basics.names import DEFAULT_PLANNER, RETREAT, TRANSIT_CLEARANCE
 from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError, TimingError
 from pushplan.geometry import se2
@@ -149,7 +149,7 @@ def backed_off(room: PushRoom, scenario: Scenario) -> FloatArray:
     """Return where the robot's frame (3,) is once it is clear of the load: it backs off where it is near at first."""
     robot = scenario.robot_start
     assert scenario.pushes is not None
-    enough = scenario.clearance + SLACK
+    enough = max(scenario.clearance, TRANSIT_CLEARANCE) + SLACK
     x, y, theta = se2.relative(scenario.start, robot)
     gap = separation(room.load, x, y, theta, enough)
     return robot if gap >= enough else se2.compose(robot, [-scenario.pushes.retreat, 0.0, 0.0])

@@ -6,12 +6,14 @@ import argparse
 from math import degrees, isfinite
 from typing import TYPE_CHECKING
 
+from pushplan.commands.steps import physics_of_several as several
 from pushplan.commands.terminal.console import Console
 
 if TYPE_CHECKING:
+    from pushplan.result import PlanResult
     from pushplan.scenario import Scenario
+    from pushplan.several.physics import SeveralReport
     from pushplan.sim.physics.report import PhysicsReport
-    from pushplan.trajectory import Trajectory
 
 
 def add_physics(parser: argparse.ArgumentParser) -> None:
@@ -34,8 +36,6 @@ def require_executable(scenario: Scenario) -> None:
     from pushplan.sim.physics.model.engine import PhysicsError, engine
 
     engine()
-    if scenario.pushes is not None:
-        raise PhysicsError("--physics executes a single push, and robot.start asks for several; leave it out")
     unknown = [obj.name for obj in scenario.chain.objects if not obj.support.known]
     if unknown:
         names = ", ".join(repr(name) for name in unknown)
@@ -46,11 +46,16 @@ def require_executable(scenario: Scenario) -> None:
         )
 
 
-def execute(scenario: Scenario, trajectory: Trajectory | None, console: Console) -> PhysicsReport | None:
-    """Execute a trajectory in the engine and tell what every contact did; None where there is no trajectory."""
-    if trajectory is None:
+def execute(
+    scenario: Scenario, plan: PlanResult | None, console: Console
+) -> PhysicsReport | SeveralReport | None:
+    """Execute a plan in the engine and tell what every contact did; None where there is none."""
+    if plan is None or plan.trajectory is None:
         console.say("nothing to execute in the physics engine: no plan was found")
         return None
+    if plan.segments:
+        return several.execute(scenario, plan, console)
+    trajectory = plan.trajectory
     with console.working(f"executing {trajectory.duration:.1f} s in the physics engine") as progress:
         from pushplan.sim.physics.verdict import verdict_of_physics
 
@@ -76,10 +81,14 @@ def _rows(report: PhysicsReport) -> list[tuple[str, str]]:
     return [*((name, told) for name, told in contacts), ("off the plan", "; ".join(ends))]
 
 
-def document(report: PhysicsReport | None) -> dict[str, object] | None:
+def document(report: PhysicsReport | SeveralReport | None) -> dict[str, object] | None:
     """Return what the engine found as a JSON object, None where nothing was executed."""
     if report is None:
         return None
+    from pushplan.several.physics import SeveralReport
+
+    if isinstance(report, SeveralReport):
+        return several.document(report)
     chain = report.chain
     slide, opening, rotation = abs(report.slide), report.opening, abs(report.rotation)
     contacts = [
