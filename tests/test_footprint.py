@@ -14,6 +14,7 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.validation import clearance
 from pushplan.cli import main
 from pushplan.commands.steps.understood import room
+from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.path import cost_rate
@@ -66,6 +67,13 @@ def stated_bodies(scenario: Scenario) -> shapely.Geometry:
     return shapely.affinity.translate(union, 0.0, float(scenario.chain.pusher.outline[:, 1].mean()))
 
 
+def executed(poses: FloatArray) -> Execution:
+    nothing = np.zeros((len(poses), 1))
+    return Execution(
+        np.arange(float(len(poses))), poses, 0.0 * poses, nothing, None, None, None, None, (0.0, 0.0)
+    )
+
+
 def gap_along(body: shapely.Geometry, poses: FloatArray, obstacle: shapely.Geometry) -> float:
     """Smallest distance (m) of a body at poses (m, 3) from an obstacle."""
     placed = [
@@ -104,7 +112,7 @@ def test_the_sweep_and_the_checker_agree_with_shapely_about_the_robot(scenario: 
             assert free
             assert hit is None
             found["free"] += 1
-            assert clearance(one, poses) == pytest.approx(gap, abs=0.006)
+            assert clearance(one, executed(poses)) == pytest.approx(gap, abs=0.006)
         elif gap < 0.9 * scenario.clearance:
             assert not free
             assert hit is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -54,6 +54,14 @@ class Room:
             radii,
             shapely.STRtree(around),
             scenario.workspace,
+        )
+
+    def only(self, bodies: Sequence[int]) -> Room:
+        """Return it with some of the bodies, by their indices, alone."""
+        kept = np.isin(self.body, bodies)
+        body = np.searchsorted(bodies, self.body[kept])
+        return replace(
+            self, names=tuple(self.names[i] for i in bodies), corners=self.corners[kept], body=body
         )
 
     def gaps(self, poses: FloatArray, enough: float) -> FloatArray:

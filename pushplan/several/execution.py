@@ -62,6 +62,7 @@ def execute_segments(
             )
             end = trajectory_of(segment, trajectory).break_poses[-1]
             load = own.load_at(se2.compose(end, segment.robot)[None])[0]
+    loads[:, 2] = np.unwrap(loads[:, 2])  # the robot may have turned fully since the last push
     decides = scenario.chain.pusher.limits.contact == "dynamic"
     deciding = np.minimum(margins, dynamic) if decides else margins
     lost = np.flatnonzero(deciding.min(axis=1) <= 0.0)

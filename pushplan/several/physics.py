@@ -31,6 +31,9 @@ NEAR = 5e-3
 """Poses of the robot alone that are looked at are no farther apart, m."""
 
 
+SETTLED = 0.9
+"""Share of the settling push after which contacts are expected to be closed."""
+
 STILL = 1e-3
 """Farthest that an approach or a retreat may move an object that stands where it is thought to, m."""
 
@@ -145,18 +148,14 @@ def _push(
     chain = mode.scenario.chain
     recording = drive(chain, motion, settings, se2.relative(poses[0], contact))
     at = t[recording.steps]
-    ends = np.searchsorted(at, [approach.t1, _settled(push), push.t1])
+    way = np.hypot(*(poses[:, :2] - push.path.start[:2]).T)
+    settled = t[np.flatnonzero((t >= push.t0) & (way >= SETTLED * push.path.lengths[0]))[0]]
+    ends = np.searchsorted(at, [approach.t1, settled, push.t1])
     moved = np.empty_like(loads)
     moved[order] = se2.compose(
         se2.compose(poses[0], recording.motions[-1, :-1]), se2.inverse(mode.place.contact)
     )
     return _report(push, mode, recording, ends), moved
-
-
-def _settled(push: Segment) -> float:
-    """Return a time at which the straight push has closed the contact: half of what it may take at most."""
-    first = float(push.path.lengths[0]) / float(push.path.lengths.sum())
-    return push.t0 + min(0.5, first) * (push.t1 - push.t0)
 
 
 def _report(push: Segment, mode: Mode, recording: Recording, ends: IntArray) -> PushReport:

@@ -154,9 +154,5 @@ def _placed(scenario: Scenario, load: FloatArray) -> list[FloatArray]:
 
 def _robot_among(scenario: Scenario) -> Room:
     """Return the robot, without the objects, among the obstacles."""
-    room = Room.of(scenario)
-    carried = [i for i, body in enumerate(scenario.chain.bodies) if body.kind is not BodyKind.OBJECT]
-    kept = np.isin(room.body, carried)
-    return replace(
-        room, names=tuple(room.names[i] for i in carried), corners=room.corners[kept], body=room.body[kept]
-    )
+    bodies = scenario.chain.bodies
+    return Room.of(scenario).only([i for i, body in enumerate(bodies) if body.kind is not BodyKind.OBJECT])

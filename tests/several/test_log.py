@@ -172,7 +172,7 @@ def test_a_box_that_nothing_gets_out_of_its_corner_is_no_plan(tmp_path: Path, ca
     assert told["diagnosis"][0]["proven"] is True
 
 
-@pytest.mark.parametrize("words", [["--planner", "rrt"], ["--cost", "time"], ["--physics"]])
+@pytest.mark.parametrize("words", [["--planner", "rrt"], ["--cost", "time"]])
 def test_what_is_for_a_single_push_ends_with_code_2(file: Path, words: list[str], capsys: Captured) -> None:
     assert main(["plan", str(file), "--no-log", *words]) == 2
     assert "several" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +12,10 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.basics.names import AUTO
 from pushplan.execution import Execution
 from pushplan.geometry.se2 import pose_error, rotate
+from pushplan.mechanics.body import BodyKind
 from pushplan.planners.validation.checker import find_collision
 from pushplan.planners.validation.motion import densify
+from pushplan.planners.validation.room import Room
 from pushplan.result import PlanResult
 from pushplan.scenario import CircleObstacle, Obstacle, Scenario
 
@@ -39,8 +42,19 @@ def flaw(scenario: Scenario, execution: Execution) -> str:
         _low_margin(scenario, execution.min_margin)
         or _slips_with_inertia(scenario, execution)
         or _missed_goal(scenario, execution.goal_error)
-        or _collision(scenario, execution.poses)
+        or next(filter(None, (_collision(scenario, *moving) for moving in _moving(scenario, execution))), "")
     )
+
+
+def _moving(scenario: Scenario, execution: Execution) -> Iterator[tuple[FloatArray, tuple[int, ...]]]:
+    """Yield poses (m, 3) and the indices of the bodies that move with them: objects may go ways of their own."""
+    bodies = scenario.chain.bodies
+    objects = tuple(i for i, body in enumerate(bodies) if body.kind is BodyKind.OBJECT)
+    if execution.loads is None:
+        yield execution.poses, tuple(range(len(bodies)))
+    else:
+        yield execution.poses, tuple(i for i in range(len(bodies)) if i not in objects)
+        yield execution.loads, objects
 
 
 def plan_flaw(scenario: Scenario, result: PlanResult) -> str:
@@ -53,7 +67,7 @@ def plan_flaw(scenario: Scenario, result: PlanResult) -> str:
     fault = _low_margin(scenario, float(margins.min(initial=1.0)))
     for poses in (path.sampled(PATH_SPACING), trajectory.poses):
         fault = fault or _missed_goal(scenario, pose_error(poses[-1], scenario.goal.pose_chain))
-        fault = fault or _collision(scenario, poses)
+        fault = fault or _collision(scenario, poses, tuple(range(len(scenario.chain.bodies))))
     return fault
 
 
@@ -92,25 +106,25 @@ def _missed_goal(scenario: Scenario, error: tuple[float, float]) -> str:
     return f"the goal is missed by {position:.2g} m and {angle:.2g} rad"
 
 
-def _collision(scenario: Scenario, poses: FloatArray) -> str:
-    hit = find_collision(scenario, poses)
+def _collision(scenario: Scenario, poses: FloatArray, bodies: tuple[int, ...]) -> str:
+    hit = find_collision(scenario, poses, Room.of(scenario).only(bodies))
     if hit is None:
         return ""
     other = "a wall of the workspace" if hit.obstacle is None else f"obstacle {hit.obstacle}"
     return f"{hit.body} meets {other} with the chain frame at {hit.pose}"
 
 
-def clearance(scenario: Scenario, poses: FloatArray) -> float | None:
-    """Return the smallest distance (m) of the moving bodies from obstacles and walls along poses (m, 3).
+def clearance(scenario: Scenario, execution: Execution) -> float | None:
+    """Return the smallest distance (m) of the moving bodies from obstacles and walls in an execution.
 
     None where there is nothing to keep clear of. Measured at poses `CLEARANCE_SPACING` apart, so the true one may be
     smaller by half of that at most.
     """
-    outlines = [body.outline for body in scenario.chain.bodies]
-    reach = scenario.chain.reach
-    some = densify(_thinned(poses, reach), reach, CLEARANCE_SPACING)
-    found = [_to_obstacles(scenario, outline, some) for outline in outlines]
-    found += [_to_walls(scenario, outline, some) for outline in outlines]
+    reach, found = scenario.chain.reach, [np.inf]
+    for poses, bodies in _moving(scenario, execution):
+        some = densify(_thinned(poses, reach), reach, CLEARANCE_SPACING)
+        for outline in (scenario.chain.bodies[i].outline for i in bodies):
+            found += [_to_obstacles(scenario, outline, some), _to_walls(scenario, outline, some)]
     smallest = min(found)
     return None if smallest == np.inf else smallest
 

@@ -70,7 +70,7 @@ def figures(scenario: Scenario, done: Run, watch: Stopwatch) -> Figures:
     plan, execution = done.plan, done.execution
     with watch("validation"):
         fault = plan.reason if execution is None else flaw(with_kept_margin(scenario, plan), execution)
-        free = None if execution is None else clearance(scenario, execution.poses)
+        free = None if execution is None else clearance(scenario, execution)
     path = plan.path
     arcs = (
         []

@@ -8,6 +8,7 @@ import numpy as np
 
 from pushplan.bench.random_problems.chain import random_chain
 from pushplan.bench.random_problems.parameters import ProblemParameters, Range
+from pushplan.bench.random_problems.robot import robot_beside
 from pushplan.bench.random_problems.scenario_yaml import scenario_yaml
 from pushplan.bench.random_problems.world import random_world
 
@@ -28,16 +29,17 @@ def generate(parameters: ProblemParameters, seed: int) -> str:
     rng = np.random.Generator(np.random.PCG64(seed))
     sections, chain, radius = random_chain(rng, parameters)
     world = random_world(rng, chain, enlarged(parameters, radius))
-    text = scenario_yaml(
-        {
-            "name": f"random {seed}",
-            **sections,
-            "start": world.start.tolist(),
-            "goal": {"pose": world.goal.tolist()},
-            "workspace": {"x": [0.0, world.side], "y": [0.0, world.side]},
-            "obstacles": world.obstacles,
-        }
-    )
+    stated: dict[str, object] = {
+        "name": f"random {seed}",
+        **sections,
+        "start": world.start.tolist(),
+        "goal": {"pose": world.goal.tolist()},
+        "workspace": {"x": [0.0, world.side], "y": [0.0, world.side]},
+        "obstacles": world.obstacles,
+    }
+    if parameters.robot is not None:
+        stated |= robot_beside(rng, stated, chain, parameters.robot)
+    text = scenario_yaml(stated)
     drive = chain.pusher.drive.kind
     return f"# {len(chain.objects)} objects, {len(world.obstacles)} obstacles, {drive}; seed {seed}\n{text}"
 

@@ -48,6 +48,8 @@ class ProblemParameters:
         density: Share of the workspace that obstacles cover; no more are added once it is reached. None
             leaves it to the number.
         gap: Width of a gap in a wall between start and goal, in widths of the chain; None for no wall.
+        robot: How far the robot stands from the chain at first, m; its plate has a body behind it, and the goal is
+            reached by several pushes. None for one push, with the plate in contact.
     """
 
     objects: tuple[int, int] = (1, 5)
@@ -67,6 +69,7 @@ class ProblemParameters:
     obstacle_size: Range = (0.1, 0.4)
     density: Range | None = None
     gap: Range | None = None
+    robot: Range | None = None
 
     def __post_init__(self) -> None:
         for name, low, high in _BOUNDS:
@@ -80,7 +83,7 @@ class ProblemParameters:
 
     def _check_range(self, name: str, low: float, high: float) -> None:
         value = getattr(self, name)
-        if value is None and name in ("density", "gap"):
+        if value is None and name in ("density", "gap", "robot"):
             return
         if not (len(value) == 2 and low <= value[0] <= value[1] <= high):
             raise GeneratorError(f"{name} is {list(value)}; allowed: [low, high] from {low:g} to {high:g}")
@@ -103,6 +106,7 @@ _BOUNDS: tuple[tuple[str, float, float], ...] = (
     ("obstacle_size", 0.005, 100.0),
     ("density", 0.0, 0.9),
     ("gap", 1.05, 100.0),
+    ("robot", 0.05, 100.0),
 )
 
 _WORDS: tuple[tuple[str, tuple[str, ...]], ...] = (

@@ -104,6 +104,9 @@ class Generator(t.Strict):
     obstacle_size: Range[t.Size] | None = Field(default=None, description=f"{_NUMBERS}, lengths in m")
     density: Range[Share] | None = Field(default=None, description=f"{_NUMBERS}, shares of the workspace")
     gap: Range[Factor] | None = Field(default=None, description=f"{_NUMBERS}, in widths of the chain")
+    robot: Range[t.Size] | None = Field(
+        default=None, description=f"{_NUMBERS}, lengths in m: how far the robot is from the chain at first"
+    )
 
 
 class Problem(t.Strict):
