@@ -2,8 +2,8 @@
 
 A depth-first search over situations. A piece is brought to its goal only where every other one that is left keeps a
 plan of its own (or waits for another piece to leave its goal); where none can be, one that is in the way is put
-somewhere from where the rest goes on. As few are as possible. The time that is spent on each plan grows while there
-is no order.
+somewhere from where the rest goes on. As few are as possible. What is spent on each plan grows while there is
+no order.
 """
 
 from __future__ import annotations
@@ -18,8 +18,11 @@ from pushplan.rearrangement.parking import parking
 from pushplan.rearrangement.pieces import Errand, Piece, Situation, errand
 from pushplan.scenario_parts import Goal
 
-PATIENCE = (0.03, 0.15, 0.6, 2.4)
-"""Seconds that the search for one errand may take, one after the other while there is no order."""
+PATIENCE = (1, 4, 16, 64)
+"""Batches of poses that the search for one errand may take, one after the other while there is no order.
+
+Not seconds: the same seed finds the same order, however busy the machine is.
+"""
 
 RELOCATIONS = (0, 1, 2, 3, 6)
 """How often pieces are put out of the way in all, at most, one after the other while there is no order."""
@@ -93,8 +96,7 @@ class Order:
 
     def _errand(self, now: Situation, piece: int, places: tuple[Goal, ...] = ()) -> Errand | None:
         self.looked_at += 1
-        until = min(self._until, time.perf_counter() + self._patience)
-        limits = Limits(until, first=True, stop=self._stop)
+        limits = Limits(self._until, first=True, iterations=self._patience, stop=self._stop)
         return errand(self._pieces, now, piece, limits, self._seed, places)
 
     def _is_open(self, now: Situation, piece: int) -> bool:
