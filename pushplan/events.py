@@ -13,6 +13,7 @@ KINDS = {
     "look": "the plate stands still, and what was measured since is averaged",
     "replan": "a plan was made on the way",
     "close": "a short push begins that closes contacts",
+    "room": "what stands in the room has changed, and with it the way to go",
     "unseen": "no measurement has come for a while",
     "arrived": "the goal's object is within its tolerances",
     "gave up": "nothing more can be done, and why",

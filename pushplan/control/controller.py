@@ -8,7 +8,7 @@ again, or gives up.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import Enum
 
 import numpy as np
@@ -25,11 +25,11 @@ from pushplan.control.watching import departure
 from pushplan.errors import ChainError, PlanningError
 from pushplan.events import Event, Replan
 from pushplan.geometry.se2 import compose, log, relative
-from pushplan.path import PushPath
+from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.bounds import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.scenario import Obstacle, Scenario
 from pushplan.sim.worlds.world import World
 from pushplan.trajectory import Trajectory
 
@@ -147,6 +147,25 @@ class Controller:
         if not self.over:
             self._decide()
         return self._twist()
+
+    def notice(self, obstacles: Iterable[Obstacle]) -> None:
+        """Take over what stands in the room now.
+
+        Where the rest of the plan is not free any more, or another way has become shorter by a tenth, the plate stops
+        and plans again.
+        """
+        self._replanner.take_obstacles(tuple(obstacles))
+        if self.phase is not Phase.PUSHING or self._driving.stopping:
+            return
+        trajectory = self._driving.trajectory
+        ahead = trajectory.poses_at(np.arange(self._driving.at, trajectory.duration, 0.02))
+        if len(ahead) < 2:
+            return
+        rest = float(cost_rate(log(relative(ahead[:-1], ahead[1:]))).sum())
+        why = self._replanner.reason_to_replan(ahead, rest)
+        if why:
+            self._tell("room", why)
+            self._driving.stop()
 
     def _twist(self) -> FloatArray:
         if self.over or self._driving.over:

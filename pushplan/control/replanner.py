@@ -19,9 +19,10 @@ from pushplan.events import Replan
 from pushplan.geometry.se2 import pose_error
 from pushplan.path import PushPath
 from pushplan.plan import plan
+from pushplan.planners.validation.checker import find_collision
 from pushplan.queries import Queries
 from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.scenario import Obstacle, Scenario
 
 DETOUR = 0.05
 """Way (m of path cost) that going to the exact goal may be longer than going somewhere within the tolerances."""
@@ -29,6 +30,8 @@ CAUTION = (1.0, 0.5, 0.0)
 """Shares of what may be off, friction and places, that plans are made for, one after the other until there is one."""
 MERIDIANS = 96
 """Meridians of the stable set that controls are taken from: plans without haste take five times as many."""
+BETTER, STOP = 0.1, 0.1
+"""Share of a path's cost, and way (m) that a stop is worth, by which another way has to be shorter."""
 ITERATIONS = 10_000
 """Of the search of a plan, a few hundredths of a second: where they, not the time limit, end it, runs repeat."""
 SAME = 0.03
@@ -102,6 +105,27 @@ class Replanner:
         settings = self._settings
         scenario = with_chain(self._scenario, self.chain)
         return cautious(scenario, level * settings.friction, level * settings.position_slack)
+
+    def take_obstacles(self, obstacles: tuple[Obstacle, ...]) -> None:
+        """Take over what is in the way now; stable sets and controls are kept."""
+        self._scenario = replace(self._scenario, obstacles=obstacles)
+        self._queries = {level: queries.with_obstacles(obstacles) for level, queries in self._queries.items()}
+
+    def reason_to_replan(self, poses: FloatArray, rest: float) -> str:
+        """Return why the rest of a plan is not to be driven on; empty if it is.
+
+        Args:
+            poses: (m, 3) of the chain frame in the world, from where it is to the end.
+            rest: What is left of the path's cost, m.
+        """
+        hit = find_collision(with_chain(self._scenario, self.chain), poses)
+        if hit is not None:
+            return f"the way is not free any more: {hit}"
+        goals = self.aim.exact(self.chain)[None]
+        shortest = min(float(queries.reach(poses[0], goals)[0, 0]) for queries in self._queries.values())
+        if shortest < (1.0 - BETTER) * rest - STOP:
+            return f"there is a way of {shortest:.2f} m now instead of {rest:.2f} m"
+        return ""
 
     def believe(self, slides: FloatArray) -> None:
         """Take over how far objects have slid (n,), m.

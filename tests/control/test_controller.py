@@ -5,12 +5,15 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import pushplan
+from pushplan.basics.arrays import FloatArray
 from pushplan.control.controller import Controller, Phase
-from pushplan.control.course import OpenLoop, course_in
+from pushplan.control.course import Course, OpenLoop, course_in
 from pushplan.errors import PlanningError, PushplanError
 from pushplan.geometry.se2 import compose
+from pushplan.planners.validation.checker import find_collision
 
 STILL = pushplan.Sensor(position=0.0, angle=0.0)
 
@@ -143,3 +146,50 @@ def test_several_pushes_are_refused() -> None:
     asked = replace(scenario("one-box"), pushes=object())  # type: ignore[arg-type]
     with pytest.raises(PlanningError, match=r"the closed loop knows one push: leave out robot.start"):
         Controller(asked)
+
+
+class NoticedOnTheWay:
+    """A controller that is told at 1 s what stands in the room."""
+
+    def __init__(self, controller: Controller, obstacles: tuple[pushplan.CircleObstacle, ...]) -> None:
+        self.controller, self._obstacles = controller, obstacles
+
+    @property
+    def over(self) -> bool:
+        return self.controller.over
+
+    def step(
+        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
+    ) -> FloatArray:
+        if now == 1.0:
+            self.controller.notice(self._obstacles)
+        return self.controller.step(now, object_poses, measured_at)
+
+
+def noticing(name: str, *obstacles: pushplan.CircleObstacle) -> tuple[Controller, Course]:
+    controller = Controller(scenario(name), plan_of(name))
+    world = replace(pushplan.World.from_scenario(scenario(name)), obstacles=())
+    return controller, course_in(world, NoticedOnTheWay(controller, obstacles), controller.settings.rate)
+
+
+def test_an_obstacle_that_comes_into_the_way_is_gone_around() -> None:
+    path = plan_of("free-space").path
+    assert path is not None
+    there = pushplan.CircleObstacle(path.poses_at([0.6 * path.cost])[0, :2], 0.05)
+    controller, course = noticing("free-space", there)
+    rooms = [event.text for event in controller.events if event.kind == "room"]
+    assert len(rooms) == 1
+    assert rooms[0].startswith("the way is not free any more: ")
+    assert controller.phase is Phase.ARRIVED, controller.reason
+    blocked = replace(scenario("free-space"), obstacles=(there,))
+    assert find_collision(replace(blocked, clearance=0.0), course.poses) is None
+
+
+def test_a_better_way_is_taken_and_what_changes_nothing_is_not_minded() -> None:
+    controller, _ = noticing("feet")
+    assert [e.text[:16] for e in controller.events if e.kind == "room"] == ["there is a way o"]
+    assert controller.phase is Phase.ARRIVED
+    assert sum(r.result.path.cost for r in controller.replans if r.result and r.result.path) < 5.6
+    aside = pushplan.CircleObstacle(np.array([50.0, 50.0]), 0.1)
+    controller, _ = noticing("free-space", aside)
+    assert [event.kind for event in controller.events] == ["plan", "look", "arrived"]
