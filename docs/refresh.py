@@ -35,24 +35,21 @@ for about a minute.
 
 
 def main() -> None:
-    """Make the pictures that are asked for; without names all of them, and the README's figure."""
+    """Make the pictures that are asked for; without names all of them, and what the README prints and measures."""
     with tempfile.TemporaryDirectory() as folder:
         for name in sys.argv[1:] or PICTURES:
             printed = _run(PICTURES[name].split(), Path(folder))
             (ROOT / "docs" / name).write_bytes((Path(folder) / "run.png").read_bytes())
             stamp(ROOT / "docs" / name)
             if name == "two-crates.png":
-                _refresh_first(printed, Path(folder))
+                _run(
+                    ["replay", "run.mcap", "--html", str(ROOT / "docs" / "_static" / "two-crates.html")],
+                    Path(folder),
+                )
+                first = printed
     if not sys.argv[1:]:
         readme = ROOT / "README.md"
-        readme.write_text(with_number(readme.read_text(), number()))
-
-
-def _refresh_first(printed: str, folder: Path) -> None:
-    """Put what the README's first command prints into it, and its run, as a page, onto the documentation's index."""
-    readme = ROOT / "README.md"
-    readme.write_text(with_output(readme.read_text(), printed))
-    _run(["replay", "run.mcap", "--html", str(ROOT / "docs" / "_static" / "two-crates.html")], folder)
+        readme.write_text(with_number(with_output(readme.read_text(), first), number()))
 
 
 def with_output(text: str, output: str) -> str:

@@ -22,7 +22,7 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.contacts import cone_heights, largest_force, longest_arrow, worst_contacts
 from pushplan.logging.view.scene import ghosts, obstacle_outline
 from pushplan.logging.view.views import viewed
-from pushplan.logging.view.window import path_points, window
+from pushplan.logging.view.window import shown_ways, window
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.friction_cone import friction_cone
@@ -79,7 +79,7 @@ def _world(scenario: Scenario) -> dict[str, Any]:
         "contacts": _contacts(chain),
         "reach": chain.reach,
         "longest_arrow": longest_arrow(chain),
-        "colours": {"goal": colours.GOAL, "nearest": colours.NEAREST},
+        "colours": {"goal": colours.GOAL, "nearest": colours.NEAREST, "alone": colours.ALONE},
     }
 
 
@@ -122,17 +122,20 @@ def _why(run: Run | RecordedRun) -> list[str]:
 
 def _plan(plan: PlanResult | None) -> dict[str, Any]:
     if plan is None:
-        return {"facts": [], "path": [], "tree": [], "nearest": None}
+        return {"facts": [], "ways": [], "tree": [], "nearest": None}
     facts = [f"{plan.planner}, set {plan.stable_set}, seed {plan.seed}"]
     tree = _plain(plan.tree[:, :, :2].reshape(-1, 4))
-    shown = {"path": _plain(path_points(plan)), "tree": tree}
+    ways = [{"points": _plain(way.points), "alone": way.alone} for way in shown_ways(plan)]
+    shown = {"ways": ways, "tree": tree}
     if plan.path is None:
         end = None if plan.approximate_path is None else _plain(plan.approximate_path.end)
         return {"facts": [*facts, "no plan"], "nearest": end, **shown}
     if plan.segments:
         pushes = sum(segment.pushes for segment in plan.segments)
         count = f"{pushes} push{'es' if pushes > 1 else ''}"
-        facts.append(f"{count}, {plan.way_pushed:.3f} m pushed, {plan.path.cost:.3f} m driven in all")
+        facts.append(
+            f"{count}, {plan.way_pushed:.3f} m pushed, {plan.path.cost:.3f} m driven in all, alone where dashed"
+        )
     else:
         facts.append(f"{len(plan.path.lengths)} arcs, cost {plan.path.cost:.3f} m")
     return {"facts": facts, "nearest": None, **shown}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.basics.colours import PATH, contact_colours, red_green_blue
+from pushplan.basics.colours import ALONE, PATH, contact_colours, red_green_blue
 from pushplan.basics.extras import optional
 from pushplan.basics.names import PUSHER
 from pushplan.execution import Execution
@@ -22,7 +22,7 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.contacts import ContactShapes, PushedContacts, resting
 from pushplan.logging.view.scene import CHAIN, WORLD, nearest, scene, tree
 from pushplan.logging.view.shapes import corners
-from pushplan.logging.view.window import path_points, window
+from pushplan.logging.view.window import Way, shown_ways, window
 from pushplan.mechanics.chain import Chain
 from pushplan.outputs.write import write_whole
 from pushplan.result import ProgressPoint
@@ -129,10 +129,16 @@ def _shapes(rerun: Any, run: RecordedRun) -> Iterator[tuple[str, list[Any]]]:
         strip = np.column_stack([contact.segment, np.full(2, _SEGMENT_HEIGHT)])
         segment = rerun.LineStrips3D([strip], colors=[red_green_blue(colour)], radii=_pixels(rerun, 2.0))
         yield f"{_contact(rerun, run.scenario.chain, k)}/segment", [segment]
-    points = path_points(run.plan)
-    if len(points) and run.plan is not None and run.plan.path is not None:
-        strip = np.column_stack([points, np.full(len(points), _PATH_HEIGHT)])
-        yield f"{WORLD}/path", [rerun.LineStrips3D([strip], colors=[red_green_blue(PATH)])]
+    if run.plan is not None and run.plan.path is not None:
+        yield f"{WORLD}/path", [_ways(rerun, shown_ways(run.plan))]
+
+
+def _ways(rerun: Any, ways: list[Way]) -> Any:
+    """Return the path, in another colour and thinner where the robot drives alone."""
+    strips = [np.column_stack([way.points, np.full(len(way.points), _PATH_HEIGHT)]) for way in ways]
+    lines = [red_green_blue(ALONE if way.alone else PATH) for way in ways]
+    radii = [rerun.Radius.ui_points(0.5 if way.alone else 1.0) for way in ways]
+    return rerun.LineStrips3D(strips, colors=lines, radii=radii)
 
 
 def _contact(rerun: Any, chain: Chain, k: int) -> str:

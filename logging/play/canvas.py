@@ -38,8 +38,8 @@ class Canvas:
             for a, b in pairwise(places)
         ]
         dots = np.floor(np.concatenate(lines)).astype(int)
-        if every > 1:
-            dots = dots[dots.sum(axis=1) % every == 0]
+        new = np.append(True, np.any(np.diff(dots, axis=0), axis=1))
+        dots = dots[new][::every]
         inside = ((dots >= 0) & (dots < self._dots.shape[::-1])).all(axis=1)
         self._dots[dots[inside, 1], dots[inside, 0]] = True
 

@@ -19,7 +19,7 @@ from pushplan.logging.play.playback import Playback
 from pushplan.logging.play.transport import Transport
 from pushplan.logging.view.contacts import MOST_NAMED, worst_contacts
 from pushplan.logging.view.scene import ghosts, obstacle_outline
-from pushplan.logging.view.window import Window, path_points, window
+from pushplan.logging.view.window import Window, shown_ways, window
 
 PERIOD = 0.1
 """Between two pictures, s."""
@@ -29,6 +29,9 @@ _BESIDE, _GAP = 30, 2
 
 _NAME, _NUMBER = 0.5, 8
 """Share of a bar's line that its name takes at most; characters of the number behind it and the blanks."""
+
+_PUSHED, _ALONE = 2, 4
+"""Of the dots of a path one in so many is drawn, the chain pushed and the robot alone."""
 
 _HELP = "space: pause   ←→: step   ↑↓: speed   q: quit"
 
@@ -109,9 +112,8 @@ class TerminalView:
             self._canvas.trace(obstacle_outline(obstacle))
         for outline in ghosts(run.scenario)["goal"]:
             self._canvas.trace(outline)
-        way = path_points(run.plan)
-        if len(way) > 1:
-            self._canvas.draw(way, every=3)
+        for way in shown_ways(run.plan):
+            self._canvas.draw(way.points, every=_ALONE if way.alone else _PUSHED)
         self._canvas.keep()
 
     def picture(self, time: float, paused: bool = False) -> str:

@@ -28,6 +28,9 @@ WORLD, CHAIN = "world", "chain"
 PATH_SPACING = 0.02
 """Distance of the points of a path in pictures, m of path cost."""
 
+_SAME = 6
+"""Digits of a metre in which outlines are compared."""
+
 _Z_WORKSPACE, _Z_TREE, _Z_GHOST, _Z_OBSTACLE, _Z_ROBOT, _Z_BODY = 0.0, 0.0002, 0.0004, 0.001, 0.0015, 0.002
 
 _WALL = Paint(0.55, 0.57, 0.60)
@@ -86,7 +89,12 @@ def ghosts(scenario: Scenario) -> dict[str, list[FloatArray]]:
         return {name: chain.outlines_at(pose) for name, pose in _ends(scenario).items()}
     objects = [obj.outline_chain for obj in chain.objects]
     goals = [se2.transform_points(goal.pose_chain, outline) for goal in pushes.goals for outline in objects]
-    return {"start": chain.outlines_at(scenario.robot_start, scenario.start), "goal": goals}
+    # Turned by its symmetry an object covers itself: once is enough, dashes over dashes make a line.
+    different = {frozenset(map(tuple, outline.round(_SAME))): outline for outline in goals}
+    return {
+        "start": chain.outlines_at(scenario.robot_start, scenario.start),
+        "goal": list(different.values()),
+    }
 
 
 def _ends(scenario: Scenario) -> dict[str, FloatArray]:

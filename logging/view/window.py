@@ -20,6 +20,13 @@ SMOOTHED_RATE = 10.0
 """Poses per second of a timed path in pictures."""
 
 
+class Way(NamedTuple):
+    """Points (k, 2) of a part of a path in the world, and whether the robot drives it alone."""
+
+    points: FloatArray
+    alone: bool
+
+
 class Window(NamedTuple):
     """Sides of a rectangle in the world, m."""
 
@@ -38,6 +45,15 @@ def path_points(plan: PlanResult | None) -> FloatArray:
     """Return points (k, 2) of the path to show in the world, none where there is no path."""
     path = shown_path(plan)
     return np.zeros((0, 2)) if path is None else path.sampled(PATH_SPACING)[:, :2]
+
+
+def shown_ways(plan: PlanResult | None) -> list[Way]:
+    """Return the parts of the path to show, one after the other; a single push is one part."""
+    if plan is not None and plan.segments:
+        paths = [(segment.robot_path, not segment.pushes) for segment in plan.segments]
+        return [Way(path.sampled(PATH_SPACING)[:, :2], alone) for path, alone in paths]
+    points = path_points(plan)
+    return [Way(points, False)] if len(points) > 1 else []
 
 
 def smoothed_times(trajectory: Trajectory) -> FloatArray:

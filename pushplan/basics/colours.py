@@ -14,6 +14,9 @@ OBJECTS = ("#f3dfb6", "#cfe0ee", "#d9e7c9", "#ead5e6")
 GOAL, PATH, SMOOTHED, NEAREST, SLIPS = "#2f9a55", "#1f6fb2", "#2f9a55", "#b45f06", "#c8322b"
 """The goal, a planned path, the timed one, the path that comes nearest to a goal out of reach, a margin of 0."""
 
+ALONE = "#7d8794"
+"""The robot's own ways between pushes."""
+
 _CONTACTS = ("#e0600b", "#8e3fb0", "#008b8b", "#c2186b", "#8a6d00", "#4a5fd0", "#5f8f1d", "#a04a35")
 _TURN, _DEPTHS, _STRENGTH = 0.381966, (0.36, 0.5), 0.7
 """Of the golden angle: hues that are as far from each other as can be, however many there are."""

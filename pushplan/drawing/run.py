@@ -12,12 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
-from pushplan.basics.colours import NEAREST
+from pushplan.basics.colours import ALONE, NEAREST
 from pushplan.basics.printable import cut
 from pushplan.drawing.chain import GOAL_COLOUR, draw_chain, outline_width
 from pushplan.drawing.figure import FAINT, INK, axes_at, equal_ticks, figure_for, letters_across
 from pushplan.drawing.footer import chain_keys, draw_footer, turn_keys
-from pushplan.drawing.segments import ALONE_COLOUR, PUSHED_COLOUR, draw_ends, draw_robot, draw_segments
+from pushplan.drawing.segments import PUSHED_COLOUR, draw_ends, draw_robot, draw_segments
 from pushplan.drawing.sets import draw_set
 from pushplan.drawing.world import (
     SWEPT_COLOUR,
@@ -169,7 +169,7 @@ def _ways(plan: PlanResult) -> list[Artist]:
     keys: list[Artist] = []
     if plan.segments:
         keys.append(Line2D([], [], color=PUSHED_COLOUR, linewidth=1.8, label="pushed"))
-        alone: Any = {"color": ALONE_COLOUR, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+        alone: Any = {"color": ALONE, "linewidth": 0.9, "linestyle": (0, (4, 2))}
         keys.append(Line2D([], [], label="robot alone", **alone))
     if plan.path is not None:
         return [*keys, Patch(facecolor=SWEPT_COLOUR, edgecolor=FAINT, label="swept")]

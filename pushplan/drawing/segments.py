@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.basics.colours import ALONE
 from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, ROBOT_COLOUR, outline_width
 from pushplan.drawing.cor import polygon_patches
 from pushplan.drawing.figure import HALO, INK
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from pushplan.scenario import Scenario
     from pushplan.segment import Segment
 
-ALONE_COLOUR = "#7d8794"
 PUSHED_COLOUR = "#1d4f7c"
 
 _SPACING = 0.01
@@ -44,7 +44,7 @@ def draw_segments(axes: Axes, scenario: Scenario, plan: PlanResult) -> None:
             line = compose(segment.load_at(line), np.append(middle, 0.0))
             axes.plot(*line[:, :2].T, color=PUSHED_COLOUR, linewidth=1.8, zorder=6.0)
         else:
-            axes.plot(*line[:, :2].T, color=ALONE_COLOUR, linewidth=0.9, linestyle=(0, (4, 2)), zorder=5.0)
+            axes.plot(*line[:, :2].T, color=ALONE, linewidth=0.9, linestyle=(0, (4, 2)), zorder=5.0)
     poses = [scenario.start, *(push.load_after for push in pushes)]
     for k, pose in enumerate(poses):
         _draw_load(axes, scenario, pose, OBJECT_COLOUR if k < len(poses) - 1 else GOAL_COLOUR)

@@ -12,22 +12,25 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from boxes import SCREENS, assert_tidy, chromium, show
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from mcap.reader import make_reader
-from several.conftest import problem_document
+from several.conftest import Problem, problem_document
 
 from pushplan.cli import main
 from pushplan.geometry import se2
 from pushplan.logging.export.csv import table
 from pushplan.logging.export.film.frames import Film
-from pushplan.logging.export.html import render
+from pushplan.logging.export.html import render, write_html
 from pushplan.logging.export.ros2 import write_ros2
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.play.terminal import TerminalView
 from pushplan.logging.reader import read_run
 from pushplan.logging.verify import verify
+from pushplan.logging.view.scene import ghosts
+from pushplan.logging.view.window import shown_ways
 
 Captured = pytest.CaptureFixture[str]
 
@@ -127,6 +130,33 @@ def test_exports_show_both(recorded: RecordedRun, tmp_path: Path) -> None:
     assert view.picture(0.0) != view.picture(end)
     write_ros2(recorded, tmp_path / "bag.mcap")
     assert (tmp_path / "bag.mcap").stat().st_size > 1000
+
+
+def test_viewers_tell_pushes_from_the_robots_own_ways(recorded: RecordedRun) -> None:
+    assert recorded.plan is not None
+    ways, segments = shown_ways(recorded.plan), recorded.plan.segments
+    assert [way.alone for way in ways] == [not segment.pushes for segment in segments]
+    for before, after in pairwise(ways):
+        np.testing.assert_allclose(before.points[-1], after.points[0], atol=1e-9)
+    page = render(recorded)
+    told = json.loads(page.split('id="run" type="application/json">')[1].split("</script>")[0])
+    assert [way["alone"] for way in told["ways"]] == [way.alone for way in ways]
+
+
+def test_the_page_is_right_on_every_screen(recorded: RecordedRun, tmp_path: Path) -> None:
+    write_html(recorded, tmp_path / "run.html")
+    with chromium(tmp_path / "profile") as browser:
+        for width, dark in SCREENS:
+            show(browser, tmp_path / "run.html", width, dark)
+            assert_tidy(browser, "h1, #facts, canvas, #legend > *, footer > *", width)
+
+
+def test_an_object_that_its_symmetry_covers_is_outlined_once(problem: Problem) -> None:
+    shown = [
+        len(ghosts(problem(goal={"pose": [1.0, 2.0, 0.0], "of": "b0", "symmetry": turns}))["goal"])
+        for turns in (1, 2, 4, 8)
+    ]
+    assert shown == [1, 1, 1, 2]  # a square, and a square turned by 45 degrees
 
 
 def test_a_line_is_printed_for_each_segment(log: Path, capsys: Captured) -> None:

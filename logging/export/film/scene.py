@@ -12,7 +12,7 @@ from pushplan.basics import colours
 from pushplan.basics.arrays import FloatArray
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import ghosts, obstacle_outline
-from pushplan.logging.view.window import path_points, shown_path, window
+from pushplan.logging.view.window import shown_path, shown_ways, window
 from pushplan.result import Run
 
 WIDTH, HEIGHT = 1280, 960
@@ -57,9 +57,9 @@ class FilmScene:
         for outlines, paint in self._ghosts():
             for outline in outlines:
                 pen.polygon(self.world(outline), None, paint, FINE)
-        way = path_points(self._run.plan)
-        if len(way) > 1:
-            pen.line(self.world(way), self._way_colour, 2 * FINE, joint="curve")
+        for way in shown_ways(self._run.plan):
+            colour, width = (colours.ALONE, FINE) if way.alone else (self._way_colour, 2 * FINE)
+            pen.line(self.world(way.points), colour, width, joint="curve")
         pen.line([(0, FINE * (HEIGHT - PLOT)), (FINE * WIDTH, FINE * (HEIGHT - PLOT))], RULE, FINE)
         return image
 
