@@ -9,8 +9,11 @@ arcs, and the poses of the objects are measured with an error of 1 mm and 0.3 de
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections import defaultdict
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads only wait for one another
 
 import numpy as np
 from slip_solver import box, tell

@@ -68,7 +68,12 @@ def rows(found: Identification) -> list[tuple[str, str]]:
     position, angle = found.noise
     noise = f"{1e3 * position:.2g} mm / {degrees(angle):.2g} deg"
     floor = "only ratios: all floor frictions could be larger alike, the objects would go the same ways"
-    return [*told, ("measured poses off by", noise), ("floor friction", floor)]
+    rough = (
+        [("intervals", "rough: contacts change what they do too often for the search")]
+        if found.worth < 100.0
+        else []
+    )
+    return [*told, ("measured poses off by", noise), ("floor friction", floor), *rough]
 
 
 def document(found: Identification, output: Path | None) -> dict[str, object]:
@@ -88,6 +93,7 @@ def document(found: Identification, output: Path | None) -> dict[str, object]:
         ],
         "noise": {"position": found.noise[0], "angle": found.noise[1]},
         "correlation": found.correlation,
+        "worth": found.worth,
         "learned": piece_of(found),
         "output": output,
     }

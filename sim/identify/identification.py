@@ -43,6 +43,7 @@ class Identification:
         unknowns: What was looked for.
         samples: (k, p) values that are possible, each as likely as the others.
         noise: Error of a measured position (m, in x and y each) and angle (rad), as the best prediction leaves it.
+        worth: How many independent samples they are worth: below 100 the intervals' ends are rough.
         correlation: By how much errors that persist along a push widen the intervals, >= 1: those of the model do.
     """
 
@@ -50,6 +51,7 @@ class Identification:
     samples: FloatArray
     noise: tuple[float, float]
     correlation: float
+    worth: float
 
     @cached_property
     def estimates(self) -> tuple[Estimate, ...]:

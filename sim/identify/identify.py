@@ -13,8 +13,8 @@ from pushplan.errors import PushplanError
 from pushplan.sim.identify.course import Course
 from pushplan.sim.identify.fit import STEP, best_start, refined
 from pushplan.sim.identify.identification import Identification
-from pushplan.sim.identify.posterior import ROUNDS, sample
 from pushplan.sim.identify.prediction import Comparison
+from pushplan.sim.identify.surrogate import sample_errors
 from pushplan.sim.identify.unknowns import Unknowns
 from pushplan.sim.worlds.world import World
 
@@ -29,7 +29,6 @@ def identify_courses(
     courses: Sequence[Course],
     *,
     seed: int = 1,
-    rounds: int = ROUNDS,
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Identification:
@@ -42,9 +41,8 @@ def identify_courses(
             ratios of floor friction are looked for around the stated ones.
         courses: What was measured of this chain, pushed one or several times.
         seed: Of the random numbers.
-        rounds: Of the ensemble; more make the intervals' ends less noisy.
         jobs: Threads; None for one a processor.
-        progress: Called with the rounds that are done, and all.
+        progress: Called with the passes that are done, and how many there are at least.
 
     Raises:
         PushplanError: When there is no course, one is of another number of objects, or nothing moves in any.
@@ -53,12 +51,16 @@ def identify_courses(
     problem = _Problem(world, courses, jobs or os.cpu_count() or 1)
     with problem.pool:
         place = problem.best()
-        likelihood, information, correlation = problem.likelihood(place)
-        p = problem.count
-        found = sample(likelihood, place[:p], information, np.random.default_rng(seed), rounds, progress)
+        errors, information, correlation = problem.linearised(place)
+        best = place[: problem.count]
+        found = sample_errors(errors, best, information, np.random.default_rng(seed), progress)
     scales = problem.scales
     return Identification(
-        problem.unknowns, problem.unknowns.values(found), (float(scales[0]), float(scales[2])), correlation
+        problem.unknowns,
+        problem.unknowns.values(found.places),
+        (float(scales[0]), float(scales[2])),
+        correlation,
+        found.worth,
     )
 
 
@@ -142,8 +144,8 @@ class _Problem:
             begin += size
         return np.stack(columns, axis=1)
 
-    def likelihood(self, place: FloatArray) -> tuple[Callable[[FloatArray], FloatArray], FloatArray, float]:
-        """Return the log-likelihood of places in the cube, its second derivatives, and the errors' correlation.
+    def linearised(self, place: FloatArray) -> tuple[Callable[[FloatArray], FloatArray], FloatArray, float]:
+        """Return the errors of places in the cube, half of their squares' second derivatives, and their correlation.
 
         Where the courses began is integrated out: what that can explain of the errors, to first order, is taken away.
         """
@@ -152,18 +154,13 @@ class _Problem:
         widened = self._correlation(self.errors(place))
 
         def left(errors: FloatArray) -> FloatArray:
-            return np.asarray(errors - explained @ (explained.T @ errors))
+            return np.asarray((errors - explained @ (explained.T @ errors)) / np.sqrt(widened))
 
-        def one(parts: FloatArray) -> float:
-            errors = left(self.errors_here(np.concatenate([parts, place[p:]])))
-            return float(-0.5 * errors @ errors / widened)
+        def one(parts: FloatArray) -> FloatArray:
+            return left(self.errors_here(np.concatenate([parts, place[p:]])))
 
         rows = left(slope[:, :p])
-        return (
-            lambda places: np.array(list(self.pool.map(one, places))),
-            rows.T @ rows / widened,
-            widened,
-        )
+        return lambda places: np.array(list(self.pool.map(one, places))), rows.T @ rows, widened
 
     def errors_here(self, place: FloatArray) -> FloatArray:
         """Return `errors` without handing work to other threads: for those that are at work in one."""

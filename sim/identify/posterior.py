@@ -25,7 +25,7 @@ def sample(
     information: FloatArray,
     rng: np.random.Generator,
     rounds: int = ROUNDS,
-    progress: Callable[[int, int], None] | None = None,
+    members: int = 40,
 ) -> FloatArray:
     """Return samples (k, p) from a likelihood over the unit cube, all of which was alike likely before.
 
@@ -35,32 +35,30 @@ def sample(
         information: (p, p) second derivatives of minus the log-likelihood there, about.
         rng: Where the random numbers come from.
         rounds: How often each member moves.
-        progress: Called with the rounds that are done, and all.
+        members: Of the ensemble.
     """
     p = len(best)
-    near = _Near(best, information)
-    members = near.draw(max(24, 4 * p), rng)
-    level = log_likelihood(members)
+    near = Near(best, information)
+    places = near.draw(members, rng)
+    level = log_likelihood(places)
     kept = []
     for k in range(rounds):
-        for half in (np.arange(0, len(members), 2), np.arange(1, len(members), 2)):
-            others = np.setdiff1d(np.arange(len(members)), half)
+        for half in (np.arange(0, len(places), 2), np.arange(1, len(places), 2)):
+            others = np.setdiff1d(np.arange(len(places)), half)
             if rng.random() < 0.5:
                 proposed = near.draw(len(half), rng)
-                correction = near.log_density(members[half]) - near.log_density(proposed)
+                correction = near.log_density(places[half]) - near.log_density(proposed)
             else:
-                proposed = members[half] + _difference(members[others], len(half), p, rng)
+                proposed = places[half] + _difference(places[others], len(half), p, rng)
                 correction = np.zeros(len(half))
             inside = ((proposed > 0.0) & (proposed < 1.0)).all(axis=1)
             found = np.full(len(half), -np.inf)
             if inside.any():
                 found[inside] = log_likelihood(proposed[inside])
             taken = np.log(rng.uniform(size=len(half))) < found - level[half] + correction
-            members[half[taken]], level[half[taken]] = proposed[taken], found[taken]
+            places[half[taken]], level[half[taken]] = proposed[taken], found[taken]
         if k >= rounds // 3:
-            kept.append(members.copy())
-        if progress is not None:
-            progress(k + 1, rounds)
+            kept.append(places.copy())
     return np.concatenate(kept)
 
 
@@ -72,7 +70,7 @@ def _difference(others: FloatArray, count: int, p: int, rng: np.random.Generator
     return np.asarray(scale * (others[pairs[:, 0]] - others[pairs[:, 1]]) + jitter)
 
 
-class _Near:
+class Near:
     """The normal distribution around the most likely place, cut off at the cube's sides."""
 
     def __init__(self, best: FloatArray, information: FloatArray) -> None:
@@ -81,6 +79,7 @@ class _Near:
         self._root = np.linalg.cholesky((information + even) / _WIDER**2)
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return places (count, p)."""
         found = np.empty((0, len(self._best)))
         while len(found) < count:
             steps = solve_triangular(

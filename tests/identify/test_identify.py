@@ -57,7 +57,7 @@ def found() -> tuple[FloatArray, Identification]:
     world = unknowns.world_for(truth)
     twists = np.array([[0.08, 0.05, 0.6], [0.08, -0.05, -0.5]])
     courses = [pushed(world, twist, 2e-4, k) for k, twist in enumerate(twists)]
-    return truth, identify_courses(stated, courses, rounds=30)
+    return truth, identify_courses(stated, courses)
 
 
 def test_a_border_moves_its_share_of_the_load_to_the_outline_and_tilts_move_the_centre() -> None:
