@@ -12,8 +12,10 @@ from pushplan.sim.identify.unknowns import Unknown, Unknowns
 
 LEVEL = 0.9
 """Share of the intervals that hold the truth."""
+_SHORT = 0.5
+"""Part of what was possible that an interval has to be shorter than; without data it is 0.9."""
 _SAID = 0.15
-"""An interval that reaches this close to both ends of what was possible says nothing: without data it is 0.05."""
+"""A contact's friction that is only known to be more, or less, than something is worth saying from here on."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,8 @@ class Identification:
     def _estimate(self, k: int, one: Unknown) -> Estimate:
         low, median, high = np.quantile(self.samples[:, k], [0.5 - LEVEL / 2, 0.5, 0.5 + LEVEL / 2])
         ends = _place(one, np.array([low, high]))
-        determined = bool(ends[0] > _SAID or ends[1] < 1.0 - _SAID)
+        one_sided = one.kind == "contact_friction" and bool(ends[0] > _SAID or ends[1] < 1.0 - _SAID)
+        determined = one_sided or bool(ends[1] - ends[0] < _SHORT)
         return Estimate(one, float(low), float(median), float(high), determined)
 
     def load_spans(self, i: int) -> FloatArray:
