@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.printable import cut
@@ -136,6 +137,7 @@ def draw_first_times(axes: Axes, results: Results) -> None:
         axes.plot([middle, middle], [i - 0.25, i + 0.25], color=colour, linewidth=2.0)
         axes.plot(times, i + rng.uniform(-0.2, 0.2, len(times)), ".", color=colour, markersize=2.5, alpha=0.6)
     axes.set(xscale="log", xlabel="time to the first path [s]", ylim=(len(shown) - 0.4, -0.6))
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))  # within a decade more numbers would touch
     axes.set_yticks(range(len(shown)), [cut(planner, _NAME) for planner in shown], fontsize=7.0)
     axes.tick_params(axis="y", pad=2, length=0)
 
