@@ -30,7 +30,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts.friction import friction_wrench
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
-from pushplan.sim.physics.model.feet import feet_of
+from pushplan.sim.identify.pressed import MOST_BORDER, MOST_TILT, PressedOutline
 from pushplan.sim.slip.fingers import FingerPush
 
 Data = Mapping[str, Any]
@@ -97,30 +97,13 @@ def sets_of(data: Data, speed: int) -> list[tuple[int, IntArray]]:
     return [(k, which) for k, which in found if len(which)]
 
 
-def pressed(outline: FloatArray, border: float, tilts: FloatArray) -> Support:
-    """Return even pressure of which a share is moved to the outline, and that leans.
-
-    Args:
-        outline: (v, 2) m.
-        border: Share of the load along the outline.
-        tilts: (2,) by how much the pressure grows over half of the outline's extent, along x and y.
-    """
-    inside = feet_of(UniformSupport(outline), 9)
-    ring = shapely.LinearRing(outline)
-    edge = np.array([ring.interpolate((k + 0.5) / 48, normalized=True).coords[0] for k in range(48)])
-    points = np.concatenate([inside.positions, edge])
-    loads = np.concatenate([(1.0 - border) * inside.fractions, np.full(48, border / 48)])
-    middle, half = 0.5 * (outline.max(axis=0) + outline.min(axis=0)), 0.5 * np.ptp(outline, axis=0)
-    loads = loads * np.maximum(1.0 + (points - middle) / half @ tilts, 1e-3)
-    return FeetSupport(points[loads > 0.0], loads[loads > 0.0] / loads.sum())
-
-
 def fitted_push(outline: FloatArray, unknowns: FloatArray) -> FingerPush:
     """Return the push with friction, border and tilts as the fit has them, bent into what is allowed."""
-    border = float(np.clip(unknowns[1], 0.0, 0.95))
-    tilts = np.clip(unknowns[2:4], -0.45, 0.45)
+    border = float(np.clip(unknowns[1], 0.0, MOST_BORDER))
+    tilts = np.clip(unknowns[2:4], -MOST_TILT, MOST_TILT)
+    pressed = PressedOutline.from_outline(outline, degree=9, marks=48)
     return FingerPush(
-        resting_on(outline, pressed(outline, border, tilts)), TIP, float(np.clip(unknowns[0], 0.02, 0.8))
+        resting_on(outline, pressed.support(border, tilts)), TIP, float(np.clip(unknowns[0], 0.02, 0.8))
     )
 
 
