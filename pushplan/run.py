@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, Unpack
 
@@ -9,7 +10,7 @@ from pushplan.basics.stopwatch import Stopwatch
 from pushplan.plan import PlanOptions, plan
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.recording import Recording, Where
-from pushplan.result import ProgressPoint, Run
+from pushplan.result import PlanResult, ProgressPoint, Run
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import add_set
 
@@ -49,6 +50,23 @@ def run(
         options["progress"] = improved
         result = plan(scenario, **options, watch=watch)
         recording.end(result, interrupted=stop is not None and stop())
+    return recording.finished(result)
+
+
+def record(
+    scenario: Scenario,
+    result: PlanResult,
+    *,
+    log: Where = None,
+    runs: Path | str | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Run:
+    """Record a plan that is there already; arguments and errors as for `run`."""
+    watch = Stopwatch()
+    with Recording(scenario, _told(scenario, {"seed": result.seed}), log, runs, tell, watch) as recording:
+        for point in result.progress:
+            recording.improved(point)
+        recording.end(result, interrupted=False)
     return recording.finished(result)
 
 

@@ -65,9 +65,13 @@ def test_every_command_and_all_code_run_in_the_order_of_the_page(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     shutil.copy(recorded, "run.mcap")
-    stated = {"own-scenario": "mine.yaml", "several-pushes": "bring-it-home.yaml"}
-    if page.stem in stated:
-        Path(stated[page.stem]).write_text("".join(_blocks(page, "yaml")))
+    if page.stem == "own-scenario":
+        Path("mine.yaml").write_text("".join(_blocks(page, "yaml")))
+    if page.stem == "several-pushes":
+        for name, block in zip(
+            ("bring-it-home.yaml", "change-places.yaml"), _blocks(page, "yaml"), strict=True
+        ):
+            Path(name).write_text(block)
     if page.stem == "from-a-map":
         shutil.copytree(ROOT / "examples" / "office", ".", dirs_exist_ok=True)
         assert _blocks(page, "yaml") == [Path("push.yaml").read_text().partition("\n")[2]]

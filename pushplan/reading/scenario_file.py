@@ -20,6 +20,11 @@ from pushplan.reading.yaml.text import MOST_BYTES, DocumentError
 from pushplan.reading.yaml.tree import read_document
 from pushplan.scenario import Scenario
 
+_SEVERAL = (
+    "is for several objects that stand apart, which `pushplan plan` and load_several_objects take; one load, an object "
+    "or a row, has a goal"
+)
+
 
 def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenario:
     """Read a scenario from a file, or a packaged example by its name.
@@ -44,12 +49,12 @@ def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenar
         raise ScenarioError(str(source), [Finding("", _unreadable(source, error))]) from error
     if maps:
         return _with_maps(data, path, maps)
-    return _read(data, path, Attachments({}, path.parent))
+    return read_scenario(data, path, Attachments({}, path.parent))
 
 
 def _with_maps(data: bytes, path: Path, maps: Sequence[str | Path]) -> Scenario:
     """Read a scenario with more maps, as JSON, in which the log holds it."""
-    alone = _read(data, path, Attachments({}, path.parent))
+    alone = read_scenario(data, path, Attachments({}, path.parent))
     files: dict[str, bytes] = {}
     document: Any = read_document(data).root.plain()
     obstacles = list(document.get("obstacles", ()))
@@ -75,7 +80,7 @@ def scenario_from_text(
         ScenarioError: As for `load_scenario`.
     """
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
-    return _read(data, Path(path), Attachments(dict(attachments or {})))
+    return read_scenario(data, Path(path), Attachments(dict(attachments or {})))
 
 
 def scenario_from_document(
@@ -115,12 +120,20 @@ def _plain(value: object) -> object:
     )
 
 
-def _read(data: bytes, path: Path, attachments: Attachments) -> Scenario:
+def read_scenario(data: bytes, path: Path, attachments: Attachments) -> Scenario:
+    """Return the scenario that the bytes of a file state.
+
+    Raises:
+        ScenarioError: As for `load_scenario`.
+    """
     try:
         document = read_document(data)
     except DocumentError as error:
         raise ScenarioError(str(path), error.findings) from error
     report = Report(document)
+    if document.root.holds(("goals",)):
+        report.add(("goals",), _SEVERAL, at_key=True)
+        raise ScenarioError(str(path), report.findings)
     scenario = build_scenario(document, path, data, attachments, report)
     if scenario is None:
         raise ScenarioError(str(path), _told_first(report))

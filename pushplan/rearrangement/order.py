@@ -18,14 +18,12 @@ from pushplan.rearrangement.parking import parking
 from pushplan.rearrangement.pieces import Errand, Piece, Situation, errand
 from pushplan.scenario_parts import Goal
 
-PATIENCE = (1, 4, 16, 64)
-"""Batches of poses that the search for one errand may take, one after the other while there is no order.
+STAGES = ((1, 0), (1, 1), (4, 1), (16, 1), (4, 2), (16, 2), (16, 3), (64, 3), (256, 6))
+"""How many batches of poses the search for one errand may take, and how often pieces are put out of the way in all,
+at most, one after the other while there is no order.
 
-Not seconds: the same seed finds the same order, however busy the machine is.
+Batches, not seconds: the same seed finds the same order, however busy the machine is.
 """
-
-RELOCATIONS = (0, 1, 2, 3, 6)
-"""How often pieces are put out of the way in all, at most, one after the other while there is no order."""
 
 PLACES = 4
 """Places that are tried for a piece that is in the way."""
@@ -52,19 +50,17 @@ class Order:
     ) -> None:
         self._pieces, self._seed, self._until, self._stop = pieces, seed, until, stop
         self._random = np.random.default_rng(seed)
-        self._patience = PATIENCE[0]
+        self._patience = STAGES[0][0]
         self._known: dict[tuple[object, ...], Errand | None] = {}
         self.looked_at = 0
 
     def find(self, now: Situation) -> tuple[Errand, ...] | None:
         """Return errands that bring every piece that is left to a goal, None where none were found in time."""
-        for patience in PATIENCE:
-            self._patience = patience
-            self._known.clear()
-            for relocations in RELOCATIONS:
-                found = self._go_on(now, relocations)
-                if found is not None or self._over():
-                    return found
+        for self._patience, relocations in STAGES:
+            self._known = {key: one for key, one in self._known.items() if one is not None}
+            found = self._go_on(now, relocations)
+            if found is not None or self._over():
+                return found
         return None
 
     def _over(self) -> bool:

@@ -13,6 +13,7 @@ from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.multi.search import Limits
+from pushplan.reading.scenario_file import scenario_from_document
 from pushplan.rearrangement.order import Order
 from pushplan.rearrangement.pieces import Errand, Piece, Situation, errand
 from pushplan.result import PlanResult, ProgressPoint
@@ -183,7 +184,15 @@ def leg_of(pieces: tuple[Piece, ...], one: Errand, seed: int) -> Leg:
     first = ProgressPoint(spent, one.cost, one.found.looked_at)
     outcome = Outcome(one.room, one.question, one.found, 0, spent, (first,))
     plan = checked(one.prepared, outcome, Asked(seed), Stopwatch())
-    return Leg(pieces[one.piece].name, one.delivers, one.prepared.scenario, plan)
+    return Leg(pieces[one.piece].name, one.delivers, _standalone(one.prepared.scenario), plan)
+
+
+def _standalone(scenario: Scenario) -> Scenario:
+    """Return the scenario of a leg as a file of its own would state it: so it can be recorded, and read again."""
+    stated = scenario.resolved()
+    assert scenario.pushes is not None
+    stated["robot"] = {**stated.get("robot", {}), "start": scenario.pushes.robot_start.tolist()}
+    return scenario_from_document(stated, scenario.path, scenario.attachments)
 
 
 def _is_there(piece: Piece, pose: FloatArray) -> bool:

@@ -1,0 +1,134 @@
+"""`pushplan plan` of a file in which several objects have goals: the errands one after the other, a log of each."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pushplan.basics.interruption import INTERRUPTED, Interruption
+from pushplan.commands.terminal.console import Console
+from pushplan.commands.terminal.failure import DONE, NO_PLAN
+from pushplan.commands.terminal.numbers import counted, time_text
+from pushplan.errors import PushplanError
+
+if TYPE_CHECKING:
+    from pushplan.reading.several_objects import SeveralObjects
+    from pushplan.rearrangement.plan import Leg, Rearrangement
+    from pushplan.result import Run
+
+_NOT_HERE = ("map", "planner", "set", "iterations", "gap", "cost", "margin", "plot", "html", "physics")
+"""Options that are for one load; the log of each errand takes the outputs among them."""
+
+
+class SeveralObjectsError(PushplanError, ValueError):
+    """Options do not go together with a file of several objects."""
+
+
+def plan_several_objects(args: argparse.Namespace, console: Console) -> int:
+    """Plan, record and tell; return the exit code."""
+    from pushplan.reading.several_objects import load_several_objects
+
+    given = [f"--{name}" for name in _NOT_HERE if getattr(args, name, None)]
+    if given:
+        what = "replay makes outputs from the log of each errand"
+        raise SeveralObjectsError(
+            f"{', '.join(given)} does not go together with goals of several objects; {what}"
+        )
+    stated = load_several_objects(args.scenario)
+    with console.computing("loading the planner"):
+        from pushplan.rearrangement.plan import Rearranging
+
+        rearranging = Rearranging.of(stated.scenarios, stated.movable)
+    settings = next(iter(stated.scenarios.values())).planner
+    limit = settings.time_limit if args.time_limit is None else args.time_limit
+    interruption = Interruption()
+    with console.working(f"planning, up to {limit:g} s"), interruption.listening():
+        found = rearranging.plan(
+            seed=settings.seed if args.seed is None else args.seed,
+            time_limit=limit,
+            first=args.first,
+            stop=interruption,
+        )
+    logs = _recorded(found, args, console)
+    _tell(stated, found, logs, console)
+    console.emit(_document(stated, found, logs, interruption.requested))
+    return INTERRUPTED if interruption.requested else DONE if found.solved else NO_PLAN
+
+
+def _recorded(found: Rearrangement, args: argparse.Namespace, console: Console) -> list[Run]:
+    from pushplan.run import record
+
+    return [
+        record(
+            leg.scenario,
+            leg.plan,
+            log=False if args.no_log else _log_of(args.output, k, leg),
+            runs=args.runs,
+            tell=console.note,
+        )
+        for k, leg in enumerate(found.legs, start=1)
+    ]
+
+
+def _log_of(output: Path | str | None, k: int, leg: Leg) -> Path | None:
+    """Return the log of an errand: that which was asked for, with its number and object in the name."""
+    if output is None:
+        return None
+    path = Path(output)
+    return path.with_name(f"{path.stem}-{k}-{leg.name}{path.suffix}")
+
+
+def _tell(stated: SeveralObjects, found: Rearrangement, runs: list[Run], console: Console) -> None:
+    from pushplan.commands.steps.report import segment_rows
+
+    state = console.paint("solved", "green") if found.solved else console.paint("not solved", "red")
+    console.say(f"{console.paint(stated.name, 'bold')}: {state}  (several objects)")
+    for k, (leg, run) in enumerate(zip(found.legs, runs, strict=True), start=1):
+        why = "to its goal" if leg.delivers else "out of the way"
+        console.say(f"errand {k}: {leg.name} {why}")
+        console.table([*segment_rows(leg.plan), *([] if run.log is None else [("log", str(run.log))])])
+    rows = [] if found.solved else [("reason", found.reason)]
+    if found.first_solution_s is not None:
+        pushes = sum(segment.pushes for leg in found.legs for segment in leg.plan.segments)
+        away = counted(found.relocations, "object")
+        rows.append(
+            (
+                "pushed",
+                f"{sum(leg.plan.way_pushed for leg in found.legs):.3f} m in {counted(pushes, 'push', 'pushes')}",
+            )
+        )
+        rows.append(("out of the way", away))
+        rows.append(("cost", f"{found.cost:.3f} m with the robot's own ways and changes"))
+    first = (
+        "" if found.first_solution_s is None else f"first order after {time_text(found.first_solution_s)} of "
+    )
+    rows.append(
+        ("planning", f"{first}{time_text(found.planning_s)}, {counted(found.looked_at, 'errand')} looked at")
+    )
+    console.table(rows)
+
+
+def _document(
+    stated: SeveralObjects, found: Rearrangement, runs: list[Run], interrupted: bool
+) -> dict[str, object]:
+    from pushplan.commands.steps.report import document
+
+    return {
+        "scenario": stated.name,
+        "solved": found.solved,
+        "reason": found.reason,
+        "first_solution_s": found.first_solution_s,
+        "planning_s": found.planning_s,
+        "relocations": found.relocations,
+        "cost": found.cost,
+        "errands": [
+            {
+                "object": leg.name,
+                "delivers": leg.delivers,
+                **document(leg.scenario, leg.plan, leg.plan.execution, run.log),
+            }
+            for leg, run in zip(found.legs, runs, strict=True)
+        ],
+        "interrupted": interrupted,
+    }

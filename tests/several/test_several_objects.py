@@ -1,0 +1,109 @@
+"""Files in which several objects have goals of their own: read, refused with the place, planned, recorded."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pushplan.cli import main
+from pushplan.errors import ScenarioError
+from pushplan.logging.reader import read_run
+from pushplan.reading.scenario_file import load_scenario
+from pushplan.reading.several_objects import load_several_objects
+
+FILE = """\
+format: pushplan/1
+name: change-places
+floor: {friction: 0.30}
+objects:
+  - {name: red, shape: {box: [0.30, 0.20]}, mass: 4.0, pose: [1.2, 1.0, 0.0]}
+  - {name: blue, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [1.2, 2.2, 90 deg]}
+  - {name: bin, shape: {box: [0.15, 0.15]}, mass: 1.0, pose: [3.0, 3.0, 0.0]}
+pusher: {width: 0.28, friction: 0.50}
+robot:
+  footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}
+  drive: {car: {axle: [-0.30, 0, 0], min_radius: 0.80}}
+  start: [2.4, 1.6, 0.0]
+goals:
+  red: {pose: [1.2, 2.2, 0.0], symmetry: 2}
+  blue: [1.2, 1.0, 90 deg]
+workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
+"""
+
+Captured = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "swap.yaml"
+    path.write_text(FILE, "utf-8")
+    return path
+
+
+def test_every_object_is_where_its_pose_says_and_has_its_own_goals(file: Path) -> None:
+    stated = load_several_objects(file)
+    assert stated.movable == ("bin",)
+    for name, place in {"red": (1.2, 1.0), "blue": (1.2, 2.2), "bin": (3.0, 3.0)}.items():
+        scenario = stated.scenarios[name]
+        (obj,) = scenario.chain.objects
+        middle = scenario.start[:2] + np.array(
+            [np.cos(scenario.start[2]), np.sin(scenario.start[2])]
+        ) * float(obj.pose_chain[0])
+        np.testing.assert_allclose(middle, place, atol=1e-9)
+    red, blue = (stated.scenarios[name].pushes for name in ("red", "blue"))
+    assert red is not None
+    assert blue is not None
+    assert (len(red.goals), len(blue.goals)) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right", "told"),
+    [
+        ("  red: {", "  reed: {", "14:3: goals.reed: no object is called 'reed'; did you mean 'red'?"),
+        ("mass: 4.0", "mass: -4.0", "5:51: objects[0].mass: is -4;"),
+        (
+            "[1.2, 1.0, 90 deg]\n",
+            "[9.0, 1.0, 0]\n",
+            "15:9: goals.blue: at the goal, 'blue' leaves the workspace",
+        ),
+        ("pose: [3.0, 3.0, 0.0]", "pose: [1.2, 1.1, 0.0]", "objects[2].pose: 'bin' is 0 mm from 'red';"),
+        (", pose: [3.0, 3.0, 0.0]", "", "objects[2].pose: needed where there are goals"),
+        ("  start: [2.4, 1.6, 0.0]\n", "", "robot.start: is missing"),
+        ("workspace:", "goal: {pose: [0, 0, 0]}\nworkspace:", "goal: does not go together with goals"),
+    ],
+)
+def test_what_is_wrong_is_told_where_the_file_has_it(file: Path, wrong: str, right: str, told: str) -> None:
+    assert wrong in FILE
+    file.write_text(FILE.replace(wrong, right), "utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        load_several_objects(file)
+    assert told in str(caught.value)
+
+
+def test_what_takes_one_load_says_so(file: Path) -> None:
+    with pytest.raises(ScenarioError, match="several objects that stand apart"):
+        load_scenario(file)
+
+
+def test_the_command_records_every_errand_and_replay_verifies_it(file: Path, capsys: Captured) -> None:
+    log = file.with_name("swap.mcap")
+    words = ["plan", str(file), "-o", str(log), "--first", "--time-limit", "60", "--json"]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["solved"]
+    assert told["relocations"] == 1
+    assert [errand["object"] for errand in told["errands"]][1:] in (["red", "blue"], ["blue", "red"])
+    for errand in told["errands"]:
+        recorded = read_run(errand["log"])
+        assert recorded.scenario.pushes is not None
+        assert recorded.plan is not None
+        assert len(recorded.plan.segments) == len(errand["segments"])
+    assert main(["replay", told["errands"][1]["log"], "--verify"]) == 0
+
+
+def test_what_is_for_one_load_is_refused(file: Path, capsys: Captured) -> None:
+    assert main(["plan", str(file), "--plot", str(file.with_name("x.png"))]) == 2
+    assert "--plot does not go together with goals of several objects" in capsys.readouterr().err
