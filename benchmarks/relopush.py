@@ -29,9 +29,9 @@ import numpy as np
 from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
-from pushplan.planners.multi.graph import Sequence
 from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
+from pushplan.planners.multi.sequence import Sequence
 from pushplan.reading.scenario_file import scenario_from_document
 from pushplan.rearrangement.order import Order
 from pushplan.rearrangement.pieces import Piece, Situation

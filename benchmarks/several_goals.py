@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from pushplan.geometry import se2
-from pushplan.planners.multi.graph import Sequence
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.search import Limits, search
+from pushplan.planners.multi.sequence import Sequence
 from pushplan.reading.scenario_file import scenario_from_document
 from pushplan.scenario import Scenario
 from pushplan.several.plan import backed_off, free_goals

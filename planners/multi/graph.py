@@ -7,7 +7,7 @@ at; the cheapest sequence is looked at until all of it is known (lazy shortest p
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -17,6 +17,7 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.planners.multi.bound import lower_bounds
 from pushplan.planners.multi.pushing import ARCS, push, robot_at, settles, ways_are_free, word_costs
 from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.sequence import Sequence, Step
 from pushplan.planners.multi.shortest import cheapest_sequence
 from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened, way_is_free
 from pushplan.planners.problem.posing import sampling_box
@@ -38,37 +39,6 @@ FIRST = -1
 
 Change = tuple[int, int, int]
 """Node, contact left (or `FIRST`) and contact taken."""
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A push of a plan, and how the robot gets to it.
-
-    Attributes:
-        contact: Index of the contact.
-        before: (3,) pose of the load.
-        after: Likewise.
-        start: (3,) pose of the robot's frame before it drives there.
-        way: (k, 4) arcs of the robot alone to the contact's approach.
-        arcs: (ARCS, 4) of the push, in the contact's frame.
-        cost: Of the push, m.
-    """
-
-    contact: int
-    before: FloatArray
-    after: FloatArray
-    start: FloatArray
-    way: FloatArray
-    arcs: FloatArray
-    cost: float
-
-
-@dataclass(frozen=True, eq=False)
-class Sequence:
-    """A plan: its pushes and what it costs, the robot's ways and changes of the contact included, m."""
-
-    steps: tuple[Step, ...]
-    cost: float
 
 
 class Graph:

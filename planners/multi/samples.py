@@ -11,9 +11,9 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled
 from pushplan.geometry import se2
 from pushplan.planners.multi.dives import crew_of, descend, dive, pushed_at_random
-from pushplan.planners.multi.graph import Sequence
 from pushplan.planners.multi.pushing import Hold
 from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.sequence import Sequence
 from pushplan.planners.problem.posing import sampling_box
 
 PARALLEL = 1e-6

@@ -10,9 +10,10 @@ from functools import partial
 
 from pushplan.basics.arrays import BoolArray
 from pushplan.planners.multi.bound import lower_bounds
-from pushplan.planners.multi.graph import Graph, Sequence
+from pushplan.planners.multi.graph import Graph
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.samples import Sampler, crossings
+from pushplan.planners.multi.sequence import Sequence
 
 BATCH = 12
 """Poses added at a time."""

@@ -16,9 +16,9 @@ from pushplan.geometry import se2
 from pushplan.path import PushPath
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.improve.branches import Branches
-from pushplan.planners.multi.graph import Sequence
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
+from pushplan.planners.multi.sequence import Sequence
 from pushplan.planners.problem.posing import SLACK
 from pushplan.reading.several_pushes import troubles_at
 from pushplan.result import PlanResult, ProgressPoint

@@ -11,8 +11,8 @@ from pushplan.basics.names import APPROACH, PUSH, RETREAT, TRANSIT
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.path import PushPath
-from pushplan.planners.multi.graph import Sequence
 from pushplan.planners.multi.room import PushRoom
+from pushplan.planners.multi.sequence import Sequence
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.trajectories import make_trajectory

@@ -91,11 +91,12 @@ def _tell(stated: SeveralObjects, found: Rearrangement, runs: list[Run], console
     rows = [] if found.solved else [("reason", found.reason)]
     if found.first_solution_s is not None:
         pushes = sum(segment.pushes for leg in found.legs for segment in leg.plan.segments)
+        way = sum(leg.plan.way_pushed or 0.0 for leg in found.legs)
         away = counted(found.relocations, "object")
         rows.append(
             (
                 "pushed",
-                f"{sum(leg.plan.way_pushed for leg in found.legs):.3f} m in {counted(pushes, 'push', 'pushes')}",
+                f"{way:.3f} m in {counted(pushes, 'push', 'pushes')}",
             )
         )
         rows.append(("out of the way", away))
