@@ -7,6 +7,7 @@ import html
 import importlib.util
 import shutil
 import tempfile
+import time
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,10 +17,14 @@ from stamp import stamp
 import pushplan
 from pushplan.logging.export.html import write_html
 from pushplan.logging.play.terminal import TerminalView
+from pushplan.viewing.window import Window
 
 ROOT = Path(__file__).parents[1]
 TIME = 6.0
 """Of the run, that is shown, s."""
+FADING = 4.0
+"""For which the scene fades in, s; more than it takes with software rendering."""
+POLISHED = "document.querySelector('#pushplan-answer')?.dataset.stage === 'polished'"
 TERMINAL = """<meta charset="utf-8">
 <body style="margin:0;overflow:hidden;background:#1e1e1e">
 <pre style="margin:12px;color:#ddd;font:14px/1.15 monospace">"""
@@ -45,6 +50,22 @@ def main() -> None:
         with _browser().chromium(program, folder / "profile") as browser:
             browser.open(folder / "terminal.html")
             _photograph(browser, ROOT / "docs" / "terminal.png", 660, 600)
+        with _browser().chromium(program, folder / "profile") as browser:
+            _photograph_window(browser)
+
+
+def _photograph_window(browser: Any) -> None:
+    """Photograph `pushplan view` when its plan is polished."""
+    window = Window(pushplan.load_scenario("two-crates"))
+    try:
+        browser.open(window.url)
+        while not browser.evaluate(POLISHED):
+            time.sleep(0.1)
+        time.sleep(FADING)
+        browser.evaluate("document.querySelectorAll('.mantine-Notification-root').forEach(e => e.remove())")
+        _photograph(browser, ROOT / "docs" / "view.png", 1200, 760)
+    finally:
+        window.close()
 
 
 def _photograph(browser: Any, path: Path, width: int, height: int) -> None:

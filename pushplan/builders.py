@@ -101,7 +101,7 @@ def build_scenario(
 def obstacle_document(obstacle: Obstacle | ArrayLike) -> Document:
     """Return an obstacle in the form that it has in a file; an array (v, 2) is a polygon in the world."""
     if isinstance(obstacle, CircleObstacle):
-        return {"circle": obstacle.radius, "center": obstacle.center}
+        return {"circle": obstacle.radius, "center": obstacle.center.tolist()}
     if isinstance(obstacle, PolygonObstacle):
         unknown = {"unknown": "obstacle"} if obstacle.unknown else {}
         return {"polygon": _numbers(obstacle.outline), **unknown}

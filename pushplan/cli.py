@@ -24,6 +24,7 @@ from pushplan.commands import (
     schema,
     stable_set,
     trial,
+    view,
 )
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import PIPE_CLOSED, WRONG_INPUT, report_failure
@@ -32,6 +33,7 @@ from pushplan.commands.terminal.parsing import Parser
 COMMANDS = {
     "plan": plan,
     "stable-set": stable_set,
+    "view": view,
     "replay": replay,
     "trial": trial,
     "identify": identify,

@@ -52,9 +52,9 @@ class Browser:
         found: dict[str, Any] = json.loads(message)
         return found
 
-    def open(self, page: Path) -> None:
-        """Load a file and wait for it."""
-        self.call("Page.navigate", url=page.as_uri())
+    def open(self, page: Path | str) -> None:
+        """Load a file, or what is at an address, and wait for it."""
+        self.call("Page.navigate", url=page if isinstance(page, str) else page.as_uri())
         while not any(event.get("method") == "Page.loadEventFired" for event in self.events):
             self.events.append(self._next())
 
@@ -88,7 +88,7 @@ def chromium(program: str, profile: Path) -> Iterator[Browser]:
     command = [
         program, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-dev-shm-usage",
         "--disable-background-networking", "--window-size=1200,850", f"--user-data-dir={profile}",
-        "--remote-debugging-pipe", "about:blank",
+        "--remote-debugging-pipe", "--enable-unsafe-swiftshader", "about:blank",
     ]  # fmt: skip
 
     def arrange() -> None:

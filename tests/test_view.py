@@ -1,0 +1,212 @@
+"""The window: what is dragged is what is planned and saved, bad poses are told in words, a browser shows it."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import boxes
+import numpy as np
+import pytest
+
+import pushplan
+from pushplan.basics.extras import MissingExtraError
+from pushplan.builders import box, build_scenario, plate
+from pushplan.cli import main
+from pushplan.errors import PlanningError
+from pushplan.geometry import se2
+from pushplan.scenario import Scenario
+from pushplan.viewing.answers import Answer, Answers
+from pushplan.viewing.draft import Draft
+from pushplan.viewing.worker import Worker
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return pushplan.load_scenario("two-crates")
+
+
+@pytest.fixture(scope="module")
+def answers(scenario: Scenario) -> Answers:
+    return Answers(scenario)
+
+
+def test_a_draft_in_which_nothing_moved_is_the_scenario_itself(scenario: Scenario) -> None:
+    assert Draft.of(scenario).scenario() == scenario
+
+
+def test_what_was_dragged_is_where_the_saved_scenario_has_it(scenario: Scenario, tmp_path: Path) -> None:
+    start, goal = np.array([-0.1, 0.05, 0.2]), np.array([1.4, 1.2, 1.3])
+    draft = Draft.of(scenario).with_start(start).with_goal(goal).with_slide(1, 0.02)
+    draft = draft.with_place(0, np.array([0.6, 0.5, 0.3])).with_place(4, np.array([1.6, 0.3, 1.0]))
+    file = tmp_path / "saved.yaml"
+    file.write_text(draft.to_yaml())
+    saved = pushplan.load_scenario(file)
+    np.testing.assert_allclose(saved.start, start)
+    np.testing.assert_allclose(saved.goal.pose_chain, goal, atol=1e-12)
+    assert saved.goal.of == scenario.goal.of
+    before, after = (each.chain.objects[1].outline_chain for each in (scenario, saved))
+    np.testing.assert_allclose(after - before, np.tile([0.0, 0.02], (len(before), 1)), atol=1e-12)
+    wall, moved = (each.obstacles[0] for each in (scenario, saved))
+    assert isinstance(wall, pushplan.PolygonObstacle)
+    assert isinstance(moved, pushplan.PolygonObstacle)
+    middle = wall.outline.mean(axis=0)
+    np.testing.assert_allclose(moved.outline, se2.transform_points([0.6, 0.5, 0.3], wall.outline - middle))
+    disc = saved.obstacles[4]
+    assert isinstance(disc, pushplan.CircleObstacle)
+    np.testing.assert_allclose(disc.center, [1.6, 0.3])
+
+
+def test_what_an_object_carries_slides_along_with_it(scenario: Scenario) -> None:
+    np.testing.assert_allclose(Draft.of(scenario).with_slide(0, 0.01).shifts, [[0.0, 0.01], [0.0, 0.01]])
+    np.testing.assert_allclose(Draft.of(scenario).with_slide(1, 0.01).shifts, [[0.0, 0.0], [0.0, 0.01]])
+
+
+def test_every_stage_of_an_answer_leads_from_the_dragged_start_to_the_dragged_goal(
+    scenario: Scenario, answers: Answers
+) -> None:
+    goal = np.array([1.5, 1.3, 1.5])
+    draft = Draft.of(scenario).with_goal(goal)
+    timed = answers.timed(draft)
+    for answer in (answers.path(draft), timed, answers.polished(timed, lambda: False)):
+        assert answer.solved, answer.findings
+        assert answer.result is not None
+        assert answer.result.path is not None
+        np.testing.assert_allclose(answer.result.path.end, goal, atol=2e-3)
+    assert timed.result is not None
+    assert timed.result.tolerance is not None
+
+
+def test_another_chain_has_another_stable_set_and_the_first_one_its_own_again(
+    scenario: Scenario, answers: Answers
+) -> None:
+    draft = Draft.of(scenario)
+
+    def cone(draft: Draft) -> list[list[float]]:
+        answer = answers.path(draft)
+        assert answer.stable is not None
+        found = answer.stable.translation_cone()
+        assert found is not None
+        return [list(row) for row in found]
+
+    first = cone(draft)
+    assert cone(draft.with_slide(1, 0.03)) != first
+    assert cone(draft) == first
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda draft: draft.with_start(np.array([0.55, 0.4, 0.0])), "obstacle"),
+        (lambda draft: draft.with_goal(np.array([9.0, 9.0, 0.0])), "workspace"),
+        (lambda draft: draft.with_slide(1, 0.5), "touch"),
+        (lambda draft: draft.with_goal(draft.start), "goal"),
+    ],
+)
+def test_a_bad_pose_is_told_in_words(
+    scenario: Scenario, answers: Answers, change: Callable[[Draft], Draft], words: str
+) -> None:
+    answer = answers.path(change(Draft.of(scenario)))
+    assert not answer.solved
+    assert any(words in finding for finding in answer.findings), answer.findings
+    assert answers.path(Draft.of(scenario)).solved
+
+
+def test_a_worker_drops_what_was_asked_before_the_newest_question() -> None:
+    begun, go, answered = threading.Event(), threading.Event(), list[int]()
+
+    def answer(question: int, outdated: Callable[[], bool]) -> None:
+        begun.set()
+        go.wait(30.0)
+        answered.append(question)
+
+    worker = Worker(answer)
+    worker.ask(0)
+    begun.wait(30.0)
+    for question in range(1, 5):
+        worker.ask(question)
+    assert worker.outdated()
+    begun.clear()
+    go.set()
+    begun.wait(30.0)
+    worker.end()
+    assert answered == [0, 4]
+
+
+def test_a_failure_in_the_work_is_kept_for_the_user() -> None:
+    def answer(question: int, outdated: Callable[[], bool]) -> None:
+        raise ZeroDivisionError(question)
+
+    worker = Worker(answer)
+    worker.ask(1)
+    while worker.alive:
+        time.sleep(0.01)
+    assert isinstance(worker.failure, ZeroDivisionError)
+
+
+def test_several_pushes_are_refused_in_words() -> None:
+    several = build_scenario(
+        "several",
+        [box("crate", 0.2, 0.2, 1.0)],
+        plate(0.2, 0.5),
+        (1.0, 0.0, 0.0),
+        floor_friction=0.3,
+        robot={"start": [-0.5, 0.0, 0.0]},
+    )
+    with pytest.raises(PlanningError, match="several pushes"):
+        Draft.of(several)
+
+
+def test_without_viser_the_command_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "viser", None)
+    assert main(["view", "two-crates"]) != 0
+    assert "pip install 'pushplan[view]'" in capsys.readouterr().err
+    assert issubclass(MissingExtraError, pushplan.PushplanError)
+
+
+@pytest.fixture(scope="module")
+def dragged(
+    scenario: Scenario, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[Answer, Answer, str]]:
+    """The answers after a goal was dragged by the mouse to a free place and into a wall, and what the page says."""
+    pytest.importorskip("viser")
+    import viewed
+
+    from pushplan.viewing.window import Window
+
+    with boxes.chromium(tmp_path_factory.mktemp("view")) as browser:
+        window = Window(scenario, 8473)
+        try:
+            viewed.open_window(browser, window)
+            begin, end = window.draft.goal, window.draft.goal + np.array([-0.1, -0.1, 0.0])
+            viewed.drag(browser, window, begin, end)
+            viewed.shown_after(browser, "timed")
+            good = window.answer
+            viewed.drag(browser, window, window.draft.start, window.draft.start + np.array([0.55, 0.3, 0.0]))
+            viewed.wait_for(browser, "document.body.innerText.includes('no plan')")
+            bad = window.answer
+            assert good is not None
+            assert bad is not None
+            yield good, bad, browser.evaluate("document.querySelector('#pushplan-answer').innerText")
+        finally:
+            window.close()
+
+
+def test_a_goal_dragged_by_the_mouse_is_planned_to(
+    scenario: Scenario, dragged: tuple[Answer, Answer, str]
+) -> None:
+    good, _, _ = dragged
+    assert good.solved
+    moved = good.draft.goal - scenario.goal.pose_chain
+    np.testing.assert_allclose(moved, [-0.1, -0.1, 0.0], atol=0.03)
+
+
+def test_a_start_dragged_into_a_wall_is_told_on_the_page(dragged: tuple[Answer, Answer, str]) -> None:
+    _, bad, text = dragged
+    assert not bad.solved
+    assert bad.findings[0][:40] in text

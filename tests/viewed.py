@@ -1,0 +1,92 @@
+"""The window in a headless Chromium: where its handles are on the screen, and how soon a drop shows its plan."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.geometry import se2
+from pushplan.viewing.window import Window
+
+SIZE = (1200, 800)
+"""Of the page, pixels."""
+
+_GRIP = 1.0 / 7.0 + 0.225 / 2.0
+"""Middle of the square that drags in the plane, as a share of an arrow's length, along both axes."""
+
+_WATCH = """(() => {
+  const answer = () => document.querySelector('#pushplan-answer')?.dataset ?? {};
+  window.dropped = undefined; window.shown = {};
+  const note = (what) => {
+    if (what in window.shown) return;
+    window.shown[what] = undefined;
+    requestAnimationFrame(() => requestAnimationFrame(() => {
+      window.shown[what] = performance.now() - window.dropped; }));
+  };
+  const look = () => {
+    const { stage, number, dropped } = answer();
+    if (window.dropped === undefined || Number(number) <= window.before || dropped !== 'true') return;
+    note('first');
+    if (stage !== 'path') note('timed');
+  };
+  addEventListener('pointerup', () => {
+    window.before = Number(answer().number); window.dropped = performance.now(); }, true);
+  new MutationObserver(look).observe(document.body, { subtree: true, childList: true, attributes: true });
+})()"""
+
+
+def open_window(browser: Any, window: Window) -> None:
+    """Show a window and wait until its plan is polished."""
+    size = {"width": SIZE[0], "height": SIZE[1], "deviceScaleFactor": 1, "mobile": False}
+    browser.call("Emulation.setDeviceMetricsOverride", **size)
+    browser.open(window.url)
+    wait_for(browser, "document.querySelector('#pushplan-answer')?.dataset.stage === 'polished'")
+    browser.evaluate(_WATCH)
+
+
+def wait_for(browser: Any, condition: str, seconds: float = 60.0) -> None:
+    """Wait until an expression of JavaScript is true."""
+    end = time.monotonic() + seconds
+    while not browser.evaluate(condition):
+        assert time.monotonic() < end, f"waited in vain for {condition}"
+        time.sleep(0.05)
+
+
+def drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int = 6) -> None:
+    """Drag a handle from its pose (3,) to another of the same heading, in steps."""
+    size = _GRIP * window.stage.handle_size
+    points = [se2.compose(pose, [size, size, 0.0])[:2] for pose in np.linspace(begin, end, steps + 1)]
+    places = [on_screen(window, point) for point in points]
+    kinds = ["mouseMoved", "mousePressed", *["mouseMoved"] * steps, "mouseReleased"]
+    for kind, (x, y) in zip(kinds, [places[0], *places, places[-1]], strict=True):
+        held = 0 if kind == "mouseMoved" and (x, y) == places[0] else 1
+        browser.call(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=held, clickCount=1
+        )
+        time.sleep(0.05)
+
+
+def on_screen(window: Window, point: FloatArray) -> tuple[float, float]:
+    """Return where a point (2,) of the floor is on the page, pixels, through the camera of the only viewer."""
+    (client,) = window.server.get_clients().values()
+    camera = client.camera
+    w, x, y, z = camera.wxyz
+    axes = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    right, down, depth = axes.T @ (np.array([*point, 0.0]) - camera.position)
+    scale = 0.5 * SIZE[1] / np.tan(0.5 * camera.fov)
+    return 0.5 * SIZE[0] + scale * right / depth, 0.5 * SIZE[1] + scale * down / depth
+
+
+def shown_after(browser: Any, stage: str) -> float:
+    """Return after how many milliseconds from the drop its `first` or its `timed` answer was on the screen."""
+    wait_for(browser, f"window.shown[{stage!r}] !== undefined")
+    return float(browser.evaluate(f"window.shown[{stage!r}]"))
