@@ -10,6 +10,10 @@ objects with walls and obstacles, are executed in worlds in which
 
 Counted is whether the goal's object (every object, where the goal names none) ends within 5 mm and 1 deg of its goal.
 Loads that are unknown are even in these worlds.
+
+`--physics 6` asks MuJoCo (extra `physics`) for a second opinion on so many runs that planned on the way and arrive:
+their last plan is executed there, so slowly that inertia does not matter, from where plate and objects really were
+when it was made. MuJoCo knows the contacts of the chain only, so obstacles go.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ import argparse
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,12 +34,17 @@ from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import ProblemParameters
 from pushplan.control.aims import Aim
 from pushplan.control.controller import Controller
-from pushplan.control.course import OpenLoop, course_in
+from pushplan.control.course import Course, OpenLoop, course_in
+from pushplan.control.measured_chain import places_of
+from pushplan.events import Replan
 from pushplan.examples import example_names
+from pushplan.geometry.se2 import compose, inverse, relative
 from pushplan.plan import plan
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
+from pushplan.sim.physics.model.settings import SLIPPING
+from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.sim.worlds.kick import Kick
 from pushplan.sim.worlds.world import World
 
@@ -53,9 +62,10 @@ class Row:
     closed: bool
     opened: bool
     error: FloatArray
-    replans: tuple[float, ...]
+    replans: tuple[Replan, ...]
     why: str
     seconds: float
+    physics: FloatArray | None = None
 
 
 def random_scenarios(count: int) -> list[tuple[Scenario, PlanResult]]:
@@ -92,7 +102,25 @@ def judge(scenario: Scenario, object_poses: FloatArray) -> FloatArray:
     return Aim.of(scenario.goal, scenario.chain, POSITION, ANGLE).errors(object_poses)
 
 
-def one(scenario: Scenario, result: PlanResult, seed: int, verbose: bool) -> Row:
+def in_physics(scenario: Scenario, world: World, controller: Controller, course: Course) -> FloatArray | None:
+    """Return how far off the goal's object ends in MuJoCo along the last replan; None where there was none."""
+    solved = [
+        replan for replan in controller.replans if replan.result is not None and replan.result.trajectory
+    ]
+    if not solved:
+        return None
+    assert solved[-1].result is not None
+    trajectory = solved[-1].result.trajectory
+    assert trajectory is not None
+    began = int(np.searchsorted(course.t, solved[-1].time))
+    at = compose(course.object_poses[began], inverse(places_of(scenario.chain)))
+    placed = relative(trajectory.start, at)
+    settings = replace(SLIPPING, step=1e-4)
+    found = simulate_trajectory(world.chain, trajectory, quasi_static=True, settings=settings, placed=placed)
+    return judge(scenario, found.object_poses[-1])
+
+
+def one(scenario: Scenario, result: PlanResult, seed: int, verbose: bool, physics: bool) -> Row:
     """Run both loops in one world."""
     assert result.trajectory is not None
     random = np.random.default_rng([seed, len(scenario.name)])
@@ -109,7 +137,8 @@ def one(scenario: Scenario, result: PlanResult, seed: int, verbose: bool) -> Row
         print(kick, [c.friction for c in world.chain.contacts])
         for event in controller.events:
             print(f"    {event.time:7.2f} {event.kind:8} {event.text}")
-    return Row(closed, opened, errors[0], tuple(r.seconds for r in controller.replans), why, seconds)
+    found = in_physics(scenario, world, controller, course) if physics and closed else None
+    return Row(closed, opened, errors[0], tuple(controller.replans), why, seconds, found)
 
 
 def main() -> int:
@@ -119,6 +148,7 @@ def main() -> int:
     parser.add_argument("--worlds", type=int, default=2, help="worlds a scenario")
     parser.add_argument("--random", type=int, default=40, help="random scenarios")
     parser.add_argument("--only", nargs="*", help="names of scenarios")
+    parser.add_argument("--physics", type=int, default=0, help="runs that MuJoCo judges, too")
     parser.add_argument("--verbose", action="store_true", help="print every event of runs that miss")
     arguments = parser.parse_args()
     print(Machine.this().words)
@@ -130,7 +160,10 @@ def main() -> int:
     for scenario, result in problems:
         if arguments.only and scenario.name not in arguments.only:
             continue
-        found = [one(scenario, result, seed, arguments.verbose) for seed in range(arguments.worlds)]
+        found: list[Row] = []
+        for seed in range(arguments.worlds):
+            judged = sum(row.physics is not None for row in rows + found)
+            found.append(one(scenario, result, seed, arguments.verbose, judged < arguments.physics))
         rows += found
         closed, opened = sum(row.closed for row in found), sum(row.opened for row in found)
         share = f"of {len(found)} arrive {closed} in closed, {opened} in open loop"
@@ -151,20 +184,39 @@ def report(rows: list[Row]) -> int:
         low, high = wilson(count, len(rows))
         shares[who] = count / len(rows)
         print(f"{who:7} loop: {count} of {len(rows)} arrive ({100 * low:.1f} to {100 * high:.1f} %)")
-    replans = np.array([seconds for row in rows for seconds in row.replans])
+    every = [replan for row in rows for replan in row.replans]
+    replans = np.array([replan.seconds for replan in every])
+    solved = np.array([replan.seconds for replan in every if replan.solved])
     for words, value, wanted, good in (
         ("arrive in closed loop", shares["closed"], f">= {WANTED}", shares["closed"] >= WANTED),
         (
-            "replan, median CPU ms",
-            1e3 * np.median(replans),
+            "replan that finds a plan, median CPU ms",
+            1e3 * np.median(solved),
             f"<= {1e3 * MEDIAN:.0f}",
-            np.median(replans) <= MEDIAN,
+            np.median(solved) <= MEDIAN,
         ),
-        ("replan, most CPU ms", 1e3 * replans.max(), f"<= {1e3 * MOST:.0f}", replans.max() <= MOST),
+        (
+            "replan, also one that finds none, most CPU ms",
+            1e3 * replans.max(),
+            f"<= {1e3 * MOST:.0f}",
+            replans.max() <= MOST,
+        ),
     ):
         misses += not good
         print(f"{'ok  ' if good else 'MISS'} {words}: {value:.3g}, wanted {wanted}")
-    print(f"{len(replans)} replans; {np.mean([row.seconds for row in rows]):.2f} s a run")
+    print(
+        f"{len(solved)} replans, and {len(every) - len(solved)} attempts that found none; "
+        f"{np.mean([row.seconds for row in rows]):.2f} s a run"
+    )
+    second = [(row.error, row.physics) for row in rows if row.physics is not None]
+    if second:
+        arrived = sum(bool((there <= [POSITION, ANGLE]).all()) for _, there in second)
+        apart = np.array([np.abs(there - here) for here, there in second]) * [1e3, 180.0 / np.pi]
+        print(
+            f"MuJoCo: {arrived} of {len(second)} last plans of runs that arrive do so there; errors differ by "
+            f"{np.median(apart[:, 0]):.2g} mm and {np.median(apart[:, 1]):.2g} deg in the median, at most "
+            f"{apart[:, 0].max():.2g} mm and {apart[:, 1].max():.2g} deg"
+        )
     return 1 if misses else 0
 
 

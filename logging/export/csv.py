@@ -44,6 +44,7 @@ def table(run: RecordedRun) -> dict[str, FloatArray]:
 
     `t`; `x`, `y`, `theta` of the chain frame in the world; `vx`, `vy`, `omega` of the body twist in the chain
     frame; of several pushes, these are the robot's frame and `load_x`, `load_y`, `load_theta` that of the objects;
+    where contacts may slip, for each object O `O.x`, `O.y`, `O.theta` in the world;
     `base_x`, `base_y`, `base_theta`, `base_vx`, `base_vy`, `base_omega` of the robot's base, in its own frame;
     then for each contact C `C.margin` and, where the loads are known, `C.friction_margin`, `C.lambda`,
     `C.force_x`, `C.force_y` (chain frame).
@@ -61,6 +62,10 @@ def table(run: RecordedRun) -> dict[str, FloatArray]:
     }
     if execution.loads is not None:
         columns |= dict(zip(("load_x", "load_y", "load_theta"), execution.loads.T, strict=True))
+    if execution.object_poses is not None:
+        for k, obj in enumerate(run.scenario.chain.objects):
+            names = [f"{obj.name}.{name}" for name in ("x", "y", "theta")]
+            columns |= dict(zip(names, execution.object_poses[:, k].T, strict=True))
     base = run.scenario.chain.pusher.base_pose
     columns |= dict(
         zip(("base_x", "base_y", "base_theta"), se2.compose(execution.poses, base).T, strict=True)

@@ -30,6 +30,7 @@ from pushplan.planners.timing.bounds import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.result import PlanResult
 from pushplan.scenario import Obstacle, Scenario
+from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.worlds.world import World
 from pushplan.trajectory import Trajectory
 
@@ -88,6 +89,8 @@ class Controller:
             raise PlanningError(
                 "the closed loop knows one push: leave out robot.start, from which there are several"
             )
+        self._closer = World.from_scenario(scenario)
+        SlipSimulator(self._closer)  # before anything takes long: loads have to be known
         self._replanner = Replanner(scenario, settings, tell)
         plan = self._replanner.first() if plan is None else plan
         if plan.trajectory is None or plan.path is None:
@@ -97,7 +100,6 @@ class Controller:
         self.events: list[Event] = []
         self.replans: list[Replan] = []
         self._replanner.rehearse(plan.path)
-        self._closer = World.from_scenario(scenario)
         self._sightings = Sightings()
         self._plate, self._now = np.array(scenario.start), 0.0
         self._places = places_of(scenario.chain)
@@ -211,8 +213,8 @@ class Controller:
         aim = self._replanner.aim
         if aim.reached(poses, CLEARLY) or (aim.reached(poses, BARELY) and not nearer):
             self._end(Phase.ARRIVED, f"{off} off the goal")
-        elif len(self.replans) >= self.settings.replans:
-            self._give_up(f"{len(self.replans)} plans were made on the way, and it is not there")
+        elif sum(replan.solved for replan in self.replans) >= self.settings.replans:
+            self._give_up(f"{self.settings.replans} plans were made on the way, and it is not there")
         elif not contacts.flush(self.settings.gap, self.settings.turn):
             self._close(poses)
         elif not nearer:

@@ -11,7 +11,7 @@ import pushplan
 from pushplan.basics.arrays import FloatArray
 from pushplan.control.controller import Controller, Phase
 from pushplan.control.course import Course, OpenLoop, course_in
-from pushplan.errors import PlanningError, PushplanError
+from pushplan.errors import PlanningError, PushplanError, SupportError
 from pushplan.geometry.se2 import compose
 from pushplan.planners.validation.checker import find_collision
 
@@ -140,6 +140,15 @@ def test_twists_of_a_measured_plate_lead_back_to_the_path() -> None:
 def test_settings_that_make_no_sense_are_refused(field: str, value: float) -> None:
     with pytest.raises(PushplanError, match=f"{field} of the control settings is {value}"):
         pushplan.ControlSettings(**{field: value})  # type: ignore[arg-type]
+
+
+def test_unknown_loads_are_refused_before_anything_takes_long() -> None:
+    chain = scenario("one-box").chain
+    box = replace(chain.objects[0], support=pushplan.UnknownSupport(chain.objects[0].outline))
+    with pytest.raises(
+        SupportError, match="the load under 'box' is unknown; simulating slip needs known loads"
+    ):
+        Controller(replace(scenario("one-box"), chain=replace(chain, objects=(box,))))
 
 
 def test_several_pushes_are_refused() -> None:

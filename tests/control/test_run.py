@@ -12,6 +12,7 @@ import pushplan
 from pushplan.cli import main
 from pushplan.control.again import check_closed_loop
 from pushplan.errors import RunLogError
+from pushplan.logging.export.csv import table
 from pushplan.logging.export.html import render
 from pushplan.logging.play.terminal import TerminalView
 from pushplan.logging.verify import verify
@@ -103,6 +104,13 @@ def test_players_show_objects_where_they_are_and_what_the_controller_did(back: p
     assert len(apart) == len(back.scenario.chain.bodies)
     rigid = back.scenario.chain.outlines_at(back.execution.place_at(6.0)[0])
     assert np.abs(np.array(moved[-1]) - rigid[-1]).max() > 1e-3  # the kicked one stands aside
+
+
+def test_tables_have_the_objects_where_they_are(back: pushplan.RecordedRun) -> None:
+    columns = table(back)
+    assert back.execution is not None
+    assert back.execution.object_poses is not None
+    np.testing.assert_array_equal(columns["far.y"], back.execution.object_poses[:, 1, 1])
 
 
 def test_the_command_arrives_in_closed_loop_and_verifies(
