@@ -46,6 +46,9 @@ class Stage:
         self._scene = scene
         self.handle_size = 0.8 * draft.original.chain.reach
         scene.set_up_direction("+z")
+        scene.configure_default_lights(
+            cast_shadow=False
+        )  # without a graphics card shadows cost most of the time
         self._floor(draft)
         self._chain = draft.original.chain
         self._played = scene.add_frame("/played", show_axes=False, visible=False)

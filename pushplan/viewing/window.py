@@ -25,6 +25,11 @@ _SPACING = 0.01
 _FRAME = 1.0 / 30.0
 """Between pictures of an execution, s."""
 
+_SENDING = 0.03
+"""For which the server is let send an answer before the next work begins, s: compiled code holds the interpreter."""
+_REST = 0.2
+"""Without another move after which a plan is polished, s."""
+
 
 class Window:
     """A scenario in a browser; every move of its poses is planned anew.
@@ -95,11 +100,11 @@ class Window:
         began = time.perf_counter()
         answer = self._answers.path(draft)
         self._show(answer, began, dropped)
-        if not dropped or outdated():
+        if not dropped or not self._worker.idle(_SENDING):
             return
         answer = self._answers.timed(draft)
         self._show(answer, began, dropped)
-        if answer.solved and not outdated():
+        if answer.solved and self._worker.idle(_REST):
             better = self._answers.polished(answer, outdated)
             if better.solved and not outdated():
                 self._show(better, began, dropped)

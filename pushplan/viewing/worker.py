@@ -42,6 +42,11 @@ class Worker(Generic[Question]):
         """Whether there is a newer question than the one in work."""
         return bool(self._waiting) or self._ended
 
+    def idle(self, seconds: float) -> bool:
+        """Let other threads work for a while, and return whether there is no newer question then."""
+        with self._changed:
+            return not self._changed.wait_for(self.outdated, seconds)
+
     @property
     def alive(self) -> bool:
         """Whether questions are still answered."""
