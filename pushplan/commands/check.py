@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import DONE
+from pushplan.commands.terminal.numbers import counted
 from pushplan.commands.terminal.options import add_maps, add_plot, add_scenario, check_outputs
 from pushplan.errors import ScenarioError
 
@@ -29,7 +30,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
     check_outputs(args.scenario, args.plot)
     scenario = load_scenario(args.scenario, args.map)
-    ask(scenario, console)
+    asked = ask(scenario, console)
     console.say(console.paint(scenario.name, "bold"))
     console.table(understood.rows(scenario))
     with console.computing("computing the stable set"):
@@ -42,7 +43,8 @@ def run(args: argparse.Namespace, console: Console) -> int:
             from pushplan.drawing.scenario import plot_scenario
 
             plot_scenario(scenario, described.stable, args.plot)
-    console.say(console.paint("no findings", "green"))
+    told = f"no findings, but {counted(asked, 'question')}" if asked else "no findings"
+    console.say(console.paint(told, "yellow" if asked else "green"))
     console.emit(
         {
             **understood.document(scenario),
@@ -52,13 +54,15 @@ def run(args: argparse.Namespace, console: Console) -> int:
     return DONE
 
 
-def ask(scenario: Scenario, console: Console) -> None:
-    """Ask about numbers that the file may state but hardly means."""
+def ask(scenario: Scenario, console: Console) -> int:
+    """Ask about numbers that the file may state but hardly means; return how many."""
     from pushplan.reading.scenario_questions import questions
     from pushplan.reading.yaml.tree import read_document
 
-    for question in questions(read_document(scenario.source)):
+    found = questions(read_document(scenario.source))
+    for question in found:
         console.note(f"question: {question.text(str(scenario.path))}")
+    return len(found)
 
 
 def require_pushable(scenario: Scenario) -> None:

@@ -12,7 +12,7 @@ from pushplan.compiled.private import on_compiling
 PATIENCE = 1.5
 """Seconds of compiling after which the user is told what takes so long."""
 
-ANNOUNCEMENT = "compiling for this machine (only at the first use, for about a minute) ..."
+ANNOUNCEMENT = "compiling for this machine (once for each kind of work, a minute or two; kept for later) ..."
 
 
 @contextmanager

@@ -11,6 +11,10 @@ MOST_ATTACHED = 16 << 20
 """Bytes up to which a file that a scenario names is read."""
 
 
+OUTSIDE = "a file in the scenario's folder"
+"""What a name has to be, in words."""
+
+
 class Attachments:
     """Contents of the files that a scenario names, from its folder or given beforehand.
 
@@ -51,5 +55,5 @@ class Attachments:
         path = folder / pure
         outside = pure.is_absolute() or ".." in pure.parts or not name.isprintable()
         if outside or not path.resolve().is_relative_to(folder.resolve()):
-            raise SupportError(f"is the name '{shorten(name)}'; allowed: a file in the scenario's folder")
+            raise SupportError(f"is the name '{shorten(name)}'; allowed: {OUTSIDE}")
         return path

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import pi
+from typing import TypeGuard
 
 from pushplan.errors import Finding
 from pushplan.reading.yaml.node import Document, Place
 from pushplan.reading.yaml.report import Report
 
-LARGEST_OBJECT = 20.0
-"""Side of an object up to which a plain number is taken for metres without a question, m."""
+LONGEST = 20.0
+"""Side, or distance of an axle, up to which a plain number is taken for metres without a question, m."""
+
+FASTEST = 5.0
+"""Speed up to which a plain number is taken for m/s without a question."""
+
+_SHAPES = (("objects", "*", "shape"), ("robot", "footprint"), ("robot", "footprint", "*"))
+_AXLES = tuple(
+    (part, "drive", kind, "axle") for part in ("robot", "pusher") for kind in ("differential", "car")
+)
 
 _POSES = (
     ("start",),
@@ -33,6 +42,12 @@ def questions(document: Document) -> tuple[Finding, ...]:
     for place, angle in _angles(stated):
         if abs(angle) > pi + 0.01:
             report.add(place, f'is {angle:g}: degrees? plain numbers are rad; write "{angle:g} deg" if so')
+    for place, speed in _at(stated, ("pusher", "limits", "speed")):
+        if _is_number(speed) and speed > FASTEST:
+            report.add(place, f'is {speed:g} m/s: mm/s? write "{speed:g} mm/s" if so')
+    for place, axle in _axles(stated):
+        if 0.0 < axle <= LONGEST:
+            report.add(place, f"is {axle:g} m ahead of the plate, where the load is: behind it is below 0")
     return report.findings
 
 
@@ -47,16 +62,30 @@ def length_question(document: Document) -> Finding | None:
 
 
 def _in_millimetres(stated: object) -> Iterator[tuple[Place, str]]:
-    for place, shape in _at(stated, ("objects", "*", "shape")):
+    for place, shape in (found for pattern in _SHAPES for found in _at(stated, pattern)):
         for kind in ("box", "polygon"):
             numbers = _numbers(shape.get(kind)) if isinstance(shape, Mapping) else []
             least = min(numbers, default=0.0) if kind == "polygon" else 0.0
             side = max(numbers, default=0.0) - least
-            if side > LARGEST_OBJECT:
+            if side > LONGEST:
                 yield (
                     (*place, kind),
-                    f'objects are {side:g} m long: mm? plain numbers are m; write "{side:g} mm" if so, everywhere',
+                    f'is {side:g} m long: mm? plain numbers are m; write "{side:g} mm" if so, everywhere',
                 )
+    for place, axle in _axles(stated):
+        if abs(axle) > LONGEST:
+            yield (
+                place,
+                f'is {axle:g} m from the plate: mm? plain numbers are m; write "{axle:g} mm" if so, everywhere',
+            )
+
+
+def _axles(stated: object) -> Iterator[tuple[Place, float]]:
+    """Yield where along the push each axle is, as a plain number."""
+    for pattern in _AXLES:
+        for place, pose in _at(stated, pattern):
+            if isinstance(pose, Sequence) and pose and _is_number(pose[0]):
+                yield (*place, 0), pose[0]
 
 
 def _angles(stated: object) -> Iterator[tuple[Place, float]]:
@@ -82,8 +111,8 @@ def _at(stated: object, pattern: Sequence[str], place: Place = ()) -> Iterator[t
 def _numbers(stated: object) -> list[float]:
     if isinstance(stated, list):
         return [number for member in stated for number in _numbers(member)]
-    return [float(stated)] if _is_number(stated) else []  # type: ignore[arg-type]
+    return [float(stated)] if _is_number(stated) else []
 
 
-def _is_number(stated: object) -> bool:
+def _is_number(stated: object) -> TypeGuard[float]:
     return isinstance(stated, int | float) and not isinstance(stated, bool)

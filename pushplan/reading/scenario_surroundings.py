@@ -11,6 +11,7 @@ from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.reading.arrangement.shapes import outline_of
 from pushplan.reading.imported.ros_map import RosMap, ros_map_of
+from pushplan.reading.scenario_files import OUTSIDE
 from pushplan.reading.schema.scenario import Obstacle as StatedObstacle
 from pushplan.reading.schema.scenario import ScenarioFile
 from pushplan.reading.yaml.report import Report
@@ -56,7 +57,8 @@ def _map(
     try:
         return ros_map_of(name, read, unknown_is_free=unknown_is_free)
     except PushplanError as error:
-        report.add(("obstacles", i, "map"), str(error))
+        hint = "; copy the map and its picture there, or give it with --map" if OUTSIDE in str(error) else ""
+        report.add(("obstacles", i, "map"), f"{error}{hint}")
         return None
 
 

@@ -39,14 +39,14 @@ def test_what_follows_from_millimetres_is_one_finding(tmp_path: Path) -> None:
         load_scenario(file)
     (finding,) = caught.value.findings
     assert (finding.where, finding.line, finding.column) == ("objects[0].shape.box", 5, 31)
-    assert 'objects are 120 m long: mm? plain numbers are m; write "120 mm"' in finding.what
+    assert 'is 120 m long: mm? plain numbers are m; write "120 mm"' in finding.what
     assert "more finding" in finding.what
 
 
 def test_other_mistakes_are_told_as_ever(tmp_path: Path) -> None:
     file = tmp_path / "m.yaml"
     file.write_text(IN_MILLIMETRES.replace("[120, 80]", "[0.12, 0.08]"))
-    with pytest.raises(ScenarioError, match=r"objects\[1\]\.shape\.polygon: objects are 100 m long: mm\?"):
+    with pytest.raises(ScenarioError, match=r"objects\[1\]\.shape\.polygon: is 100 m long: mm\?"):
         load_scenario(file)
     small = IN_MILLIMETRES.replace("120, 80", "0.12, 0.08").replace(
         "[-50, -40], [50, -40], [50, 40], [-50, 40]", SMALL
@@ -63,15 +63,35 @@ def test_other_mistakes_are_told_as_ever(tmp_path: Path) -> None:
         ("start: [0, 0, 0]", "start: [0, 0, -9]", "f.yaml:9:15: start[2]: is -9: degrees?"),
         ("start: [0, 0, 0]", "start: [0, 0, 3.1416]", ""),
         ("start: [0, 0, 0]", "start: [0, 0, 5 rad]", ""),
-        ("[120, 80]", "[120 m, 80 m]", "f.yaml:6:34: objects[1].shape.polygon: objects are 100 m long: mm?"),
+        ("[120, 80]", "[120 m, 80 m]", "f.yaml:6:34: objects[1].shape.polygon: is 100 m long: mm?"),
     ],
 )  # fmt: skip
 def test_angles_and_lengths_are_asked_about(old: str, new: str, question: str) -> None:
-    text = IN_MILLIMETRES.replace("[3000, 1000, 5]", "[3, 1, 0]")
+    text = IN_MILLIMETRES.replace("[3000, 1000, 5]", "[3, 1, 0]").replace("speed: 200", "speed: 0.2")
     if "120" not in old:
         text = text.replace("[120, 80]", "[12, 8]").replace("50", "5").replace("40", "4")
     found = asked(text.replace(old, new))
     assert [one[: len(question)] for one in found] == ([question] if question else [])
+
+
+@pytest.mark.parametrize(
+    ("pusher", "question"),
+    [
+        ("limits: {speed: 30}", "pusher.limits.speed: is 30 m/s: mm/s?"),
+        (
+            "drive: {differential: {axle: [0.35, 0, 0]}}",
+            "axle[0]: is 0.35 m ahead of the plate, where the load is",
+        ),
+        ("drive: {differential: {axle: [-350, 0, 0]}}", "axle[0]: is -350 m from the plate: mm?"),
+        ("drive: {differential: {axle: [-0.35, 0, 0]}}, limits: {speed: 30 m/s}", ""),
+    ],
+)
+def test_speeds_and_axles_are_asked_about(pusher: str, question: str) -> None:
+    text = IN_MILLIMETRES.replace("[3000, 1000, 5]", "[3, 1, 0]").replace("[120, 80]", "[0.12, 0.08]")
+    text = text.replace("[-50, -40], [50, -40], [50, 40], [-50, 40]", SMALL)
+    found = asked(text.replace("limits: {speed: 200}", pusher))
+    assert len(found) == bool(question)
+    assert question in "".join(found)
 
 
 def test_what_loads_is_asked_about_and_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,7 @@ import shapely
 from pydantic import BaseModel, ConfigDict, Field
 
 from pushplan.basics.arrays import BoolArray, FloatArray
-from pushplan.errors import ImportedFileError
+from pushplan.errors import ImportedFileError, SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.reading.imported.hole_free import covering, hole_free
 from pushplan.reading.imported.map_cells import cells_of
@@ -121,7 +121,11 @@ def ros_map_of(
     file = _map_file(read(name), name)
     picture = _beside(name, file.image)
     negate, thresholds = bool(file.negate), (file.occupied_thresh, file.free_thresh)
-    cells = cells_of(read(picture), picture, file.mode, negate, *thresholds)
+    try:
+        data = read(picture)
+    except SupportError as error:
+        raise ImportedFileError(f"{name}: image: {error}") from error
+    cells = cells_of(data, picture, file.mode, negate, *thresholds)
     height, width = cells.occupied.shape
     frame = _to_world(np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=np.float64), file)
     (xmin, ymin), (xmax, ymax) = frame.min(axis=0), frame.max(axis=0)
