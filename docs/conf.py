@@ -13,7 +13,7 @@ copyright = f"2026, {author}; Apache License 2.0"
 version = release = installed("pushplan")
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
@@ -25,7 +25,12 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build"]
+nb_execution_mode = "force"  # notebooks are kept without output
+nb_execution_in_temp = True
+nb_execution_timeout = 600  # compiling, on a machine that has never run any of it
+nb_execution_raise_on_error = True
+nb_merge_streams = True
+exclude_patterns = ["_build", "**.ipynb_checkpoints"]
 default_role = "code"  # docstrings put code between single backticks
 nitpicky = False
 
