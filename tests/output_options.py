@@ -48,6 +48,8 @@ def words(command: str, option: str, path: Path, log: Path) -> list[str]:
             return ["replay", str(log), f"--{option}", str(path)]
         case "trial", _:
             return ["trial", str(log), "--samples", "3", f"--{option}", str(path)]
+        case "run", _:
+            return ["run", "one-box", f"--{option}", str(path)]
         case "plan", _:
             return ["plan", "one-box", "--first", f"--{option}", str(path)]
         case "check" | "stable-set", _:

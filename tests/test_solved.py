@@ -31,9 +31,9 @@ FAST = Limits(5.0, 50.0, 2000.0, 50.0, 500.0, 2e4)
 
 
 def too_fast(
-    scenario: Scenario, path: PushPath, stable: StableSet, rate: float = 200.0, **more: object
+    scenario: Scenario, path: PushPath, stable: StableSet, rate: float = 200.0, *more: object, **named: object
 ) -> Trajectory:
-    del more
+    del more, named
     return time_path(path, Bounds(FAST), rate)
 
 

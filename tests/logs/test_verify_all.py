@@ -76,7 +76,10 @@ def fields() -> Iterator[tuple[Topic, FieldPath]]:
         seen.add(topic.kind)
 
 
-FIELDS = list(fields())
+CLOSED_LOOP = (schemas.MEASURED, schemas.EVENTS, schemas.REPLANS)
+"""Of logs whose objects moved in a world that no log holds: tests/control/test_run.py alters them."""
+
+FIELDS = [(topic, path) for topic, path in fields() if topic not in CLOSED_LOOP]
 NAMES = [f"{topic.name}-{'.'.join(field.name for field in path)}" for topic, path in FIELDS]
 
 
