@@ -65,6 +65,23 @@ def test_what_an_object_carries_slides_along_with_it(scenario: Scenario) -> None
     np.testing.assert_allclose(Draft.of(scenario).with_slide(1, 0.01).shifts, [[0.0, 0.0], [0.0, 0.01]])
 
 
+@pytest.mark.parametrize("name", ["two-crates", "parallel-stacks"])
+@pytest.mark.parametrize("slide", [0.01, -0.02, 0.06])
+def test_a_slid_object_moves_in_the_world_with_what_it_carries_and_nothing_else(
+    name: str, slide: float
+) -> None:
+    before = pushplan.load_scenario(name)
+    for k, contact in enumerate(before.chain.contacts):
+        draft = Draft.of(before).with_slide(k, slide)
+        after = draft.scenario()
+        pairs = zip(before.chain.outlines_at(before.start), after.chain.outlines_at(after.start), strict=True)
+        moved = np.array([now.mean(axis=0) - old.mean(axis=0) for old, now in pairs])
+        aside = se2.rotate(before.start[2], draft.shifts)
+        np.testing.assert_allclose(moved[-len(aside) :], aside, atol=1e-9)
+        np.testing.assert_allclose(moved[: -len(aside)], 0.0, atol=1e-9)
+        np.testing.assert_allclose(aside[k], slide * se2.rotate(before.start[2], contact.tangent), atol=1e-12)
+
+
 def test_every_stage_of_an_answer_leads_from_the_dragged_start_to_the_dragged_goal(
     scenario: Scenario, answers: Answers
 ) -> None:

@@ -16,6 +16,9 @@ from pushplan.mechanics.chain import PLATE
 from pushplan.reading.scenario_file import scenario_from_document
 from pushplan.scenario import CircleObstacle, Obstacle, PolygonObstacle, Scenario
 
+_TOUCHING = 1e-6
+"""Distance from the plate's front at which a corner still lies on it, m."""
+
 
 @dataclass(frozen=True, eq=False)
 class Draft:
@@ -23,7 +26,7 @@ class Draft:
 
     Attributes:
         original: The scenario that all began with.
-        start: (3,) pose of the chain frame in the world.
+        start: (3,) pose in the world of the original's chain frame, which stays with the plate.
         goal: (3,) pose of the chain frame in the world at the goal, whichever object's goal the file states.
         slides: (n,) how far each object was moved to the left along its contact, with all that it carries, m.
         places: (m, 3) poses of the obstacles' frames in the world; they began unturned in their middles.
@@ -83,6 +86,21 @@ class Draft:
         return shifts
 
     @property
+    def frame(self) -> FloatArray:
+        """(2,) where the chain frame has come in the original one: to the middle of the plate's new contact, m.
+
+        The plate stays where it is; of an object that hangs over its end only a part touches it.
+        """
+        aside = float(self.shifts[0, 1])
+        if aside == 0.0:
+            return np.zeros(2)
+        chain = self.original.chain
+        outline = chain.objects[0].outline_chain
+        face = outline[np.abs(outline[:, 0]) < _TOUCHING, 1] + aside
+        plate = chain.pusher.outline[:, 1]
+        return np.array([0.0, 0.5 * (max(face.min(), plate.min()) + min(face.max(), plate.max()))])
+
+    @property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """What is in the way, where it was dragged to."""
         pairs = zip(self.original.obstacles, self.places, strict=True)
@@ -91,10 +109,11 @@ class Draft:
     def document(self) -> dict[str, Any]:
         """Return the draft in the form of a scenario file, nothing left open."""
         document = self.original.resolved()
-        for stated, shift in zip(document["objects"], self.shifts, strict=True):
+        for stated, shift in zip(document["objects"], self.shifts - self.frame, strict=True):
             x, y, theta = stated["pose"]
             stated["pose"] = [x + float(shift[0]), y + float(shift[1]), theta]
-        document["start"] = self.start.tolist()
+        document["objects"][0]["offset"] += float(self.shifts[0, 1])
+        document["start"] = se2.compose(self.start, np.array([*self.frame, 0.0])).tolist()
         document["goal"]["pose"] = self._stated_goal(document).tolist()
         document["obstacles"] = [obstacle_document(obstacle) for obstacle in self.obstacles]
         return document

@@ -75,14 +75,14 @@ class Stage:
             colour = _UNKNOWN if getattr(obstacle, "unknown", False) else _OBSTACLE
             self._body(f"{name}/body", _outline(obstacle) - middle(obstacle), colour)
 
-    def draw_chain(self, chain: Chain) -> None:
-        """Draw the chain at the start, at the goal and as it is played."""
+    def draw_chain(self, chain: Chain, frame: FloatArray) -> None:
+        """Draw the chain at the start, where its frame is `frame` (2,) aside, at the goal and as it is played."""
         self._chain = chain
         colours = iter(object_colours(len(chain.objects)))
         fixed = {BodyKind.ROBOT: ROBOT, BodyKind.PLATE: PLATE}
         for k, body in enumerate(chain.bodies):
             colour = fixed.get(body.kind) or next(colours)
-            self._body(f"/start/body{k}", body.outline, colour)
+            self._body(f"/start/body{k}", body.outline + frame, colour)
             self._body(f"/goal/body{k}", body.outline, GOAL, opacity=0.35)
             self._body(f"/played/body{k}", body.outline, colour, z=0.002)
 

@@ -116,7 +116,7 @@ class Window:
         path = answer.result.path if answer.result is not None and answer.solved else None
         with self.server.atomic():
             if changed and answer.scenario is not None:
-                self.stage.draw_chain(answer.scenario.chain)
+                self.stage.draw_chain(answer.scenario.chain, answer.draft.frame)
             if changed or (self.answer is not None and self.answer.stable is not answer.stable):
                 self._set.content = stable_set_html(answer.stable)
             self.stage.draw_plan(None if path is None else path.sampled(_SPACING))
@@ -139,7 +139,9 @@ class Window:
             for i, place in enumerate(draft.places):
                 stage.handle(f"/obstacle{i}", place, partial(self._placed, i))
         stage.draw_obstacles(draft)
-        stage.draw_chain(draft.original.chain)  # bodies hang under the handles, which have to be there
+        stage.draw_chain(
+            draft.original.chain, draft.frame
+        )  # bodies hang under the handles, which have to be there
 
     def _moved(
         self, change: Callable[[FloatArray], Callable[[Draft], Draft]]
