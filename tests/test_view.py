@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import signal
+import socket
+import subprocess
 import sys
 import threading
 import time
@@ -184,6 +188,31 @@ def test_without_viser_the_command_says_what_to_install(
     assert main(["view", "two-crates"]) != 0
     assert "pip install 'pushplan[view]'" in capsys.readouterr().err
     assert issubclass(MissingExtraError, pushplan.PushplanError)
+
+
+def test_the_command_says_where_it_is_in_json_and_ends_quietly_with_ctrl_c() -> None:
+    pytest.importorskip("viser")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    words = [
+        sys.executable,
+        "-m",
+        "pushplan",
+        "view",
+        "one-box",
+        "--json",
+        "--no-browser",
+        "--port",
+        str(port),
+    ]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        told = json.loads(process.stdout.readline())
+        process.send_signal(signal.SIGINT)
+        rest, _ = process.communicate(timeout=60)
+    assert told == {"scenario": "one-box", "url": f"http://localhost:{port}"}
+    assert (rest, process.returncode) == ("", 0)
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import webbrowser
 
 from pushplan.commands.terminal.console import Console
@@ -30,9 +31,12 @@ def run(args: argparse.Namespace, console: Console) -> int:
     try:
         console.note(f"{scenario.name} is at {window.url}; Ctrl-C ends it")
         console.emit({"scenario": scenario.name, "url": window.url})
+        sys.stdout.flush()  # whoever reads it through a pipe wants to go there now
         if not args.no_browser:
             webbrowser.open(window.url)
         window.wait()
+    except KeyboardInterrupt:  # the way in which it ends
+        pass
     finally:
         window.close()
     return DONE

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import threading
 import time
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -60,7 +62,8 @@ class Window:
         self.answer: Answer | None = None
         self._answers = Answers(scenario, tell)
         self._number, self._playing = 0, threading.Event()
-        self.server = viser.ViserServer(host="127.0.0.1", port=port, label="pushplan", verbose=False)
+        with redirect_stdout(io.StringIO()):  # its banner comes without `verbose`, too
+            self.server = viser.ViserServer(host="127.0.0.1", port=port, label="pushplan", verbose=False)
         self._look_at_all()
         self.stage: Stage = Stage(self.server.scene, self.draft)
         self._panel()
@@ -84,7 +87,8 @@ class Window:
         """End the server."""
         self._playing.clear()
         self._worker.end()
-        self.server.stop()
+        with redirect_stdout(io.StringIO()):
+            self.server.stop()
 
     def move(self, change: Callable[[Draft], Draft], dropped: bool) -> None:
         """Change the draft and ask for its plan; once dropped it is timed and polished, too."""
