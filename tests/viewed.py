@@ -19,7 +19,9 @@ _GRIP = 1.0 / 7.0 + 0.225 / 2.0
 
 _WATCH = """(() => {
   const answer = () => document.querySelector('#pushplan-answer')?.dataset ?? {};
-  window.dropped = undefined; window.shown = {};
+  window.dropped = undefined; window.shown = {}; window.painted = 0;
+  const paint = () => { window.painted += 1; requestAnimationFrame(paint); };
+  paint();
   const note = (what) => {
     if (what in window.shown) return;
     window.shown[what] = undefined;
@@ -45,6 +47,12 @@ def open_window(browser: Any, window: Window) -> None:
     browser.open(window.url)
     wait_for(browser, "document.querySelector('#pushplan-answer')?.dataset.stage === 'polished'")
     browser.evaluate(_WATCH)
+    painted(browser, 5)
+
+
+def painted(browser: Any, frames: int = 2) -> None:
+    """Wait for pictures: what the mouse is over is only known in the next one, however long that takes."""
+    wait_for(browser, f"window.painted >= {int(browser.evaluate('window.painted')) + frames}")
 
 
 def wait_for(browser: Any, condition: str, seconds: float = 60.0) -> None:
@@ -56,7 +64,16 @@ def wait_for(browser: Any, condition: str, seconds: float = 60.0) -> None:
 
 
 def drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int = 6) -> None:
-    """Drag a handle from its pose (3,) to another of the same heading, in steps."""
+    """Drag a handle from its pose (3,) to another of the same heading, in steps; tried again if nothing was taken."""
+    draft = window.draft
+    for _ in range(3):
+        _drag(browser, window, begin, end, steps)
+        time.sleep(0.5)
+        if window.draft is not draft:
+            return
+
+
+def _drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int) -> None:
     size = _GRIP * window.stage.handle_size
     points = [se2.compose(pose, [size, size, 0.0])[:2] for pose in np.linspace(begin, end, steps + 1)]
     places = [on_screen(window, point) for point in points]
@@ -66,7 +83,7 @@ def drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps
         browser.call(
             "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=held, clickCount=1
         )
-        time.sleep(0.05)
+        painted(browser)
 
 
 def on_screen(window: Window, point: FloatArray) -> tuple[float, float]:
