@@ -1,11 +1,9 @@
 """Problems of ReloPush (fluentrobotics/ReloPush, BSD-3-Clause): each block alone, and whole instances.
 
-    python benchmarks/relopush.py FOLDER [--instances 100] [--better 10] [--files 2o1r 4o 6o2] [--strict]
+    python benchmarks/relopush.py FOLDER [--instances 100] [--better 10] [--files 2o1r 4o 6o2] [--walls strict]
 
-FOLDER holds its `testdata` as 2o1r.json, 4o.json and 6o2.json: lists of {blocks, goals, assignment, robot}, poses as
-[x, y, theta]. The robot is a car of 0.42 x 0.285 m, axle 0.30 m behind its plate, turning radius 1.008 m; blocks are
-cubes of 0.15 m that may end in any of four orientations; the walls are 0.5 m outside of the room of 4.0 x 5.4 m, or
-around it with `--strict`.
+FOLDER holds its `testdata` as 2o1r.json, 4o.json and 6o2.json, which `pushplan.bench.suites.relopush` reads. The
+walls are 0.5 m outside of the room of 4.0 x 5.4 m, or around it with `--walls strict`.
 
 Printed for each block alone, the others in the way: how many with a free goal get a plan, the CPU time to the first
 one (the load prepared, the room built anew), how long a refusal of an occupied goal takes, and for the first
@@ -17,16 +15,15 @@ of the first `--better` ones are timed, executed and judged by code that the sea
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
+from pushplan.bench.suites.relopush import SIDE, WALLS, Instance, read_instances, template
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import Question
@@ -36,28 +33,14 @@ from pushplan.reading.scenario_file import scenario_from_document
 from pushplan.rearrangement.order import Order
 from pushplan.rearrangement.pieces import Piece, Situation
 from pushplan.rearrangement.plan import leg_of
-from pushplan.scenario import Goal, PolygonObstacle, Scenario, Workspace
+from pushplan.scenario import Goal, PolygonObstacle, Scenario
 from pushplan.several.plan import free_goals
 from pushplan.several.prepared import Prepared
 from pushplan.several.warm import warm_up_several
 
-SIDE, AXLE, LOOSE = 0.15, 0.30, 0.5
 FIRST_LIMIT, WHOLE_LIMIT = 4.0, 20.0
 FILES = ("2o1r", "4o", "6o2")
 SQUARE = 0.5 * SIDE * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-DOCUMENT: dict[str, Any] = {
-    "format": "pushplan/1",
-    "name": "relopush",
-    "floor": {"friction": 0.3},
-    "objects": [{"name": "cube", "shape": {"box": [SIDE, SIDE]}, "mass": 1.0}],
-    "pusher": {"width": 0.285, "friction": 0.5, "thickness": 0.02},
-    "robot": {
-        "footprint": {"box": [0.42, 0.285], "pose": [-0.21, 0.0, 0.0]},
-        "drive": {"car": {"axle": [-AXLE, 0.0, 0.0], "min_radius": 1.008}},
-        "start": [1.0, -5.0, 0.0],
-    },
-    "goal": {"pose": [1.0, 0.0, 0.0], "of": "cube", "symmetry": 4},
-}
 
 
 @dataclass(frozen=True)
@@ -87,48 +70,32 @@ def main() -> None:
     parser.add_argument("--instances", type=int, default=100)
     parser.add_argument("--better", type=int, default=10)
     parser.add_argument("--files", nargs="+", default=FILES, choices=FILES)
-    parser.add_argument("--strict", action="store_true")
+    parser.add_argument("--walls", default="loose", choices=WALLS)
     args = parser.parse_args()
     warm_up_several(print, "ecof", intervals=False)
-    prepared = _prepared(0.0 if args.strict else LOOSE, {})
-    light = _prepared(0.0 if args.strict else LOOSE, {"switch_cost": 0.05, "transit_weight": 0.01})
+    prepared = _prepared(args.walls, {})
+    light = _prepared(args.walls, {"switch_cost": 0.05, "transit_weight": 0.01})
     for name in args.files:
-        instances = json.loads((args.folder / f"{name}.json").read_text())
-        first = [row for one in instances[: args.instances] for row in _blocks(prepared, one, None)]
+        instances = read_instances(args.folder / f"{name}.json")[: args.instances]
+        first = [row for one in instances for row in _blocks(prepared, one, None)]
         better = [row for one in instances[: args.better] for row in _blocks(light, one, 1.0)]
         _report(name, first, better)
-        whole = [_whole(prepared, one, k < args.better) for k, one in enumerate(instances[: args.instances])]
+        whole = [_whole(prepared, one, k < args.better) for k, one in enumerate(instances)]
         _report_whole(name, whole)
 
 
-def _prepared(loose: float, pushes: dict[str, float]) -> Prepared:
-    scenario = scenario_from_document({**DOCUMENT, "pushes": pushes})
-    area = Workspace(-loose, 4.0 + loose, -loose, 5.4 + loose)
-    prepared = Prepared.of(replace(scenario, workspace=area))
+def _prepared(walls: str, pushes: dict[str, float]) -> Prepared:
+    prepared = Prepared.of(scenario_from_document({**template(walls), "pushes": pushes}))
     prepared.room(0)
     return prepared
 
 
-def _plate(instance: dict[str, Any]) -> FloatArray:
-    x, y, theta = map(float, instance["robot"].split(","))
-    return se2.compose(np.array([x, y, theta]), [AXLE, 0.0, 0.0])
-
-
-def _whole(prepared: Prepared, instance: dict[str, Any], judged: bool) -> Whole:
-    began, plate = time.process_time(), _plate(instance)
-    scenarios = {
-        name: _scenario(
-            prepared.scenario,
-            plate,
-            np.array(pose),
-            np.array(instance["goals"][instance["assignment"][name]]),
-            [],
-        )
-        for name, pose in instance["blocks"].items()
-    }
+def _whole(prepared: Prepared, instance: Instance, judged: bool) -> Whole:
+    began = time.process_time()
+    scenarios = {name: _scenario(prepared.scenario, instance, name, []) for name in instance.blocks}
     pieces = tuple(Piece(name, prepared.asked(scenario), True) for name, scenario in scenarios.items())
     poses = np.array([scenario.start for scenario in scenarios.values()])
-    now = Situation(plate, poses, frozenset(range(len(pieces))))
+    now = Situation(instance.plate, poses, frozenset(range(len(pieces))))
     errands = Order(pieces, 1, time.perf_counter() + WHOLE_LIMIT).find(now)
     spent = time.process_time() - began
     if errands is None:
@@ -137,31 +104,27 @@ def _whole(prepared: Prepared, instance: dict[str, Any], judged: bool) -> Whole:
     return Whole(True, spent, sum(not one.delivers for one in errands), valid)
 
 
-def _blocks(prepared: Prepared, instance: dict[str, Any], limit: float | None) -> Iterator[Row]:
-    plate = _plate(instance)
-    for name, goal in instance["assignment"].items():
-        others = [np.array(pose) for other, pose in instance["blocks"].items() if other != name]
+def _blocks(prepared: Prepared, instance: Instance, limit: float | None) -> Iterator[Row]:
+    for name in instance.assignment:
         began = time.process_time()
-        block, target = np.array(instance["blocks"][name]), np.array(instance["goals"][goal])
-        scenario = _scenario(prepared.scenario, plate, block, target, others)
-        yield _row(prepared, scenario, began, float(np.hypot(*(target - block)[:2])), limit)
+        scenario = _scenario(prepared.scenario, instance, name, instance.others(name))
+        away = instance.target(name) - instance.blocks[name]
+        yield _row(prepared, scenario, began, float(np.hypot(*away[:2])), limit)
 
 
-def _scenario(
-    stated: Scenario, plate: FloatArray, block: FloatArray, target: FloatArray, others: list[FloatArray]
-) -> Scenario:
+def _scenario(stated: Scenario, instance: Instance, name: str, others: list[FloatArray]) -> Scenario:
     inner = se2.inverse(stated.chain.objects[0].pose_chain)
     pushes = stated.pushes
     assert pushes is not None
-    x, y, theta = target
+    x, y, theta = instance.target(name)
     turned = [np.array([x, y, theta + 0.5 * k * np.pi]) for k in range(4)]
-    goals = tuple(Goal(pose, "cube", se2.compose(pose, inner), 0.002, 0.0035) for pose in turned)
+    goals = tuple(Goal(pose, "block", se2.compose(pose, inner), 0.002, 0.0035) for pose in turned)
     return replace(
         stated,
-        start=se2.compose(block, inner),
+        start=se2.compose(np.array(instance.blocks[name]), inner),
         goal=goals[0],
         obstacles=tuple(PolygonObstacle(se2.transform_points(other, SQUARE)) for other in others),
-        pushes=replace(pushes, robot_start=plate, goals=goals),
+        pushes=replace(pushes, robot_start=instance.plate, goals=goals),
     )
 
 

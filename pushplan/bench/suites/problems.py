@@ -8,6 +8,7 @@ from typing import Any
 
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import GeneratorError, ProblemParameters
+from pushplan.bench.suites.relopush import block_scenarios, read_instances
 from pushplan.bench.suites.schema import Generator, SuiteFile
 from pushplan.bench.suites.schema import Problem as StatedProblem
 from pushplan.bench.suites.suite import Problem
@@ -46,7 +47,12 @@ def make_problems(file: SuiteFile, folder: Path, report: Report) -> tuple[Proble
 def _problems(entry: StatedProblem, folder: Path, place: Place, report: Report) -> Iterator[Problem]:
     """Yield the problems of one entry, or report why there are none."""
     try:
-        yield from _scenario(entry, folder) if entry.generate is None else _generated(entry)
+        if entry.generate is not None:
+            yield from _generated(entry)
+        elif entry.format is not None:
+            yield from _blocks(entry, folder)
+        else:
+            yield from _scenario(entry, folder)
     except ScenarioError as error:
         for finding in error.findings:
             report.add(place, f"cannot be used: {finding.text(error.path)}")
@@ -61,6 +67,16 @@ def _scenario(entry: StatedProblem, folder: Path) -> Iterator[Problem]:
     scenario = load_scenario(beside if beside.is_file() else entry.scenario)
     name = entry.name or scenario.name
     yield Problem(name, name, None, scenario)
+
+
+def _blocks(entry: StatedProblem, folder: Path) -> Iterator[Problem]:
+    """Yield the blocks of a file of ReloPush whose goals are free, instance by instance, counted from 1."""
+    assert entry.scenario is not None
+    path = folder / entry.scenario
+    family = entry.name or path.stem
+    for k, instance in enumerate(read_instances(path)[: entry.count], start=1):
+        for block, scenario in block_scenarios(instance, f"{family}-{k}", entry.walls or "loose"):
+            yield Problem(f"{family}-{k}-{block}", family, k, scenario)
 
 
 def _generated(entry: StatedProblem) -> Iterator[Problem]:

@@ -110,24 +110,43 @@ class Generator(t.Strict):
 
 
 class Problem(t.Strict):
-    """A scenario, or `count` random problems with the seeds from `seed` on."""
+    """A scenario, the blocks of a file of ReloPush, or `count` random problems with the seeds from `seed` on."""
 
     scenario: Annotated[str, Field(strict=True, min_length=1)] | None = Field(
         default=None, description="a packaged scenario, or a file relative to the suite's folder"
     )
+    format: Literal["relopush"] | None = Field(
+        default=None, description="relopush for a file of ReloPush: each of its blocks is a problem"
+    )
+    walls: Literal["loose", "strict"] | None = Field(
+        default=None,
+        description="loose or strict: whether the walls of ReloPush let the robot out of the room",
+    )
     generate: Generator | None = Field(default=None, description="{objects: ..., obstacles: ..., ...}")
     name: t.Name | None = Field(default=None, description="what reports call it")
-    count: Count | None = Field(default=None, description="a whole number of random problems")
+    count: Count | None = Field(
+        default=None, description="a whole number of random problems, or of instances of a file of ReloPush"
+    )
     seed: t.Seed | None = Field(default=None, description="seed of the first random problem")
 
     @model_validator(mode="after")
     def _one(self) -> Problem:
         t.require_one(self, "scenario", "generate")
-        if self.generate is None and (self.count is not None or self.seed is not None):
+        if self.format is not None:
+            self._of_relopush()
+        elif self.walls is not None:
+            raise fault("has walls but no format", "{scenario: FILE, format: relopush, walls: strict}")
+        elif self.generate is None and (self.count is not None or self.seed is not None):
             raise fault("has count or seed but generates nothing", "{scenario: ..., name: ...}")
         if self.generate is not None and self.name is None:
             raise fault("generates problems without a name", "{name: ..., generate: {...}, count: ...}")
         return self
+
+    def _of_relopush(self) -> None:
+        if self.generate is not None or self.seed is not None:
+            raise fault(
+                "has a format but generates problems", "{scenario: FILE, format: relopush, count: ...}"
+            )
 
 
 class Planner(t.Strict):

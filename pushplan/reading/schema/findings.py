@@ -7,7 +7,7 @@ import types
 from collections.abc import Iterator
 from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, RootModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from pushplan.errors import Finding
@@ -97,7 +97,7 @@ def _words(message: str) -> list[str]:
 
 def _walk(model: type[BaseModel], place: Place) -> tuple[list[type[BaseModel]], str]:
     """Return the models that may stand at a place, and the description of the field it lies in."""
-    models, description = [model], ""
+    models, description = _models_in(model), ""
     for step in place:
         fields = [m.model_fields[step] for m in models if isinstance(step, str) and step in m.model_fields]
         if fields:
@@ -108,5 +108,7 @@ def _walk(model: type[BaseModel], place: Place) -> tuple[list[type[BaseModel]], 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
     """Return the models that an annotation mentions."""
     if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
+        if issubclass(annotation, RootModel):
+            return _models_in(annotation.model_fields["root"].annotation)
         return [annotation] if issubclass(annotation, BaseModel) else []
     return [model for part in get_args(annotation) for model in _models_in(part)]
