@@ -61,6 +61,8 @@ if TYPE_CHECKING:
     from pushplan.reading.imported.ros_map import RosMap, read_ros_map
     from pushplan.reading.scenario_check import check_scenario
     from pushplan.reading.scenario_file import load_scenario, scenario_from_document, scenario_from_text
+    from pushplan.reading.several_objects import SeveralObjects, load_several_objects
+    from pushplan.rearrangement.plan import Leg, Rearrangement, Rearranging
     from pushplan.recording import IncompleteLogError
     from pushplan.result import Diagnosis, PlanResult, ProgressPoint, Run
     from pushplan.run import run
@@ -123,6 +125,8 @@ _HOMES = {
     "reading.imported.ros_map": "RosMap read_ros_map",
     "reading.scenario_check": "check_scenario",
     "reading.scenario_file": "load_scenario scenario_from_document scenario_from_text",
+    "reading.several_objects": "SeveralObjects load_several_objects",
+    "rearrangement.plan": "Leg Rearrangement Rearranging",
     "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle Snapped Snapping StabilitySettings "
     "Uncertainty Workspace",
     "execution": "Execution StabilityLoss",
@@ -189,6 +193,7 @@ __all__ = [
     "IncompleteLogError",
     "IntervalChain",
     "Kick",
+    "Leg",
     "Limits",
     "Mode",
     "OutputError",
@@ -204,6 +209,8 @@ __all__ = [
     "Pusher",
     "PushplanError",
     "Queries",
+    "Rearrangement",
+    "Rearranging",
     "RecordedRun",
     "RobustSet",
     "RosMap",
@@ -212,6 +219,7 @@ __all__ = [
     "Scenario",
     "ScenarioError",
     "Sensor",
+    "SeveralObjects",
     "SlipReport",
     "SlipSettings",
     "SlipSimulator",
@@ -250,6 +258,7 @@ __all__ = [
     "identify",
     "identify_courses",
     "load_scenario",
+    "load_several_objects",
     "plan",
     "plot_admissible_speeds",
     "plot_plan",

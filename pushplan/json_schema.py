@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -19,8 +20,12 @@ def scenario_schema() -> dict[str, Any]:
     with a unit, polygons that cross themselves, contacts, collisions.
     """
     from pushplan.reading.schema.scenario import ScenarioFile
+    from pushplan.reading.schema.several_objects import SeveralObjectsFile
 
-    return _schema_of(ScenarioFile, "pushplan scenario")
+    names, schema = models_json_schema([(ScenarioFile, "validation"), (SeveralObjectsFile, "validation")])
+    one, several = (names[model, "validation"] for model in (ScenarioFile, SeveralObjectsFile))
+    chosen = {"if": {"required": ["goals"]}, "then": several, "else": one}
+    return _finished({"type": "object", **schema, **chosen}, "pushplan scenario")
 
 
 def suite_schema() -> dict[str, Any]:
@@ -46,7 +51,10 @@ def schema_file(name: str = "scenario") -> Path:
 
 
 def _schema_of(model: type[BaseModel], title: str) -> dict[str, Any]:
-    schema = model.model_json_schema()
+    return _finished(model.model_json_schema(), title)
+
+
+def _finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
     return {"$schema": _DIALECT, **_without_titles(schema), "title": title}
 
 

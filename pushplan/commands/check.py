@@ -9,7 +9,6 @@ from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import DONE
 from pushplan.commands.terminal.numbers import counted
 from pushplan.commands.terminal.options import add_maps, add_plot, add_scenario, check_outputs
-from pushplan.errors import ScenarioError
 
 if TYPE_CHECKING:
     from pushplan.scenario import Scenario
@@ -26,9 +25,13 @@ def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
     from pushplan.commands.stable_set import describe, document, rows
     from pushplan.commands.steps import understood
+    from pushplan.commands.steps.pushable import require_pushable
+    from pushplan.commands.steps.several_objects import check_several_objects, states_several
     from pushplan.reading.scenario_file import load_scenario
 
     check_outputs(args.scenario, args.plot)
+    if states_several(args.scenario):
+        return check_several_objects(args, console)
     scenario = load_scenario(args.scenario, args.map)
     asked = ask(scenario, console)
     console.say(console.paint(scenario.name, "bold"))
@@ -63,16 +66,3 @@ def ask(scenario: Scenario, console: Console) -> int:
     for question in found:
         console.note(f"question: {question.text(str(scenario.path))}")
     return len(found)
-
-
-def require_pushable(scenario: Scenario) -> None:
-    """Check what loading leaves out: whether any push keeps the chain together.
-
-    Raises:
-        ScenarioError: With the findings.
-    """
-    from pushplan.reading.scenario_check import check_scenario
-
-    findings = check_scenario(scenario)
-    if findings:
-        raise ScenarioError(str(scenario.path), findings)

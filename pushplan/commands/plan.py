@@ -70,9 +70,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    if _states_several(args.scenario):
-        from pushplan.commands.steps.several_objects import plan_several_objects
+    from pushplan.commands.steps.several_objects import plan_several_objects, states_several
 
+    if states_several(args.scenario):
         return plan_several_objects(args, console)
     with leaving_at_once():  # nothing is lost yet
         scenario = load(args, console)
@@ -90,13 +90,6 @@ def run(args: argparse.Namespace, console: Console) -> int:
     _draw_outputs(done, args, console)
     console.emit(told if incomplete is None else {**told, "error": error_document(incomplete)})
     return code if incomplete is None else DEFECT
-
-
-def _states_several(source: str) -> bool:
-    """Tell whether a file has goals for several objects; names of packaged scenarios are no files."""
-    from pushplan.reading.several_objects import states_several
-
-    return Path(source).is_file() and states_several(Path(source))
 
 
 def _draw_outputs(done: Run, args: argparse.Namespace, console: Console) -> None:

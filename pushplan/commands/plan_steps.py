@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pushplan.basics.interruption import INTERRUPTED, Interruption
-from pushplan.commands.check import ask, require_pushable
+from pushplan.commands.check import ask
+from pushplan.commands.steps.pushable import require_pushable
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.options import check_outputs
 from pushplan.errors import PushplanError

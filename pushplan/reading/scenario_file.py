@@ -21,8 +21,8 @@ from pushplan.reading.yaml.tree import read_document
 from pushplan.scenario import Scenario
 
 _SEVERAL = (
-    "is for several objects that stand apart, which `pushplan plan` and load_several_objects take; one load, an "
-    "object or a row, has a goal"
+    "is for several objects that stand apart, which `pushplan plan` and `check` and pushplan.load_several_objects "
+    "take; one load, an object or a row, has a goal"
 )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.errors import Finding, ScenarioError
@@ -21,14 +21,13 @@ from pushplan.reading.arrangement.meeting import millimetres
 from pushplan.reading.scenario_file import read_scenario
 from pushplan.reading.scenario_files import Attachments
 from pushplan.reading.schema import types as t
-from pushplan.reading.schema.findings import nearest
+from pushplan.reading.schema.findings import nearest, validate
+from pushplan.reading.schema.several_objects import SeveralObjectsFile
 from pushplan.reading.yaml.node import Document, Place, shorten
 from pushplan.reading.yaml.report import Report
 from pushplan.reading.yaml.text import MOST_BYTES, DocumentError
 from pushplan.reading.yaml.tree import read_document
 from pushplan.scenario import Scenario
-
-GOALS = "a mapping from names of objects to poses [x, y, theta], {pose: ..., symmetry: ...} or lists of these"
 
 _OF_OTHERS = ("goals", "goal", "start", "objects", "contacts")
 """Keys that say something else where objects stand apart."""
@@ -77,9 +76,10 @@ def load_several_objects(source: str | Path) -> SeveralObjects:
         raise ScenarioError(str(path), error.findings) from error
     report = Report(document)
     plain = document.root.plain()
-    names = _names(plain, report)
-    if report.findings:
+    file = _stated(document, report)
+    if file is None:
         raise ScenarioError(str(path), report.findings)
+    names = [obj.name for obj in file.objects]
     scenarios = {name: _alone(plain, i, path, report) for i, name in enumerate(names)}
     whole = {name: scenario for name, scenario in scenarios.items() if scenario is not None}
     if not report.findings:
@@ -90,33 +90,21 @@ def load_several_objects(source: str | Path) -> SeveralObjects:
     return SeveralObjects(str(plain.get("name") or path.stem), whole, movable)
 
 
-def _names(plain: Any, report: Report) -> list[str]:
-    """Return the names of the objects, and report what keeps them from standing apart."""
-    objects = plain.get("objects")
-    if not isinstance(objects, list) or not all(isinstance(obj, dict) and "name" in obj for obj in objects):
-        report.add(("objects",), "is no list of objects with names")
-        return []
-    names = [str(obj["name"]) for obj in objects]
-    for i, obj in enumerate(objects):
-        try:
-            _POSE.validate_python(obj.get("pose"))
-        except ValidationError:
-            report.add(("objects", i, "pose"), "needed where there are goals: [x, y, theta] in the world")
+def _stated(document: Document, report: Report) -> SeveralObjectsFile | None:
+    """Return what a file states, or report what is wrong with it and return None."""
+    file, faults = validate(SeveralObjectsFile, document)
     for key in ("goal", "start"):
-        if key in plain:
+        if document.root.holds((key,)):
+            faults.pop((key,), None)
             report.add((key,), "does not go together with goals, and objects have their poses", at_key=True)
-    goals = plain["goals"]
-    if not isinstance(goals, dict) or not goals:
-        report.add(("goals",), f"is no such mapping; allowed: {GOALS}")
-        return names
-    for name in goals:
+    report.extend(tuple(faults.values()))
+    names = [] if file is None else [obj.name for obj in file.objects]
+    for name in () if file is None else file.goals:
         if name not in names:
             near = nearest(str(name), names)
             what = f"no object is called '{shorten(str(name))}'{near} allowed: {', '.join(names)}"
             report.add(("goals", name), what, at_key=True)
-    if "start" not in (plain.get("robot") or {}):
-        report.add(("robot", "start"), "is missing; needed: the plate's pose in the world")
-    return names
+    return None if report.findings else file
 
 
 def _alone(plain: dict[str, Any], i: int, path: Path, report: Report) -> Scenario | None:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
 from pushplan.cli import main
 from pushplan.errors import ScenarioError
+from pushplan.json_schema import scenario_schema
 from pushplan.logging.reader import read_run
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.reading.several_objects import load_several_objects
+from pushplan.reading.yaml.tree import read_document
 
 FILE = """\
 format: pushplan/1
@@ -70,7 +74,11 @@ def test_every_object_is_where_its_pose_says_and_has_its_own_goals(file: Path) -
             "15:9: goals.blue: at the goal, 'blue' leaves the workspace",
         ),
         ("pose: [3.0, 3.0, 0.0]", "pose: [1.2, 1.1, 0.0]", "objects[2].pose: 'bin' is 0 mm from 'red';"),
-        (", pose: [3.0, 3.0, 0.0]", "", "objects[2].pose: needed where there are goals"),
+        (
+            ", pose: [3.0, 3.0, 0.0]",
+            "",
+            "objects[2].pose: is missing; needed: [x, y, theta] in the world",
+        ),
         ("  start: [2.4, 1.6, 0.0]\n", "", "robot.start: is missing"),
         ("workspace:", "goal: {pose: [0, 0, 0]}\nworkspace:", "goal: does not go together with goals"),
     ],
@@ -102,6 +110,31 @@ def test_the_command_records_every_errand_and_replay_verifies_it(file: Path, cap
         assert recorded.plan is not None
         assert len(recorded.plan.segments) == len(errand["segments"])
     assert main(["replay", told["errands"][1]["log"], "--verify"]) == 0
+
+
+def test_check_tells_of_every_object_what_becomes_of_it(file: Path, capsys: Captured) -> None:
+    assert main(["check", str(file)]) == 0
+    told = capsys.readouterr().out
+    assert "goes to one of 2 goals, can be pushed at right, front, left, rear" in told
+    assert told.count("is moved where it is in the way") == 1
+    assert main(["check", str(file), "--plot", str(file.with_name("x.png"))]) == 2
+
+
+def test_editors_know_goals(file: Path) -> None:
+    checker = jsonschema.Draft202012Validator(scenario_schema())
+    stated = read_document(file.read_bytes()).root.plain()
+    checker.validate(stated)
+    mistakes: list[dict[str, Any]] = [
+        {"goal": {"pose": [0, 0, 0]}},
+        {"goals": {}},
+        {"goals": {"red": [0, 0]}},
+        {"robot": {}},
+        {"objects": [{"name": "red", "shape": {"box": [1, 1]}, "mass": 1}]},
+    ]
+    for wrong in mistakes:
+        assert not checker.is_valid(stated | wrong), wrong
+    for right in ([[0, 0, 0], {"pose": [1, 1, 0]}], {"pose": [0, 0, 0], "symmetry": 4}, [1, 1, "90 deg"]):
+        checker.validate(stated | {"goals": {"red": right}})
 
 
 def test_what_is_for_one_load_is_refused(file: Path, capsys: Captured) -> None:

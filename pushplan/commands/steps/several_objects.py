@@ -1,4 +1,4 @@
-"""`pushplan plan` of a file in which several objects have goals: the errands one after the other, a log of each."""
+"""Commands for a file in which several objects have goals: `plan` and `check`."""
 
 from __future__ import annotations
 
@@ -25,16 +25,68 @@ class SeveralObjectsError(PushplanError, ValueError):
     """Options do not go together with a file of several objects."""
 
 
+def states_several(source: str) -> bool:
+    """Tell whether a file has goals for several objects; names of packaged scenarios are no files."""
+    from pushplan.reading import several_objects
+
+    return Path(source).is_file() and several_objects.states_several(Path(source))
+
+
+def check_several_objects(args: argparse.Namespace, console: Console) -> int:
+    """Check a file and show what was understood; return the exit code."""
+    from pushplan.commands.steps import understood
+    from pushplan.commands.steps.pushable import require_pushable
+    from pushplan.reading.several_objects import load_several_objects
+    from pushplan.several.modes import find_modes
+
+    _refuse(args, ("map", "plot"), "it is for one load")
+    stated = load_several_objects(args.scenario)
+    first = next(iter(stated.scenarios.values()))
+    console.say(console.paint(f"{stated.name}  (several objects)", "bold"))
+    rows, found = [("file", str(first.path))], []
+    for name, scenario in stated.scenarios.items():
+        with console.computing(f"looking at the contacts of {name}"):
+            require_pushable(scenario)
+            faces = list(dict.fromkeys(mode.place.face for mode in find_modes(scenario)))
+        goals = 0 if name in stated.movable or scenario.pushes is None else len(scenario.pushes.goals)
+        rows += understood.object_rows(scenario, 0)
+        rows.append(("", _aim_text(goals, faces)))
+        found.append({**understood.document(scenario), "goals": goals, "faces": faces})
+    rows += [
+        ("pusher", understood.pusher_text(first.chain.pusher)),
+        ("robot", understood.robot_text(first.chain.pusher)),
+        ("workspace", understood.workspace_text(first)),
+    ]
+    console.table(rows)
+    console.say(console.paint("no findings", "green"))
+    console.emit({"scenario": stated.name, "objects": found, "movable": stated.movable})
+    return DONE
+
+
+def _aim_text(goals: int, faces: list[str]) -> str:
+    """Return in words what becomes of an object, and from where it can be pushed."""
+    aim = f"goes to {'its goal' if goals == 1 else f'one of {goals} goals'}"
+    return f"{aim if goals else 'is moved where it is in the way'}, can be pushed at {', '.join(faces)}"
+
+
+def _refuse(args: argparse.Namespace, names: tuple[str, ...], why: str) -> None:
+    """Refuse options that do not go together with several objects.
+
+    Raises:
+        SeveralObjectsError: When one is given.
+    """
+    given = [f"--{name}" for name in names if getattr(args, name, None)]
+    if given:
+        raise SeveralObjectsError(
+            f"{', '.join(given)} does not go together with goals of several objects; {why}"
+        )
+
+
 def plan_several_objects(args: argparse.Namespace, console: Console) -> int:
     """Plan, record and tell; return the exit code."""
     from pushplan.reading.several_objects import load_several_objects
 
-    given = [f"--{name}" for name in _NOT_HERE if getattr(args, name, None)]
-    if given:
-        what = "replay makes outputs from the log of each errand"
-        raise SeveralObjectsError(
-            f"{', '.join(given)} does not go together with goals of several objects; {what}"
-        )
+    _refuse(args, _NOT_HERE, "replay makes outputs from the log of each errand")
     stated = load_several_objects(args.scenario)
     with console.computing("loading the planner"):
         from pushplan.rearrangement.plan import Rearranging

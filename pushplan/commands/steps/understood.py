@@ -19,17 +19,12 @@ from pushplan.scenario import CircleObstacle, Obstacle, Scenario, Snapping
 
 def rows(scenario: Scenario) -> list[tuple[str, str]]:
     """Return label and value of everything that a user should recognise."""
-    chain, area = scenario.chain, scenario.workspace
-    space = (
-        "unlimited"
-        if area is None
-        else f"x {area.xmin:g} to {area.xmax:g} m, y {area.ymin:g} to {area.ymax:g} m"
-    )
+    chain = scenario.chain
     return [
         ("file", str(scenario.path)),
         ("pusher", pusher_text(chain.pusher)),
         ("robot", robot_text(chain.pusher)),
-        *(row for i in range(len(chain.objects)) for row in _object_rows(scenario, i)),
+        *(row for i in range(len(chain.objects)) for row in object_rows(scenario, i)),
         *(
             (
                 f"contact {chain.contact_name(k)}",
@@ -39,7 +34,7 @@ def rows(scenario: Scenario) -> list[tuple[str, str]]:
         ),
         *_uncounted(scenario),
         *_snapped_rows(scenario.snapping),
-        ("workspace", f"{space}, {counted(len(scenario.obstacles), 'obstacle')}"),
+        ("workspace", workspace_text(scenario)),
         ("start", _place_text(scenario, scenario.start)),
         ("goal", _place_text(scenario, scenario.goal.pose_chain)),
     ]
@@ -159,7 +154,19 @@ def _range_text(value: float | list[float], form: str) -> str:
     return " to ".join(format(end, form) for end in (value if isinstance(value, list) else [value]))
 
 
-def _object_rows(scenario: Scenario, i: int) -> list[tuple[str, str]]:
+def workspace_text(scenario: Scenario) -> str:
+    """Return the room in words."""
+    area = scenario.workspace
+    space = (
+        "unlimited"
+        if area is None
+        else f"x {area.xmin:g} to {area.xmax:g} m, y {area.ymin:g} to {area.ymax:g} m"
+    )
+    return f"{space}, {counted(len(scenario.obstacles), 'obstacle')}"
+
+
+def object_rows(scenario: Scenario, i: int) -> list[tuple[str, str]]:
+    """Return the rows of an object: shape, mass and friction, and how its load rests on the floor."""
     obj = scenario.chain.objects[i]
     length, width = np.ptp(obj.outline, axis=0)
     shape = f"{length:.3f} x {width:.3f} m, {len(obj.outline)} corners"

@@ -50,16 +50,21 @@ class Tolerance(t.Strict):
     angle: t.AngleTolerance = Field(default=math.radians(0.2), description="an angle in rad")
 
 
-class GoalPose(t.Strict):
-    """Where to bring the chain."""
+class ObjectGoal(t.Strict):
+    """Where to bring an object."""
 
     pose: t.Pose = Field(description="[x, y, theta] in the world")
-    of: str | None = Field(
-        default=None, description="the name of the object meant; left out, the chain frame is meant"
-    )
     tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
     symmetry: t.Symmetry = Field(
         default=1, description="a whole number: after so many equal turns the frame meant is as it was"
+    )
+
+
+class GoalPose(ObjectGoal):
+    """Where to bring the chain."""
+
+    of: str | None = Field(
+        default=None, description="the name of the object meant; left out, the chain frame is meant"
     )
 
 
@@ -163,8 +168,8 @@ SnapChoice = Annotated[
 ]
 
 
-class ScenarioFile(t.Strict):
-    """One push problem."""
+class StatedRoom(t.Strict):
+    """What every scenario file states: objects, robot, room and settings, but for where objects are and shall go."""
 
     format: Literal["pushplan/1"] = Field(description=names.SCENARIO_FORMAT)
     name: t.Name | None = Field(default=None, description=NAME)
@@ -179,10 +184,6 @@ class ScenarioFile(t.Strict):
     contacts: Contacts = Field(default_factory=Contacts, description="{friction: ..., between: [...]}")
     pusher: Plate = Field(description="{width: ..., friction: ..., ...}")
     robot: Robot = Field(default_factory=Robot, description="{footprint: ..., drive: ..., start: ...}")
-    start: t.Pose = Field(
-        default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world"
-    )
-    goal: Goals = Field(description=GOAL)
     pushes: PushChoice | None = Field(
         default=None, description="{most: ..., switch_cost: ..., transit_weight: ..., approach: ..., ...}"
     )
@@ -200,3 +201,12 @@ class ScenarioFile(t.Strict):
     planner: PlannerChoice = Field(
         default_factory=PlannerChoice, description="{name: ..., time_limit: ..., seed: ...}"
     )
+
+
+class ScenarioFile(StatedRoom):
+    """One push problem."""
+
+    start: t.Pose = Field(
+        default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world"
+    )
+    goal: Goals = Field(description=GOAL)
