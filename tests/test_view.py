@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import boxes
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 
 import pushplan
+from pushplan.basics.arrays import FloatArray
 from pushplan.basics.extras import MissingExtraError
 from pushplan.builders import box, build_scenario, plate
 from pushplan.cli import main
@@ -215,16 +217,33 @@ def test_the_command_says_where_it_is_in_json_and_ends_quietly_with_ctrl_c() -> 
     assert (rest, process.returncode) == ("", 0)
 
 
+@dataclass(frozen=True)
+class Visit:
+    """What somebody saw who opened the window.
+
+    Attributes:
+        good: The answer after the goal was dragged to a free place.
+        saved: The text of the file that the button YAML gave then.
+        played: Poses (k, 3) in which the chain was seen after the button Play.
+        bad: The answer after the start was dragged into a wall while the plan was played.
+        told: What the page said of it.
+    """
+
+    good: Answer
+    saved: str
+    played: FloatArray
+    bad: Answer
+    told: str
+
+
 @pytest.fixture(scope="module")
-def dragged(
-    scenario: Scenario, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[Answer, Answer, str]]:
-    """The answers after a goal was dragged by the mouse to a free place and into a wall, and what the page says."""
+def visit(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Visit]:
     pytest.importorskip("viser")
     import viewed
 
     from pushplan.viewing.window import Window
 
+    downloads = tmp_path_factory.mktemp("downloads")
     with boxes.chromium(tmp_path_factory.mktemp("view")) as browser:
         window = Window(scenario, 8473)
         try:
@@ -232,27 +251,52 @@ def dragged(
             begin, end = window.draft.goal, window.draft.goal + np.array([-0.1, -0.1, 0.0])
             viewed.drag(browser, window, begin, end)
             viewed.shown_after(browser, "timed")
+            viewed.wait_for(
+                browser, "document.querySelector('#pushplan-answer').dataset.stage === 'polished'"
+            )
             good = window.answer
+            browser.call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(downloads))
+            viewed.click(browser, "YAML")
+            saved = viewed.downloaded(downloads)
+            viewed.click(browser, "Play")
+            played = [pose for _ in range(40) if (pose := viewed.next_played(window)) is not None]
             viewed.drag(browser, window, window.draft.start, window.draft.start + np.array([0.55, 0.3, 0.0]))
             viewed.wait_for(browser, "document.body.innerText.includes('no plan')")
             bad = window.answer
+            assert viewed.next_played(window) is None
             assert good is not None
             assert bad is not None
-            yield good, bad, browser.evaluate("document.querySelector('#pushplan-answer').innerText")
+            told = browser.evaluate("document.querySelector('#pushplan-answer').innerText")
+            yield Visit(good, saved, np.array(played), bad, told)
         finally:
             window.close()
 
 
-def test_a_goal_dragged_by_the_mouse_is_planned_to(
-    scenario: Scenario, dragged: tuple[Answer, Answer, str]
-) -> None:
-    good, _, _ = dragged
-    assert good.solved
-    moved = good.draft.goal - scenario.goal.pose_chain
+def test_a_goal_dragged_by_the_mouse_is_planned_to(scenario: Scenario, visit: Visit) -> None:
+    assert visit.good.solved
+    moved = visit.good.draft.goal - scenario.goal.pose_chain
     np.testing.assert_allclose(moved, [-0.1, -0.1, 0.0], atol=0.03)
 
 
-def test_a_start_dragged_into_a_wall_is_told_on_the_page(dragged: tuple[Answer, Answer, str]) -> None:
-    _, bad, text = dragged
-    assert not bad.solved
-    assert bad.findings[0][:40] in text
+def test_the_button_saves_the_scenario_that_was_dragged(visit: Visit, tmp_path: Path) -> None:
+    file = tmp_path / "saved.yaml"
+    file.write_text(visit.saved)
+    saved = pushplan.load_scenario(file)
+    np.testing.assert_allclose(saved.goal.pose_chain, visit.good.draft.goal, atol=1e-12)
+
+
+def test_the_button_plays_the_plan_on_its_way_and_in_its_time(visit: Visit) -> None:
+    result = visit.good.result
+    assert result is not None
+    assert result.path is not None
+    on_the_way = result.path.sampled(0.001)[:, :2]
+    assert len(visit.played) > 10
+    apart = np.linalg.norm(visit.played[:, None, :2] - on_the_way[None], axis=2)
+    assert apart.min(axis=1).max() < 1e-3
+    assert np.all(np.diff(apart.argmin(axis=1)) >= 0)
+    assert apart.argmin(axis=1)[-1] > apart.argmin(axis=1)[0]
+
+
+def test_a_start_dragged_into_a_wall_is_told_on_the_page_and_ends_the_play(visit: Visit) -> None:
+    assert not visit.bad.solved
+    assert visit.bad.findings[0][:40] in visit.told

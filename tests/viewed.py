@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -63,27 +64,54 @@ def wait_for(browser: Any, condition: str, seconds: float = 60.0) -> None:
         time.sleep(0.05)
 
 
-def drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int = 6) -> None:
-    """Drag a handle from its pose (3,) to another of the same heading, in steps; tried again if nothing was taken."""
+def drag(
+    browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int = 6, rest: bool = True
+) -> None:
+    """Drag a handle from its pose (3,) to another of the same heading, in steps; tried again if nothing was taken.
+
+    The mouse rests for two pictures before the handle is let go, or lets it go in the very move that ends there.
+    """
     draft = window.draft
     for _ in range(3):
-        _drag(browser, window, begin, end, steps)
+        _drag(browser, window, begin, end, steps, rest)
         time.sleep(0.5)
         if window.draft is not draft:
             return
 
 
-def _drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int) -> None:
+def _drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int, rest: bool) -> None:
     size = _GRIP * window.stage.handle_size
     points = [se2.compose(pose, [size, size, 0.0])[:2] for pose in np.linspace(begin, end, steps + 1)]
     places = [on_screen(window, point) for point in points]
     kinds = ["mouseMoved", "mousePressed", *["mouseMoved"] * steps, "mouseReleased"]
-    for kind, (x, y) in zip(kinds, [places[0], *places, places[-1]], strict=True):
-        held = 0 if kind == "mouseMoved" and (x, y) == places[0] else 1
+    for i, (kind, (x, y)) in enumerate(zip(kinds, [places[0], *places, places[-1]], strict=True)):
         browser.call(
-            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=held, clickCount=1
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=min(i, 1), clickCount=1
         )
-        painted(browser)
+        if rest or i < steps + 1:
+            painted(browser)
+
+
+def click(browser: Any, label: str) -> None:
+    """Click the button of the panel that says something."""
+    button = f"[...document.querySelectorAll('button')].find((it) => it.textContent.trim() === {label!r})"
+    wait_for(browser, f"{button} && !{button}.disabled")
+    browser.evaluate(f"{button}.click()")
+
+
+def downloaded(folder: Path, seconds: float = 30.0) -> str:
+    """Return the text of the only file that a browser saves in a folder, when it is whole."""
+    end = time.monotonic() + seconds
+    while not (found := [file for file in folder.iterdir() if file.suffix != ".crdownload"]):
+        assert time.monotonic() < end, "waited in vain for a download"
+        time.sleep(0.05)
+    return found[0].read_text()
+
+
+def next_played(window: Window, seconds: float = 0.05) -> FloatArray | None:
+    """Return where the chain that plays the plan is after a while; None when nothing is played."""
+    time.sleep(seconds)
+    return window.stage.played
 
 
 def on_screen(window: Window, point: FloatArray) -> tuple[float, float]:

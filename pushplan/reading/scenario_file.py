@@ -102,8 +102,9 @@ def scenario_from_document(
         text = json.dumps(document, default=_plain, indent=1)
     except (TypeError, ValueError, RecursionError) as error:
         raise ScenarioError(str(path), [Finding("", f"is no plain data: {error}")]) from error
+    by_hand = "\\ud" in text  # LibYAML does not read JSON's pairs of escapes for signs such as emojis
     try:
-        return scenario_from_text(text, path, attachments)
+        return read_scenario(text.encode(), Path(path), Attachments(dict(attachments or {})), by_hand)
     except ScenarioError as error:
         placeless = [Finding(finding.where, finding.what) for finding in error.findings]
         raise ScenarioError(str(path), placeless) from error
@@ -120,14 +121,16 @@ def _plain(value: object) -> object:
     )
 
 
-def read_scenario(data: bytes, path: Path, attachments: Attachments) -> Scenario:
+def read_scenario(
+    data: bytes, path: Path, attachments: Attachments, written_by_hand: bool = True
+) -> Scenario:
     """Return the scenario that the bytes of a file state.
 
     Raises:
         ScenarioError: As for `load_scenario`.
     """
     try:
-        document = read_document(data)
+        document = read_document(data, written_by_hand)
     except DocumentError as error:
         raise ScenarioError(str(path), error.findings) from error
     report = Report(document)

@@ -62,19 +62,20 @@ class Draft:
 
     def with_start(self, pose: FloatArray) -> Self:
         """Return the draft with the chain elsewhere at the start."""
-        return replace(self, start=pose)
+        return self if np.array_equal(pose, self.start) else replace(self, start=pose)
 
     def with_goal(self, pose: FloatArray) -> Self:
         """Return the draft with the chain elsewhere at the goal."""
-        return replace(self, goal=pose)
+        return self if np.array_equal(pose, self.goal) else replace(self, goal=pose)
 
     def with_slide(self, index: int, slide: float) -> Self:
         """Return the draft with an object elsewhere along its contact."""
-        return replace(self, slides=_with(self.slides, index, slide))
+        return self if slide == self.slides[index] else replace(self, slides=_with(self.slides, index, slide))
 
     def with_place(self, index: int, pose: FloatArray) -> Self:
         """Return the draft with an obstacle elsewhere."""
-        return replace(self, places=_with(self.places, index, pose))
+        same = np.array_equal(pose, self.places[index])
+        return self if same else replace(self, places=_with(self.places, index, pose))
 
     @property
     def shifts(self) -> FloatArray:

@@ -24,6 +24,13 @@ MOST_DRAGGED = 40
 _HEIGHT = 0.04
 """Of all bodies in the picture, m."""
 _OBSTACLE, _UNKNOWN = "#8b8f96", "#c9c3b4"
+_GRID = "#d8dade"
+_CELL = 0.5
+"""Between the lines of the floor, m."""
+_FLOOR = 10.0
+"""Half the side of the floor of a room without walls, m."""
+_AMBIENT, _SUN = 1.8, 1.6
+"""Strengths of the lights, in viser's measure: colours of the top look as in other pictures."""
 _OUTLINES = 12
 """Places along a plan at which the chain is outlined."""
 
@@ -44,21 +51,34 @@ class Stage:
 
     def __init__(self, scene: Any, draft: Draft) -> None:
         self._scene = scene
+        self._drawn: dict[str, Any] = {}
         self.handle_size = 0.8 * draft.original.chain.reach
         scene.set_up_direction("+z")
-        scene.configure_default_lights(
-            cast_shadow=False
-        )  # without a graphics card shadows cost most of the time
+        # Without a graphics card shadows cost most of the time; viser's lights, standard material and grid cost
+        # half of the rest (a picture took 44 ms, and takes 26, on two cores).
+        scene.configure_default_lights(enabled=False)
+        scene.add_light_ambient("/lights/ambient", intensity=_AMBIENT)
+        scene.add_light_directional("/lights/sun", intensity=_SUN, position=(-0.5, -0.8, 2.0))
         self._floor(draft)
         self._chain = draft.original.chain
         self._played = scene.add_frame("/played", show_axes=False, visible=False)
 
     def handle(
-        self, name: str, pose: FloatArray, moved: Moved, axes: tuple[bool, bool, bool] = (True, True, False)
+        self,
+        name: str,
+        pose: FloatArray,
+        moved: Moved,
+        axes: tuple[bool, bool, bool] = (True, True, False),
+        arrows: bool = True,
     ) -> None:
-        """Add handles that drag what hangs under `name`; `axes` are those along which it goes."""
+        """Add handles that drag what hangs under `name` along some axes, which arrows show or not."""
         controls = self._scene.add_transform_controls(
-            name, scale=self.handle_size, active_axes=axes, depth_test=False, **_placed(pose)
+            name,
+            scale=self.handle_size,
+            active_axes=axes,
+            disable_axes=not arrows,
+            depth_test=False,
+            **_placed(pose),
         )
 
         async def update(event: Any) -> None:  # on the server's loop, so that the order of events is kept
@@ -101,6 +121,11 @@ class Stage:
             for name, value in _placed(pose).items():
                 setattr(self._played, name, value)
 
+    @property
+    def played(self) -> FloatArray | None:
+        """Where the chain that plays the plan is, (3,); None when nothing is played."""
+        return _pose(self._played) if self._played.visible else None
+
     def _outlines(self, poses: FloatArray) -> list[FloatArray]:
         chosen = poses[np.linspace(0, len(poses) - 1, _OUTLINES).round().astype(int)]
         return [
@@ -109,16 +134,23 @@ class Stage:
             for outline in self._chain.outlines_at(pose)
         ]
 
-    def _lines(self, name: str, segments: FloatArray, colour: str, width: float, visible: bool) -> None:
-        points = np.concatenate([segments, np.full((*segments.shape[:2], 1), 1.2 * _HEIGHT)], axis=2)
-        self._scene.add_line_segments(
-            name,
-            points,
-            red_green_blue(colour),
-            thickness=width,
-            thickness_units="screen",
-            visible=visible,
-        )
+    def _lines(
+        self,
+        name: str,
+        segments: FloatArray,
+        colour: str,
+        width: float,
+        visible: bool,
+        z: float = 1.2 * _HEIGHT,
+    ) -> None:
+        points = np.concatenate([segments, np.full((*segments.shape[:2], 1), z)], axis=2)
+        if (
+            name in self._drawn
+        ):  # made anew, the browser compiles its shader again: 50 ms without a graphics card
+            self._drawn[name].points, self._drawn[name].visible = points.astype(np.float32), visible
+            return
+        look = {"thickness": width, "thickness_units": "screen", "visible": visible}
+        self._drawn[name] = self._scene.add_line_segments(name, points, red_green_blue(colour), **look)
 
     def _body(
         self, name: str, outline: FloatArray, colour: str, opacity: float | None = None, z: float = 0.0
@@ -130,6 +162,7 @@ class Stage:
             faces,
             color=red_green_blue(colour),
             opacity=opacity,
+            material="toon3",
             flat_shading=True,
             side="double",
             cast_shadow=False,
@@ -137,17 +170,27 @@ class Stage:
 
     def _floor(self, draft: Draft) -> None:
         area = draft.original.workspace
-        if area is None:
-            self._scene.add_grid("/floor", 20.0, 20.0, cell_size=0.5)
-            return
-        size = (area.xmax - area.xmin, area.ymax - area.ymin)
-        place = (0.5 * (area.xmin + area.xmax), 0.5 * (area.ymin + area.ymax), 0.0)
-        self._scene.add_grid("/floor", *size, cell_size=0.1, section_size=0.5, position=place)
-        corners = np.array(
-            [[area.xmin, area.ymin], [area.xmax, area.ymin], [area.xmax, area.ymax], [area.xmin, area.ymax]]
+        low, high = (
+            (np.full(2, -_FLOOR), np.full(2, _FLOOR))
+            if area is None
+            else (np.array([area.xmin, area.ymin]), np.array([area.xmax, area.ymax]))
         )
-        ring = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-        self._lines("/walls", ring, _OBSTACLE, 3.0, True)
+        self._lines("/floor", _grid(low, high), _GRID, 1.0, True, z=0.0)
+        if area is not None:
+            corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+            ring = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+            self._lines("/walls", ring, _OBSTACLE, 3.0, True)
+
+
+def _grid(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return lines (k, 2, 2) half a metre apart over a rectangle."""
+    lines = []
+    for axis in (0, 1):
+        for at in np.arange(np.ceil(low[axis] / _CELL), np.floor(high[axis] / _CELL) + 1) * _CELL:
+            line = np.array([low, high])
+            line[:, axis] = at
+            lines.append(line)
+    return np.array(lines).reshape(-1, 2, 2)
 
 
 def _solid(outline: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -27,8 +27,9 @@ _SPACING = 0.01
 _FRAME = 1.0 / 30.0
 """Between pictures of an execution, s."""
 
-_SENDING = 0.03
-"""For which the server is let send an answer before the next work begins, s: compiled code holds the interpreter."""
+_DRAWING = 0.1
+"""For which an answer is let be sent and drawn before the next work begins, s: compiled code holds the interpreter,
+and a browser without a graphics card draws on the same processors."""
 _REST = 0.2
 """Without another move after which a plan is polished, s."""
 
@@ -102,15 +103,17 @@ class Window:
     def _work(self, question: tuple[Draft, bool], outdated: Callable[[], bool]) -> None:
         draft, dropped = question
         began = time.perf_counter()
-        answer = self._answers.path(draft)
-        self._show(answer, began, dropped)
-        if not dropped or not self._worker.idle(_SENDING):
-            return
-        answer = self._answers.timed(draft)
-        self._show(answer, began, dropped)
-        if answer.solved and self._worker.idle(_REST):
+        shown = self.answer if self.answer is not None and self.answer.draft is draft else None
+        answer = shown or self._answers.path(draft)  # where the mouse rested before the drop it is known
+        if answer.stage == "path":
+            self._show(answer, began, dropped)
+            if not dropped or not self._worker.idle(_DRAWING):
+                return
+            answer = self._answers.timed(draft)
+            self._show(answer, began, dropped)
+        if answer.stage == "timed" and answer.solved and self._worker.idle(_REST):
             better = self._answers.polished(answer, outdated)
-            if better.solved and not outdated():
+            if better.solved and not outdated() and not self._playing.is_set():
                 self._show(better, began, dropped)
 
     def _show(self, answer: Answer, began: float, dropped: bool) -> None:
@@ -128,6 +131,7 @@ class Window:
             spent = 1e3 * (time.perf_counter() - began)
             self._said.content = answer_html(answer, self._number, spent, dropped)
             self._play.disabled = answer.result is None or answer.result.trajectory is None
+        self.server.flush()  # else it waits for a sixtieth of a second
 
     def _handles(self) -> None:
         """Add what things are dragged by."""
@@ -141,7 +145,7 @@ class Window:
             stage.handle(f"/start/slide{k}", along, partial(self._slid, k, along), (False, True, False))
         if len(draft.places) <= MOST_DRAGGED:
             for i, place in enumerate(draft.places):
-                stage.handle(f"/obstacle{i}", place, partial(self._placed, i))
+                stage.handle(f"/obstacle{i}", place, partial(self._placed, i), arrows=False)
         stage.draw_obstacles(draft)
         stage.draw_chain(
             draft.original.chain, draft.frame
@@ -188,7 +192,9 @@ class Window:
             client.add_notification("Not saved", "The scenario is not valid, or still being planned.")
             return
         text = self.draft.to_yaml() if kind == "YAML" else answer.scenario.to_json()
-        client.send_file_download(f"{answer.scenario.name}.{kind.lower()}", text.encode())
+        client.send_file_download(
+            f"{answer.scenario.name}.{kind.lower()}", text.encode(), save_immediately=True
+        )
 
     def _look_at_all(self) -> None:
         area, draft = self.draft.original.workspace, self.draft
