@@ -89,7 +89,7 @@ def _execute(
         _worsen(worst, name, report)
         slipped = _slipped(scenario, found, placed)
         counts[f"{name}: at goals where contacts slip"] += bool((slipped <= [POSITION, ANGLE]).all())
-        if not good:
+        if not good or (placed is None and not report.kept):
             errors = "; ".join(f"{1e3 * p:.1f} mm {math.degrees(a):.2f} deg" for p, a in report.errors)
             print(f"room {seed}, {name}: {errors}, clear {1e3 * report.clear:.1f} mm", flush=True)
 

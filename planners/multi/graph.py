@@ -120,7 +120,7 @@ class Graph:
             can_begin[k, old:] = begins
             push[k][:, old + np.flatnonzero(~ends)] = np.inf
             change[old:, k] = self.changes[k]
-            change[old:, k, k] = np.inf
+            change[old:, k, k] = 0.0  # the push goes on by another word
         push[:, np.arange(new), np.arange(new)] = np.inf
         push[:, :, 0] = np.inf
         push[:, 1 : 1 + self.goals] = np.inf
@@ -168,7 +168,7 @@ class Graph:
         for row in rows:
             if row not in self._known_pushes and not self._look_at_push(row):
                 return False
-        changes = [(v, m, q) for (m, _, v), (q, _, _) in pairwise(rows)]
+        changes = [(v, m, q) for (m, _, v), (q, _, _) in pairwise(rows) if m != q]
         for change in [*changes, (0, FIRST, rows[0][0])]:
             if change not in self._known_ways and not self._look_at_way(change, 0):
                 return False
@@ -244,12 +244,18 @@ class Graph:
         return robot_at(first, self.poses[v], first.retreat)
 
     def _steps(self, rows: list[tuple[int, int, int]]) -> list[Step]:
-        found, left = [], FIRST
+        """Return the pushes that rows come to: those of one contact that follow one another are one push."""
+        found: list[Step] = []
+        left = FIRST
         for m, u, v in rows:
-            way = self._known_ways[u, left, m]
-            cost = float(self._push[m, u, v])
-            start = self._way_start((u, left, m))
-            found.append(Step(m, self.poses[u], self.poses[v], start, way, self._known_pushes[m, u, v], cost))
+            arcs, cost = self._known_pushes[m, u, v], float(self._push[m, u, v])
+            if m == left:
+                last = found.pop()
+                arcs, cost = np.concatenate([last.arcs, arcs]), last.cost + cost
+                found.append(replace(last, after=self.poses[v], arcs=arcs, cost=cost))
+                continue
+            way, start = self._known_ways[u, left, m], self._way_start((u, left, m))
+            found.append(Step(m, self.poses[u], self.poses[v], start, way, arcs, cost))
             left = m
         return found
 

@@ -17,7 +17,7 @@ class Step:
         after: Likewise.
         start: (3,) pose of the robot's frame before it drives there.
         way: (k, 4) arcs of the robot alone to the contact's approach.
-        arcs: (ARCS, 4) of the push, in the contact's frame.
+        arcs: (k, 4) of the push, in the contact's frame; of no length where there are fewer.
         cost: Of the push, m.
     """
 

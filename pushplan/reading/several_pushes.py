@@ -11,7 +11,7 @@ from pushplan.basics.names import DEFAULT_PLANNER, RANKED_BY, TRANSIT_CLEARANCE
 from pushplan.geometry import se2
 from pushplan.geometry.penetration import overlap_depth
 from pushplan.mechanics.body import Body, BodyKind
-from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.mechanics.chain import Chain
 from pushplan.reading.arrangement.meeting import millimetres
 from pushplan.reading.arrangement.placement import Surroundings, placement_troubles
 from pushplan.reading.schema.scenario import GoalPose, PushChoice, ScenarioFile
@@ -91,13 +91,8 @@ def _meaningless(file: ScenarioFile) -> Iterator[Place]:
 
 def check_places(scenario: Scenario, file: ScenarioFile, report: Report) -> None:
     """Report what cannot be several pushes: objects apart, short ways, what is not free at first or at any goal."""
-    pushes, chain = scenario.pushes, scenario.chain
+    pushes = scenario.pushes
     assert pushes is not None
-    apart = [contact.pushed for contact in chain.contacts if contact.pusher == PLATE]
-    if len(apart) > 1:
-        names = " and ".join(f"'{chain.objects[i].name}'" for i in apart)
-        what = f"several pushes need objects that touch one another; {names} touch the plate only"
-        report.add(("robot", "start"), what)
     for name in ("approach", "retreat"):
         kept = max(scenario.clearance, TRANSIT_CLEARANCE)
         least = kept + NEAREST

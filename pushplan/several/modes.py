@@ -57,8 +57,14 @@ class Mode:
         Contacts between two objects are the same ones, whoever pushes; the plate's own stands for the plate's.
         """
         stated = self.stated.contacts
-        own = [_between(contact, self.order) for contact in self.scenario.chain.contacts]
-        return [own.index(_between(contact, range(len(self.order)))) for contact in stated]
+        own = [self._between(contact, self.order) for contact in self.scenario.chain.contacts]
+        return [own.index(self._between(contact, range(len(self.order)))) for contact in stated]
+
+    def _between(self, contact: Contact, order: Sequence[int]) -> frozenset[int]:
+        """The scenario's indices of the objects that a contact lies between; the plate's own: those of the stack."""
+        if contact.pusher == PLATE:
+            return frozenset(carried_from(self.stated, (order[contact.pushed],)))
+        return frozenset({order[contact.pushed], order[contact.pusher]})
 
     def controls(self, margin: float) -> Controls:
         """Return what the robot can do with a margin; made once.
@@ -123,13 +129,6 @@ def grips_with(modes: tuple[Mode, ...], level: int) -> Iterator[Grip]:
             if _holds_ahead(mode, margin):
                 ahead = np.array([1.0, 0.0])
             yield Grip(mode.place, scenario, mode.stable, controls, mode.robot, np.append(ahead, 0.0))
-
-
-def _between(contact: Contact, order: Sequence[int]) -> frozenset[int]:
-    """The scenario's indices of the objects that a contact lies between; `PLATE` stands for the plate alone."""
-    if contact.pusher == PLATE:
-        return frozenset({PLATE})
-    return frozenset({order[contact.pushed], order[contact.pusher]})
 
 
 def _holds_ahead(mode: Mode, margin: float) -> bool:

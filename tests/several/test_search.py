@@ -11,13 +11,16 @@ from several.conftest import Problem, problem_document
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
+from pushplan.plan import plan
 from pushplan.planners.multi.bound import lower_bounds
 from pushplan.planners.multi.dives import crew_of, descend
 from pushplan.planners.multi.faces import places
+from pushplan.planners.multi.pushing import ARCS
 from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.multi.shortest import cheapest_sequence
 from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.scenario import Scenario
 from pushplan.several.modes import find_modes
 from pushplan.several.prepared import Prepared
 
@@ -60,6 +63,49 @@ def test_a_box_has_four_faces_and_a_row_is_pushed_from_its_ends(problem: Problem
     ends = find_modes(problem("omnidirectional", boxes=3))
     assert {mode.place.face for mode in ends} == {"b0 rear", "b2 front"}
     assert [mode.order for mode in ends] == [(0, 1, 2), (2, 1, 0)]
+
+
+def side_by_side(problem: Problem, second_is: float = 0.15) -> Scenario:
+    """Two boxes 5 cm apart, side by side before a plate of 40 cm; the chain frame is at the first one."""
+    objects = [
+        {"name": "a", "shape": {"box": [0.15, 0.15]}, "mass": 1.0, "offset": 0.1},
+        {"name": "b", "shape": {"box": [second_is, 0.15]}, "mass": 1.0, "pose": [0.5 * second_is, -0.2, 0.0]},
+    ]
+    robot, goal = (
+        {"footprint": {"box": [0.4, 0.4], "pose": [-0.215, 0, 0]}},
+        {"pose": [2.0, 1.2, 0.3], "of": "a"},
+    )
+    return problem("differential", objects=objects, pusher={"width": 0.4}, robot=robot, goal=goal)
+
+
+def test_stacks_side_by_side_are_pushed_where_the_plate_touches_all_of_them(problem: Problem) -> None:
+    modes = find_modes(side_by_side(problem))
+    assert [(mode.place.face, mode.place.touched) for mode in modes] == [
+        ("a and b front", (0, 1)),
+        ("a and b rear", (0, 1)),
+    ]
+    assert [mode.contact_order for mode in modes] == [[0, 1], [0, 1]]
+    assert {mode.place.face for mode in find_modes(side_by_side(problem, 0.2))} == {"a and b rear"}
+
+
+def test_stacks_side_by_side_get_to_their_goal_together(problem: Problem) -> None:
+    """The independent check at the end of planning looks at every contact with the plate."""
+    found = plan(side_by_side(problem), first=True, time_limit=30.0)
+    assert found.solved, found.reason
+    assert found.execution is not None
+    assert found.execution.margins.shape[1] == 2
+
+
+def test_one_contact_goes_around_what_no_single_word_passes(problem: Problem) -> None:
+    """The box may be pushed from behind only, and a pillar stands in the middle of its way."""
+    pillar = [{"circle": 0.3, "center": [2.0, 1.0]}]
+    goal = {"pose": [3.0, 1.0, 0.0], "of": "b0"}
+    asked = problem("omnidirectional", pusher={"faces": ["rear"]}, obstacles=pillar, goal=goal)
+    found = plan(asked, first=True, time_limit=30.0)
+    assert found.solved, found.reason
+    (push,) = (segment for segment in found.segments if segment.pushes)
+    assert len(push.path.lengths) > ARCS
+    assert [segment.kind for segment in found.segments] == ["transit", "approach", "push", "retreat"]
 
 
 def test_the_plate_takes_no_place_where_it_would_overlap(problem: Problem) -> None:
