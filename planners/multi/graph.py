@@ -61,7 +61,7 @@ class Graph:
         m = self.contacts
         self._push = np.zeros((m, 0, 0))
         self._change = np.zeros((0, m, m))
-        self._can_begin = np.zeros((m, 0), dtype=np.bool_)
+        self._can_begin, self._can_end = (np.zeros((m, 0), dtype=np.bool_) for _ in range(2))
         self._to, self._on = np.zeros(0), np.zeros(0)
         self._known_pushes: dict[tuple[int, int, int], FloatArray] = {}
         self._known_ways: dict[Change, FloatArray] = {}
@@ -106,25 +106,31 @@ class Graph:
         push[:, :old, :old] = self._push
         change = np.full((new, self.contacts, self.contacts), np.inf)
         change[:old] = self._change
-        can_begin = np.zeros((self.contacts, new), dtype=np.bool_)
-        can_begin[:, :old] = self._can_begin
+        can_begin, can_end = (
+            np.concatenate(
+                [
+                    known,
+                    [ways_are_free(self._room.robot, c.hold, poses, back) for c in self._room.contacts],
+                ],
+                axis=1,
+            )
+            for known, back in ((self._can_begin, False), (self._can_end, True))
+        )
         for k, contact in enumerate(self._room.contacts):
-            begins = ways_are_free(self._room.robot, contact.hold, poses, False)
-            ends = ways_are_free(self._room.robot, contact.hold, poses, True)
-            fresh = old + np.flatnonzero(begins)
+            fresh = old + np.flatnonzero(can_begin[k, old:])
             push[k, fresh] = word_costs(contact.hold, every[fresh], every, self._to[fresh], self._on, below)
             before = np.flatnonzero(self._can_begin[k])
             push[k, before, old:] = word_costs(
                 contact.hold, every[before], poses, self._to[before], on, below
             )
-            can_begin[k, old:] = begins
-            push[k][:, old + np.flatnonzero(~ends)] = np.inf
+            push[k][:, ~can_end[k]] = np.inf
             change[old:, k] = self.changes[k]
             change[old:, k, k] = 0.0  # the push goes on by another word
         push[:, np.arange(new), np.arange(new)] = np.inf
         push[:, :, 0] = np.inf
         push[:, 1 : 1 + self.goals] = np.inf
-        self.poses, self._push, self._change, self._can_begin = every, push, change, can_begin
+        self.poses, self._push, self._change = every, push, change
+        self._can_begin, self._can_end = can_begin, can_end
 
     @property
     def stuck(self) -> bool:
@@ -269,7 +275,7 @@ class Graph:
         self.poses, self._to, self._on = self.poses[keep], self._to[keep], self._on[keep]
         self._push = np.ascontiguousarray(self._push[:, keep][:, :, keep])
         self._change = np.ascontiguousarray(self._change[keep])
-        self._can_begin = self._can_begin[:, keep]
+        self._can_begin, self._can_end = self._can_begin[:, keep], self._can_end[:, keep]
         self._known_pushes = {
             (m, place[u], place[v]): arcs
             for (m, u, v), arcs in self._known_pushes.items()

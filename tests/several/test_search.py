@@ -15,9 +15,10 @@ from pushplan.plan import plan
 from pushplan.planners.multi.bound import lower_bounds
 from pushplan.planners.multi.dives import crew_of, descend
 from pushplan.planners.multi.faces import places
-from pushplan.planners.multi.pushing import ARCS
+from pushplan.planners.multi.pushing import ARCS, ways_are_free
 from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
+from pushplan.planners.multi.sequence import Sequence
 from pushplan.planners.multi.shortest import cheapest_sequence
 from pushplan.reading.scenario_file import scenario_from_document
 from pushplan.scenario import Scenario
@@ -175,6 +176,21 @@ def test_more_search_never_makes_a_plan_worse_and_none_beats_the_bound(problem: 
     for step in found.best.steps:
         to, on = lower_bounds(room, question, step.after[None])
         assert float(to[0] + on[0]) <= found.best.cost + 1e-9
+
+
+@pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])
+def test_no_push_ends_where_the_robot_cannot_back_off(problem: Problem, drive: str) -> None:
+    """A pillar stands behind where the robot is at the goal: it gets there by a turn, but not straight back."""
+    pillar = [{"circle": 0.05, "center": [2.0, 1.0]}]
+    blocked = {"goal": {"pose": [3.0, 1.0, 0.0], "of": "b0"}, "pushes": {"retreat": 0.6}, "obstacles": pillar}
+    room = (prepared := Prepared.of(problem(drive, **blocked))).room(0)
+    found: list[Sequence] = []
+    limits = Limits(time.perf_counter() + 60.0, iterations=8)
+    search(room, question_of(prepared), limits, 1, lambda best, _: found.append(best))
+    assert found
+    for step in (step for best in found for step in best.steps):
+        hold = room.contacts[step.contact].hold
+        assert ways_are_free(room.robot, hold, step.after[None], True)[0]
 
 
 def test_two_pushes_move_a_box_aside_where_one_takes_six_metres(problem: Problem) -> None:
