@@ -9,8 +9,8 @@ walls are 0.5 m outside of the room of 4.0 x 5.4 m, or around it with `--walls s
 Printed for each block alone, the others in the way: how many with a free goal get a plan, the CPU time to the first
 one (the load prepared, the room built anew), how long a refusal of an occupied goal takes, and for the first
 `--better` instances the way of the block over the straight line after 1 s, its changes weighed little. For whole
-instances: how many get a plan within `--seconds`, the CPU time to it, and how often a block is put out of the way; the legs
-of the first `--better` ones are timed, executed and judged by code that the search does not use.
+instances: how many get a plan within `--seconds`, the CPU time to it, and how often a block is put out of the way;
+the legs of the first `--better` ones are timed, executed and judged by code that the search does not use.
 """
 
 from __future__ import annotations

@@ -145,6 +145,8 @@ def dive(
     crew: Crew,
     start: FloatArray,
     goals: FloatArray,
+    firsts: IntArray,
+    lasts: IntArray,
     most: int,
     changes: FloatArray,
     below: float,
@@ -157,6 +159,8 @@ def dive(
         crew: All contacts.
         start: (3,) pose of the load.
         goals: (g, 3).
+        firsts: Contacts that a first push can have.
+        lasts: Likewise a last one.
         most: Pushes, at most.
         changes: (m, m) the least that changes of the contact cost.
         below: What the whole has to cost less than, m.
@@ -173,6 +177,10 @@ def dive(
     extra = 0.0
     for i in range(count):
         sequence[i] = int(random(state) * modes)
+        if i == 0:
+            sequence[i] = firsts[int(random(state) * len(firsts))]
+        elif i == count - 1:
+            sequence[i] = lasts[int(random(state) * len(lasts))]
         if i > 0:
             extra += changes[sequence[i - 1], sequence[i]]
             if sequence[i] == sequence[i - 1]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.compiled import compiled
 from pushplan.geometry import se2
 from pushplan.planners.multi.dives import crew_of, descend, dive, pushed_at_random
@@ -106,12 +106,23 @@ class Sampler:
         room: Robot, load and contacts.
         question: From where to where.
         changes: (m, m) the least that changes of the contact cost, m.
+        firsts: (m,) whether a contact can be pushed at first.
+        lasts: (m,) whether the robot can back off from it at a goal.
         seed: Of the random numbers.
     """
 
-    def __init__(self, room: PushRoom, question: Question, changes: FloatArray, seed: int) -> None:
+    def __init__(
+        self,
+        room: PushRoom,
+        question: Question,
+        changes: FloatArray,
+        firsts: BoolArray,
+        lasts: BoolArray,
+        seed: int,
+    ) -> None:
         assert room.scenario.pushes is not None
         self._question, self._changes = question, changes
+        self._firsts, self._lasts = np.flatnonzero(firsts), np.flatnonzero(lasts)
         self._crew = crew_of([contact.hold for contact in room.contacts])
         self._box, self._most = np.array(sampling_box(room.scenario)), room.scenario.pushes.most
         self._random = np.random.default_rng(seed)
@@ -150,7 +161,7 @@ class Sampler:
         back = self._random.random() < 0.5
         goals = self._question.goals
         pose = goals[self._random.integers(len(goals))] if back else self._question.load
-        contact = int(self._random.integers(len(self._crew.contact)))
+        contact = int(self._random.choice(self._lasts if back else self._firsts))
         return pushed_at_random(self._crew, contact, pose, -1.0 if back else 1.0, self._state)
 
     def _dived(self, below: float) -> list[FloatArray]:
@@ -161,6 +172,8 @@ class Sampler:
                 self._crew,
                 question.load,
                 question.goals,
+                self._firsts,
+                self._lasts,
                 self._most,
                 self._changes,
                 below,

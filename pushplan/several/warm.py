@@ -58,7 +58,8 @@ def _compile() -> None:
 def _compile_descents(room: PushRoom, question: Question) -> None:
     crew, state = crew_of([contact.hold for contact in room.contacts]), np.ones(1, dtype=np.uint64)
     changes, poses = np.zeros_like(room.shortest), np.zeros((1, 3))
-    dive(crew, question.load, question.goals, 2, changes, np.inf, state, poses)
+    every = np.arange(len(crew.contact))
+    dive(crew, question.load, question.goals, every, every, 2, changes, np.inf, state, poses)
     poses[0] = pushed_at_random(crew, 0, question.load, 1.0, state)
     ends, sequence = np.stack([question.load, question.goals[0]]), np.zeros(2, dtype=np.int64)
     descend(crew, sequence, ends, poses, 0.1, MOVES, state)
