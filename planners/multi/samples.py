@@ -107,7 +107,7 @@ class Sampler:
         question: From where to where.
         changes: (m, m) the least that changes of the contact cost, m.
         firsts: (m,) whether a contact can be pushed at first.
-        lasts: (m,) whether the robot can back off from it at a goal.
+        lasts: (m, g) whether the robot can back off from it at a goal.
         seed: Of the random numbers.
     """
 
@@ -122,7 +122,7 @@ class Sampler:
     ) -> None:
         assert room.scenario.pushes is not None
         self._question, self._changes = question, changes
-        self._firsts, self._lasts = np.flatnonzero(firsts), np.flatnonzero(lasts)
+        self._firsts, self._lasts = np.flatnonzero(firsts), np.flatnonzero(lasts.any(axis=1))
         self._crew = crew_of([contact.hold for contact in room.contacts])
         self._box, self._most = np.array(sampling_box(room.scenario)), room.scenario.pushes.most
         self._random = np.random.default_rng(seed)

@@ -97,8 +97,7 @@ def search(
     holds = [contact.hold for contact in room.contacts]
     graph = Graph(room, question, seed)
     bound = max(float(lower_bounds(room, question, question.load[None])[1][0]), graph.least)
-    firsts, lasts = graph.begins & graph.leaves, graph.ends.any(axis=1)
-    sampler = Sampler(room, question, graph.changes, firsts, lasts, seed)
+    sampler = Sampler(room, question, graph.changes, graph.begins & graph.leaves, graph.ends, seed)
     best: Sequence | None = None
     first: float | None = None
     batches = 0
