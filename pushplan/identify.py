@@ -30,7 +30,7 @@ def identify(
         logs: Paths of logs in which the objects' poses are: executions with slip, or with poses on /measured.
         seed: Of the random numbers.
         jobs: Threads; None for one a processor.
-        progress: Called with the passes that are done, and how many there are at least.
+        progress: Called with the rounds that are done, and how many there are.
 
     Raises:
         RunLogError: When a log cannot be read, tells nothing of the objects, or is one of another chain.

@@ -56,6 +56,8 @@ def rows(found: Identification) -> list[tuple[str, str]]:
     """Return label and value of what was found, for people."""
     from math import degrees
 
+    from pushplan.sim.identify.identification import ROUGH
+
     told = [
         (
             one.unknown.name,
@@ -70,7 +72,7 @@ def rows(found: Identification) -> list[tuple[str, str]]:
     floor = "only ratios: all floor frictions could be larger alike, the objects would go the same ways"
     rough = (
         [("intervals", "rough: contacts change what they do too often for the search")]
-        if found.worth < 100.0
+        if found.worth < ROUGH
         else []
     )
     return [*told, ("measured poses off by", noise), ("floor friction", floor), *rough]

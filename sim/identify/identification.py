@@ -12,6 +12,8 @@ from pushplan.sim.identify.unknowns import Unknown, Unknowns
 
 LEVEL = 0.9
 """Share of the intervals that hold the truth."""
+ROUGH = 50.0
+"""Independent samples of which a twentieth lies beyond an end of an interval, give or take 3 % of all."""
 _SHORT = 0.5
 """Part of what was possible that an interval has to be shorter than; without data it is 0.9."""
 _SAID = 0.15
@@ -45,7 +47,7 @@ class Identification:
         unknowns: What was looked for.
         samples: (k, p) values that are possible, each as likely as the others.
         noise: Error of a measured position (m, in x and y each) and angle (rad), as the best prediction leaves it.
-        worth: How many independent samples they are worth: below 100 the intervals' ends are rough.
+        worth: How many independent samples they are worth: below `ROUGH` the intervals' ends are rough.
         correlation: By how much errors that persist along a push widen the intervals, >= 1: those of the model do.
     """
 

@@ -42,7 +42,7 @@ def identify_courses(
         courses: What was measured of this chain, pushed one or several times.
         seed: Of the random numbers.
         jobs: Threads; None for one a processor.
-        progress: Called with the passes that are done, and how many there are at least.
+        progress: Called with the rounds that are done, and how many there are.
 
     Raises:
         PushplanError: When there is no course, one is of another number of objects, or nothing moves in any.

@@ -1,12 +1,13 @@
 """Samples of what the unknowns may be, given what was measured: an ensemble of Markov chains.
 
 Half of the proposals are differences of two other members (ter Braak 2006, DE-MC), which know no scale; half come
-from the normal distribution around the most likely place (Laplace's), right where the data determine everything.
+from a distribution that is about the one that is looked for, as the normal one around the most likely place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -19,35 +20,46 @@ _WIDER = 1.2
 """Proposals around the most likely place over what Laplace's approximation says: too narrow ones never leave."""
 
 
+class Proposals(Protocol):
+    """A distribution in the unit cube that is about the one that is looked for."""
+
+    def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return places (count, p)."""
+
+    def log_density(self, places: FloatArray) -> FloatArray:
+        """Return the logarithm of the density (q,), but for a constant."""
+
+
 def sample(
     log_likelihood: Callable[[FloatArray], FloatArray],
-    best: FloatArray,
-    information: FloatArray,
+    proposals: Proposals,
     rng: np.random.Generator,
     rounds: int = ROUNDS,
     members: int = 40,
+    progress: Callable[[int, int], None] | None = None,
 ) -> FloatArray:
-    """Return samples (k, p) from a likelihood over the unit cube, all of which was alike likely before.
+    """Return what the members were at (rounds, members, p) from a likelihood over the unit cube.
+
+    All of the cube was alike likely before. The first third of the rounds is forgotten.
 
     Args:
         log_likelihood: Of places (q, p) in the cube; (q,).
-        best: (p,) the most likely place.
-        information: (p, p) second derivatives of minus the log-likelihood there, about.
+        proposals: Where the members begin, and half of the proposals.
         rng: Where the random numbers come from.
         rounds: How often each member moves.
         members: Of the ensemble.
+        progress: Called with the rounds that are done, and how many there are.
     """
-    p = len(best)
-    near = Near(best, information)
-    places = near.draw(members, rng)
+    places = proposals.draw(members, rng)
+    p = places.shape[1]
     level = log_likelihood(places)
     kept = []
     for k in range(rounds):
         for half in (np.arange(0, len(places), 2), np.arange(1, len(places), 2)):
             others = np.setdiff1d(np.arange(len(places)), half)
             if rng.random() < 0.5:
-                proposed = near.draw(len(half), rng)
-                correction = near.log_density(places[half]) - near.log_density(proposed)
+                proposed = proposals.draw(len(half), rng)
+                correction = proposals.log_density(places[half]) - proposals.log_density(proposed)
             else:
                 proposed = places[half] + _difference(places[others], len(half), p, rng)
                 correction = np.zeros(len(half))
@@ -59,7 +71,18 @@ def sample(
             places[half[taken]], level[half[taken]] = proposed[taken], found[taken]
         if k >= rounds // 3:
             kept.append(places.copy())
-    return np.concatenate(kept)
+        if progress is not None:
+            progress(k + 1, rounds)
+    return np.array(kept)
+
+
+def worth(chains: FloatArray) -> float:
+    """Return how many independent samples the rounds (k, m, p) of m members are worth.
+
+    The mean over the rounds of a member scatters the less, the more independent samples it is made of.
+    """
+    scatter = chains.mean(axis=0).var(axis=0, ddof=1)
+    return float(chains.shape[1] * (chains.var(axis=(0, 1)) / np.maximum(scatter, 1e-300)).min())
 
 
 def _difference(others: FloatArray, count: int, p: int, rng: np.random.Generator) -> FloatArray:

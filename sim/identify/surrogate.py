@@ -1,8 +1,9 @@
 """Samples of what the unknowns may be, from few simulations: a polynomial stands in for the errors.
 
 Errors are smooth in the unknowns, but where contacts change what they do. A polynomial fitted to them is sampled at
-length for next to nothing; some of its samples are simulated and taught to it, and in the end weighted by how likely
-they are over how likely it thought they were (importance sampling), which makes up for what it does not see.
+length for next to nothing; some of its samples are simulated and taught to it. In the end it only proposes: an
+ensemble of chains asks the simulator about every place it moves to. Weights on the polynomial's own samples
+(importance sampling) would not do: where it thinks nothing likely there are none to weigh: intervals end too soon.
 """
 
 from __future__ import annotations
@@ -15,17 +16,16 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.sim.identify.posterior import Near, sample
+from pushplan.sim.identify.posterior import Near, sample, worth
 
 PASSES = 4
-"""How often the polynomial is taught before its samples may count."""
-MOST_PASSES = 10
-ENOUGH = 150.0
-"""Samples that the weighted ones have to be worth."""
+"""How often the polynomial is taught before it proposes."""
+MEMBERS, ROUNDS = 50, 60
+"""Chains that the simulator judges, and how often each moves."""
 _BATCH = 90
-"""Simulations in a pass, and in the last one four times as many."""
+"""Simulations in a pass."""
 _COOL = 0.5
-"""Samples to teach it with are drawn as if errors were larger by the root of 2: it has to know the surroundings."""
+"""The polynomial is sampled as if errors were larger by the root of 2: it has to know the surroundings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,46 +55,43 @@ def sample_errors(
         best: (p,) the most likely place.
         information: (p, p) second derivatives of half of the squared errors there, about.
         rng: Where the random numbers come from.
-        progress: Called with the passes that are done, and how many there are at least.
+        progress: Called with the rounds that are done, and how many there are.
     """
     near = Near(best, information)
     places = np.vstack([best, near.draw(2 * _BATCH, rng), rng.uniform(size=(_BATCH, len(best)))])
     rows = errors(places)
-    for k in range(MOST_PASSES):
-        model = _Polynomial.fitted(places, rows)
-        if k < PASSES:
-            drawn = _drawn(model, best, information, _BATCH, _COOL, rng)
-        else:
-            drawn = _drawn(model, best, information, 4 * _BATCH, 1.0, rng)
-        found = errors(drawn)
-        if progress is not None:
-            progress(k + 1, max(k + 1, PASSES + 1))
-        if k >= PASSES:
-            weights = _weights(model, drawn, found)
-            worth = float(1.0 / (weights**2).sum())
-            if worth >= ENOUGH or k == MOST_PASSES - 1:
-                break
-        places, rows = np.vstack([places, drawn]), np.vstack([rows, found])
-    return Samples(drawn[rng.choice(len(drawn), 20 * len(drawn), p=weights)], worth)
+    for _ in range(PASSES):
+        drawn = _Taught.sampled(_Polynomial.fitted(places, rows), best, information, rng).draw(_BATCH, rng)
+        places, rows = np.vstack([places, drawn]), np.vstack([rows, errors(drawn)])
+    taught = _Taught.sampled(_Polynomial.fitted(places, rows), best, information, rng)
+
+    def log_likelihood(at: FloatArray) -> FloatArray:
+        return np.asarray(-0.5 * (errors(at) ** 2).sum(axis=1))
+
+    chains = sample(log_likelihood, taught, rng, ROUNDS, MEMBERS, progress)
+    return Samples(chains.reshape(-1, len(best)), worth(chains))
 
 
-def _drawn(
-    model: _Polynomial,
-    best: FloatArray,
-    information: FloatArray,
-    count: int,
-    cool: float,
-    rng: np.random.Generator,
-) -> FloatArray:
-    found = sample(lambda at: cool * model.log_likelihood(at), best, cool * information, rng, members=120)
-    return np.asarray(found[rng.choice(len(found), count, replace=False)])
+@dataclass(frozen=True, eq=False)
+class _Taught:
+    """Proposals that follow a polynomial: its samples, of which some are drawn."""
 
+    model: _Polynomial
+    samples: FloatArray
 
-def _weights(model: _Polynomial, places: FloatArray, rows: FloatArray) -> FloatArray:
-    logs = -0.5 * (rows**2).sum(axis=1) - model.log_likelihood(places)
-    weights = np.exp(logs - logs.max())
-    weights = np.minimum(weights, np.sqrt(len(weights)) * weights.mean())  # truncated: Ionides 2008
-    return np.asarray(weights / weights.sum())
+    @classmethod
+    def sampled(
+        cls, model: _Polynomial, best: FloatArray, information: FloatArray, rng: np.random.Generator
+    ) -> _Taught:
+        near = Near(best, _COOL * information)
+        chains = sample(lambda at: _COOL * model.log_likelihood(at), near, rng, members=120)
+        return cls(model, chains.reshape(-1, len(best)))
+
+    def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
+        return np.asarray(self.samples[rng.choice(len(self.samples), count, replace=False)])
+
+    def log_density(self, places: FloatArray) -> FloatArray:
+        return _COOL * self.model.log_likelihood(places)
 
 
 @dataclass(frozen=True, eq=False)

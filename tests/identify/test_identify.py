@@ -22,7 +22,7 @@ from pushplan.sim.identify.course import Course
 from pushplan.sim.identify.identification import Identification
 from pushplan.sim.identify.identify import identify_courses
 from pushplan.sim.identify.learned import piece_of, with_learned
-from pushplan.sim.identify.posterior import sample
+from pushplan.sim.identify.posterior import Near, sample, worth
 from pushplan.sim.identify.pressed import PressedOutline
 from pushplan.sim.identify.unknowns import Unknowns
 from pushplan.sim.slip.executed import executed
@@ -102,8 +102,8 @@ def test_samples_follow_a_known_distribution() -> None:
         return np.asarray(-0.5 * (((places - centre) / size) ** 2).sum(axis=1))
 
     information = np.diag(1.0 / size**2)
-    samples = sample(log_likelihood, centre, information, np.random.default_rng(3), rounds=300)
-    low, high = np.quantile(samples, [0.05, 0.95], axis=0)
+    chains = sample(log_likelihood, Near(centre, information), np.random.default_rng(3), rounds=300)
+    low, high = np.quantile(chains, [0.05, 0.95], axis=(0, 1))
     assert low == pytest.approx([0.3 - 1.645 * 0.02, 0.6 - 1.645 * 0.05, 0.05], abs=0.015)
     assert high == pytest.approx([0.3 + 1.645 * 0.02, 0.6 + 1.645 * 0.05, 0.95], abs=0.015)
 
@@ -132,6 +132,24 @@ def test_what_was_learned_is_a_piece_of_scenario_that_plans_use(
     assert low - 0.02 <= truth[1] <= high + 0.02
     assert merged.chain.contacts[1].friction == pytest.approx(low)
     assert merged.stable_set("ecof").margin(np.array([[1.0, 0.0, 0.0]])).shape == (1,)
+
+
+def test_a_plan_with_what_was_learned_holds_where_one_with_the_stated_numbers_slips(
+    found: tuple[FloatArray, Identification],
+) -> None:
+    truth, identified = found
+    stated = crates()
+    piece = yaml.safe_load(yaml.safe_dump(piece_of(identified)))
+    learned = scenario_from_document(with_learned(stated.resolved(), piece))
+    possible = identified.samples[:: len(identified.samples) // 20]
+    for scenario, holds in ((stated, False), (learned, True)):
+        trajectory = pushplan.plan(scenario, seed=1, first=True).trajectory
+        assert trajectory is not None
+        real = pushplan.simulate(trajectory, identified.unknowns.world_for(truth))
+        assert (real.kept, real.arrived(stated.goal)) == (holds, holds)
+        worlds = [identified.unknowns.world_for(values) for values in possible]
+        kept = [pushplan.simulate(trajectory, world).kept for world in worlds]
+        assert np.mean(kept) >= 0.9 if holds else not any(kept)
 
 
 def slipped(scenario: pushplan.Scenario, course: Course) -> pushplan.Execution:
@@ -166,6 +184,16 @@ def test_logs_are_of_one_chain_and_there_is_one(tmp_path: Path) -> None:
         pushplan.identify([tmp_path / "one-box.mcap", tmp_path / "two-crates.mcap"])
     with pytest.raises(PushplanError, match="there is no log"):
         pushplan.identify([])
+
+
+def test_chains_are_worth_as_many_samples_as_they_have_independent_ones() -> None:
+    rng = np.random.default_rng(4)
+    steps = rng.standard_normal((400, 80, 1))
+    assert worth(steps) == pytest.approx(400 * 80, rel=0.4)
+    r = 0.9  # of neighbours in an autoregressive chain: worth (1 - r) / (1 + r) of its length
+    for k in range(1, 400):
+        steps[k] = r * steps[k - 1] + np.sqrt(1.0 - r * r) * steps[k]
+    assert worth(steps) == pytest.approx(400 * 80 * (1.0 - r) / (1.0 + r), rel=0.4)
 
 
 def test_a_course_that_does_not_fit_is_refused() -> None:
