@@ -121,7 +121,7 @@ def _heading(found: Identification, logs: list[str]) -> str:
     missing = [one.unknown.name for one in found.estimates if not one.determined]
     lines = [
         f"learned by pushplan identify from {', '.join(logs)}",
-        "intervals hold the truth in 90 % of cases; floor frictions are ratios to the stated one of the first object",
+        "90 % intervals; floor frictions are ratios to the stated one of the first object",
         *([f"not determined, so left out: {', '.join(missing)}"] if missing else []),
     ]
     return "".join(f"# {line}\n" for line in lines)
