@@ -99,6 +99,11 @@ def _stated(document: Document, report: Report) -> SeveralObjectsFile | None:
             report.add((key,), "does not go together with goals, and objects have their poses", at_key=True)
     report.extend(tuple(faults.values()))
     names = [] if file is None else [obj.name for obj in file.objects]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            report.add(
+                ("objects", i, "name"), f"'{name}' is also objects[{names.index(name)}]; give it another"
+            )
     for name in () if file is None else file.goals:
         if name not in names:
             near = nearest(str(name), names)
