@@ -15,7 +15,9 @@ from scipy.linalg import solve_triangular
 from pushplan.basics.arrays import FloatArray
 
 ROUNDS = 300
-"""Of all members once; the first third is forgotten."""
+"""Of all members once, at most; the first third is forgotten."""
+_LOOK = 60
+"""Rounds between looks at whether the samples are enough."""
 _WIDER = 1.2
 """Proposals around the most likely place over what Laplace's approximation says: too narrow ones never leave."""
 
@@ -36,9 +38,10 @@ def sample(
     rng: np.random.Generator,
     rounds: int = ROUNDS,
     members: int = 40,
+    enough: float = np.inf,
     progress: Callable[[int, int], None] | None = None,
 ) -> FloatArray:
-    """Return what the members were at (rounds, members, p) from a likelihood over the unit cube.
+    """Return what the members were at (2/3 of the rounds, members, p) from a likelihood over the unit cube.
 
     All of the cube was alike likely before. The first third of the rounds is forgotten.
 
@@ -46,14 +49,15 @@ def sample(
         log_likelihood: Of places (q, p) in the cube; (q,).
         proposals: Where the members begin, and half of the proposals.
         rng: Where the random numbers come from.
-        rounds: How often each member moves.
+        rounds: How often each member moves at most.
         members: Of the ensemble.
-        progress: Called with the rounds that are done, and how many there are.
+        enough: Independent samples; no more rounds are made when they are `worth` so many.
+        progress: Called with the rounds that are done, and how many there are at most.
     """
     places = proposals.draw(members, rng)
     p = places.shape[1]
     level = log_likelihood(places)
-    kept = []
+    seen: list[FloatArray] = []
     for k in range(rounds):
         for half in (np.arange(0, len(places), 2), np.arange(1, len(places), 2)):
             others = np.setdiff1d(np.arange(len(places)), half)
@@ -69,11 +73,17 @@ def sample(
                 found[inside] = log_likelihood(proposed[inside])
             taken = np.log(rng.uniform(size=len(half))) < found - level[half] + correction
             places[half[taken]], level[half[taken]] = proposed[taken], found[taken]
-        if k >= rounds // 3:
-            kept.append(places.copy())
+        seen.append(places.copy())
         if progress is not None:
             progress(k + 1, rounds)
-    return np.array(kept)
+        if (k + 1) % _LOOK == 0 and worth(_later(seen)) >= enough:
+            break
+    return _later(seen)
+
+
+def _later(rounds: list[FloatArray]) -> FloatArray:
+    """Return the rounds but for the first third, in which the members may still be on their way."""
+    return np.array(rounds[len(rounds) // 3 :])
 
 
 def worth(chains: FloatArray) -> float:

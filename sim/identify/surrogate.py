@@ -20,8 +20,10 @@ from pushplan.sim.identify.posterior import Near, sample, worth
 
 PASSES = 4
 """How often the polynomial is taught before it proposes."""
-MEMBERS, ROUNDS = 50, 60
-"""Chains that the simulator judges, and how often each moves."""
+MEMBERS, ROUNDS = 50, 240
+"""Chains that the simulator judges, and how often each moves at most: along a ridge of loads they walk slowly."""
+ENOUGH = 250.0
+"""Independent samples, with which the ends of intervals are sure to about a tenth of the chance beyond them."""
 _BATCH = 90
 """Simulations in a pass."""
 _COOL = 0.5
@@ -68,7 +70,7 @@ def sample_errors(
     def log_likelihood(at: FloatArray) -> FloatArray:
         return np.asarray(-0.5 * (errors(at) ** 2).sum(axis=1))
 
-    chains = sample(log_likelihood, taught, rng, ROUNDS, MEMBERS, progress)
+    chains = sample(log_likelihood, taught, rng, ROUNDS, MEMBERS, ENOUGH, progress)
     return Samples(chains.reshape(-1, len(best)), worth(chains))
 
 
