@@ -1,9 +1,10 @@
 """Intervals of friction and loads against the truth, on simulated pushes with noise.
 
-Run `python benchmarks/identify.py [--cases 200] [--first 1]`; prints every figure next to what is wanted and exits 1
+Run `python benchmarks/identify.py [--cases 200] [--first 1] [--forces]`; prints every figure next to what is wanted and exits 1
 if one is missed. Each case is a plate and one box or two, uniform or on four feet, whose friction and loads are drawn
 evenly from everything that identification takes for possible; the plate pushes them twice by 12 cm along random
-arcs, and the poses of the objects are measured with an error of 1 mm and 0.3 deg.
+arcs, and the poses of the objects are measured with an error of 1 mm and 0.3 deg. With `--forces` the wrench of
+the plate is measured, too, to 5 % of the objects' stated floor friction, and the size of floor friction is unknown.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ from pushplan.sim.slip.simulate import simulate_poses
 from pushplan.sim.worlds.world import World
 
 NOISE = np.array([1e-3, 1e-3, np.radians(0.3)])
+WRENCH_NOISE = 0.05 * np.array([1.0, 1.0, 0.05])
+"""Of a force (N) and torque (N m) over the stated floor friction, N."""
 WAY, POSES, PUSHES = 0.12, 61, 2
 
 
@@ -52,27 +55,32 @@ def chain_of(rng: np.random.Generator) -> Chain:
     return Chain(tuple(objects), tuple(contacts), Pusher(plate, 0.3))
 
 
-def pushed(world: World, rng: np.random.Generator, name: str) -> Course:
-    """What is measured of a push along a random arc."""
+def pushed(world: World, rng: np.random.Generator, name: str, floor: float | None) -> Course:
+    """What is measured of a push along a random arc; with a floor friction (N) wrenches, too."""
     direction, turn = rng.uniform(-0.9, 0.9), rng.uniform(-6.0, 6.0)
     twist = np.array([np.cos(direction), np.sin(direction), turn]) * WAY
     shares = np.linspace(0.0, 1.0, 4 * (POSES - 1) + 1)
     plate = se2.compose(world.start, se2.exp(shares[:, None] * twist))
     report = simulate_poses(shares, plate, world, SlipSettings(step=WAY))
     measured = report.object_poses[::4] + NOISE * rng.standard_normal(report.object_poses[::4].shape)
-    return Course(report.poses[::4], measured, name)
+    if floor is None:
+        return Course(report.poses[::4], measured, name)
+    wrenches = np.vstack([report.wrenches, report.wrenches[-1:]])[::4]
+    wrenches += floor * WRENCH_NOISE * rng.standard_normal(wrenches.shape)
+    return Course(report.poses[::4], measured, name, wrenches)
 
 
-def case(seed: int) -> tuple[FloatArray, Identification]:
+def case(seed: int, forces: bool) -> tuple[FloatArray, Identification]:
     """Return the true values of one case, and what is found."""
     rng = np.random.default_rng([19, seed])
     stated = World.from_chain(chain_of(rng))
-    unknowns = Unknowns.from_world(stated)
+    floor = sum(obj.friction_load for obj in stated.chain.objects) if forces else None
+    unknowns = Unknowns.from_world(stated, absolute=forces)
     truth = unknowns.values(rng.uniform(size=len(unknowns.each)))
     world = unknowns.world_for(truth)
     courses: list[Course] = []
     while len(courses) < PUSHES:
-        course = pushed(world, rng, f"push {len(courses)}")
+        course = pushed(world, rng, f"push {len(courses)}", floor)
         if len(course.plate_poses) == POSES:
             courses.append(course)
     return truth, identify_courses(stated, courses, seed=seed, jobs=1)
@@ -84,13 +92,14 @@ def main() -> int:
     )
     parser.add_argument("--cases", type=int, default=200)
     parser.add_argument("--first", type=int, default=1, help="seed of the first case")
+    parser.add_argument("--forces", action="store_true", help="measure the plate's wrench, too")
     arguments = parser.parse_args()
     print(Machine.this().words)
     inside: dict[str, list[bool]] = defaultdict(list)
     told: dict[str, list[bool]] = defaultdict(list)
     lengths: dict[str, list[float]] = defaultdict(list)
     for seed in range(arguments.first, arguments.first + arguments.cases):
-        truth, found = case(seed)
+        truth, found = case(seed, arguments.forces)
         for value, estimate in zip(truth, found.estimates, strict=True):
             kind = estimate.unknown.kind
             inside[kind].append(estimate.low <= value <= estimate.high)

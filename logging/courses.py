@@ -1,4 +1,4 @@
-"""Measured pushes out of run logs: where plate and objects were, as measured or as simulated with slip."""
+"""Measured pushes out of run logs: where plate and objects were and how it pushed, as measured or as simulated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pushplan.errors import RunLogError
 from pushplan.geometry import se2
 from pushplan.logging.mcap.items import Message
 from pushplan.logging.mcap.mcap_file import McapFile
-from pushplan.logging.messages.schemas import TF
+from pushplan.logging.messages.schemas import PUSHER_WRENCH, TF, MessageClass, Wrench
 from pushplan.logging.reader import read_run
 from pushplan.logging.view.scene import CHAIN, WORLD
 from pushplan.scenario import Scenario
@@ -43,7 +43,7 @@ def read_course(path: Path | str) -> tuple[Scenario, Course]:
     if run.scenario.pushes is not None:
         raise RunLogError(str(path), "a run of several pushes; only runs of one push can be learned from")
     reading = _Poses([obj.name for obj in run.scenario.chain.objects])
-    file = McapFile(Path(path), recover=bool(run.losses), topics={TF.name, MEASURED})
+    file = McapFile(Path(path), recover=bool(run.losses), topics={TF.name, MEASURED, PUSHER_WRENCH.name})
     for item in file.items():
         if isinstance(item, Message):
             file.budget.keep(_KEPT, item.offset)
@@ -51,14 +51,15 @@ def read_course(path: Path | str) -> tuple[Scenario, Course]:
                 reading.take(item)
             except (DecodeError, ValueError) as error:
                 raise RunLogError(str(path), f"a message on {item.topic}: {error}", item.offset) from error
-    if run.execution is not None and run.execution.object_poses is not None and not reading.measured:
-        return run.scenario, Course(run.execution.poses, run.execution.object_poses, str(path))
-    plate, objects = reading.finish(str(path))
-    return run.scenario, Course(plate, objects, str(path))
+    executed = run.execution
+    if executed is not None and executed.object_poses is not None and not reading.measured:
+        return run.scenario, Course(executed.poses, executed.object_poses, str(path), executed.wrenches)
+    plate, objects, wrenches = reading.finish(str(path))
+    return run.scenario, Course(plate, objects, str(path), wrenches)
 
 
 class _Poses:
-    """Gathers poses of plate and objects from messages.
+    """Gathers poses of plate and objects, and wrenches of the plate, from messages.
 
     Attributes:
         measured: Poses of the objects on /measured, by time.
@@ -68,6 +69,7 @@ class _Poses:
         self._names = names
         self._plate: dict[float, list[float]] = {}
         self._objects: dict[float, list[list[float]]] = {}
+        self._wrenches: dict[float, list[float]] = {}
         self.measured: dict[float, list[list[float]]] = {}
 
     def take(self, message: Message) -> None:
@@ -79,11 +81,22 @@ class _Poses:
         if message.topic == TF.name:
             self._take_frames(FrameTransforms.FromString(bytes(message.data)))
             return
+        if message.topic == PUSHER_WRENCH.name:
+            self._take_wrench(Wrench.FromString(bytes(message.data)))
+            return
         found = PosesInFrame.FromString(bytes(message.data))
         if len(found.poses) != len(self._names):
             raise ValueError(f"{len(found.poses)} objects instead of {len(self._names)}")
         poses = [_pose(p.position.x, p.position.y, p.orientation) for p in found.poses]
         self.measured[_seconds(found.timestamp)] = poses
+
+    def _take_wrench(self, message: MessageClass) -> None:
+        wrench = [message.fx, message.fy, message.torque]
+        if message.frame_id != CHAIN:
+            raise ValueError(f"a wrench in frame {message.frame_id!r}; it has to be in {CHAIN!r}")
+        if not all(math.isfinite(number) for number in wrench):
+            raise ValueError(f"the wrench {wrench} is not finite")
+        self._wrenches[_seconds(message.timestamp)] = wrench
 
     def _take_frames(self, message: FrameTransforms) -> None:
         frames = {one.child_frame_id: one for one in message.transforms}
@@ -103,8 +116,8 @@ class _Poses:
                 for name in self._names
             ]
 
-    def finish(self, path: str) -> tuple[FloatArray, FloatArray]:
-        """Return poses of the plate (m, 3) and of the objects (m, n, 3) at the same times.
+    def finish(self, path: str) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        """Return poses of the plate (m, 3) and of the objects (m, n, 3), and wrenches (m, 3), at the same times.
 
         Raises:
             RunLogError: When there are none.
@@ -115,11 +128,22 @@ class _Poses:
         times, known = np.array(sorted(found)), np.array(sorted(self._plate))
         if not len(known):
             raise RunLogError(path, f"the log does not say where the plate was; learning needs {_NEEDED}")
-        times = times[(times >= known[0]) & (times <= known[-1])]
+        pushed = np.array(sorted(self._wrenches))
+        for spans in (known, pushed) if len(pushed) else (known,):
+            times = times[(times >= spans[0]) & (times <= spans[-1])]
         plate = np.array([self._plate[time] for time in known])
         plate[:, 2] = np.unwrap(plate[:, 2])
-        columns = [np.interp(times, known, column) for column in plate.T]
-        return np.stack(columns, axis=1), np.array([found[time] for time in times])
+        wrenches = np.array([self._wrenches[time] for time in pushed])
+        return (
+            _at(times, known, plate),
+            np.array([found[time] for time in times]),
+            _at(times, pushed, wrenches) if len(pushed) else None,
+        )
+
+
+def _at(times: FloatArray, known: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return rows (k, 3), known at some times, at others (m, 3)."""
+    return np.stack([np.interp(times, known, column) for column in rows.T], axis=1)
 
 
 def _pose(x: float, y: float, rotation: object) -> list[float]:

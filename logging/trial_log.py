@@ -24,7 +24,7 @@ def write_trial(trials: Trials, sample: int, plan: PlanResult, path: Path | str)
         log.plan(plan)
         judge = judging_set(trials.scenario, plan.stable_set)
         error = trials.goal_errors[sample]
-        log.execution(executed(report.t, report.poses, report.object_poses, judge, error))
+        log.execution(executed(report.t, report.poses, report.object_poses, report.wrenches, judge, error))
         loss = report.loss
         if loss is not None:
             name, mode = trials.scenario.chain.contact_name(loss.contact), loss.mode.name.lower()

@@ -71,7 +71,7 @@ class ClosedLoopRun:
         """The course as logs and players know it."""
         judge = judging_set(self.scenario, self.scenario.stability.set)
         course = self.course
-        return executed(course.t, course.poses, course.object_poses, judge, self.goal_errors)
+        return executed(course.t, course.poses, course.object_poses, course.wrenches, judge, self.goal_errors)
 
     @property
     def recorded(self) -> RecordedRun:

@@ -44,7 +44,8 @@ def table(run: RecordedRun) -> dict[str, FloatArray]:
 
     `t`; `x`, `y`, `theta` of the chain frame in the world; `vx`, `vy`, `omega` of the body twist in the chain
     frame; of several pushes, these are the robot's frame and `load_x`, `load_y`, `load_theta` that of the objects;
-    where contacts may slip, for each object O `O.x`, `O.y`, `O.theta` in the world;
+    where contacts may slip, for each object O `O.x`, `O.y`, `O.theta` in the world, and `fx`, `fy`, `torque` with
+    which the plate pushes, chain frame;
     `base_x`, `base_y`, `base_theta`, `base_vx`, `base_vy`, `base_omega` of the robot's base, in its own frame;
     then for each contact C `C.margin` and, where the loads are known, `C.friction_margin`, `C.lambda`,
     `C.force_x`, `C.force_y` (chain frame).
@@ -66,6 +67,8 @@ def table(run: RecordedRun) -> dict[str, FloatArray]:
         for k, obj in enumerate(run.scenario.chain.objects):
             names = [f"{obj.name}.{name}" for name in ("x", "y", "theta")]
             columns |= dict(zip(names, execution.object_poses[:, k].T, strict=True))
+    if execution.wrenches is not None:
+        columns |= dict(zip(("fx", "fy", "torque"), execution.wrenches.T, strict=True))
     base = run.scenario.chain.pusher.base_pose
     columns |= dict(
         zip(("base_x", "base_y", "base_theta"), se2.compose(execution.poses, base).T, strict=True)

@@ -15,9 +15,9 @@ from pushplan.logging.messages.schemas import Execution as ExecutionBlock
 from pushplan.logging.messages.schemas import ExecutionEnd, MessageClass
 
 REQUIRED = ("t", "poses", "twists", "margins")
-OPTIONAL = ("friction_margins", "lambdas", "forces", "dynamic_margins", "loads", "object_poses")
+OPTIONAL = ("friction_margins", "lambdas", "forces", "dynamic_margins", "loads", "object_poses", "wrenches")
 """The first three are known only where the loads on the floor are; `dynamic_margins` are not in logs of older
-versions; `loads` are in those of several pushes, `object_poses` in those whose contacts may slip."""
+versions; `loads` are in those of several pushes, `object_poses` and `wrenches` in those whose contacts may slip."""
 
 
 def seconds(t: FloatArray) -> Iterator[slice]:
@@ -118,7 +118,7 @@ class Collector:
 
 def _shape(name: str, samples: int, contacts: int) -> tuple[int, ...]:
     tails = {"t": (), "poses": (3,), "twists": (3,), "loads": (3,), "forces": (contacts, 2)}
-    tails["object_poses"] = (contacts, 3)
+    tails |= {"object_poses": (contacts, 3), "wrenches": (3,)}
     return (samples, *tails.get(name, (contacts,)))
 
 

@@ -6,7 +6,8 @@ code has to be kept. Field numbers never change their meaning; new fields take n
 - `Plan`: what planning found, complete: arcs of the path, polynomial of the trajectory, search tree; or why nothing.
 - `Progress`: one improvement of the best path. Wall-clock times are in the metadata `pushplan.progress.N` and
   `pushplan.planning`. `Costs`: all of them in one message, as plots of one number over another want it.
-- `Twist`, `Margins`: what the pusher does and how far every contact is from slipping, for people and plots.
+- `Twist`, `Wrench`, `Margins`: what the pusher does, with which force, and how far every contact is from slipping,
+  for people and plots.
 - `Segment`: a part of a plan of several pushes; on its topic when it begins.
 - `Execution`: the samples of one stretch of the execution, bit for bit (see `blocks`), and `ExecutionEnd`.
 """
@@ -33,6 +34,7 @@ _STAMP = "1 google.protobuf.Timestamp timestamp"
 
 _MESSAGES: dict[str, tuple[str, ...]] = {
     "Twist": (_STAMP, "2 string frame_id", "3 double vx", "4 double vy", "5 double omega"),
+    "Wrench": (_STAMP, "2 string frame_id", "3 double fx", "4 double fy", "5 double torque"),
     "ContactMargin": (
         "1 string name",
         "2 double margin",
@@ -155,6 +157,7 @@ def _message_class(name: str) -> MessageClass:
 
 
 Twist = _message_class("Twist")
+Wrench = _message_class("Wrench")
 Margins = _message_class("Margins")
 Progress = _message_class("Progress")
 Costs = _message_class("Costs")
@@ -214,6 +217,7 @@ PROGRESS = Topic("/planner/progress", Progress)
 COSTS = Topic("/planner/costs", Costs)
 PUSHER_POSE = Topic("/pusher/pose", PoseInFrame)
 PUSHER_TWIST = Topic("/pusher/twist", Twist)
+PUSHER_WRENCH = Topic("/pusher/wrench", Wrench)
 MARGINS = Topic("/margins", Margins)
 ROBOT = Topic("/robot", PoseInFrame)
 SEGMENT = Topic("/segment", Segment)
@@ -246,4 +250,5 @@ TOPICS = (
     MEASURED,
     EVENTS,
     REPLANS,
+    PUSHER_WRENCH,
 )

@@ -25,7 +25,7 @@ from pushplan.logging.view.scene import CHAIN
 from pushplan.mechanics.chain import Chain
 
 VIEW_RATE = 20.0
-"""Samples per second of /tf, /contacts, /pusher/pose, /pusher/twist and /margins."""
+"""Samples per second of /tf, /contacts, /pusher/pose, /pusher/twist, /pusher/wrench and /margins."""
 
 
 def viewed(execution: Execution) -> IntArray:
@@ -51,6 +51,8 @@ def messages(
     else:
         plates = se2.compose(execution.poses[samples], chain.pusher.plate_pose)
         apart = {schemas.ROBOT: frames.pose_in_world().fill(instants, frames.placed(plates))}
+    if execution.wrenches is not None:
+        apart[schemas.PUSHER_WRENCH] = _wrench().fill(instants, execution.wrenches[samples])
     columns = {name: numbers[samples] for name, numbers in _contact_columns(chain, execution)}
     margins = [execution.margins[samples].min(axis=1)[:, None], *columns.values()]
     return {
@@ -76,6 +78,16 @@ def _twist() -> MessageTemplate:
     def message(stamp: Timestamp, numbers: list[float]) -> MessageClass:
         vx, vy, omega = numbers
         return schemas.Twist(timestamp=stamp, frame_id=CHAIN, vx=vx, vy=vy, omega=omega)
+
+    return MessageTemplate(message, 3)
+
+
+def _wrench() -> MessageTemplate:
+    """The wrench with which the plate pushes, chain frame."""
+
+    def message(stamp: Timestamp, numbers: list[float]) -> MessageClass:
+        fx, fy, torque = numbers
+        return schemas.Wrench(timestamp=stamp, frame_id=CHAIN, fx=fx, fy=fy, torque=torque)
 
     return MessageTemplate(message, 3)
 

@@ -69,13 +69,14 @@ def rows(found: Identification) -> list[tuple[str, str]]:
     ]
     position, angle = found.noise
     noise = f"{1e3 * position:.2g} mm / {degrees(angle):.2g} deg"
-    floor = "only ratios: all floor frictions could be larger alike, the objects would go the same ways"
+    ratios = "only ratios: all floor frictions could be larger alike, the objects would go the same ways"
+    floor = [] if found.unknowns.absolute else [("floor friction", ratios)]
     rough = (
         [("intervals", "rough: contacts change what they do too often for the search")]
         if found.worth < ROUGH
         else []
     )
-    return [*told, ("measured poses off by", noise), ("floor friction", floor), *rough]
+    return [*told, ("measured poses off by", noise), *floor, *rough]
 
 
 def document(found: Identification, output: Path | None) -> dict[str, object]:
@@ -119,9 +120,14 @@ def _write(found: Identification, logs: list[str], into: str | None, path: Path)
 
 def _heading(found: Identification, logs: list[str]) -> str:
     missing = [one.unknown.name for one in found.estimates if not one.determined]
+    ratios = (
+        ""
+        if found.unknowns.absolute
+        else "; floor frictions are ratios to the stated one of the first object"
+    )
     lines = [
         f"learned by pushplan identify from {', '.join(logs)}",
-        "90 % intervals; floor frictions are ratios to the stated one of the first object",
+        f"90 % intervals{ratios}",
         *([f"not determined, so left out: {', '.join(missing)}"] if missing else []),
     ]
     return "".join(f"# {line}\n" for line in lines)

@@ -66,6 +66,7 @@ class Course:
         t: (m,) times, s.
         poses: (m, 3) of the chain frame, that is of the plate, in the world.
         object_poses: (m, n, 3) of the objects in the world.
+        wrenches: (m - 1, 3) of the plate from each pose to the next, at the end of it, chain frame: N, N, N m.
         twists: (m, 3) of the plate from then on, body twists in the chain frame.
         measured: What the sensor said.
         jammed: Nothing could give way; everything ends there.
@@ -75,6 +76,7 @@ class Course:
     t: FloatArray
     poses: FloatArray
     object_poses: FloatArray
+    wrenches: FloatArray
     twists: FloatArray
     measured: Measured
     jammed: bool
@@ -109,6 +111,7 @@ def course_in(
     simulator, plate, seen = SlipSimulator(world), np.array(world.start), Measurements(sensor, seed)
     left = deque(sorted(kicks, key=lambda kick: kick.time))
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
+    wrenches: list[FloatArray] = []
     for k in range(int(time_limit * rate) + 1):
         now = k / rate
         while left and left[0].time <= now:
@@ -121,7 +124,8 @@ def course_in(
             progress(now)
         if simulator.jammed or (driver.over and not twist.any()):
             break
-        simulator.move(twist, 1.0 / rate)
+        wrenches.append(simulator.move(twist, 1.0 / rate).wrenches[-1])
         plate = compose(plate, exp(twist / rate))
     t, poses, object_poses, twists = (np.array(column) for column in zip(*rows, strict=True))
-    return Course(t, poses, object_poses, twists, seen.measured, simulator.jammed, driver.over)
+    pushed = np.array(wrenches).reshape(-1, 3)
+    return Course(t, poses, object_poses, pushed, twists, seen.measured, simulator.jammed, driver.over)

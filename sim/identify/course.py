@@ -1,4 +1,4 @@
-"""What was measured of one push: where the plate and the objects were."""
+"""What was measured of one push: where the plate and the objects were, and with which force the plate pushed."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ from pushplan.geometry import se2
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Poses in the world, measured at the same times.
+    """Poses in the world, and wrenches, measured at the same times.
 
     Attributes:
         plate_poses: (m, 3) of the chain frame, that is of the plate.
         object_poses: (m, n, 3) of the objects' own frames.
         name: What messages call it.
+        wrenches: (m, 3) with which the plate pushes on all that it touches, in the chain frame, about its origin:
+            N, N, N m. None where nobody measured.
 
     Raises:
         PushplanError: When there are fewer than three, or they are not finite.
@@ -28,6 +30,7 @@ class Course:
     plate_poses: FloatArray
     object_poses: FloatArray
     name: str = "course"
+    wrenches: FloatArray | None = None
 
     def __post_init__(self) -> None:
         plate, objects = np.asarray(self.plate_poses), np.asarray(self.object_poses)
@@ -41,6 +44,9 @@ class Course:
         object.__setattr__(self, "plate_poses", frozen(plate, (None, 3), f"{self.name}: poses of the plate"))
         shape = (len(plate), objects.shape[1], 3)
         object.__setattr__(self, "object_poses", frozen(objects, shape, f"{self.name}: poses of the objects"))
+        if self.wrenches is not None:
+            wrenches = frozen(self.wrenches, (len(plate), 3), f"{self.name}: wrenches of the plate")
+            object.__setattr__(self, "wrenches", wrenches)
 
     def pieces(self, reach: float, step: float, way: float) -> list[Course]:
         """Return the course cut into shorter ones, of poses between which something moves.
@@ -64,7 +70,12 @@ class Course:
             np.searchsorted(gone[kept], gone[-1] * np.arange(count + 1) / count).clip(max=len(kept) - 1)
         )
         return [
-            Course(self.plate_poses[these], self.object_poses[these], self.name)
+            Course(
+                self.plate_poses[these],
+                self.object_poses[these],
+                self.name,
+                None if self.wrenches is None else self.wrenches[these],
+            )
             for a, b in pairwise(cuts)
             if len(these := kept[a : b + 1]) > 2
         ]

@@ -69,6 +69,14 @@ class Identification:
         determined = one_sided or bool(ends[1] - ends[0] < _SHORT)
         return Estimate(one, float(low), float(median), float(high), determined)
 
+    @property
+    def friction_spans(self) -> FloatArray:
+        """(n, 2) 90 % intervals of the objects' coefficients of floor friction, with their masses as stated."""
+        objects = self.unknowns.world.chain.objects
+        coefficients = np.array([obj.floor_friction / obj.friction_load for obj in objects])
+        found = coefficients * self.unknowns.friction_loads(self.samples)
+        return np.asarray(np.quantile(found, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0).T)
+
     def load_spans(self, i: int) -> FloatArray:
         """Return the 90 % intervals (k, 2) of the part of object i's weight on each of its points."""
         chosen = self.samples[:: max(1, len(self.samples) // 400)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -16,12 +16,16 @@ from pushplan.sim.identify.identification import Identification
 from pushplan.sim.identify.prediction import Comparison
 from pushplan.sim.identify.surrogate import sample_errors
 from pushplan.sim.identify.unknowns import Unknowns
+from pushplan.sim.slip.kernels.packed import PackedWorld
+from pushplan.sim.slip.packing import half_extent
 from pushplan.sim.worlds.world import World
 
 EXPECTED = np.array([1e-3, 1e-3, 5e-3])
 """Errors of measured poses to begin with: m, m, rad."""
 LEAST = np.array([5e-5, 5e-5, 2e-4])
 """Errors that are taken for granted, even of simulated poses: those of steps and of loads on points."""
+EXPECTED_FORCE, LEAST_FORCE = 0.1, 0.01
+"""Likewise of measured wrenches, as parts of the mean force, and of that times the chain's half extent."""
 
 
 def identify_courses(
@@ -32,9 +36,10 @@ def identify_courses(
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Identification:
-    """Find contact friction, loads and ratios of floor friction.
+    """Find contact friction, loads and floor friction.
 
-    Quasi-static motion does not change when all floor frictions grow alike: poses determine only their ratios.
+    Quasi-static motion does not change when all floor frictions grow alike: poses determine only their ratios,
+    measured wrenches of the plate their size.
 
     Args:
         world: Shapes and contacts of the chain, masses, obstacles; its frictions and loads do not matter, but that
@@ -54,7 +59,7 @@ def identify_courses(
         errors, information, correlation = problem.linearised(place)
         best = place[: problem.count]
         found = sample_errors(errors, best, information, np.random.default_rng(seed), progress)
-    scales = problem.scales
+    scales = problem.scales[0]
     return Identification(
         problem.unknowns,
         problem.unknowns.values(found.places),
@@ -75,28 +80,53 @@ def _check(world: World, courses: Sequence[Course]) -> None:
             )
 
 
+def _force_of(courses: Sequence[Course]) -> float | None:
+    """Return the mean force that was measured, N; None where none was."""
+    measured = [course.wrenches for course in courses if course.wrenches is not None]
+    if not measured:
+        return None
+    wrenches = np.concatenate(measured)
+    force = float(np.hypot(wrenches[:, 0], wrenches[:, 1]).mean())
+    if not force > 0.0:
+        raise PushplanError("all measured forces are zero; leave wrenches out where nobody measured them")
+    return force
+
+
+def _mean_squares(errors: Sequence[FloatArray]) -> FloatArray:
+    """Return mean squares (3,) of errors (..., 3), the first two of them the same."""
+    squares = np.concatenate([rows.reshape(-1, 3) for rows in errors]) ** 2
+    away, turned = squares[:, :2].mean(), squares[:, 2].mean()
+    return np.array([away, away, turned])
+
+
 class _Problem:
     """All courses with what is not known: the numbers of the chain, and where the objects stood at first."""
 
     def __init__(self, world: World, courses: Sequence[Course], jobs: int) -> None:
-        self.unknowns = Unknowns.from_world(world)
+        forces = _force_of(courses)
+        self.unknowns = Unknowns.from_world(world, absolute=forces is not None)
         self.count = len(self.unknowns.each)
         reach = world.chain.reach
         self.comparisons = [piece for course in courses for piece in Comparison.of_pieces(course, reach)]
         if not self.comparisons:
             raise PushplanError("the plate hardly moves in any course, so there is nothing to learn from")
         self.shape = (len(world.chain.objects), 3)
-        self.scales = EXPECTED
+        length = half_extent(world.chain)
+        unit = (forces or 1.0) * np.array([1.0, 1.0, length])  # what nobody measured is in no row
+        self.least = np.vstack([np.tile(LEAST, (self.shape[0], 1)), LEAST_FORCE * unit])
+        self.scales = np.vstack([np.tile(EXPECTED, (self.shape[0], 1)), EXPECTED_FORCE * unit])
         self.pool = ThreadPoolExecutor(jobs)
 
     def errors(self, place: FloatArray) -> FloatArray:
         """Return the errors of all courses over their expected sizes; the places of the start follow the cube's."""
         parts, shifts = place[: self.count], self._shifts(place)
         packed = self.unknowns.packed_for(self.unknowns.values(parts))
-        rows = self.pool.map(
-            lambda k: self.comparisons[k].errors(packed, shifts[k]), range(len(self.comparisons))
-        )
-        return np.concatenate([(row / self.scales).reshape(-1) for row in rows])
+        pairs = zip(self.comparisons, shifts, strict=True)
+        return np.concatenate(list(self.pool.map(lambda pair: self._scaled(pair[0], packed, pair[1]), pairs)))
+
+    def _scaled(self, comparison: Comparison, packed: PackedWorld, shift: FloatArray) -> FloatArray:
+        errors = comparison.errors(packed, shift)
+        return np.asarray((errors / self.scales[: errors.shape[1]]).reshape(-1))
 
     def _shifts(self, place: FloatArray) -> FloatArray:
         return np.asarray(place[self.count :].reshape(len(self.comparisons), *self.shape) * EXPECTED)
@@ -112,12 +142,23 @@ class _Problem:
         return place
 
     def _left_over(self, place: FloatArray) -> FloatArray:
-        """Return the root mean square errors that a place leaves, m, m, rad."""
-        errors = self.errors(place).reshape(-1, 3) * self.scales
+        """Return the root mean square errors that a place leaves: of poses and wrenches, alike along x and y."""
+        errors, n = self.errors(place), self.shape[0]
         free = max(0.5, 1.0 - len(place) / errors.size)  # degrees of freedom that are left
-        squares = (errors**2).mean(axis=0) / free
-        away = 0.5 * (squares[0] + squares[1])
-        return np.asarray(np.maximum(np.sqrt([away, away, squares[2]]), LEAST))
+        rows = list(self._by_course(errors))
+        left = [np.asarray(self.scales[0] * np.sqrt(_mean_squares([row[:, :n] for row in rows]) / free))] * n
+        pushed = [row[:, n:] for row in rows if row.shape[1] > n]
+        left.append(self.scales[n] * (np.sqrt(_mean_squares(pushed) / free) if pushed else 1.0))
+        return np.asarray(np.maximum(left, self.least))
+
+    def _by_course(self, errors: FloatArray) -> Iterator[FloatArray]:
+        """Yield the errors of each comparison (k, n, 3), or with wrenches (k, n + 1, 3)."""
+        begin = 0
+        for comparison in self.comparisons:
+            shape = (len(comparison.marks), self.shape[0] + (comparison.course.wrenches is not None), 3)
+            end = begin + int(np.prod(shape))
+            yield errors[begin:end].reshape(shape)
+            begin = end
 
     def jacobian(self, place: FloatArray) -> FloatArray:
         """Return the derivatives of the errors; where a course began changes that course only."""
@@ -132,16 +173,15 @@ class _Problem:
         columns = [column(j) for j in range(self.count)]
         packed = self.unknowns.packed_for(self.unknowns.values(place[: self.count]))
         shifts, begin = self._shifts(place), 0
-        for k, comparison in enumerate(self.comparisons):
-            size = len(comparison.marks) * self.shape[0] * 3
+        for k, (comparison, rows) in enumerate(zip(self.comparisons, self._by_course(base), strict=True)):
             for j in range(self.shape[0] * 3):
                 moved = shifts[k].copy()
                 moved.reshape(-1)[j] += 0.05 * EXPECTED[j % 3]
-                there = (comparison.errors(packed, moved) / self.scales).reshape(-1)
+                there = self._scaled(comparison, packed, moved)
                 whole = np.zeros(len(base))
-                whole[begin : begin + size] = (there - base[begin : begin + size]) / 0.05
+                whole[begin : begin + rows.size] = (there - rows.reshape(-1)) / 0.05
                 columns.append(whole)
-            begin += size
+            begin += rows.size
         return np.stack(columns, axis=1)
 
     def linearised(self, place: FloatArray) -> tuple[Callable[[FloatArray], FloatArray], FloatArray, float]:
@@ -166,16 +206,13 @@ class _Problem:
         """Return `errors` without handing work to other threads: for those that are at work in one."""
         packed = self.unknowns.packed_for(self.unknowns.values(place[: self.count]))
         pairs = zip(self.comparisons, self._shifts(place), strict=True)
-        return np.concatenate([(one.errors(packed, shift) / self.scales).reshape(-1) for one, shift in pairs])
+        return np.concatenate([self._scaled(one, packed, shift) for one, shift in pairs])
 
     def _correlation(self, errors: FloatArray) -> float:
         """Return (1 + r) / (1 - r) with the correlation r between neighbours along the courses, >= 1."""
-        begin, products, squares = 0, 0.0, 1e-300
-        for comparison in self.comparisons:
-            size = len(comparison.marks) * self.shape[0] * 3
-            rows = errors[begin : begin + size].reshape(len(comparison.marks), -1)
+        products, squares = 0.0, 1e-300
+        for rows in self._by_course(errors):
             products += float((rows[1:] * rows[:-1]).sum())
             squares += float((rows**2).sum())
-            begin += size
         r = min(max(products / squares, 0.0), 0.95)
         return (1.0 + r) / (1.0 - r)

@@ -19,8 +19,8 @@ LOADS = ("border", "tilt", "foot")
 def piece_of(found: Identification) -> Document:
     """Return what the data determine, in the form of a scenario file: `contacts.between` and `objects`.
 
-    Frictions are intervals; floor frictions are those that go with the stated one of the first object. A load is one
-    on points, the part of the weight on each an interval.
+    Frictions are intervals; without measured forces floor frictions are those that go with the stated one of the
+    first object. A load is one on points, the part of the weight on each an interval.
     """
     between = [_contact(found, one) for one in found.estimates if _told(one, "contact_friction")]
     objects = [_object(found, i) for i in range(len(found.unknowns.loads))]
@@ -64,13 +64,10 @@ def _contact(found: Identification, one: Estimate) -> Document:
 
 
 def _object(found: Identification, i: int) -> Document:
-    chain = found.unknowns.world.chain
-    obj, first = chain.objects[i], chain.objects[0]
-    learned: Document = {"name": obj.name}
-    for one in found.estimates:
-        if one.unknown.of == i and _told(one, "floor_ratio"):
-            stated = first.floor_friction * first.mass / obj.mass
-            learned["floor_friction"] = _span(one.low * stated, one.high * stated)
+    learned: Document = {"name": found.unknowns.world.chain.objects[i].name}
+    ratio = any(one.unknown.of == i and _told(one, "floor_ratio") for one in found.estimates)
+    if ratio or (i == 0 and any(_told(one, "floor_friction") for one in found.estimates)):
+        learned["floor_friction"] = _span(*found.friction_spans[i])
     if any(one.unknown.of == i and one.determined and one.unknown.kind in LOADS for one in found.estimates):
         points, spans = found.unknowns.loads[i].points, found.load_spans(i)
         feet = [

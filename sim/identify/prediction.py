@@ -1,4 +1,4 @@
-"""Errors of predicted object poses against measured ones, for values of the unknowns and places of the start."""
+"""Errors of predictions against what was measured, for values of the unknowns and places of the start."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Comparison:
         return cls(course, fine, ends[samples], samples)
 
     def errors(self, packed: PackedWorld, shift: FloatArray) -> FloatArray:
-        """Return by how much predicted poses are off the measured ones.
+        """Return by how much predicted poses, and wrenches where they were measured, are off the measured ones.
 
         Args:
             packed: The arrays of a world.
@@ -62,7 +62,7 @@ class Comparison:
                 m, rad.
 
         Returns:
-            (k, n, 3) in the plate's frame: m and rad.
+            (k, n, 3) in the plate's frame: m and rad; with wrenches (k, n + 1, 3), the last row N, N, N m.
         """
         plate = self.course.plate_poses
         first = se2.relative(plate[0], self.course.object_poses[0]) + shift
@@ -75,4 +75,8 @@ class Comparison:
         there = plate[self.samples][:, None]
         off = se2.relative(there, reached) - se2.relative(there, self.course.object_poses[self.samples])
         off[..., 2] = se2.wrap_angle(off[..., 2])
-        return np.asarray(off)
+        if self.course.wrenches is None:
+            return np.asarray(off)
+        # Of the step that begins there: what the plate pushes with before anything moves, nobody can predict.
+        pushed = trace.wrenches[np.minimum(self.marks, len(self.motions) - 1)]
+        return np.concatenate([off, (pushed - self.course.wrenches[self.samples])[:, None]], axis=1)

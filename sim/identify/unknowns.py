@@ -27,7 +27,7 @@ class Unknown:
     """One number that is not known; before anything was measured, it is anywhere between its ends alike.
 
     Attributes:
-        kind: `contact_friction`, `floor_ratio`, `border`, `tilt` or `foot`.
+        kind: `contact_friction`, `floor_ratio`, `border`, `tilt`, `foot` or `floor_friction`.
         of: The contact's or the object's index.
         name: For people.
         low: Least value.
@@ -66,23 +66,30 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """All unknown numbers of a world, in one order: contacts' friction, floor ratios, loads.
+    """All unknown numbers of a world, in one order: contacts' friction, floor ratios, loads, floor friction.
 
     Attributes:
         world: What is stated; its loads are known (some, where they are to be found).
         packed: Its arrays, with room for any values.
         loads: One an object.
-        names: All unknowns.
+        each: All unknowns.
+        absolute: Whether the first object's floor friction is one, the last: forces were measured.
     """
 
     world: World
     packed: PackedWorld
     loads: tuple[Load, ...]
     each: tuple[Unknown, ...]
+    absolute: bool
 
     @classmethod
-    def from_world(cls, world: World) -> Unknowns:
-        """Return what is not known of a world, were nothing stated but shapes, places and masses."""
+    def from_world(cls, world: World, absolute: bool = False) -> Unknowns:
+        """Return what is not known of a world, were nothing stated but shapes, places and masses.
+
+        Args:
+            world: What is stated; floor frictions are looked for around it.
+            absolute: Whether the first object's floor friction is to be found, too, not only ratios to it.
+        """
         chain = world.chain
         loads = tuple(_load(i, obj) for i, obj in enumerate(chain.objects))
         for obj, load in zip(chain.objects, loads, strict=True):
@@ -92,14 +99,17 @@ class Unknowns:
             Unknown("contact_friction", k, f"friction of {chain.contact_name(k)}", *FRICTION)
             for k in range(len(chain.contacts))
         ]
-        first = chain.objects[0].name
+        first = chain.objects[0]
         ratios = [
-            Unknown("floor_ratio", i, f"floor friction of {obj.name} over {first}", *_ratio(world, i), True)
+            Unknown("floor_ratio", i, f"floor friction of {obj.name} over {first.name}", *_ratio(world, i), True)
             for i, obj in enumerate(chain.objects)
             if i > 0
         ]
         of_loads = [unknown for load in loads for unknown in load.unknowns]
-        return cls(world, pack_world(world), loads, (*frictions, *ratios, *of_loads))
+        ends = (RATIO[0] * first.floor_friction, RATIO[1] * first.floor_friction)
+        scale = [Unknown("floor_friction", 0, f"floor friction of {first.name}", *ends, True)] * absolute
+        each = (*frictions, *ratios, *of_loads, *scale)
+        return cls(world, pack_world(world), loads, each, absolute)
 
     def values(self, parts: FloatArray) -> FloatArray:
         """Return the values (..., p) at places (..., p) in the unit cube."""
@@ -112,10 +122,11 @@ class Unknowns:
         return [load.loads(values[a:b]) for load, a, b in spans]
 
     def friction_loads(self, values: FloatArray) -> FloatArray:
-        """Return coefficient times weight of every object (n,), N, for values (p,); the first one's is as stated."""
-        n = len(self.loads)
-        first = self.world.chain.objects[0].friction_load
-        return np.concatenate([[first], first * values[n : 2 * n - 1]])
+        """Return coefficient times weight of every object (..., n), N, for values (..., p)."""
+        n, obj = len(self.loads), self.world.chain.objects[0]
+        scale = values[..., -1:] / obj.floor_friction if self.absolute else np.ones((*values.shape[:-1], 1))
+        first = obj.friction_load * scale
+        return np.concatenate([first, first * values[..., n : 2 * n - 1]], axis=-1)
 
     def packed_for(self, values: FloatArray) -> PackedWorld:
         """Return the arrays of the world that has these values (p,)."""

@@ -11,7 +11,12 @@ from pushplan.stable_sets.stable_set import StableSet
 
 
 def executed(
-    t: FloatArray, poses: FloatArray, object_poses: FloatArray, judge: StableSet, goal_error: FloatArray
+    t: FloatArray,
+    poses: FloatArray,
+    object_poses: FloatArray,
+    wrenches: FloatArray,
+    judge: StableSet,
+    goal_error: FloatArray,
 ) -> Execution:
     """Return an execution whose margins are those that its twists had if all contacts were as the judge has them.
 
@@ -19,6 +24,7 @@ def executed(
         t: (m,) times, s.
         poses: (m, 3) of the chain frame in the world.
         object_poses: (m, n, 3) of the objects in the world.
+        wrenches: (m - 1, 3) of the plate from each pose to the next, chain frame: N, N, N m.
         judge: A stable set of the chain.
         goal_error: (2,) m and rad.
     """
@@ -34,6 +40,7 @@ def executed(
         loss=None,
         goal_error=(float(goal_error[0]), float(goal_error[1])),
         object_poses=object_poses,
+        wrenches=np.concatenate([wrenches, np.zeros((1, 3))]),
     )
 
 

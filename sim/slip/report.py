@@ -61,6 +61,7 @@ class SlipReport:
         object_poses: (m + 1, n, 3) poses of the objects' own frames in the world.
         modes: (m, n) what every contact did in every step, values of `Mode`.
         forces: (m, n, 3) normal force at the right and the left end and tangential force on the pushed object, N.
+        wrenches: (m, 3) with which the plate pushes on all that it touches, in the chain frame: N, N, N m.
         others: (m, n) how many other bodies press on every object: obstacles, walls, objects it was not stacked on.
         residual: (m,) what is left of the balance of forces, over the friction of all objects.
         end: (m,) how the solver ended, see `sim.slip.kernels.state`.
@@ -76,6 +77,7 @@ class SlipReport:
     object_poses: FloatArray
     modes: IntArray
     forces: FloatArray
+    wrenches: FloatArray
     others: IntArray
     residual: FloatArray
     end: IntArray

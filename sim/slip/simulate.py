@@ -52,6 +52,7 @@ def simulate_poses(
         object_poses=np.concatenate([world.object_poses[None], trace.poses[:done]]),
         modes=trace.modes[:done],
         forces=trace.forces[:done],
+        wrenches=trace.wrenches[:done],
         others=trace.others[:done],
         residual=trace.residual[:done],
         end=trace.end,

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from conftest import ChainMaker
 from scipy.stats import kstest
 
 import pushplan
@@ -33,17 +34,28 @@ from pushplan.sim.worlds.world import World
 BOX = np.array([[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]])
 
 
+def four_feet(outline: FloatArray) -> pushplan.FeetSupport:
+    return pushplan.FeetSupport(0.9 * outline, np.full(len(outline), 1.0 / len(outline)))
+
+
 def crates() -> pushplan.Scenario:
     scenario = pushplan.load_scenario("two-crates")
     return replace(scenario, obstacles=(), workspace=None)
 
 
-def pushed(world: World, twist: FloatArray, noise: float, seed: int) -> Course:
-    """What is measured of a push with a constant body twist (3,), m and rad."""
+def pushed(
+    world: World, twist: FloatArray, noise: float, seed: int, force_noise: float | None = None
+) -> Course:
+    """What is measured of a push with a constant body twist (3,), m and rad; forces only with a noise (N)."""
     shares = np.linspace(0.0, 1.0, 61)
     report = simulate_poses(shares, se2.compose(world.start, se2.exp(shares[:, None] * twist)), world)
     off = noise * np.random.default_rng(seed).standard_normal(report.object_poses.shape) * [1.0, 1.0, 5.0]
-    return Course(report.poses, report.object_poses + off)
+    if force_noise is None:
+        return Course(report.poses, report.object_poses + off)
+    wrenches = np.vstack([report.wrenches, report.wrenches[-1:]])
+    size = force_noise * np.array([1.0, 1.0, 0.05])
+    wrenches += size * np.random.default_rng([seed, 1]).standard_normal(wrenches.shape)
+    return Course(report.poses, report.object_poses + off, wrenches=wrenches)
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +94,9 @@ def test_the_arrays_of_unknown_numbers_are_those_of_the_world_that_has_them() ->
     for name in ("feet", "loads", "center", "corners", "friction", "pairs"):
         assert getattr(ours, name) == pytest.approx(getattr(packed, name), rel=1e-9), name
     assert values[2] * stated.chain.objects[0].friction_load == pytest.approx(packed.loads[1, 0])
+    absolute = Unknowns.from_world(stated.with_support(feet, "far"), absolute=True)
+    larger = absolute.world_for(np.append(values, 2.0 * stated.chain.objects[0].floor_friction))
+    assert pack_world(larger).loads[:, 0] == pytest.approx(2.0 * packed.loads[:, 0])
 
 
 def test_loads_of_feet_are_all_alike_likely() -> None:
@@ -152,20 +167,45 @@ def test_a_plan_with_what_was_learned_holds_where_one_with_the_stated_numbers_sl
         assert np.mean(kept) >= 0.9 if holds else not any(kept)
 
 
+def test_measured_forces_tell_the_size_of_floor_friction() -> None:
+    """Stated floor friction is 0.3, in truth it is 0.48."""
+    chain = ChainMaker().boxes(1, pusher_friction=0.5, support=four_feet)
+    stated = World.from_chain(chain)
+    unknowns = Unknowns.from_world(stated, absolute=True)
+    parts = np.full(len(unknowns.each), 0.5)
+    parts[0], parts[-1] = 0.3, np.log(0.48 / 0.3 / 0.25) / np.log(16.0)
+    truth = unknowns.values(parts)
+    world = unknowns.world_for(truth)
+    assert world.chain.objects[0].floor_friction == pytest.approx(0.48)
+    found = identify_courses(stated, [pushed(world, np.array([0.08, 0.05, 0.6]), 2e-4, 0, 0.1)])
+    size = found.estimates[-1]
+    assert size.unknown.kind == "floor_friction"
+    assert size.determined
+    assert size.low <= 0.48 <= size.high
+    assert size.high - size.low < 0.02
+    low, high = piece_of(found)["objects"][0]["floor_friction"]
+    assert low <= 0.48 <= high
+
+
 def slipped(scenario: pushplan.Scenario, course: Course) -> pushplan.Execution:
     """A course as the simulator with slip would have recorded it."""
     judge = scenario.stable_set("ecof")
-    return executed(np.linspace(0.0, 1.0, 61), course.plate_poses, course.object_poses, judge, np.zeros(2))
+    wrenches = np.zeros((60, 3)) if course.wrenches is None else course.wrenches[:-1]
+    times = np.linspace(0.0, 1.0, 61)
+    return executed(times, course.plate_poses, course.object_poses, wrenches, judge, np.zeros(2))
 
 
 def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_path: Path) -> None:
     scenario = crates()
-    course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1)
+    course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1, 0.1)
+    assert course.wrenches is not None
     with RunLogWriter.create(tmp_path / "slip.mcap", scenario, {}) as log:
         log.execution(slipped(scenario, course))
         log.finish("arrived")
     _, read = read_course(tmp_path / "slip.mcap")
     np.testing.assert_array_equal(read.object_poses, course.object_poses)
+    assert read.wrenches is not None
+    np.testing.assert_array_equal(read.wrenches[:-1], course.wrenches[:-1])
     with RunLogWriter.create(tmp_path / "none.mcap", scenario, {}) as log:
         log.finish("unsolved")
     with pytest.raises(RunLogError, match="nobody measured where the objects went"):
@@ -203,5 +243,9 @@ def test_a_course_that_does_not_fit_is_refused() -> None:
         identify_courses(world, [Course(still, np.zeros((5, 1, 3)))])
     with pytest.raises(PushplanError, match="hardly moves"):
         identify_courses(world, [Course(still, np.zeros((5, 2, 3)))])
+    with pytest.raises(PushplanError, match=r"wrenches of the plate has shape \(4, 3\)"):
+        Course(still, np.zeros((5, 2, 3)), wrenches=np.zeros((4, 3)))
+    with pytest.raises(PushplanError, match="all measured forces are zero"):
+        identify_courses(world, [Course(still, np.zeros((5, 2, 3)), wrenches=still)])
     with pytest.raises(PushplanError, match="3 is the least"):
         Course(still[:2], np.zeros((2, 2, 3)))

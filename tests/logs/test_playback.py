@@ -253,6 +253,7 @@ def test_a_viewer_that_connects_sees_the_run(recorded: RecordedRun) -> None:
         "/measured",
         "/events",
         "/plan/replans",
+        "/pusher/wrench",
     }  # of several pushes, and of closed loops
     scene = schemas.SCENE.message.FromString(found["/scene"][-1][1])
     assert any(entity.id == "object/far" for entity in scene.entities)

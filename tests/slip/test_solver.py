@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 from conftest import ChainMaker
 
-from pushplan.mechanics.support import UniformSupport
+from pushplan.basics.arrays import FloatArray
+from pushplan.geometry import se2
+from pushplan.mechanics.support import FeetSupport, UniformSupport
 from pushplan.sim.slip.kernels.state import JAMMED, UNSOLVED
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.worlds.world import World
 
 make = ChainMaker()
+
+
+def four_feet(outline: FloatArray) -> FeetSupport:
+    return FeetSupport(0.9 * outline, np.full(4, 0.25))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
@@ -32,6 +38,31 @@ def test_every_step_of_random_pushes_is_solved(count: int) -> None:
         pressed = trace.forces[:, :, :2].sum(axis=2)
         mu_of = np.array([contact.friction for contact in chain.contacts])
         assert (np.abs(trace.forces[:, :, 2]) <= mu_of * pressed + 1e-6).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_the_plate_pushes_with_what_the_floor_holds_against(count: int) -> None:
+    """Floor friction from the feet's own displacements, in the plate's frame in the middle of every step."""
+    rng = np.random.default_rng(10 + count)
+    for friction in (0.05, 0.8):  # slides, sticks
+        chain = make.boxes(count, contact_friction=friction, pusher_friction=friction, support=four_feet)
+        world = World.from_chain(chain)
+        simulator = SlipSimulator(world)
+        motion = 2e-4 * np.array([1.0, rng.uniform(-0.5, 0.5), rng.uniform(-4.0, 4.0)])
+        trace = simulator.follow(np.tile(motion, (200, 1)))
+        poses = np.concatenate([world.object_poses[None], trace.poses])
+        plate = se2.compose(world.start, se2.exp((np.arange(200)[:, None] + 0.5) * motion))
+        held = np.zeros((200, 3))
+        for i, obj in enumerate(chain.objects):
+            feet = np.array([se2.transform_points(pose, 0.9 * obj.outline) for pose in poses[:, i]])
+            middle = 0.5 * (feet[1:] + feet[:-1]) - plate[:, None, :2]
+            moved = np.diff(feet, axis=0)
+            loads = obj.friction_load / 4
+            force = loads * moved / np.maximum(np.linalg.norm(moved, axis=2, keepdims=True), 1e-15)
+            torque = middle[..., 0] * force[..., 1] - middle[..., 1] * force[..., 0]
+            held += np.column_stack([se2.rotate(-plate[:, 2], force.sum(axis=1)), torque.sum(axis=1)])
+        assert trace.wrenches == pytest.approx(held, abs=0.02 * np.abs(held[:, 0]).max())
+        assert np.median(np.abs(trace.wrenches - held)) < 1e-3 * np.abs(held).max()
 
 
 def test_steps_of_five_millimetres_come_close_to_short_ones() -> None:

@@ -86,6 +86,7 @@ def test_objects_that_stand_off_their_places_touch_and_do_not_overlap() -> None:
             object_poses=world.object_poses[None],
             modes=np.zeros((0, 1), dtype=np.int64),
             forces=np.zeros((0, 1, 3)),
+            wrenches=np.zeros((0, 3)),
             others=np.zeros((0, 1), dtype=np.int64),
             residual=np.zeros(0),
             end=np.zeros(0, dtype=np.int64),

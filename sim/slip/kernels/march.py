@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import in_threads, no_refcount
+from pushplan.sim.slip.kernels.multipliers import contact_wrench
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 from pushplan.sim.slip.kernels.placing import copy_rows
 from pushplan.sim.slip.kernels.state import (
@@ -36,6 +37,7 @@ def march(packed: PackedWorld, work: Work, state: State, twists: FloatArray, tra
         if end in (UNSOLVED, JAMMED, CROWDED):
             return m + 1
         _note_contacts(packed, work, count, trace, m)
+        _note_wrench(packed, work, count, trace.wrenches[m])
     return len(twists)
 
 
@@ -54,6 +56,23 @@ def _note_contacts(packed: PackedWorld, work: Work, count: int, trace: Trace, m:
             for side in range(2):
                 if work.who[c, side] < n:
                     trace.others[m, work.who[c, side]] += 1
+
+
+@no_refcount
+def _note_wrench(packed: PackedWorld, work: Work, count: int, out: FloatArray) -> None:
+    """Write down the wrench with which the plate pushes, in its own frame where the step was solved.
+
+    The step knows it in the world's axes, about the plate's reference point at the step's start.
+    """
+    n = len(packed.loads)
+    fx = fy = torque = 0.0
+    for c in range(count):
+        if work.who[c, 0] == n:
+            x, y, w = contact_wrench(work, c)
+            fx, fy, torque = fx + x, fy + y, torque + packed.length * w
+    there = work.place[n]
+    out[0], out[1] = there[2] * fx + there[3] * fy, there[2] * fy - there[3] * fx
+    out[2] = torque - (there[0] * fy - there[1] * fx)
 
 
 @no_refcount

@@ -43,6 +43,7 @@ class Trace(NamedTuple):
         poses: (m, n, 3) of the objects after every step.
         modes: (m, n) of the chain's contacts, `OPEN` to `ROLL_SLIDE`.
         forces: (m, n, 3) of the chain's contacts: normal force at the right and the left end, tangential force, N.
+        wrenches: (m, 3) with which the plate pushes on all that it touches, in the chain frame: N, N, N m.
         others: (m, n) number of other active contacts of every object: with obstacles, walls, or bodies it was not
             stacked on.
         residual: (m,) of the balance, over the sum of mu N of all objects.
@@ -53,6 +54,7 @@ class Trace(NamedTuple):
     poses: FloatArray
     modes: IntArray
     forces: FloatArray
+    wrenches: FloatArray
     others: IntArray
     residual: FloatArray
     end: IntArray
@@ -78,6 +80,7 @@ def make_trace(steps: int, objects: int) -> Trace:
         np.zeros((steps, objects, 3)),
         np.zeros((steps, objects), dtype=np.int64),
         np.zeros((steps, objects, 3)),
+        np.zeros((steps, 3)),
         np.zeros((steps, objects), dtype=np.int64),
         np.zeros(steps),
         np.zeros(steps, dtype=np.int64),
@@ -91,6 +94,7 @@ def cut_trace(trace: Trace, steps: int) -> Trace:
         trace.poses[:steps],
         trace.modes[:steps],
         trace.forces[:steps],
+        trace.wrenches[:steps],
         trace.others[:steps],
         trace.residual[:steps],
         trace.end[:steps],
