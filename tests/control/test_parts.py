@@ -1,5 +1,7 @@
 """What the controller is made of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -173,7 +175,8 @@ def test_the_rest_of_an_earlier_plan_is_kept_from_a_little_aside(
 def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> None:
     from pushplan.control.replanner import Replanner
 
-    replanner = Replanner(crates, pushplan.ControlSettings())
+    # The way that a time limit leaves may pass obstacles closely; beside it, a chain would stand in them.
+    replanner = Replanner(replace(crates, obstacles=()), pushplan.ControlSettings())
     first = replanner.first()
     assert first.path is not None
     start = compose(first.path.poses_at([0.2 * first.path.cost])[0], [0.0, 4e-3, 0.03])
