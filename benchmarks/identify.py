@@ -1,10 +1,11 @@
 """Intervals of friction and loads against the truth, on simulated pushes with noise.
 
-Run `python benchmarks/identify.py [--cases 200] [--first 1] [--forces]`; prints every figure next to what is wanted and exits 1
-if one is missed. Each case is a plate and one box or two, uniform or on four feet, whose friction and loads are drawn
-evenly from everything that identification takes for possible; the plate pushes them twice by 12 cm along random
-arcs, and the poses of the objects are measured with an error of 1 mm and 0.3 deg. With `--forces` the wrench of
-the plate is measured, too, to 5 % of the objects' stated floor friction, and the size of floor friction is unknown.
+Run `python benchmarks/identify.py [--cases 200] [--first 1] [--forces]`; prints every figure next to what is wanted
+and exits 1 if one is missed. Each case is a plate and one box or two, uniform or on four feet, whose friction and
+loads are drawn evenly from everything that identification takes for possible; the plate pushes them twice by 12 cm
+along random arcs, and the poses of the objects are measured with an error of 1 mm and 0.3 deg. With `--forces` the
+wrench of the plate is measured, too, to 5 % of the objects' stated floor friction, and the size of floor friction
+is unknown.
 """
 
 from __future__ import annotations

@@ -101,7 +101,9 @@ class Unknowns:
         ]
         first = chain.objects[0]
         ratios = [
-            Unknown("floor_ratio", i, f"floor friction of {obj.name} over {first.name}", *_ratio(world, i), True)
+            Unknown(
+                "floor_ratio", i, f"floor friction of {obj.name} over {first.name}", *_ratio(world, i), True
+            )
             for i, obj in enumerate(chain.objects)
             if i > 0
         ]
