@@ -29,6 +29,7 @@ from pushplan.sim.identify.course import Course
 from pushplan.sim.identify.identification import Identification
 from pushplan.sim.identify.identify import identify_courses
 from pushplan.sim.identify.unknowns import Unknowns
+from pushplan.sim.slip.executed import at_poses
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.slip.simulate import simulate_poses
 from pushplan.sim.worlds.world import World
@@ -66,7 +67,7 @@ def pushed(world: World, rng: np.random.Generator, name: str, floor: float | Non
     measured = report.object_poses[::4] + NOISE * rng.standard_normal(report.object_poses[::4].shape)
     if floor is None:
         return Course(report.poses[::4], measured, name)
-    wrenches = np.vstack([report.wrenches, report.wrenches[-1:]])[::4]
+    wrenches = at_poses(report.wrenches)[::4]
     wrenches += floor * WRENCH_NOISE * rng.standard_normal(wrenches.shape)
     return Course(report.poses[::4], measured, name, wrenches)
 

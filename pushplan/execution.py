@@ -55,7 +55,7 @@ class Execution:
             stands for `poses`.
         object_poses: (m, n, 3) poses of the objects' own frames in the world where contacts may slip; margins are
             then those that the twists would have if nothing had. None where the objects keep their places.
-        wrenches: (m, 3) with which the plate pushes from then on on all that it touches, in the chain frame, about
+        wrenches: (m, 3) with which the plate pushes on all that it touches, in the chain frame, about
             its origin: N, N, N m. None where contacts may not slip: it is then that of `forces`.
     """
 

@@ -66,7 +66,7 @@ class Course:
         t: (m,) times, s.
         poses: (m, 3) of the chain frame, that is of the plate, in the world.
         object_poses: (m, n, 3) of the objects in the world.
-        wrenches: (m - 1, 3) of the plate from each pose to the next, at the end of it, chain frame: N, N, N m.
+        wrenches: (m - 1, 3) of the plate between each pose and the next, chain frame: N, N, N m.
         twists: (m, 3) of the plate from then on, body twists in the chain frame.
         measured: What the sensor said.
         jammed: Nothing could give way; everything ends there.
@@ -124,7 +124,7 @@ def course_in(
             progress(now)
         if simulator.jammed or (driver.over and not twist.any()):
             break
-        wrenches.append(simulator.move(twist, 1.0 / rate).wrenches[-1])
+        wrenches.append(simulator.move(twist, 1.0 / rate).wrenches.mean(axis=0))
         plate = compose(plate, exp(twist / rate))
     t, poses, object_poses, twists = (np.array(column) for column in zip(*rows, strict=True))
     pushed = np.array(wrenches).reshape(-1, 3)

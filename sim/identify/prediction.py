@@ -9,6 +9,7 @@ import numpy as np
 from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.sim.identify.course import Course
+from pushplan.sim.slip.executed import at_poses
 from pushplan.sim.slip.kernels.march import march
 from pushplan.sim.slip.kernels.packed import PackedWorld, make_work
 from pushplan.sim.slip.kernels.state import CONVERGED, FALLBACK, make_state, make_trace
@@ -77,6 +78,5 @@ class Comparison:
         off[..., 2] = se2.wrap_angle(off[..., 2])
         if self.course.wrenches is None:
             return np.asarray(off)
-        # Of the step that begins there: what the plate pushes with before anything moves, nobody can predict.
-        pushed = trace.wrenches[np.minimum(self.marks, len(self.motions) - 1)]
+        pushed = at_poses(trace.wrenches)[self.marks]
         return np.concatenate([off, (pushed - self.course.wrenches[self.samples])[:, None]], axis=1)

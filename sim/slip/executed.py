@@ -40,8 +40,19 @@ def executed(
         loss=None,
         goal_error=(float(goal_error[0]), float(goal_error[1])),
         object_poses=object_poses,
-        wrenches=np.concatenate([wrenches, np.zeros((1, 3))]),
+        wrenches=at_poses(wrenches),
     )
+
+
+def at_poses(wrenches: FloatArray) -> FloatArray:
+    """Return wrenches (m, 3) of the plate at poses, given those of the steps between them (m - 1, 3).
+
+    A step's is that in its middle: at a pose it is the mean of the steps before and after. Where the plate rests in
+    one of the two, nothing is known of the forces there, and the other one counts.
+    """
+    before, after = np.vstack([wrenches[:1], wrenches]), np.vstack([wrenches, wrenches[-1:]])
+    moves = [rows.any(axis=1, keepdims=True) for rows in (before, after)]
+    return np.asarray((before + after) / np.maximum(1, moves[0].astype(float) + moves[1]))
 
 
 def _twists(t: FloatArray, poses: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ from pushplan.sim.identify.learned import piece_of, with_learned
 from pushplan.sim.identify.posterior import Near, sample, worth
 from pushplan.sim.identify.pressed import PressedOutline
 from pushplan.sim.identify.unknowns import Unknowns
-from pushplan.sim.slip.executed import executed
+from pushplan.sim.slip.executed import at_poses, executed
 from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.simulate import simulate_poses
 from pushplan.sim.worlds.world import World
@@ -52,7 +52,7 @@ def pushed(
     off = noise * np.random.default_rng(seed).standard_normal(report.object_poses.shape) * [1.0, 1.0, 5.0]
     if force_noise is None:
         return Course(report.poses, report.object_poses + off)
-    wrenches = np.vstack([report.wrenches, report.wrenches[-1:]])
+    wrenches = at_poses(report.wrenches)
     size = force_noise * np.array([1.0, 1.0, 0.05])
     wrenches += size * np.random.default_rng([seed, 1]).standard_normal(wrenches.shape)
     return Course(report.poses, report.object_poses + off, wrenches=wrenches)
@@ -205,7 +205,7 @@ def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_pat
     _, read = read_course(tmp_path / "slip.mcap")
     np.testing.assert_array_equal(read.object_poses, course.object_poses)
     assert read.wrenches is not None
-    np.testing.assert_array_equal(read.wrenches[:-1], course.wrenches[:-1])
+    np.testing.assert_array_equal(read.wrenches, at_poses(course.wrenches[:-1]))
     with RunLogWriter.create(tmp_path / "none.mcap", scenario, {}) as log:
         log.finish("unsolved")
     with pytest.raises(RunLogError, match="nobody measured where the objects went"):
