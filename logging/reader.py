@@ -29,7 +29,7 @@ def read_run(path: Path | str, *, recover: bool | None = None) -> RecordedRun:
     """Read the log of a run.
 
     Args:
-        path: The file.
+        path: The file, with one run in it.
         recover: Read what is whole of a damaged file and list in `losses` what is not. By default files whose
             name ends in .partial are recovered and others are not.
 
@@ -37,25 +37,52 @@ def read_run(path: Path | str, *, recover: bool | None = None) -> RecordedRun:
         The run; every array as it was recorded, bit for bit.
 
     Raises:
-        RunLogError: When the file is damaged (and not to be recovered), no run log, or of a newer format.
+        RunLogError: When the file is damaged (and not to be recovered), no run log, or of a newer format; or holds
+            several runs.
+    """
+    found = read_runs(path, recover=recover)
+    if len(found) > 1:
+        what = f"a log of {len(found)} errands; pushplan replay and read_runs take those, this is for one push problem"
+        raise RunLogError(str(path), what)
+    return found[0]
+
+
+def read_runs(path: Path | str, *, recover: bool | None = None) -> tuple[RecordedRun, ...]:
+    """Read a log of one run, or of several that follow one another, as the errands with several objects do.
+
+    Args:
+        path: The file.
+        recover: See `read_run`.
+
+    Raises:
+        RunLogError: As `read_run`.
     """
     path = Path(path)
     damaged = path.name.endswith(SUFFIX) if recover is None else recover
     file = McapFile(path, recover=damaged, topics={topic.name for topic in TOPICS})
-    reading = _Reading(file)
+    readings = [_Reading(file, 0)]
     for item in file.items():
-        reading.take(item)
-    return reading.finish()
+        if isinstance(item, Metadata) and item.name == metadata.RUN and readings[-1].begun:
+            readings.append(_Reading(file, len(readings)))
+        readings[-1].take(item)
+    return tuple(reading.finish() for reading in readings)
 
 
 class _Reading:
     """Turns the items of a file, one after another, into a run."""
 
-    def __init__(self, file: McapFile) -> None:
+    def __init__(self, file: McapFile, number: int) -> None:
         self._file = file
+        self._number = number
+        self._began = 0
         self._words: dict[str, dict[str, str]] = {}
         self._scenario = ScenarioFiles(file)
         self._contents = Contents(lambda: len(self._scenario.read().chain.contacts), file.recover)
+
+    @property
+    def begun(self) -> bool:
+        """Whether its first item has come."""
+        return metadata.RUN in self._words
 
     def take(self, item: Item) -> None:
         """Take the next item of the file."""
@@ -79,6 +106,8 @@ class _Reading:
         if len(item.data) > MESSAGE_LIMIT:
             raise ValueError(f"{len(item.data)} bytes; at most {MESSAGE_LIMIT} are allowed")
         self._file.budget.keep(self._contents.memory(item), item.offset)
+        if self._number and not self._began:
+            self._began = self._contents.began = item.time
         self._contents.take(item)
 
     def _take_metadata(self, item: Metadata) -> None:
@@ -125,6 +154,8 @@ class _Reading:
             losses=tuple(self._file.losses),
             progress=self._progress(),
             feedback=self._contents.feedback.feedback,
+            number=self._number,
+            began=self._began,
         )
 
     def _progress(self) -> tuple[ProgressPoint, ...]:

@@ -84,7 +84,7 @@ def verify(run: RecordedRun) -> VerifyReport:
         checks += check_segments(scenario, plan, replayed)
     if run.execution is not None and replayed is not None:
         checks += _execution(run.execution, _aligned(run, run.execution, replayed))
-    return VerifyReport((*checks, *verify_file(run.path)))
+    return VerifyReport((*checks, *verify_file(run.path, run.number)))
 
 
 def check_way(execution: Execution) -> Check:

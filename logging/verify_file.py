@@ -17,14 +17,14 @@ import numpy as np
 
 from pushplan.basics.names import COSTS
 from pushplan.logging.check import TOLERANCE, Check
-from pushplan.logging.mcap.items import Message
+from pushplan.logging.mcap.items import Message, Metadata
 from pushplan.logging.mcap.mcap_file import McapFile
 from pushplan.logging.messages import metadata, schemas
 from pushplan.logging.messages.fields import Value, flattened
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.schemas import Topic
 from pushplan.logging.plan_again import plan_again
-from pushplan.logging.reader import read_run
+from pushplan.logging.reader import read_run, read_runs
 from pushplan.logging.several_again import execute_again
 from pushplan.logging.writer import RunLogWriter
 
@@ -34,26 +34,30 @@ FREE_WORDS = ("crc32", "finished_at", "outcome", "error")
 _NOT_IN_OLD_LOGS = (schemas.SCENE, schemas.CONTACTS, schemas.PLAN_NEAREST, schemas.COSTS)
 
 
-def verify_file(path: Path) -> list[Check]:
+def verify_file(path: Path, number: int = 0) -> list[Check]:
     """Compare every topic and word of a log that follows from its scenario and plan.
+
+    Args:
+        path: Of the log.
+        number: Of the run in it, from 0.
 
     Raises:
         PushplanError: When the log cannot be read, or its plan cannot be executed at all.
     """
-    run = read_run(path, recover=True)
+    run = read_runs(path, recover=True)[number]
     if run.plan is None or run.plan.trajectory is None:
         return []
     whole = not run.losses and metadata.RECOVERY not in run.words
     with tempfile.TemporaryDirectory() as folder:
         again = Path(folder) / "again.mcap"
         write_again(run, again)
-        checks = [check for topic in _comparable(path) for check in compare_topic(topic, path, again, whole)]
+        checks = [check for topic in _comparable(run) for check in compare_topic(topic, path, again, whole, number)]
         return [*checks, *_words(run, read_run(again))] if whole else checks
 
 
-def _comparable(path: Path) -> list[Topic]:
+def _comparable(run: RecordedRun) -> list[Topic]:
     """Return the topics to compare: logs from before contacts were drawn lack some, and show bodies differently."""
-    drawn = any(_messages(schemas.CONTACTS, path))
+    drawn = any(_messages(schemas.CONTACTS, run.path, run.number))
     return [topic for topic in schemas.TOPICS if drawn or topic not in _NOT_IN_OLD_LOGS]
 
 
@@ -63,19 +67,20 @@ def write_again(run: RecordedRun, path: Path) -> None:
     execution = execute_again(run.scenario, plan)
     if execution is not None and run.execution is not None and run.execution.dynamic_margins is None:
         execution = replace(execution, dynamic_margins=None)  # a log of an older version
-    with RunLogWriter.create(path, run.scenario, {}, run.words.get(metadata.RUN)) as log:
+    words = run.words.get(metadata.RUN)
+    with RunLogWriter.create(path, run.scenario, {}, words, began=run.began) as log:
         log.plan(plan)
         if execution is not None and run.execution is not None:
             log.execution(execution)
         log.finish("solved" if plan.solved else "unsolved")
 
 
-def compare_topic(topic: Topic, recorded: Path, again: Path, whole: bool) -> Iterator[Check]:
-    """Compare the messages on a topic; of a log that lost some, those that are there."""
+def compare_topic(topic: Topic, recorded: Path, again: Path, whole: bool, number: int = 0) -> Iterator[Check]:
+    """Compare the messages of the `number`-th run on a topic; of a log that lost some, those that are there."""
     if not whole and topic in (schemas.EXECUTION, schemas.EXECUTION_END):
         return
     worst: dict[str, Check] = {topic.name: Check(topic.name, 0.0)}
-    for first, second in _pairs(topic, recorded, again, whole):
+    for first, second in _pairs(topic, recorded, again, whole, number):
         if first is None or second is None:
             side = "missing in the log" if first is None else "not to be in the log"
             worst[topic.name] = Check(topic.name, math.inf, what=f"a message is {side}")
@@ -99,9 +104,9 @@ def _raise(worst: dict[str, Check], check: Check) -> None:
 
 
 def _pairs(
-    topic: Topic, recorded: Path, again: Path, whole: bool
+    topic: Topic, recorded: Path, again: Path, whole: bool, number: int
 ) -> Iterator[tuple[Message | None, Message | None]]:
-    first, second = _messages(topic, recorded), _messages(topic, again)
+    first, second = _messages(topic, recorded, number), _messages(topic, again)
     if topic is schemas.LOG:  # others may have written lines of their own
         texts = {_text(topic, message): message for message in first}
         yield from ((texts.get(_text(topic, message)), message) for message in second if whole)
@@ -116,9 +121,13 @@ def _text(topic: Topic, message: Message) -> str:
     return str(topic.message.FromString(bytes(message.data)).message)
 
 
-def _messages(topic: Topic, path: Path) -> Iterator[Message]:
-    items = McapFile(path, recover=True, topics=(topic.name,)).items()
-    return (item for item in items if isinstance(item, Message) and item.topic == topic.name)
+def _messages(topic: Topic, path: Path, number: int = 0) -> Iterator[Message]:
+    """Yield the messages on a topic of the `number`-th run of a log: each begins with its metadata."""
+    begun = -1
+    for item in McapFile(path, recover=True, topics=(topic.name,)).items():
+        begun += isinstance(item, Metadata) and item.name == metadata.RUN
+        if isinstance(item, Message) and item.topic == topic.name and max(begun, 0) == number:
+            yield item
 
 
 def _message(topic: Topic, first: Message, second: Message) -> Iterator[Check]:

@@ -34,7 +34,7 @@ from pushplan.logging.view.contact_messages import contact_messages
 from pushplan.logging.view.contacts import resting
 from pushplan.logging.view.frames import frames_at, poses_in_world
 from pushplan.logging.view.layout import LAYOUT_FILE, layout_text
-from pushplan.logging.view.scene import PATH_SPACING, nearest, scene, tree
+from pushplan.logging.view.scene import PATH_SPACING, nearest, nothing, scene, tree
 from pushplan.logging.view.window import smoothed_times
 from pushplan.outputs.open_file import OpenFile
 from pushplan.outputs.write import open_output
@@ -57,10 +57,10 @@ class RunLogWriter:
     Without `finish`, or with an exception inside, the file stays under `partial` and its metadata say why.
     """
 
-    def __init__(self, file: OpenFile, scenario: Scenario) -> None:
+    def __init__(self, file: OpenFile, scenario: Scenario, began: int = 0) -> None:
         self._file = file
         self._scenario = scenario
-        self._channels = Channels(file)
+        self._channels = Channels(file, began)
         self._words: dict[str, str] = {}
         self._finished = False
         self._improvements = 0
@@ -74,6 +74,7 @@ class RunLogWriter:
         settings: Mapping[str, object],
         words: Mapping[str, str] | None = None,
         new: bool = False,
+        began: int = 0,
     ) -> Self:
         """Begin a log: what the run starts from is written when this returns.
 
@@ -83,13 +84,15 @@ class RunLogWriter:
             settings: Names and values for the metadata `pushplan.run`: planner, set, seed, ...
             words: The metadata `pushplan.run` of a run that is over; None for one that begins now.
             new: Refuse a name that there is already.
+            began: Time of the log at which the run begins, ns: it was not the first one in its log.
 
         Raises:
             OutputError: When the file cannot be written.
         """
         file = open_output(path, new=new)
         try:
-            log = cls(file, scenario)
+            log = cls(file, scenario, began)
+            log._channels.declare()
             log._begin(metadata.run_words(scenario, settings) if words is None else words)
         except BaseException:
             file.discard()
@@ -106,9 +109,10 @@ class RunLogWriter:
         channels.note(metadata.RUN, words)
         for name, data in attachments_of(scenario).items():
             channels.attach(name, MEDIA_TYPES.get(name, "application/octet-stream"), data)
-        channels.declare()
+        if channels.began:
+            channels.send(schemas.SCENE, nothing())  # what the run before has drawn
         channels.send(schemas.SCENE, scene(scenario))
-        now = np.zeros(1, dtype=np.int64)
+        now = channels.instants(np.zeros(1))
         chain, load = scenario.chain, None if scenario.pushes is None else scenario.start[None]
         rows = {schemas.TF: frames_at(chain, scenario.first_pose[None], load, now)}
         if load is None:
@@ -249,7 +253,7 @@ class RunLogWriter:
             segment, *rest = self._segments
             self._segments = tuple(rest)
             message = plan_message.segment_message(segment)
-            message.timestamp.FromNanoseconds(round(1e9 * segment.t0))
+            message.timestamp.FromNanoseconds(self._channels.began + round(1e9 * segment.t0))
             self._channels.send(schemas.SEGMENT, message)
 
     def finish(self, outcome: str, seconds: Mapping[str, float] | None = None) -> None:
@@ -262,13 +266,41 @@ class RunLogWriter:
         Raises:
             OutputError: When the file cannot be written; what is there stays under `partial`.
         """
-        times = {f"{phase}_s": exact(spent) for phase, spent in (seconds or {}).items()}
-        self._end({"outcome": outcome, **times})
+        self._end(_ended(outcome, seconds))
         self._file.publish()
+
+    def follow(
+        self,
+        outcome: str,
+        scenario: Scenario,
+        settings: Mapping[str, object],
+        seconds: Mapping[str, float] | None = None,
+        words: Mapping[str, str] | None = None,
+    ) -> None:
+        """End the run, and begin the next one in the same log where its time ends.
+
+        Args:
+            outcome: As in `finish`.
+            scenario: Of the next run, as the others below; see `create`.
+            settings: For the metadata `pushplan.run`.
+            seconds: As in `finish`.
+            words: The metadata `pushplan.run` of a run that is over.
+
+        Raises:
+            OutputError: When the file cannot be written.
+        """
+        self._conclude(_ended(outcome, seconds))
+        self._scenario, self._words, self._improvements, self._segments = scenario, {}, 0, ()
+        self._channels.begin_run()
+        self._begin(metadata.run_words(scenario, settings) if words is None else words)
+
+    def _conclude(self, words: Mapping[str, str]) -> None:
+        self._channels.flush()
+        self._channels.note(metadata.RESULT, {**self._words, **words, "finished_at": metadata.now()})
 
     def _end(self, words: Mapping[str, str]) -> None:
         self._finished = True
-        self._channels.note(metadata.RESULT, {**self._words, **words, "finished_at": metadata.now()})
+        self._conclude(words)
         self._channels.finish()
 
     def __enter__(self) -> Self:
@@ -298,3 +330,8 @@ class RunLogWriter:
         what = f"{type(error).__name__}: {error}"
         self.log("error", f"{outcome}: {what}")
         self._end({"outcome": outcome, "error": what})
+
+
+def _ended(outcome: str, seconds: Mapping[str, float] | None) -> dict[str, str]:
+    """Return how a run ended as metadata."""
+    return {"outcome": outcome, **{f"{phase}_s": exact(spent) for phase, spent in (seconds or {}).items()}}

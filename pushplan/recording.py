@@ -135,12 +135,24 @@ class Recording:
         if self._writer is None:
             return
         with self._writing():
-            self._writer.plan(result)
-            if result.execution is not None:
-                self._writer.execution(result.execution)
-            outcome = "solved" if result.solved else "unsolved"
+            outcome = self._outcome(self._writer, result)
             self._writer.finish("interrupted" if interrupted else outcome, self._watch.seconds)
         self._writer = None
+
+    def follow(self, result: PlanResult, scenario: Scenario, settings: Mapping[str, object]) -> None:
+        """Write the plan and its execution, and begin another run in the same log."""
+        if self._writer is None:
+            return
+        with self._writing():
+            self._writer.follow(self._outcome(self._writer, result), scenario, settings)
+
+    @staticmethod
+    def _outcome(writer: RunLogWriter, result: PlanResult) -> str:
+        """Write the plan and its execution; return what they come to, in a word."""
+        writer.plan(result)
+        if result.execution is not None:
+            writer.execution(result.execution)
+        return "solved" if result.solved else "unsolved"
 
     def _let_go(self) -> None:
         """Remove runs that are too old, where this one was recorded among them."""

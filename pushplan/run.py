@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import Literal, Unpack
+from typing import TYPE_CHECKING, Literal, Unpack
 
 from pushplan.basics.stopwatch import Stopwatch
 from pushplan.plan import PlanOptions, plan
@@ -13,6 +14,9 @@ from pushplan.recording import Recording, Where
 from pushplan.result import PlanResult, ProgressPoint, Run
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.named import add_set
+
+if TYPE_CHECKING:
+    from pushplan.rearrangement.plan import Leg
 
 
 def run(
@@ -68,6 +72,37 @@ def record(
             recording.improved(point)
         recording.end(result, interrupted=False)
     return recording.finished(result)
+
+
+def record_errands(
+    errands: Sequence[Leg],
+    *,
+    log: Where = None,
+    runs: Path | str | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Path | None:
+    """Record the errands that bring several objects to their goals, one after the other in one log.
+
+    Args:
+        errands: Of a `Rearrangement`, at least one.
+        log: As for `run`, like the others.
+        runs: Folder of recorded runs.
+        tell: Takes warnings.
+
+    Returns:
+        The log; None where there is none.
+    """
+    first, watch = errands[0], Stopwatch()
+    with Recording(first.scenario, _told_errand(first), log, runs, tell, watch) as recording:
+        for errand, after in pairwise(errands):
+            recording.follow(errand.plan, after.scenario, _told_errand(after))
+        recording.end(errands[-1].plan, interrupted=False)
+    return recording.finished(errands[-1].plan).log
+
+
+def _told_errand(errand: Leg) -> dict[str, object]:
+    aim = "to its goal" if errand.delivers else "out of the way"
+    return {**_told(errand.scenario, {"seed": errand.plan.seed}), "errand": errand.name, "aim": aim}
 
 
 def _told(scenario: Scenario, options: PlanOptions) -> dict[str, object]:

@@ -23,12 +23,17 @@ _LATEST = 1 << 33
 
 
 class Channels:
-    """Writes messages on all `TOPICS` to a file; the time stands still or goes on, but never back."""
+    """Writes messages on all `TOPICS` to a file; the time stands still or goes on, but never back.
 
-    def __init__(self, file: OpenFile) -> None:
+    Attributes:
+        began: When the run began that is being written, ns: simulated times of a run begin at 0, those of a log that
+            holds several runs go on.
+    """
+
+    def __init__(self, file: OpenFile, began: int = 0) -> None:
         self._file = file
         self._writer = RecordWriter(file, f"pushplan {version_of('pushplan')}")
-        self._now = 0
+        self._now = self.began = began
         self._channels: dict[Topic, int] = {}
 
     def declare(self) -> None:
@@ -39,18 +44,22 @@ class Channels:
                 schemas[topic.kind] = self._writer.add_schema(topic.kind, topic.schema)
             self._channels[topic] = self._writer.add_channel(topic.name, schemas[topic.kind])
 
+    def begin_run(self) -> None:
+        """Let a run begin now."""
+        self.began = self._now
+
     def instants(self, times: FloatArray) -> IntArray:
-        """Return simulated times (n,), s, of messages to come in ns.
+        """Return simulated times (n,) of the run, s, of messages to come, in ns of the log.
 
         Raises:
             RunLogError: When one is before the last, or not a number: such a time would spoil the file.
         """
-        before = np.append(self._now / _NANO, times[:-1])
+        before = np.append((self._now - self.began) / _NANO, times[:-1])
         wrong = np.flatnonzero(~((times >= before) & (times < _LATEST)))
         if len(wrong):
             time, last = times[wrong[0]], before[wrong[0]]
             raise RunLogError(str(self._file.path), f"time {time} s cannot follow {last} s")
-        return np.rint(times * _NANO).astype(np.int64)
+        return self.began + np.rint(times * _NANO).astype(np.int64)
 
     @property
     def stamp(self) -> Timestamp:

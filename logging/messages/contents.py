@@ -41,6 +41,7 @@ class Contents:
         progress: The improvements so far; their wall-clock times are NaN.
         lines: The lines of /log so far.
         feedback: What a closed loop saw, noticed and planned so far.
+        began: Time of the log at which the run began, ns.
     """
 
     def __init__(self, contacts: Callable[[], int], recover: bool = False) -> None:
@@ -51,6 +52,7 @@ class Contents:
         self.lines: list[LogLine] = []
         self.progress: list[ProgressPoint] = []
         self.feedback = FeedbackReader()
+        self.began = 0
         self._samples: Collector | None = None
         self._execution: Execution | None = None
         self._handlers: dict[str, tuple[Topic, Callable[[MessageClass], None]]] = {
@@ -134,5 +136,5 @@ class Contents:
     def _take_line(self, message: MessageClass) -> None:
         if not 1 <= message.level <= len(schemas.LEVELS):
             raise ValueError(f"level {message.level} is not from 1 to {len(schemas.LEVELS)}")
-        time = message.timestamp.seconds + 1e-9 * message.timestamp.nanos
+        time = message.timestamp.seconds + 1e-9 * message.timestamp.nanos - 1e-9 * self.began
         self.lines.append(LogLine(time, schemas.LEVELS[message.level - 1], message.message))

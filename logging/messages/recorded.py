@@ -40,6 +40,8 @@ class RecordedRun:
         progress: The improvements of the best path; seconds are NaN where the log does not say.
         feedback: Of a closed loop: what it measured, noticed and planned on the way; else None.
         losses: What of the file could not be read, in words; empty for a whole one.
+        number: Of the run in its log, from 0.
+        began: Time of the log at which it begins, ns; its own times begin at 0.
     """
 
     path: Path
@@ -51,6 +53,8 @@ class RecordedRun:
     losses: tuple[str, ...]
     progress: tuple[ProgressPoint, ...] = ()
     feedback: Feedback | None = None
+    number: int = 0
+    began: int = 0
 
     @property
     def trajectory(self) -> Trajectory | None:

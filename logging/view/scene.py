@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.timestamp_pb2 import Timestamp
 
@@ -47,6 +48,11 @@ def scene(scenario: Scenario) -> SceneUpdate:
         entity for entity in _moving(scenario.chain) if scenario.pushes is None or entity.id != "contacts"
     ]
     return SceneUpdate(entities=[*_standing(scenario), *moving])
+
+
+def nothing() -> SceneUpdate:
+    """Return that everything drawn so far goes."""
+    return SceneUpdate(deletions=[SceneEntityDeletion(type=SceneEntityDeletion.ALL)])
 
 
 def tree(branches: FloatArray) -> SceneUpdate:

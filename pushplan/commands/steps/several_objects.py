@@ -14,11 +14,10 @@ from pushplan.errors import PushplanError
 
 if TYPE_CHECKING:
     from pushplan.reading.several_objects import SeveralObjects
-    from pushplan.rearrangement.plan import Leg, Rearrangement
-    from pushplan.result import Run
+    from pushplan.rearrangement.plan import Rearrangement
 
 _NOT_HERE = ("map", "planner", "set", "iterations", "gap", "cost", "margin", "plot", "html", "physics")
-"""Options that are for one load; the log of each errand takes the outputs among them."""
+"""Options that are for one load; `replay` makes the outputs among them from the log."""
 
 
 class SeveralObjectsError(PushplanError, ValueError):
@@ -86,7 +85,7 @@ def plan_several_objects(args: argparse.Namespace, console: Console) -> int:
     """Plan, record and tell; return the exit code."""
     from pushplan.reading.several_objects import load_several_objects
 
-    _refuse(args, _NOT_HERE, "replay makes outputs from the log of each errand")
+    _refuse(args, _NOT_HERE, "replay makes the outputs among them from the log")
     stated = load_several_objects(args.scenario)
     with console.computing("loading the planner"):
         from pushplan.rearrangement.plan import Rearranging
@@ -102,44 +101,29 @@ def plan_several_objects(args: argparse.Namespace, console: Console) -> int:
             first=args.first,
             stop=interruption,
         )
-    logs = _recorded(found, args, console)
-    _tell(stated, found, logs, console)
-    console.emit(_document(stated, found, logs, interruption.requested))
+    log = _recorded(found, args, console)
+    _tell(stated, found, log, console)
+    console.emit(_document(stated, found, log, interruption.requested))
     return INTERRUPTED if interruption.requested else DONE if found.solved else NO_PLAN
 
 
-def _recorded(found: Rearrangement, args: argparse.Namespace, console: Console) -> list[Run]:
-    from pushplan.run import record
+def _recorded(found: Rearrangement, args: argparse.Namespace, console: Console) -> Path | None:
+    from pushplan.run import record_errands
 
-    return [
-        record(
-            leg.scenario,
-            leg.plan,
-            log=False if args.no_log else _log_of(args.output, k, leg),
-            runs=args.runs,
-            tell=console.note,
-        )
-        for k, leg in enumerate(found.legs, start=1)
-    ]
-
-
-def _log_of(output: Path | str | None, k: int, leg: Leg) -> Path | None:
-    """Return the log of an errand: that which was asked for, with its number and object in the name."""
-    if output is None:
+    if args.no_log or not found.legs:
         return None
-    path = Path(output)
-    return path.with_name(f"{path.stem}-{k}-{leg.name}{path.suffix}")
+    return record_errands(found.legs, log=args.output, runs=args.runs, tell=console.note)
 
 
-def _tell(stated: SeveralObjects, found: Rearrangement, runs: list[Run], console: Console) -> None:
+def _tell(stated: SeveralObjects, found: Rearrangement, log: Path | None, console: Console) -> None:
     from pushplan.commands.steps.report import segment_rows
 
     state = console.paint("solved", "green") if found.solved else console.paint("not solved", "red")
     console.say(f"{console.paint(stated.name, 'bold')}: {state}  (several objects)")
-    for k, (leg, run) in enumerate(zip(found.legs, runs, strict=True), start=1):
+    for k, leg in enumerate(found.legs, start=1):
         why = "to its goal" if leg.delivers else "out of the way"
         console.say(f"errand {k}: {leg.name} {why}")
-        console.table([*segment_rows(leg.plan), *([] if run.log is None else [("log", str(run.log))])])
+        console.table(segment_rows(leg.plan))
     rows = [] if found.solved else [("reason", found.reason)]
     if found.first_solution_s is not None:
         pushes = sum(segment.pushes for leg in found.legs for segment in leg.plan.segments)
@@ -159,11 +143,11 @@ def _tell(stated: SeveralObjects, found: Rearrangement, runs: list[Run], console
     rows.append(
         ("planning", f"{first}{time_text(found.planning_s)}, {counted(found.looked_at, 'errand')} looked at")
     )
-    console.table(rows)
+    console.table([*rows, *([] if log is None else [("log", str(log))])])
 
 
 def _document(
-    stated: SeveralObjects, found: Rearrangement, runs: list[Run], interrupted: bool
+    stated: SeveralObjects, found: Rearrangement, log: Path | None, interrupted: bool
 ) -> dict[str, object]:
     from pushplan.commands.steps.report import document
 
@@ -179,9 +163,10 @@ def _document(
             {
                 "object": leg.name,
                 "delivers": leg.delivers,
-                **document(leg.scenario, leg.plan, leg.plan.execution, run.log),
+                **document(leg.scenario, leg.plan, leg.plan.execution, None),
             }
-            for leg, run in zip(found.legs, runs, strict=True)
+            for leg in found.legs
         ],
+        "log": log,
         "interrupted": interrupted,
     }
