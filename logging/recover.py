@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+from itertools import pairwise
 from pathlib import Path
 
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.sentences import execution_sentence, plan_sentence
-from pushplan.logging.reader import read_run
+from pushplan.logging.reader import read_runs
 from pushplan.logging.writer import RunLogWriter
 
 
-def recover(source: Path | str, target: Path | str) -> RecordedRun:
-    """Read what is whole of a log, write it as a new one, and return it.
+def recover(source: Path | str, target: Path | str) -> tuple[RecordedRun, ...]:
+    """Read what is whole of a log, write it as a new one, and return its runs.
 
     The new log has the metadata of the run as it was, and says in `pushplan.recovery` what was lost. Samples are
     numbered anew; at a gap their times leap. What viewers see is made anew from plan and execution.
@@ -22,26 +23,30 @@ def recover(source: Path | str, target: Path | str) -> RecordedRun:
         RunLogError: When too little is left of the log.
         OutputError: When the new one is there already or cannot be written.
     """
-    run = read_run(source, recover=True)
-    _write(run, target)
-    return run
+    runs = read_runs(source, recover=True)
+    first, last = runs[0], runs[-1]
+    with RunLogWriter.create(target, first.scenario, {}, _run_words(first), new=True) as log:
+        for run, after in pairwise(runs):
+            _write(run, log)
+            log.follow(run.outcome, after.scenario, {}, _seconds(run), _run_words(after))
+        _write(last, log)
+        log.finish(last.outcome, _seconds(last))
+    return runs
 
 
-def _write(run: RecordedRun, path: Path | str) -> None:
-    with RunLogWriter.create(path, run.scenario, {}, _run_words(run), new=True) as log:
-        for line in _others(run, begun=False):
-            log.log(*line)
-        for point in run.progress if run.plan is None else ():
-            log.improved(point)
-        if run.plan is not None:
-            log.plan(run.plan)
-        if run.execution is not None:
-            log.execution(run.execution)
-        for line in _others(run, begun=True):
-            log.log(*line)
-        lost = {f"lost_{k:04d}": loss for k, loss in enumerate(run.losses)}
-        log.note(metadata.RECOVERY, {"from": run.path.name, **lost})
-        log.finish(run.outcome, _seconds(run))
+def _write(run: RecordedRun, log: RunLogWriter) -> None:
+    for line in _others(run, begun=False):
+        log.log(*line)
+    for point in run.progress if run.plan is None else ():
+        log.improved(point)
+    if run.plan is not None:
+        log.plan(run.plan)
+    if run.execution is not None:
+        log.execution(run.execution)
+    for line in _others(run, begun=True):
+        log.log(*line)
+    lost = {f"lost_{k:04d}": loss for k, loss in enumerate(run.losses)}
+    log.note(metadata.RECOVERY, {"from": run.path.name, **lost})
 
 
 def _run_words(run: RecordedRun) -> dict[str, str]:

@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Unpack
 
+from pushplan.basics.names import OUT_OF_THE_WAY, TO_ITS_GOAL
 from pushplan.basics.stopwatch import Stopwatch
 from pushplan.plan import PlanOptions, plan
 from pushplan.planners.ompl.factories import planner_named
@@ -101,7 +102,7 @@ def record_errands(
 
 
 def _told_errand(errand: Leg) -> dict[str, object]:
-    aim = "to its goal" if errand.delivers else "out of the way"
+    aim = TO_ITS_GOAL if errand.delivers else OUT_OF_THE_WAY
     return {**_told(errand.scenario, {"seed": errand.plan.seed}), "errand": errand.name, "aim": aim}
 
 

@@ -19,6 +19,7 @@ class Goal:
         pose_chain: (3,) pose of the chain frame in the world at the goal.
         position_tolerance: Distance that still counts as reached, m.
         angle_tolerance: Angle that still counts as reached, rad.
+        objects: Names of those that it is for, where others stand apart from them; empty stands for all.
     """
 
     pose: FloatArray
@@ -26,6 +27,7 @@ class Goal:
     pose_chain: FloatArray
     position_tolerance: float
     angle_tolerance: float
+    objects: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pose", frozen(self.pose, (3,), "pose of the goal"))

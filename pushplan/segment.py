@@ -33,6 +33,7 @@ class Segment:
         margin: That the twists of a push exceed; 0 for others.
         t0: When it begins, s.
         t1: When it ends, s.
+        objects: Names of those that the load is, where others stand apart from it; empty stands for all.
     """
 
     kind: str
@@ -45,6 +46,7 @@ class Segment:
     margin: float = 0.0
     t0: float = 0.0
     t1: float = 0.0
+    objects: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.kind not in SEGMENT_KINDS:

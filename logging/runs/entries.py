@@ -114,6 +114,7 @@ def chosen(runs: list[RunEntry], filters: list[str]) -> list[RunEntry]:
 
 def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
     words: dict[str, str] = {}
+    costs: list[float] = []
     outcome = RUNNING if number is None else CUT_OFF
     try:
         for name, group in metadata_words(Path(log.path)):
@@ -121,6 +122,8 @@ def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
                 words.pop("path_cost", None)  # of an improvement: the result has the last word
             if name.startswith("pushplan."):
                 words |= {key: value for key, value in unsealed(group).items() if key in _WORDS}
+            if name == RESULT and "path_cost" in words:
+                costs.append(_number(words["path_cost"]) or 0.0)  # of errands that follow one another each has one
     except (DamageError, OSError, ValueError):
         outcome = DAMAGED
     texts = {field: words.get(field, "") for field in ("scenario", "planner", "set", "seed")}
@@ -128,7 +131,7 @@ def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
         number=number,
         path=Path(log.path),
         outcome=words.get("outcome", outcome),
-        cost=_number(words.get("path_cost", "")),
+        cost=sum(costs) if costs else _number(words.get("path_cost", "")),
         started=_time(words.get("started_at", "")),
         size=size,
         **texts,

@@ -93,8 +93,12 @@ def ghosts(scenario: Scenario) -> dict[str, list[FloatArray]]:
     chain, pushes = scenario.chain, scenario.pushes
     if pushes is None:
         return {name: chain.outlines_at(pose) for name, pose in _ends(scenario).items()}
-    objects = [obj.outline_chain for obj in chain.objects]
-    goals = [se2.transform_points(goal.pose_chain, outline) for goal in pushes.goals for outline in objects]
+    goals = [
+        se2.transform_points(goal.pose_chain, obj.outline_chain)
+        for goal in pushes.goals
+        for obj in chain.objects
+        if obj.name in goal.objects or not goal.objects
+    ]
     # Turned by its symmetry an object covers itself: once is enough, dashes over dashes make a line.
     different = {frozenset(map(tuple, outline.round(_SAME))): outline for outline in goals}
     return {

@@ -8,6 +8,8 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.logging.view.scene import PATH_SPACING, ghosts, obstacle_outline
+from pushplan.mechanics.body import BodyKind
+from pushplan.mechanics.chain import Chain
 from pushplan.path import PushPath
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
@@ -67,7 +69,8 @@ def window(scenario: Scenario, plan: PlanResult | None) -> Window:
     way = path_points(plan)
     points = [outline for outlines in ghosts(scenario).values() for outline in outlines]
     points += [obstacle_outline(obstacle) for obstacle in scenario.obstacles]
-    points += [way - chain.reach, way + chain.reach]
+    reach = _reach(chain, plan)
+    points += [way - reach, way + reach]
     if scenario.workspace is not None:
         area = scenario.workspace
         points.append(np.array([[area.xmin, area.ymin], [area.xmax, area.ymax]]))
@@ -76,3 +79,12 @@ def window(scenario: Scenario, plan: PlanResult | None) -> Window:
     rim = RIM * float((high - low).max())
     (xmin, ymin), (xmax, ymax) = low - rim, high + rim
     return Window(float(xmin), float(ymin), float(xmax), float(ymax))
+
+
+def _reach(chain: Chain, plan: PlanResult | None) -> float:
+    """Return how far anything that moves along the path is from it, about, m."""
+    if plan is None or not any(segment.objects for segment in plan.segments):
+        return chain.reach
+    carrying = [body.outline for body in chain.bodies if body.kind is not BodyKind.OBJECT]
+    sizes = [float(np.hypot(*np.ptp(obj.outline, axis=0))) for obj in chain.objects]
+    return max(float(np.linalg.norm(outline, axis=1).max()) for outline in carrying) + max(sizes)

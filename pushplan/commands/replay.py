@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ from pushplan.commands.runs import log_meant
 from pushplan.commands.steps.exports import declare_exports, outputs, write_exports
 from pushplan.commands.steps.physics import add_physics
 from pushplan.commands.steps.playing import declare_playing, play
+from pushplan.commands.steps.verification import tell_verification, verification
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import DONE, MISMATCH
 from pushplan.commands.terminal.options import add_plot, add_runs, check_outputs
@@ -60,14 +60,19 @@ def run(args: argparse.Namespace, console: Console) -> int:
     args.log = log_meant(args.log, args.runs)
     check_outputs(args.log, args.plot, args.recovered, *outputs(args))
     with console.working(f"reading {args.log}"):
-        recorded = _read(args)
+        runs = _read(args)
+    if len(runs) > 1:
+        from pushplan.commands.steps.errands import replay_errands
+
+        return replay_errands(runs, args, console)
+    recorded = runs[0]
     if args.physics:
         physics.require_executable(recorded.scenario)
     kept, recorded = recorded, _with_plan(recorded, console)
     _tell(recorded, console)
     if args.recover:
         console.say(f"{args.recovered}: a clean log of what is whole")
-    report = _verify(kept, console) if args.verify else None
+    report = tell_verification(_checked(kept, console), console) if args.verify else None
     found = physics.execute(recorded.scenario, recorded.plan, console) if args.physics else None
     write_exports(recorded, args, partial(_draw, recorded, console), console)
     play(recorded, args, console)
@@ -79,14 +84,14 @@ def run(args: argparse.Namespace, console: Console) -> int:
     return DONE if matches else MISMATCH
 
 
-def _read(args: argparse.Namespace) -> RecordedRun:
+def _read(args: argparse.Namespace) -> tuple[RecordedRun, ...]:
     if args.recover:
         from pushplan.logging.recover import recover
 
         return recover(args.log, args.recovered)
-    from pushplan.logging.reader import read_run
+    from pushplan.logging.reader import read_runs
 
-    return read_run(args.log)
+    return read_runs(args.log)
 
 
 def _with_plan(recorded: RecordedRun, console: Console) -> RecordedRun:
@@ -112,26 +117,16 @@ def _tell(recorded: RecordedRun, console: Console) -> None:
     console.table([*about, *summary(recorded)])
 
 
-def _verify(recorded: RecordedRun, console: Console) -> VerifyReport:
-    """Execute the recorded plan again and tell what differs."""
+def _checked(recorded: RecordedRun, console: Console) -> VerifyReport:
+    """Execute the recorded plan again and compare."""
     with console.computing("executing the recorded plan again"):
         from pushplan.logging.verify import VerifyReport, verify
 
         if recorded.feedback is None:
-            report = verify(recorded)
-        else:
-            from pushplan.control.again import check_closed_loop
+            return verify(recorded)
+        from pushplan.control.again import check_closed_loop
 
-            report = VerifyReport(tuple(check_closed_loop(recorded)))
-    if not report.checks:
-        console.say("nothing to verify: no plan was found")
-    elif report.matches:
-        console.say(console.paint(f"verified: all {len(report.checks)} comparisons match", "green"))
-    else:
-        console.say(console.paint("the log differs from what its scenario and its plan lead to:", "red"))
-        for check in report.mismatches:
-            console.say(f"  {check.text}")
-    return report
+        return VerifyReport(tuple(check_closed_loop(recorded)))
 
 
 def _draw(recorded: RecordedRun, console: Console, path: Path) -> None:
@@ -156,20 +151,5 @@ def _document(
         "outcome": recorded.outcome,
         "lost": recorded.losses,
         "recovered": recovered,
-        "verification": None if report is None else _verification(report),
+        "verification": None if report is None else verification(report),
     }
-
-
-def _verification(report: VerifyReport) -> dict[str, object]:
-    checks = [
-        {
-            "quantity": check.quantity,
-            "matches": check.matches,
-            "difference": check.difference if isfinite(check.difference) else None,
-            "tolerance": check.tolerance,
-            "time": check.time,
-            "what": check.what or None,
-        }
-        for check in report.checks
-    ]
-    return {"matches": report.matches, "checks": checks}

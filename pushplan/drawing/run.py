@@ -69,8 +69,9 @@ def plot_plan(scenario: Scenario, plan: PlanResult, execution: Execution | None,
         figure.set_size_inches(full, bottom + _FLOOR_HEIGHT + _TOP)
         _draw_floor(axes_at(figure, _LEFT, bottom, width, _FLOOR_HEIGHT), scenario, plan, view)
         above = bottom + _MARGIN_HEIGHT + _GAP
-        beside = axes_at(figure, side, above, _SIDE_WIDTH, bottom + _FLOOR_HEIGHT - above)
-        draw_set(beside, scenario.chain, scenario.stable_set(plan.stable_set))
+        if not _stands_apart(plan):
+            beside = axes_at(figure, side, above, _SIDE_WIDTH, bottom + _FLOOR_HEIGHT - above)
+            draw_set(beside, scenario.chain, scenario.stable_set(plan.stable_set))
         if execution is not None:
             curve = axes_at(figure, side, bottom, _SIDE_WIDTH, _MARGIN_HEIGHT)
             bar = axes_at(figure, side + _SIDE_WIDTH + 0.05, bottom, 0.07, _MARGIN_HEIGHT)
@@ -161,7 +162,13 @@ def _draw_margins(floor: Axes, curve: Axes, bar: Axes, execution: Execution) -> 
 
 def _keys(scenario: Scenario, plan: PlanResult) -> list[Artist]:
     """Return the entries of the key: what is drawn, and nothing else."""
-    return [*chain_keys(scenario.chain), *_ways(plan), *obstacle_keys(scenario), *turn_keys()]
+    turns = [] if _stands_apart(plan) else turn_keys()
+    return [*chain_keys(scenario.chain), *_ways(plan), *obstacle_keys(scenario), *turns]
+
+
+def _stands_apart(plan: PlanResult) -> bool:
+    """Tell whether a plan moves objects apart from one another: there is no stable set of all of them."""
+    return any(segment.objects for segment in plan.segments)
 
 
 def _ways(plan: PlanResult) -> list[Artist]:

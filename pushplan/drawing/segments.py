@@ -17,6 +17,7 @@ from pushplan.drawing.figure import HALO, INK
 from pushplan.drawing.world import SWEPT_COLOUR
 from pushplan.geometry.se2 import compose, transform_points
 from pushplan.mechanics.body import BodyKind
+from pushplan.mechanics.chain import PushedObject
 
 if TYPE_CHECKING:
     from pushplan.result import PlanResult
@@ -37,19 +38,27 @@ def draw_segments(axes: Axes, scenario: Scenario, plan: PlanResult) -> None:
     for patch in polygon_patches(shapely.union_all([_swept(scenario, push) for push in pushes])):
         patch.set(facecolor=SWEPT_COLOUR, edgecolor="none", zorder=1.0)
         axes.add_patch(patch)
-    middle = _middle(scenario)
     for segment in plan.segments:
         line = segment.robot_path.sampled(_SPACING)
         if segment.pushes:
-            line = compose(segment.load_at(line), np.append(middle, 0.0))
+            line = compose(segment.load_at(line), np.append(_middle(scenario, segment.objects), 0.0))
             axes.plot(*line[:, :2].T, color=PUSHED_COLOUR, linewidth=1.8, zorder=6.0)
         else:
             axes.plot(*line[:, :2].T, color=ALONE, linewidth=0.9, linestyle=(0, (4, 2)), zorder=5.0)
-    poses = [scenario.start, *(push.load_after for push in pushes)]
-    for k, pose in enumerate(poses):
-        _draw_load(axes, scenario, pose, OBJECT_COLOUR if k < len(poses) - 1 else GOAL_COLOUR)
-        x, y = transform_points(pose, middle)
-        axes.text(float(x), float(y), str(k), fontsize=6.5, color=INK, zorder=8.0, **_NUMBER)
+    last = {push.objects: k for k, push in enumerate(pushes, start=1)} or {(): 0}
+    for objects in last:
+        _draw_numbered(axes, scenario, scenario.start, objects, 0, last=False)
+    for k, push in enumerate(pushes, start=1):
+        _draw_numbered(axes, scenario, push.load_after, push.objects, k, last=k == last[push.objects])
+
+
+def _draw_numbered(
+    axes: Axes, scenario: Scenario, pose: FloatArray, objects: tuple[str, ...], number: int, last: bool
+) -> None:
+    """Draw the load, after so many pushes, with their number."""
+    _draw_load(axes, scenario, pose, GOAL_COLOUR if last else OBJECT_COLOUR, objects)
+    x, y = transform_points(pose, _middle(scenario, objects))
+    axes.text(float(x), float(y), str(number), fontsize=6.5, color=INK, zorder=8.0, **_NUMBER)
 
 
 def draw_ends(axes: Axes, scenario: Scenario) -> None:
@@ -58,7 +67,7 @@ def draw_ends(axes: Axes, scenario: Scenario) -> None:
     draw_robot(axes, scenario)
     _draw_load(axes, scenario, scenario.start, OBJECT_COLOUR)
     for goal in scenario.pushes.goals:
-        _draw_load(axes, scenario, goal.pose_chain, GOAL_COLOUR)
+        _draw_load(axes, scenario, goal.pose_chain, GOAL_COLOUR, goal.objects)
 
 
 def draw_robot(axes: Axes, scenario: Scenario) -> None:
@@ -71,25 +80,35 @@ def draw_robot(axes: Axes, scenario: Scenario) -> None:
             axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=INK, linewidth=width, zorder=3.5))
 
 
-def _draw_load(axes: Axes, scenario: Scenario, pose: FloatArray, fill: str) -> None:
+def _draw_load(
+    axes: Axes, scenario: Scenario, pose: FloatArray, fill: str, objects: tuple[str, ...] = ()
+) -> None:
     width = outline_width(axes, scenario.chain)
-    for obj in scenario.chain.objects:
+    for obj in _moved(scenario, objects):
         outline = transform_points(pose, obj.outline_chain)
         axes.add_patch(Polygon(outline, facecolor=fill, edgecolor=INK, linewidth=width, zorder=3.0))
 
 
-def _middle(scenario: Scenario) -> FloatArray:
-    """Middle (2,) of the objects in their frame."""
-    points = np.concatenate([obj.outline_chain for obj in scenario.chain.objects])
+def _moved(scenario: Scenario, objects: tuple[str, ...]) -> list[PushedObject]:
+    """Return the objects of these names, or all of them where there is no name."""
+    return [obj for obj in scenario.chain.objects if obj.name in objects or not objects]
+
+
+def _middle(scenario: Scenario, objects: tuple[str, ...]) -> FloatArray:
+    """Middle (2,) of the objects of these names, or of all, in their frame."""
+    points = np.concatenate([obj.outline_chain for obj in _moved(scenario, objects)])
     return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
 
 
 def _swept(scenario: Scenario, push: Segment) -> shapely.Geometry:
     """What robot and load pass over in a push."""
     robot = push.robot_path.sampled(_SPACING)
+    carrying = [body.outline for body in scenario.chain.bodies if body.kind in _CARRYING]
+    loads = [obj.outline_chain for obj in _moved(scenario, push.objects)]
     outlines = [
-        shapely.Polygon(outline)
+        shapely.Polygon(transform_points(at, outline))
         for pose, load in zip(robot, push.load_at(robot), strict=True)
-        for outline in scenario.chain.outlines_at(pose, load)
+        for at, these in ((pose, carrying), (load, loads))
+        for outline in these
     ]
     return shapely.union_all(outlines)

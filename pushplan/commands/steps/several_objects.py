@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pushplan.basics.interruption import INTERRUPTED, Interruption
+from pushplan.basics.names import OUT_OF_THE_WAY, TO_ITS_GOAL
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import DONE, NO_PLAN
 from pushplan.commands.terminal.numbers import counted, time_text
@@ -121,7 +122,7 @@ def _tell(stated: SeveralObjects, found: Rearrangement, log: Path | None, consol
     state = console.paint("solved", "green") if found.solved else console.paint("not solved", "red")
     console.say(f"{console.paint(stated.name, 'bold')}: {state}  (several objects)")
     for k, leg in enumerate(found.legs, start=1):
-        why = "to its goal" if leg.delivers else "out of the way"
+        why = TO_ITS_GOAL if leg.delivers else OUT_OF_THE_WAY
         console.say(f"errand {k}: {leg.name} {why}")
         console.table(segment_rows(leg.plan))
     rows = [] if found.solved else [("reason", found.reason)]
