@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.basics.lazy_field import LazyField
 from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.logging.errands import delivers, errand_of
@@ -95,7 +94,9 @@ class _Errands:
         shapes = [{_shape(one) for one in run.scenario.obstacles} for run in self.runs]
         standing = tuple(one for one in first.obstacles if all(_shape(one) in each for each in shapes))
         goals = [
-            replace(goal, pose_chain=self._fixed_to(errand_of(run), goal.pose_chain), objects=self._names(run))
+            replace(
+                goal, pose_chain=self._fixed_to(errand_of(run), goal.pose_chain), objects=self._names(run)
+            )
             for run in self.runs
             if run.scenario.pushes is not None and delivers(run)
             for goal in run.scenario.pushes.goals
@@ -117,7 +118,7 @@ class _Errands:
             path=join_paths(segments),
             objective_cost=sum(plan.objective_cost or 0.0 for plan in plans),
             min_margin=min(margins, default=None),
-            tolerance=LazyField(None),
+            tolerance=None,
         )
 
     @property
@@ -164,7 +165,7 @@ class _Errands:
         errors = [run.execution.goal_error for run in self.runs if run.execution is not None]
         losses = [part.loss for part in parts if part.loss is not None]
         return Execution(
-            t=np.concatenate([part.t for part in parts]),
+            t=np.maximum.accumulate(np.concatenate([part.t for part in parts])),  # rounding: none goes back
             poses=np.concatenate([part.poses for part in parts]),
             twists=np.concatenate([part.twists for part in parts]),
             margins=np.concatenate([part.margins for part in parts]),

@@ -42,7 +42,9 @@ def read_run(path: Path | str, *, recover: bool | None = None) -> RecordedRun:
     """
     found = read_runs(path, recover=recover)
     if len(found) > 1:
-        what = f"a log of {len(found)} errands; pushplan replay and read_runs take those, this is for one push problem"
+        what = (
+            f"a log of {len(found)} errands; pushplan replay and read_runs take those, this takes one problem"
+        )
         raise RunLogError(str(path), what)
     return found[0]
 

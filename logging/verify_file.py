@@ -51,7 +51,9 @@ def verify_file(path: Path, number: int = 0) -> list[Check]:
     with tempfile.TemporaryDirectory() as folder:
         again = Path(folder) / "again.mcap"
         write_again(run, again)
-        checks = [check for topic in _comparable(run) for check in compare_topic(topic, path, again, whole, number)]
+        checks = [
+            check for topic in _comparable(run) for check in compare_topic(topic, path, again, whole, number)
+        ]
         return [*checks, *_words(run, read_run(again))] if whole else checks
 
 
@@ -113,8 +115,13 @@ def _pairs(
     elif whole:
         yield from zip_longest(first, second)
     else:
-        known = {message.time: message for message in second}
-        yield from ((message, known[message.time]) for message in first if message.time in known)
+        known: dict[int, list[Message]] = {}
+        for message in second:
+            known.setdefault(message.time, []).append(message)
+        for message in first:
+            same_time = known.get(message.time, [])
+            same = [other for other in same_time if other.data == message.data]
+            yield from ((message, other) for other in (same or same_time)[:1])
 
 
 def _text(topic: Topic, message: Message) -> str:

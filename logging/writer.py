@@ -19,17 +19,16 @@ from typing import Self
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from pushplan.basics.arrays import IntArray
 from pushplan.errors import OutputError
 from pushplan.events import Feedback
 from pushplan.execution import Execution, inertia_warning
+from pushplan.logging.execution_writer import ExecutionWriter
 from pushplan.logging.feedback_writer import FeedbackWriter
 from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
 from pushplan.logging.messages.channels import Channels
 from pushplan.logging.messages.effort import Effort, exact
 from pushplan.logging.messages.scenario_files import MEDIA_TYPES, attachments_of
 from pushplan.logging.messages.sentences import execution_sentence, plan_sentence
-from pushplan.logging.view import views
 from pushplan.logging.view.contact_messages import contact_messages
 from pushplan.logging.view.contacts import resting
 from pushplan.logging.view.frames import frames_at, poses_in_world
@@ -41,9 +40,6 @@ from pushplan.outputs.write import open_output
 from pushplan.result import PlanResult, ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.segment import Segment
-
-_STRETCH = 60
-"""Simulated seconds whose messages are made at once: few calls for a short run, little memory for a long one."""
 
 
 class RunLogWriter:
@@ -204,10 +200,8 @@ class RunLogWriter:
         Raises:
             OutputError: When the file cannot be written.
         """
-        channels, instants = self._channels, self._channels.instants(execution.t)
-        seconds = list(execution_message.seconds(execution.t))
-        for k in range(0, len(seconds), _STRETCH):
-            self._samples(execution, instants, seconds[k : k + _STRETCH])
+        channels = self._channels
+        ExecutionWriter(channels, self._scenario.chain, self._segments).write(execution)
         self._end_execution(execution)
         warning = inertia_warning(self._scenario, execution)
         if warning:
@@ -231,30 +225,6 @@ class RunLogWriter:
         channels.send(schemas.EXECUTION_END, end)
         self.log("info" if execution.loss is None else "warning", execution_sentence(execution))
         self._words |= metadata.execution_words(execution)
-
-    def _samples(self, execution: Execution, instants: IntArray, seconds: list[slice]) -> None:
-        """Write the samples of some `seconds` and flush after each; `instants` (m,), ns, are those of all samples."""
-        channels, begin, end = self._channels, seconds[0].start, seconds[-1].stop
-        shown = views.viewed(execution)
-        shown = shown[(shown >= begin) & (shown < end)]
-        messages = views.messages(self._scenario.chain, execution, shown, instants[shown])
-        batch = channels.prepare(messages, instants[shown])
-        for second in seconds:
-            channels.send_batch(batch, *np.searchsorted(shown, [second.start, second.stop]))
-            block = execution_message.encode_block(execution, second)
-            block.timestamp.CopyFrom(channels.advance(int(instants[second.stop - 1])))
-            channels.send(schemas.EXECUTION, block)
-            self._send_segments(float(execution.t[second.stop - 1]))
-            channels.flush()
-
-    def _send_segments(self, until: float) -> None:
-        """Write the segments that have begun; the time stamp inside is when."""
-        while self._segments and self._segments[0].t0 <= until:
-            segment, *rest = self._segments
-            self._segments = tuple(rest)
-            message = plan_message.segment_message(segment)
-            message.timestamp.FromNanoseconds(self._channels.began + round(1e9 * segment.t0))
-            self._channels.send(schemas.SEGMENT, message)
 
     def finish(self, outcome: str, seconds: Mapping[str, float] | None = None) -> None:
         """End the log and give it its final name.

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pushplan.following.follower import Command, Follower, FollowerState
     from pushplan.identify import identify
     from pushplan.logging.messages.recorded import RecordedRun
-    from pushplan.logging.reader import read_run
+    from pushplan.logging.reader import read_run, read_runs
     from pushplan.mechanics.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
     from pushplan.mechanics.contacts.friction import cof, ecof, friction_wrench
     from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds, SpeedWindow, admissible_speeds
@@ -108,7 +108,7 @@ _HOMES = {
     "examples": "example_names example_text",
     "mechanics.contacts.friction": "cof ecof friction_wrench",
     "following.follower": "Command Follower FollowerState",
-    "logging.reader": "read_run",
+    "logging.reader": "read_run read_runs",
     "logging.messages.recorded": "RecordedRun",
     "path": "PushPath",
     "recording": "IncompleteLogError",
@@ -267,6 +267,7 @@ __all__ = [
     "read_csv_outlines",
     "read_ros_map",
     "read_run",
+    "read_runs",
     "read_svg_outlines",
     "run",
     "run_closed_loop",

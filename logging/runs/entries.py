@@ -123,7 +123,9 @@ def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
             if name.startswith("pushplan."):
                 words |= {key: value for key, value in unsealed(group).items() if key in _WORDS}
             if name == RESULT and "path_cost" in words:
-                costs.append(_number(words["path_cost"]) or 0.0)  # of errands that follow one another each has one
+                costs.append(
+                    _number(words["path_cost"]) or 0.0
+                )  # of errands that follow one another each has one
     except (DamageError, OSError, ValueError):
         outcome = DAMAGED
     texts = {field: words.get(field, "") for field in ("scenario", "planner", "set", "seed")}

@@ -93,7 +93,7 @@ def test_a_clean_log_is_written_and_says_what_was_lost(
 ) -> None:
     source, target = damaged(whole_log, tmp_path / "run.mcap.partial"), tmp_path / "run.mcap"
     before = source.read_bytes()
-    found = recover(source, target)
+    (found,) = recover(source, target)
     run = read_run(target)
     assert source.read_bytes() == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.mcap", "run.mcap.partial"]

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from mcap.reader import make_reader
 
 from pushplan.cli import main
-from pushplan.errors import ScenarioError
+from pushplan.errors import RunLogError, ScenarioError
 from pushplan.json_schema import scenario_schema
-from pushplan.logging.reader import read_run
+from pushplan.logging.errands import check_errands, delivers, errand_of
+from pushplan.logging.joined import joined
+from pushplan.logging.reader import read_run, read_runs
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.reading.several_objects import load_several_objects
 from pushplan.reading.yaml.tree import read_document
@@ -97,20 +103,117 @@ def test_what_takes_one_load_says_so(file: Path) -> None:
         load_scenario(file)
 
 
-def test_the_command_records_every_errand_and_replay_verifies_it(file: Path, capsys: Captured) -> None:
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One log of all errands, as the command writes it."""
+    path = tmp_path_factory.mktemp("errands") / "swap.yaml"
+    path.write_text(FILE, "utf-8")
+    log = path.with_name("swap.mcap")
+    assert main(["plan", str(path), "-o", str(log), "--first", "--time-limit", "60"]) == 0
+    return log
+
+
+def test_the_command_records_all_errands_in_one_log(file: Path, capsys: Captured) -> None:
     log = file.with_name("swap.mcap")
     words = ["plan", str(file), "-o", str(log), "--first", "--time-limit", "60", "--json"]
     assert main(words) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["solved"]
     assert told["relocations"] == 1
+    assert told["log"] == str(log)
     assert [errand["object"] for errand in told["errands"]][1:] in (["red", "blue"], ["blue", "red"])
-    for errand in told["errands"]:
-        recorded = read_run(errand["log"])
-        assert recorded.scenario.pushes is not None
-        assert recorded.plan is not None
-        assert len(recorded.plan.segments) == len(errand["segments"])
-    assert main(["replay", told["errands"][1]["log"], "--verify"]) == 0
+    runs = read_runs(log)
+    assert [errand_of(run) for run in runs] == [errand["object"] for errand in told["errands"]]
+    assert [delivers(run) for run in runs] == [errand["delivers"] for errand in told["errands"]]
+    for errand, run in zip(told["errands"], runs, strict=True):
+        assert run.scenario.pushes is not None
+        assert run.plan is not None
+        assert len(run.plan.segments) == len(errand["segments"])
+
+
+def test_what_asks_for_one_problem_refuses_several(recorded: Path) -> None:
+    with pytest.raises(RunLogError, match="a log of 3 errands"):
+        read_run(recorded)
+
+
+def test_replay_verifies_and_shows_all_errands(recorded: Path, capsys: Captured) -> None:
+    page, picture = recorded.with_name("swap.html"), recorded.with_name("swap.png")
+    words = ["replay", str(recorded), "--verify", "--html", str(page), "--plot", str(picture), "--json"]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["verification"]["matches"]
+    names = [check["quantity"] for check in told["verification"]["checks"]]
+    assert "errand 2: the robot's pose" in names
+    assert any(name.endswith("among the obstacles") for name in names)
+    assert picture.stat().st_size > 10_000
+    assert all(name in page.read_text("utf-8") for name in ("red", "blue"))
+
+
+def test_nothing_but_what_an_errand_moves_moves(recorded: Path) -> None:
+    runs = read_runs(recorded)
+    whole = joined(runs)
+    execution, plan = whole.execution, whole.plan
+    assert execution is not None
+    assert execution.object_poses is not None
+    assert plan is not None
+    assert len(plan.segments) == sum(len(run.plan.segments) for run in runs if run.plan is not None)
+    assert np.all(np.diff(execution.t) >= 0.0)
+    names = [obj.name for obj in whole.scenario.chain.objects]
+    count = 0
+    for run in runs:
+        own = run.execution
+        assert own is not None
+        these, count = slice(count, count + len(own.t)), count + len(own.t)
+        for k, name in enumerate(names):
+            if name == errand_of(run):
+                np.testing.assert_array_equal(execution.object_poses[these, k], own.load_poses)
+            else:
+                assert np.ptp(execution.object_poses[these, k], axis=0).max() < 1e-9
+    goals = [goal.objects for goal in whole.scenario.pushes.goals] if whole.scenario.pushes else []
+    assert sorted(set(goals)) == [("blue",), ("red",)]
+
+
+def test_an_errand_that_begins_elsewhere_is_found(recorded: Path) -> None:
+    runs = read_runs(recorded)
+    last = runs[-1]
+    moved = replace(last, scenario=replace(last.scenario, start=last.scenario.start + 0.01))
+    assert all(check.matches for check in check_errands(runs))
+    assert [c.quantity for c in check_errands([*runs[:-1], moved]) if not c.matches] == [
+        f"errand 3: the pose of {errand_of(last)}"
+    ]
+    elsewhere = replace(last, scenario=replace(last.scenario, obstacles=()))
+    found = [check.quantity for check in check_errands([*runs[:-1], elsewhere]) if not check.matches]
+    assert found
+    assert all(name.endswith("among the obstacles") for name in found)
+
+
+def test_a_log_that_is_cut_keeps_the_errands_before(recorded: Path, tmp_path: Path, capsys: Captured) -> None:
+    log = recorded.read_bytes()
+    cut, clean = tmp_path / "cut.mcap.partial", tmp_path / "clean.mcap"
+    cut.write_bytes(log[: len(log) // 2])
+    assert main(["replay", "--recover", str(cut), str(clean)]) == 0
+    assert "errand 1:" in capsys.readouterr().out
+    found, whole = read_runs(clean), read_runs(recorded)
+    assert 1 <= len(found) < len(whole)
+    first, original = found[0].execution, whole[0].execution
+    assert first is not None
+    assert original is not None
+    np.testing.assert_array_equal(first.poses, original.poses)
+    assert main(["replay", str(clean), "--verify"]) == 0
+
+
+def test_readers_of_others_read_one_time_line(recorded: Path) -> None:
+    with recorded.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        times = [message.log_time for _, _, message in reader.iter_messages(topics=["/tf"])]
+        updates = [
+            SceneUpdate.FromString(message.data) for _, _, message in reader.iter_messages(topics=["/scene"])
+        ]
+        runs = [record.metadata for record in reader.iter_metadata() if record.name == "pushplan.run"]
+    assert np.all(np.diff(times) >= 0)
+    assert [words["errand"] for words in runs] == [errand_of(run) for run in read_runs(recorded)]
+    kinds = [[one.type for one in update.deletions] for update in updates if update.deletions]
+    assert kinds == [[SceneEntityDeletion.ALL]] * 2
 
 
 def test_check_tells_of_every_object_what_becomes_of_it(file: Path, capsys: Captured) -> None:
