@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pushplan.basics.interruption import Interruption, leaving_at_once
 from pushplan.basics.names import COSTS
 from pushplan.basics.naming import planner_names, stable_set_names
 from pushplan.commands.plan_steps import load, plan_and_record, report
+from pushplan.commands.steps.exports import draw
 from pushplan.commands.steps.physics import add_physics
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import DEFECT, MISMATCH, error_document
@@ -27,9 +27,7 @@ from pushplan.commands.terminal.options import (
 )
 
 if TYPE_CHECKING:
-    from pushplan.execution import Execution
-    from pushplan.result import PlanResult, Run
-    from pushplan.scenario import Scenario
+    from pushplan.result import Run
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -99,13 +97,3 @@ def _draw_outputs(done: Run, args: argparse.Namespace, console: Console) -> None
         from pushplan.logging.export.html import write_html
 
         write_html(done, args.html)
-
-
-def draw(
-    scenario: Scenario, plan: PlanResult, execution: Execution | None, path: Path, console: Console
-) -> None:
-    """Draw a plan into a file."""
-    with console.computing(f"drawing {path}"):
-        from pushplan.drawing.run import plot_plan
-
-        plot_plan(scenario, plan, execution, path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,7 @@ from pushplan.commands.steps.verification import tell_verification, verification
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.failure import DONE, MISMATCH
 from pushplan.commands.terminal.options import add_plot, add_runs, check_outputs
-from pushplan.errors import PushplanError, RunLogError
+from pushplan.errors import PushplanError
 
 if TYPE_CHECKING:
     from pushplan.logging.messages.recorded import RecordedRun
@@ -74,7 +73,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
         console.say(f"{args.recovered}: a clean log of what is whole")
     report = tell_verification(_checked(kept, console), console) if args.verify else None
     found = physics.execute(recorded.scenario, recorded.plan, console) if args.physics else None
-    write_exports(recorded, args, partial(_draw, recorded, console), console)
+    write_exports(recorded, args, console)
     play(recorded, args, console)
     told = _document(recorded, report, args.recovered)
     if args.physics:
@@ -127,14 +126,6 @@ def _checked(recorded: RecordedRun, console: Console) -> VerifyReport:
         from pushplan.control.again import check_closed_loop
 
         return VerifyReport(tuple(check_closed_loop(recorded)))
-
-
-def _draw(recorded: RecordedRun, console: Console, path: Path) -> None:
-    from pushplan.commands.plan import draw
-
-    if recorded.plan is None:
-        raise RunLogError(str(recorded.path), "the log ends before a plan, so there is nothing to draw")
-    draw(recorded.scenario, recorded.plan, recorded.execution, path, console)
 
 
 def _document(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pushplan.commands.steps import physics
@@ -90,14 +89,7 @@ def _show(runs: Sequence[RecordedRun], args: argparse.Namespace, console: Consol
     if not executed:
         raise RunLogError(str(runs[0].path), "nothing was executed, so there is nothing to show")
     whole = joined(executed)
-
-    def draw(path: Path) -> None:
-        from pushplan.commands.plan import draw
-
-        assert whole.plan is not None
-        draw(whole.scenario, whole.plan, whole.execution, path, console)
-
-    write_exports(whole, args, draw, console)
+    write_exports(whole, args, console)
     play(whole, args, console)
 
 

@@ -13,11 +13,14 @@ from typing import TYPE_CHECKING
 from pushplan.basics.names import BESIDE_A_BAG
 from pushplan.commands.terminal.console import Console
 from pushplan.commands.terminal.options import add_output
-from pushplan.errors import PushplanError
+from pushplan.errors import PushplanError, RunLogError
 from pushplan.outputs.target import look
 
 if TYPE_CHECKING:
+    from pushplan.execution import Execution
     from pushplan.logging.messages.recorded import RecordedRun
+    from pushplan.result import PlanResult
+    from pushplan.scenario import Scenario
 
 WRITERS = {
     "html": ("export.html", "write_html", "write a page that plays the run"),
@@ -88,15 +91,15 @@ def outputs(args: argparse.Namespace) -> list[Path]:
     return [*asked_for(args).values(), *beside]
 
 
-def write_exports(
-    recorded: RecordedRun, args: argparse.Namespace, draw: Callable[[Path], None], console: Console
-) -> None:
+def write_exports(recorded: RecordedRun, args: argparse.Namespace, console: Console) -> None:
     """Write the files asked for: all that can be, then say which cannot.
 
     Raises:
         PushplanError: When a package is missing, or a file cannot be written or cannot be made of this run.
     """
-    tasks: dict[str, Callable[[], None]] = {} if args.plot is None else {"plot": partial(draw, args.plot)}
+    tasks: dict[str, Callable[[], None]] = {}
+    if args.plot is not None:
+        tasks["plot"] = partial(_draw_recorded, recorded, args.plot, console)
     tasks |= {name: _task(name, path, recorded, args, console) for name, path in asked_for(args).items()}
     failures: dict[str, PushplanError] = {}
     for name, task in tasks.items():
@@ -108,6 +111,22 @@ def write_exports(
         raise next(iter(failures.values()))
     if failures:
         raise ExportsError(failures, [f"--{name}" for name in tasks if name not in failures])
+
+
+def _draw_recorded(recorded: RecordedRun, path: Path, console: Console) -> None:
+    if recorded.plan is None:
+        raise RunLogError(str(recorded.path), "the log ends before a plan, so there is nothing to draw")
+    draw(recorded.scenario, recorded.plan, recorded.execution, path, console)
+
+
+def draw(
+    scenario: Scenario, plan: PlanResult, execution: Execution | None, path: Path, console: Console
+) -> None:
+    """Draw a plan into a file."""
+    with console.computing(f"drawing {path}"):
+        from pushplan.drawing.run import plot_plan
+
+        plot_plan(scenario, plan, execution, path)
 
 
 def _task(
