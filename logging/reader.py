@@ -24,6 +24,9 @@ from pushplan.result import ProgressPoint
 
 _OURS = "pushplan."
 
+_RUN = 256 << 10
+"""Memory, in bytes, charged for each run of a log: beginning and ending one takes milliseconds, which this bounds."""
+
 
 def read_run(path: Path | str, *, recover: bool | None = None) -> RecordedRun:
     """Read the log of a run.
@@ -65,6 +68,11 @@ def read_runs(path: Path | str, *, recover: bool | None = None) -> tuple[Recorde
     readings = [_Reading(file, 0)]
     for item in file.items():
         if isinstance(item, Metadata) and item.name == metadata.RUN and readings[-1].begun:
+            try:
+                file.budget.keep(_RUN, item.offset)
+            except DamageError as damage:
+                file.lose(damage, "all runs from there on")
+                break
             readings.append(_Reading(file, len(readings)))
         readings[-1].take(item)
     return tuple(reading.finish() for reading in readings)

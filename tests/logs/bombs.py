@@ -177,6 +177,13 @@ def scenario_of_a_megabyte(log: bytes) -> bytes:
 
 
 @bomb
+def thousands_of_runs(log: bytes) -> bytes:
+    run = [record for record in h.loose(log) if record[0] in (h.METADATA, h.ATTACHMENT)]
+    made: bytes = h.rebuild([*h.loose(log), *run * 3000])
+    return made
+
+
+@bomb
 def files_of_the_scenario(log: bytes) -> bytes:
     files = [(h.ATTACHMENT, h.attachment(f"scenario/{k}.csv", bytes(15 << 20))) for k in range(6)]
     made: bytes = h.rebuild([*h.loose(log), *files])
