@@ -11,7 +11,7 @@ import numpy as np
 from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.sim.identify.course import Course
-from pushplan.sim.identify.fit import STEP, best_start, refined
+from pushplan.sim.identify.fit import STEP, best_starts, cost, refined
 from pushplan.sim.identify.identification import Identification
 from pushplan.sim.identify.prediction import Comparison
 from pushplan.sim.identify.surrogate import sample_errors
@@ -134,12 +134,16 @@ class _Problem:
     def best(self) -> FloatArray:
         """Return the most likely place, with expected errors that are as large as those it leaves."""
         none = np.zeros(len(self.comparisons) * self.shape[0] * 3)
-        place = best_start(lambda parts: self.errors(np.concatenate([parts, none])), self.count)
-        place = np.concatenate([place, none])
-        for _ in range(2):
-            place = refined(self.errors, place, jacobian=self.jacobian, free=len(none))
-            self.scales = self._left_over(place)
+        starts = best_starts(lambda parts: self.errors(np.concatenate([parts, none])), self.count)
+        places = [self._refined(np.concatenate([start, none])) for start in starts]
+        place = min(places, key=lambda found: cost(self.errors(found)))
+        self.scales = self._left_over(place)
+        place = self._refined(place)
+        self.scales = self._left_over(place)
         return place
+
+    def _refined(self, start: FloatArray) -> FloatArray:
+        return refined(self.errors, start, self.jacobian, free=len(start) - self.count)
 
     def _left_over(self, place: FloatArray) -> FloatArray:
         """Return the root mean square errors that a place leaves: of poses and wrenches, alike along x and y."""
@@ -147,7 +151,11 @@ class _Problem:
         free = max(0.5, 1.0 - len(place) / errors.size)  # degrees of freedom that are left
         rows = list(self._by_course(errors))
         left = [np.asarray(self.scales[0] * np.sqrt(_mean_squares([row[:, :n] for row in rows]) / free))] * n
-        pushed = [row[:, n:] for row in rows if row.shape[1] > n]
+        pushed = [
+            row[comparison.closed, n:]
+            for comparison, row in zip(self.comparisons, rows, strict=True)
+            if row.shape[1] > n and comparison.closed.any()
+        ]
         left.append(self.scales[n] * (np.sqrt(_mean_squares(pushed) / free) if pushed else 1.0))
         return np.asarray(np.maximum(left, self.least))
 

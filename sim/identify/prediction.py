@@ -19,6 +19,9 @@ STEP = 3e-3
 """How far the fastest corner moves in a simulated step, about, m."""
 WAY = 0.2
 """How far the fastest corner moves in a piece of a course that is predicted from where it begins, m."""
+CLOSING = 0.02
+"""How far the fastest corner moves at first, m, before wrenches are compared: contacts that are open by the error of
+their first measured place close, and what the plate feels of that is anything but linear in the error."""
 MOST_COMPARED = 60
 """Poses of a piece that are compared, evenly over its way."""
 
@@ -32,12 +35,14 @@ class Comparison:
         motions: (s, 3) body twists times time of the plate, one for each simulated step.
         marks: (k,) number of steps after which poses are compared; the first is 0.
         samples: (k,) which measured poses those are.
+        closed: (k,) whether the plate has gone so far that wrenches are compared.
     """
 
     course: Course
     motions: FloatArray
     marks: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
     samples: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+    closed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
     @classmethod
     def of_pieces(cls, course: Course, reach: float) -> list[Comparison]:
@@ -52,7 +57,8 @@ class Comparison:
         fine = np.repeat(motions / counts[:, None], counts, axis=0)
         ends = np.concatenate([[0], np.cumsum(counts)])
         samples = np.unique(np.linspace(0, len(ends) - 1, min(MOST_COMPARED, len(ends))).astype(np.int64))
-        return cls(course, fine, ends[samples], samples)
+        gone = np.concatenate([[0.0], np.cumsum(way)])
+        return cls(course, fine, ends[samples], samples, gone[samples] >= CLOSING)
 
     def errors(self, packed: PackedWorld, shift: FloatArray) -> FloatArray:
         """Return by how much predicted poses, and wrenches where they were measured, are off the measured ones.
@@ -63,7 +69,8 @@ class Comparison:
                 m, rad.
 
         Returns:
-            (k, n, 3) in the plate's frame: m and rad; with wrenches (k, n + 1, 3), the last row N, N, N m.
+            (k, n, 3) in the plate's frame: m and rad; with wrenches (k, n + 1, 3), the last row N, N, N m, and zero
+            while contacts close.
         """
         plate = self.course.plate_poses
         first = se2.relative(plate[0], self.course.object_poses[0]) + shift
@@ -78,5 +85,6 @@ class Comparison:
         off[..., 2] = se2.wrap_angle(off[..., 2])
         if self.course.wrenches is None:
             return np.asarray(off)
-        pushed = at_poses(trace.wrenches)[self.marks]
-        return np.concatenate([off, (pushed - self.course.wrenches[self.samples])[:, None]], axis=1)
+        pushed = at_poses(trace.wrenches)[self.marks] - self.course.wrenches[self.samples]
+        pushed[~self.closed] = 0.0
+        return np.concatenate([off, pushed[:, None]], axis=1)
