@@ -34,6 +34,9 @@ CREEP = 10.0
 LEAST = 1e-6
 """Smallest acceleration of the arc parameter (1/s^2) with which anything is driven."""
 
+STRAIGHT = 1e-9
+"""Curvature (1/m) below which an arc is straight."""
+
 SHARES = (np.arange(SPLITS) + 1.0) / SPLITS
 """Shares of the top speed that are tried."""
 
@@ -54,9 +57,9 @@ def arc_limits(twists: FloatArray, limits: Limits, top: float | FloatArray = mat
     straight = np.where(twists[..., 0] < 0.0, back, ahead)
     turning, to_left = np.where(twists[..., 2] < 0.0, right, left), twists[..., 2] >= 0.0
     bend = v * omega
-    jerk = np.where(
-        bend > 0.0, limits.jerk / math.sqrt(2.0), limits.jerk
-    )  # shared by tangential and normal part
+    # The tangential and the normal part share the jerk; that of a twist that is straight but for rounding is zero:
+    # else the same path, planned again from rounded poses, would be driven in another time.
+    jerk = np.where(omega > STRAIGHT * v, limits.jerk / math.sqrt(2.0), limits.jerk)
     speed = np.minimum(top, np.minimum(_ratio(straight, v), _ratio(turning, omega)))
     speed = np.minimum(speed, np.sqrt(_ratio(min(braking, gaining) / math.sqrt(2.0), bend)))
     speed = np.minimum(speed, np.cbrt(_ratio(0.5 * jerk, omega * bend)))
