@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 import numpy as np
+import yaml
 
 
 def plan() -> None:
@@ -15,15 +16,20 @@ def plan() -> None:
 
 
 def slip() -> None:
-    """Compile the simulator of slipping contacts."""
+    """Compile the simulator of slipping contacts, and whole stable sets."""
     import pushplan
     from pushplan.geometry import se2
+    from pushplan.reading.scenario_file import scenario_from_document
     from pushplan.sim.slip.simulate import simulate_poses
     from pushplan.sim.worlds.world import World
+    from pushplan.template import new_scenario_text
 
     world = World.from_scenario(pushplan.load_scenario("two-crates"))
     shares = np.linspace(0.0, 1.0, 3)
     simulate_poses(shares, se2.compose(world.start, np.outer(shares, [0.01, 0.0, 0.0])), world)
+    with_intervals = scenario_from_document(yaml.safe_load(new_scenario_text("new")))
+    for scenario in (pushplan.load_scenario("one-box"), with_intervals):
+        scenario.stable_set().refined_meridians()
 
 
 if __name__ == "__main__":

@@ -68,9 +68,9 @@ def test_reach_is_the_cost_of_the_free_word_of_each_pair(queries: Queries, clutt
     costs = queries.reach(poses[:20], poses[20:])
     assert costs.shape == (20, 20)
     asked = clutter.with_margin(0.05)
-    found = 0
+    stable, found = asked.stable_set(), 0
     for i, j in np.ndindex(20, 20):
-        problem = build_problem(_between(asked, poses[i], poses[20 + j]), asked.stable_set())
+        problem = build_problem(_between(asked, poses[i], poses[20 + j]), stable)
         session = Session(problem, poses[i], Budget(1.0), seed=0)
         ends = (find_collision(clutter, poses[[k]]) is None for k in (i, 20 + j))
         word = free_word(session, poses[i], poses[20 + j]) if all(ends) else None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
@@ -12,7 +14,7 @@ from pushplan.planners.problem.problem import Problem
 from pushplan.planners.problem.rows import put
 from pushplan.planners.problem.steering import connect
 
-TRIES = 3
+TRIES = cast(int, np.int64(3))  # numba compiles functions anew for a plain constant
 """Words between two corners that are swept, at most."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
 ARCS = 4
 """Of a push, at most: the settling one, and those of a word."""
 
-TRIES = 6
+TRIES = cast(int, np.int64(6))  # numba compiles functions anew for a plain constant
 """Words that are swept for a push, at most."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
 
@@ -21,8 +22,14 @@ NODE = 4 + 1 + 4 * LETTERS
 NEAREST = 3
 """Nodes that a new pose is joined to, at most."""
 
-WORD_TRIES = 3
+FIRST_FREE = cast(int, np.int64(1))
+"""Row of a tree with one node at which the next is written."""
+
+WORD_TRIES = cast(int, np.int64(3))  # numba compiles functions anew for a plain constant
 """Words that are swept between two poses."""
+
+SHORTCUT_TRIES = cast(int, np.int64(2))
+"""Words that are swept for a shortcut."""
 
 TURN_LENGTH = 0.3
 """What a turn by 1 rad counts when near nodes are looked for, m."""
@@ -166,7 +173,7 @@ def grow_trees(
     Returns:
         The number of arcs, -1 where no way was found.
     """
-    pose, n, m = scratch(1, 3)[0], 1, 1
+    pose, n, m = scratch(1, 3)[0], FIRST_FREE, FIRST_FREE
     for _ in range(forth.shape[0] - 2):
         _draw(state, box, ends, spread, pose)
         if not _is_clear(around, pose):
@@ -253,7 +260,7 @@ def shortened(
         old = arcs[i, 3] - a + b
         for k in range(i + 1, j):
             old += arcs[k, 3]
-        cost, letters = drive(around, wheels, first, last, old - 1e-6, 2, word)
+        cost, letters = drive(around, wheels, first, last, old - 1e-6, SHORTCUT_TRIES, word)
         if cost == np.inf or count - (j - i) + 1 + letters > MOST_ARCS:
             continue
         # What comes after is kept while the word moves in.

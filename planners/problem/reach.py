@@ -10,7 +10,7 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.problem.posing import ROUNDING, SLACK, kept_distances
-from pushplan.planners.problem.steering import MAX_WORDS, connect
+from pushplan.planners.problem.steering import EVERY_WORD, connect
 
 
 @compiled
@@ -46,5 +46,5 @@ def reach(
                 looked_at,
                 kept,
             )
-            out[i, j] = connect(between, families, starts[i], goals[j], math.inf, MAX_WORDS, arcs)[0]
+            out[i, j] = connect(between, families, starts[i], goals[j], math.inf, EVERY_WORD, arcs)[0]
     return out
