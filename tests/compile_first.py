@@ -1,4 +1,4 @@
-"""Run what compiles most: `python tests/compile_first.py plan|slip`; later processes find it in numba's cache."""
+"""Run what compiles most, for numba's cache: `python tests/compile_first.py [plan] [slip] [sets]`."""
 
 from __future__ import annotations
 
@@ -16,21 +16,28 @@ def plan() -> None:
 
 
 def slip() -> None:
-    """Compile the simulator of slipping contacts, and whole stable sets."""
+    """Compile the simulator of slipping contacts."""
     import pushplan
     from pushplan.geometry import se2
-    from pushplan.reading.scenario_file import scenario_from_document
     from pushplan.sim.slip.simulate import simulate_poses
     from pushplan.sim.worlds.world import World
-    from pushplan.template import new_scenario_text
 
     world = World.from_scenario(pushplan.load_scenario("two-crates"))
     shares = np.linspace(0.0, 1.0, 3)
     simulate_poses(shares, se2.compose(world.start, np.outer(shares, [0.01, 0.0, 0.0])), world)
+
+
+def sets() -> None:
+    """Compile the boundaries of stable sets, of numbers and of intervals."""
+    import pushplan
+    from pushplan.reading.scenario_file import scenario_from_document
+    from pushplan.template import new_scenario_text
+
     with_intervals = scenario_from_document(yaml.safe_load(new_scenario_text("new")))
     for scenario in (pushplan.load_scenario("one-box"), with_intervals):
         scenario.stable_set().refined_meridians()
 
 
 if __name__ == "__main__":
-    {"plan": plan, "slip": slip}[sys.argv[1]]()
+    for what in sys.argv[1:]:
+        {"plan": plan, "slip": slip, "sets": sets}[what]()

@@ -31,7 +31,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile before workers begin: else each of them compiles the same code at the same time."""
     if getattr(session.config.option, "numprocesses", None):
         script = str(Path(__file__).with_name("compile_first.py"))
-        started = [subprocess.Popen([sys.executable, script, what]) for what in ("plan", "slip")]
+        started = [subprocess.Popen([sys.executable, script, *what]) for what in (["plan"], ["slip", "sets"])]
         for process in started:
             process.wait()
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from pushplan.basics.arrays import BoolArray, FloatArray
-from pushplan.compiled import compiled
+from pushplan.compiled import any_integer, compiled
 from pushplan.planners.collision.separation import Scene, separation, step, sweep_is_free
 from pushplan.planners.problem.posing import SLACK, kept_distances
 from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
@@ -16,7 +16,7 @@ from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
 ARCS = 4
 """Of a push, at most: the settling one, and those of a word."""
 
-TRIES = cast(int, np.int64(6))  # numba compiles functions anew for a plain constant
+TRIES = any_integer(6)
 """Words that are swept for a push, at most."""
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import cast
 
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray, RandomState
-from pushplan.compiled import inlined, no_refcount
+from pushplan.compiled import any_integer, inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import separation, step
 from pushplan.planners.multi.driving import Surroundings, Wheels, arc_is_free, drive, seen_from
@@ -22,13 +21,13 @@ NODE = 4 + 1 + 4 * LETTERS
 NEAREST = 3
 """Nodes that a new pose is joined to, at most."""
 
-FIRST_FREE = cast(int, np.int64(1))
+FIRST_FREE = any_integer(1)
 """Row of a tree with one node at which the next is written."""
 
-WORD_TRIES = cast(int, np.int64(3))  # numba compiles functions anew for a plain constant
+WORD_TRIES = any_integer(3)
 """Words that are swept between two poses."""
 
-SHORTCUT_TRIES = cast(int, np.int64(2))
+SHORTCUT_TRIES = any_integer(2)
 """Words that are swept for a shortcut."""
 
 TURN_LENGTH = 0.3

@@ -20,7 +20,7 @@ from pushplan.compiled import compiled, no_refcount
 from pushplan.compiled.private import COMPILES, entry_point
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.problem.problem import TRIES, Problem, extend
-from pushplan.planners.problem.steering import EVERY_WORD, connect
+from pushplan.planners.problem.steering import MAX_WORDS, connect
 
 
 @structref.register
@@ -116,7 +116,7 @@ def _grow(
         return False, np.inf, np.inf, 0.0, 0.0, 0.0
     node = nodes[count]
     so_far = node[3]
-    tries = EVERY_WORD if parent < 0 else TRIES
+    tries = MAX_WORDS if parent < 0 else TRIES
     limit = bound - so_far
     cost, promise = connect(problem.scene, problem.families, node[:3], problem.goal, limit, tries, word)
     kept = so_far + promise < bound or promise == np.inf

@@ -19,7 +19,7 @@ from pushplan.errors import PlanningError
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.propagator import Propagator, wrapped
 from pushplan.planners.problem.posing import Box
-from pushplan.planners.problem.steering import EVERY_WORD, connect
+from pushplan.planners.problem.steering import MAX_WORDS, connect
 
 CELLS = 40
 """Cells of the projection, which EST and KPIECE1 count nodes in, along the sampling box's diagonal."""
@@ -119,7 +119,7 @@ def pose_problem(session: Session, box: Box, heading_length: float) -> tuple[Pus
 def free_word(session: Session, begin: FloatArray, end: FloatArray) -> FloatArray | None:
     """Return the arcs (3, 4) of the cheapest free word between two poses (3,), None where all are blocked."""
     problem, arcs = session.problem, np.zeros((3, 4))
-    cost, _ = connect(problem.scene, problem.families, begin, end, math.inf, EVERY_WORD, arcs)
+    cost, _ = connect(problem.scene, problem.families, begin, end, math.inf, MAX_WORDS, arcs)
     return arcs if cost < math.inf else None
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray, RandomState
-from pushplan.compiled import inlined, no_refcount
+from pushplan.compiled import any_integer, inlined, no_refcount
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
 from pushplan.planners.problem.objective import Objective
@@ -24,7 +24,7 @@ END_SHARE = 0.25
 """Share of the other controls that lie on either end of their segment, the boundary of the stable set."""
 
 
-TRIES = cast(int, np.int64(2))  # numba compiles functions anew for a plain constant
+TRIES = any_integer(2)
 """Words that are swept, at most, in the attempt to connect a new node."""
 
 

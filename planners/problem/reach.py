@@ -7,10 +7,13 @@ import math
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.compiled import compiled
+from pushplan.compiled import any_integer, compiled
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.problem.posing import ROUNDING, SLACK, kept_distances
-from pushplan.planners.problem.steering import EVERY_WORD, connect
+from pushplan.planners.problem.steering import MAX_WORDS, connect
+
+TRIES = any_integer(MAX_WORDS)
+"""Words between two poses that are swept: all of them."""
 
 
 @compiled
@@ -46,5 +49,5 @@ def reach(
                 looked_at,
                 kept,
             )
-            out[i, j] = connect(between, families, starts[i], goals[j], math.inf, EVERY_WORD, arcs)[0]
+            out[i, j] = connect(between, families, starts[i], goals[j], math.inf, TRIES, arcs)[0]
     return out

@@ -13,7 +13,7 @@ from pushplan.path import PushPath
 from pushplan.planners.collision.separation import Scene, sweep_is_free
 from pushplan.planners.problem.posing import scene_between
 from pushplan.planners.problem.reach import reach
-from pushplan.planners.problem.steering import EVERY_WORD, connect
+from pushplan.planners.problem.steering import MAX_WORDS, connect
 
 PLACES = 24
 """Places of the earlier path that are tried, its end included."""
@@ -54,7 +54,7 @@ def rejoin(
         if len(rest) and not (stable(rest[:, :3]).all() and _is_free(between, onto[k], rest)):
             continue
         word = np.zeros((3, 4))
-        if connect(between, families, start, onto[k], math.inf, EVERY_WORD, word)[0] < math.inf:
+        if connect(between, families, start, onto[k], math.inf, MAX_WORDS, word)[0] < math.inf:
             return np.concatenate([word, rest])
     return None
 

@@ -10,7 +10,6 @@ to carry c's image at the start to its image at the goal.
 from __future__ import annotations
 
 import math
-from typing import cast
 
 import numpy as np
 
@@ -25,9 +24,6 @@ LEFT, STRAIGHT, RIGHT = 0, 1, 2
 
 MAX_WORDS = 12
 """Words per family: four turn-straight-turn with up to two roots each, two turn-turn-turn with two apexes."""
-
-EVERY_WORD = cast(int, np.int64(MAX_WORDS))  # numba compiles functions anew for a plain constant
-"""Words that are swept where none is to be missed."""
 
 MOST_FAMILIES = 3
 """Families that a connection is looked for in, at most."""

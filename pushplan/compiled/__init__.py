@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
+import numpy as np
 from numba import njit
 
 from pushplan.compiled import private
@@ -33,3 +34,8 @@ compile time.
 
 in_threads = njit(cache=True, error_model="numpy", nogil=True)
 """Compile a long-running function that several threads may be in at the same time."""
+
+
+def any_integer(value: int) -> int:
+    """Return a constant for compiled code that passes it on: for a plain one numba compiles the called one anew."""
+    return cast(int, np.int64(value))

@@ -99,7 +99,7 @@ def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, 
     scenario = problem(drive, obstacles=standing, start=[3.0, 3.0, 0.0], robot={"start": [0.0, 0.0, 0.0]})
     robot, load = _scenes(scenario)
     wheels = driving.wheels_of(scenario.chain.pusher.drive, np.array([-0.2, 0.0]))
-    around = Surroundings(robot, load, scenario.start.copy())
+    around = Surroundings(robot, load, scenario.start.copy())  # writable, as in searches: else compiled anew
     start, goal = np.zeros(3), np.array([1.4, 0.1, 2.0])
     arcs, state = np.zeros((MOST_ARCS, 4)), np.array([1], dtype=np.uint64)
     n = find_transit(around, wheels, start, goal, np.array([-2.0, -2.0, 4.0, 4.0]), 1.0, state, 2000, arcs)
