@@ -11,96 +11,6 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from pushplan.closed_loop import ClosedLoopRun, run_closed_loop
-    from pushplan.control.controller import Controller
-    from pushplan.control.sensor import Sensor
-    from pushplan.control.settings import ControlSettings
-    from pushplan.drawing.run import plot_plan
-    from pushplan.drawing.scenario import plot_scenario
-    from pushplan.drawing.sets import plot_stable_sets
-    from pushplan.drawing.speeds import plot_admissible_speeds
-    from pushplan.errors import (
-        ChainError,
-        EmptyStableSetError,
-        Finding,
-        ImportedFileError,
-        OutputError,
-        PlanningError,
-        PushplanError,
-        RunLogError,
-        ScenarioError,
-        SupportError,
-        TimingError,
-        UndefinedEcofError,
-    )
-    from pushplan.examples import example_names, example_text
-    from pushplan.execution import Execution, StabilityLoss
-    from pushplan.following.follower import Command, Follower, FollowerState
-    from pushplan.identify import identify
-    from pushplan.logging.messages.recorded import RecordedRun
-    from pushplan.logging.reader import read_run, read_runs
-    from pushplan.mechanics.chain import Chain, Contact, Drive, Limits, PushedObject, Pusher
-    from pushplan.mechanics.contacts.friction import cof, ecof, friction_wrench
-    from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds, SpeedWindow, admissible_speeds
-    from pushplan.mechanics.dynamics.contact_dynamics import DynamicRows, dynamic_margins, dynamic_rows
-    from pushplan.mechanics.sphere import TurningRadii
-    from pushplan.mechanics.support import (
-        FeetSupport,
-        PressureMapSupport,
-        Support,
-        UniformSupport,
-        UnknownSupport,
-    )
-    from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-    from pushplan.path import PushPath
-    from pushplan.plan import plan
-    from pushplan.push_queries import PushQueries
-    from pushplan.queries import Queries
-    from pushplan.reading.imported.outlines import read_csv_outlines, read_svg_outlines
-    from pushplan.reading.imported.ros_map import RosMap, read_ros_map
-    from pushplan.reading.scenario_check import check_scenario
-    from pushplan.reading.scenario_file import load_scenario, scenario_from_document, scenario_from_text
-    from pushplan.reading.several_objects import SeveralObjects, load_several_objects
-    from pushplan.rearrangement.plan import Leg, Rearrangement, Rearranging
-    from pushplan.recording import IncompleteLogError
-    from pushplan.result import Diagnosis, PlanResult, ProgressPoint, Run
-    from pushplan.run import run
-    from pushplan.scenario import Scenario
-    from pushplan.scenario_parts import (
-        CircleObstacle,
-        Goal,
-        PlannerSettings,
-        PolygonObstacle,
-        Snapped,
-        Snapping,
-        StabilitySettings,
-        Uncertainty,
-        Workspace,
-    )
-    from pushplan.sim.identify.course import Course
-    from pushplan.sim.identify.identification import Estimate, Identification
-    from pushplan.sim.identify.identify import identify_courses
-    from pushplan.sim.kinematic import simulate_rigid
-    from pushplan.sim.slip.report import ContactLoss, Mode, SlipReport
-    from pushplan.sim.slip.settings import SlipSettings
-    from pushplan.sim.slip.simulate import simulate
-    from pushplan.sim.slip.simulator import SlipSimulator
-    from pushplan.sim.trials.result import Trials
-    from pushplan.sim.trials.uncertain import TrialUncertainty
-    from pushplan.sim.worlds.kick import Kick
-    from pushplan.sim.worlds.world import World
-    from pushplan.stable_sets.grid_cor_set import GridCorSet, grid_cor_set
-    from pushplan.stable_sets.interval_set import stable_set_over
-    from pushplan.stable_sets.named import stable_set
-    from pushplan.stable_sets.robust_set import RobustSet, WorstCase
-    from pushplan.stable_sets.stable_set import StableSet
-    from pushplan.tolerance.tolerance import Tolerance
-    from pushplan.trajectory import Trajectory
-    from pushplan.trial import trial
-
-    __version__: str
-
 _HOMES = {
     "mechanics.chain": "Chain Contact Drive Limits PushedObject Pusher",
     "errors": "ChainError EmptyStableSetError Finding ImportedFileError OutputError PlanningError PushplanError "
@@ -164,121 +74,123 @@ _HOMES = {
 }
 _HOME_OF = {name: f"pushplan.{home}" for home, names in _HOMES.items() for name in names.split()}
 
-__all__ = [
-    "AdmissibleSpeeds",
-    "Chain",
-    "ChainError",
-    "CircleObstacle",
-    "ClosedLoopRun",
-    "Command",
-    "Contact",
-    "ContactLoss",
-    "ControlSettings",
-    "Controller",
-    "Course",
-    "Diagnosis",
-    "Drive",
-    "DynamicRows",
-    "EmptyStableSetError",
-    "Estimate",
-    "Execution",
-    "FeetSupport",
-    "Finding",
-    "Follower",
-    "FollowerState",
-    "Goal",
-    "GridCorSet",
-    "Identification",
-    "ImportedFileError",
-    "IncompleteLogError",
-    "IntervalChain",
-    "Kick",
-    "Leg",
-    "Limits",
-    "Mode",
-    "OutputError",
-    "PlanResult",
-    "PlannerSettings",
-    "PlanningError",
-    "PolygonObstacle",
-    "PressureMapSupport",
-    "ProgressPoint",
-    "PushPath",
-    "PushQueries",
-    "PushedObject",
-    "Pusher",
-    "PushplanError",
-    "Queries",
-    "Rearrangement",
-    "Rearranging",
-    "RecordedRun",
-    "RobustSet",
-    "RosMap",
-    "Run",
-    "RunLogError",
-    "Scenario",
-    "ScenarioError",
-    "Sensor",
-    "SeveralObjects",
-    "SlipReport",
-    "SlipSettings",
-    "SlipSimulator",
-    "Snapped",
-    "Snapping",
-    "SpeedWindow",
-    "StabilityLoss",
-    "StabilitySettings",
-    "StableSet",
-    "Support",
-    "SupportError",
-    "TimingError",
-    "Tolerance",
-    "Trajectory",
-    "TrialUncertainty",
-    "Trials",
-    "TurningRadii",
-    "Uncertainty",
-    "UndefinedEcofError",
-    "UniformSupport",
-    "UnknownSupport",
-    "Workspace",
-    "World",
-    "WorstCase",
-    "__version__",
-    "admissible_speeds",
-    "check_scenario",
-    "cof",
-    "dynamic_margins",
-    "dynamic_rows",
-    "ecof",
-    "example_names",
-    "example_text",
-    "friction_wrench",
-    "grid_cor_set",
-    "identify",
-    "identify_courses",
-    "load_scenario",
-    "load_several_objects",
-    "plan",
-    "plot_admissible_speeds",
-    "plot_plan",
-    "plot_scenario",
-    "plot_stable_sets",
-    "read_csv_outlines",
-    "read_ros_map",
-    "read_run",
-    "read_runs",
-    "read_svg_outlines",
-    "run",
-    "run_closed_loop",
-    "scenario_from_document",
-    "scenario_from_text",
-    "simulate",
-    "simulate_rigid",
-    "stable_set",
-    "stable_set_over",
-    "trial",
-]
+if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported without a list of its own
+    from pushplan.closed_loop import ClosedLoopRun as ClosedLoopRun
+    from pushplan.closed_loop import run_closed_loop as run_closed_loop
+    from pushplan.control.controller import Controller as Controller
+    from pushplan.control.sensor import Sensor as Sensor
+    from pushplan.control.settings import ControlSettings as ControlSettings
+    from pushplan.drawing.run import plot_plan as plot_plan
+    from pushplan.drawing.scenario import plot_scenario as plot_scenario
+    from pushplan.drawing.sets import plot_stable_sets as plot_stable_sets
+    from pushplan.drawing.speeds import plot_admissible_speeds as plot_admissible_speeds
+    from pushplan.errors import ChainError as ChainError
+    from pushplan.errors import EmptyStableSetError as EmptyStableSetError
+    from pushplan.errors import Finding as Finding
+    from pushplan.errors import ImportedFileError as ImportedFileError
+    from pushplan.errors import OutputError as OutputError
+    from pushplan.errors import PlanningError as PlanningError
+    from pushplan.errors import PushplanError as PushplanError
+    from pushplan.errors import RunLogError as RunLogError
+    from pushplan.errors import ScenarioError as ScenarioError
+    from pushplan.errors import SupportError as SupportError
+    from pushplan.errors import TimingError as TimingError
+    from pushplan.errors import UndefinedEcofError as UndefinedEcofError
+    from pushplan.examples import example_names as example_names
+    from pushplan.examples import example_text as example_text
+    from pushplan.execution import Execution as Execution
+    from pushplan.execution import StabilityLoss as StabilityLoss
+    from pushplan.following.follower import Command as Command
+    from pushplan.following.follower import Follower as Follower
+    from pushplan.following.follower import FollowerState as FollowerState
+    from pushplan.identify import identify as identify
+    from pushplan.logging.messages.recorded import RecordedRun as RecordedRun
+    from pushplan.logging.reader import read_run as read_run
+    from pushplan.logging.reader import read_runs as read_runs
+    from pushplan.mechanics.chain import Chain as Chain
+    from pushplan.mechanics.chain import Contact as Contact
+    from pushplan.mechanics.chain import Drive as Drive
+    from pushplan.mechanics.chain import Limits as Limits
+    from pushplan.mechanics.chain import PushedObject as PushedObject
+    from pushplan.mechanics.chain import Pusher as Pusher
+    from pushplan.mechanics.contacts.friction import cof as cof
+    from pushplan.mechanics.contacts.friction import ecof as ecof
+    from pushplan.mechanics.contacts.friction import friction_wrench as friction_wrench
+    from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds as AdmissibleSpeeds
+    from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow as SpeedWindow
+    from pushplan.mechanics.dynamics.admissible_speeds import admissible_speeds as admissible_speeds
+    from pushplan.mechanics.dynamics.contact_dynamics import DynamicRows as DynamicRows
+    from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins as dynamic_margins
+    from pushplan.mechanics.dynamics.contact_dynamics import dynamic_rows as dynamic_rows
+    from pushplan.mechanics.sphere import TurningRadii as TurningRadii
+    from pushplan.mechanics.support import FeetSupport as FeetSupport
+    from pushplan.mechanics.support import PressureMapSupport as PressureMapSupport
+    from pushplan.mechanics.support import Support as Support
+    from pushplan.mechanics.support import UniformSupport as UniformSupport
+    from pushplan.mechanics.support import UnknownSupport as UnknownSupport
+    from pushplan.mechanics.worst_case.interval_chain import IntervalChain as IntervalChain
+    from pushplan.path import PushPath as PushPath
+    from pushplan.plan import plan as plan
+    from pushplan.push_queries import PushQueries as PushQueries
+    from pushplan.queries import Queries as Queries
+    from pushplan.reading.imported.outlines import read_csv_outlines as read_csv_outlines
+    from pushplan.reading.imported.outlines import read_svg_outlines as read_svg_outlines
+    from pushplan.reading.imported.ros_map import RosMap as RosMap
+    from pushplan.reading.imported.ros_map import read_ros_map as read_ros_map
+    from pushplan.reading.scenario_check import check_scenario as check_scenario
+    from pushplan.reading.scenario_file import load_scenario as load_scenario
+    from pushplan.reading.scenario_file import scenario_from_document as scenario_from_document
+    from pushplan.reading.scenario_file import scenario_from_text as scenario_from_text
+    from pushplan.reading.several_objects import SeveralObjects as SeveralObjects
+    from pushplan.reading.several_objects import load_several_objects as load_several_objects
+    from pushplan.rearrangement.plan import Leg as Leg
+    from pushplan.rearrangement.plan import Rearrangement as Rearrangement
+    from pushplan.rearrangement.plan import Rearranging as Rearranging
+    from pushplan.recording import IncompleteLogError as IncompleteLogError
+    from pushplan.result import Diagnosis as Diagnosis
+    from pushplan.result import PlanResult as PlanResult
+    from pushplan.result import ProgressPoint as ProgressPoint
+    from pushplan.result import Run as Run
+    from pushplan.run import run as run
+    from pushplan.scenario import Scenario as Scenario
+    from pushplan.scenario_parts import CircleObstacle as CircleObstacle
+    from pushplan.scenario_parts import Goal as Goal
+    from pushplan.scenario_parts import PlannerSettings as PlannerSettings
+    from pushplan.scenario_parts import PolygonObstacle as PolygonObstacle
+    from pushplan.scenario_parts import Snapped as Snapped
+    from pushplan.scenario_parts import Snapping as Snapping
+    from pushplan.scenario_parts import StabilitySettings as StabilitySettings
+    from pushplan.scenario_parts import Uncertainty as Uncertainty
+    from pushplan.scenario_parts import Workspace as Workspace
+    from pushplan.sim.identify.course import Course as Course
+    from pushplan.sim.identify.identification import Estimate as Estimate
+    from pushplan.sim.identify.identification import Identification as Identification
+    from pushplan.sim.identify.identify import identify_courses as identify_courses
+    from pushplan.sim.kinematic import simulate_rigid as simulate_rigid
+    from pushplan.sim.slip.report import ContactLoss as ContactLoss
+    from pushplan.sim.slip.report import Mode as Mode
+    from pushplan.sim.slip.report import SlipReport as SlipReport
+    from pushplan.sim.slip.settings import SlipSettings as SlipSettings
+    from pushplan.sim.slip.simulate import simulate as simulate
+    from pushplan.sim.slip.simulator import SlipSimulator as SlipSimulator
+    from pushplan.sim.trials.result import Trials as Trials
+    from pushplan.sim.trials.uncertain import TrialUncertainty as TrialUncertainty
+    from pushplan.sim.worlds.kick import Kick as Kick
+    from pushplan.sim.worlds.world import World as World
+    from pushplan.stable_sets.grid_cor_set import GridCorSet as GridCorSet
+    from pushplan.stable_sets.grid_cor_set import grid_cor_set as grid_cor_set
+    from pushplan.stable_sets.interval_set import stable_set_over as stable_set_over
+    from pushplan.stable_sets.named import stable_set as stable_set
+    from pushplan.stable_sets.robust_set import RobustSet as RobustSet
+    from pushplan.stable_sets.robust_set import WorstCase as WorstCase
+    from pushplan.stable_sets.stable_set import StableSet as StableSet
+    from pushplan.tolerance.tolerance import Tolerance as Tolerance
+    from pushplan.trajectory import Trajectory as Trajectory
+    from pushplan.trial import trial as trial
+
+    __version__: str
+else:
+    __all__ = ["__version__", *_HOME_OF]
 
 
 def __getattr__(name: str) -> object:
@@ -297,7 +209,7 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     """Return the public names, loaded or not."""
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *_HOME_OF, "__version__"})
 
 
 class _Package(ModuleType):

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import inlined, no_refcount
 
@@ -176,14 +174,3 @@ def find_reeds_shepp(
                 counts[n] = count
                 n += 1
     return n
-
-
-def shortest_reeds_shepp(x: float, y: float, phi: float) -> float:
-    """Return the length of the shortest way to a pose, in turning radii."""
-    counts, letters, lengths = (
-        np.zeros(MOST_WORDS),
-        np.zeros((MOST_WORDS, LETTERS)),
-        np.zeros((MOST_WORDS, LETTERS)),
-    )
-    n = find_reeds_shepp(x, y, phi, counts, letters, lengths)
-    return min(sum(abs(lengths[i, : int(counts[i])])) for i in range(n))

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.sphere import Meridians, TurningRadii, angles_of, checked_twists, twists_at
+from pushplan.mechanics.sphere import Meridians, TurningRadii, angles_of, checked_twists
 from pushplan.stable_sets.boundary.intervals import Samples
 from pushplan.stable_sets.boundary.meridian_tracking import track_meridians
 from pushplan.stable_sets.boundary.meridians import find_meridians
@@ -48,10 +48,6 @@ class StableSet(ABC):
     def loads_known(self) -> bool:
         """Whether the load distribution under every object is known, so that contact forces are."""
         return self.chain.loads_known
-
-    def twists_on_sphere(self, longitude: ArrayLike, latitude: ArrayLike) -> FloatArray:
-        """Return the unit twists (..., 3) at longitudes and latitudes (...) of the twist sphere, rad."""
-        return twists_at(longitude, latitude, self.chain.characteristic_length)
 
     @abstractmethod
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
@@ -88,11 +84,6 @@ class StableSet(ABC):
         if count < 1:
             raise PushplanError(f"count is {count}; it must be at least 1")
         return self._meridians(float(minimum_margin), int(count))
-
-    def meridians_at(self, longitude: ArrayLike, minimum_margin: float = 0.0) -> Meridians:
-        """Return the stable intervals of latitude at increasing longitudes (m,), rad."""
-        lon = np.atleast_1d(np.asarray(longitude, dtype=np.float64))
-        return self._find(lon, minimum_margin)
 
     def refined_meridians(self, minimum_margin: float = 0.0) -> RefinedMeridians:
         """Return the stable intervals on meridians as close together as the boundary needs."""

@@ -11,6 +11,7 @@ import pytest
 from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.sphere import twists_at
 from pushplan.mechanics.worst_case.load_area import load_areas
 from pushplan.stable_sets.named import stable_set
 from pushplan.stable_sets.stable_set import StableSet
@@ -29,7 +30,7 @@ def near_boundary(stable: StableSet, rng: np.random.Generator, count: int) -> Fl
         return forward
     lon, lat = np.tile(found.longitude, 2), np.concatenate([found.lower, found.upper])
     pick = rng.integers(len(lon), size=count)
-    near = stable.twists_on_sphere(lon[pick], lat[pick] + rng.choice([-1e-3, 0.0, 1e-3], size=count))
+    near = twists_at(lon[pick], lat[pick] + rng.choice([-1e-3, 0.0, 1e-3], size=count), length)
     return np.asarray(np.concatenate([near, forward]), dtype=np.float64)
 
 

@@ -16,6 +16,7 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.sphere import twists_at
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.mechanics.worst_case.area_table import pack_area, table_rows
 from pushplan.mechanics.worst_case.envelope_kernel import least_load, start_twist
@@ -125,7 +126,7 @@ def test_worst_case_is_a_pressure_that_does_it(make_chain: ChainMaker) -> None:
             if lat > 1.5:
                 continue
             for step, low, high in ((0.0, -1e-6, 1e-6), (1e-2, -1.0, 0.0)):
-                twist = robust.twists_on_sphere(lon, lat + step)
+                twist = twists_at(lon, lat + step, chain.characteristic_length)
                 worst = robust.worst_case(twist)
                 objects = list(chain.objects)
                 for i, points in worst.points.items():

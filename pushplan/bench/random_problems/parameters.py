@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from pushplan.basics.names import MOST_FRICTION
 from pushplan.errors import PushplanError
@@ -115,5 +115,3 @@ _WORDS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("drives", DRIVES),
     ("obstacle_shapes", OBSTACLE_SHAPES),
 )
-
-PARAMETER_NAMES = tuple(field.name for field in fields(ProblemParameters))
