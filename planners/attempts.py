@@ -25,15 +25,6 @@ from pushplan.stable_sets.stable_set import StableSet
 PATIENCE = 0.5
 """Share of what is left of the budget that a margin may take without a path, before a lower one is tried."""
 
-TRAVEL_SHARE = 0.5
-"""Share of the budget, at most, in which paths are ranked by travel before they are ranked by time.
-
-Fewest metres in few arcs make a good start: a path found by time alone is not always the faster one.
-"""
-
-MARGIN_FREE = "gap"
-"""Cause of failures that no other margin could mend."""
-
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
@@ -103,7 +94,8 @@ class Search:
     def _is_over(self, attempt: Attempt) -> bool:
         """Whether no lower margin has time left, or could help."""
         session = attempt.session
-        proven = any(fault.cause == MARGIN_FREE for fault in attempt.monitor.proven)
+        # Of all that can be proven, only a passage that is too narrow stands in the way with every margin.
+        proven = any(fault.cause == "gap" for fault in attempt.monitor.proven)
         return proven or self.budget.is_used_up(time.perf_counter() - self.began, session.iterations)
 
     def _attempt(self, scenario: Scenario, budget: Budget, before: Attempt | None) -> Attempt:
@@ -116,7 +108,9 @@ class Search:
             return replace(self._run(by_travel, budget, earlier), scenario=scenario)
         if scenario.planner.cost != "time":
             return self._run(scenario, budget, earlier)
-        first = self._run(by_travel, replace(budget, enough=TRAVEL_SHARE), earlier)
+        # Fewest metres in few arcs make a good start, for half of the budget at most: a path found by time alone is
+        # not always the faster one.
+        first = self._run(by_travel, replace(budget, enough=0.5), earlier)
         if first.path is None:
             return first
         second = self._run(scenario, budget, first.session, first.path)

@@ -14,12 +14,6 @@ from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
-EXPLAINING = 0.5
-"""What finding out why there is no path may take after the search, s; more of it was done meanwhile."""
-
-SPACING = 0.01
-"""Spacing (m of cost) of the poses handed to the checker, which refines them itself."""
-
 
 @dataclass(frozen=True)
 class Failure:
@@ -52,7 +46,9 @@ def explain_failure(
 ) -> Failure:
     """Find out why there is no path, and how near to the goal one ends."""
     path = session.nearest_path
-    sound = len(path.twists) > 0 and not flaw(scenario, stable, path, path.sampled(SPACING))
+    poses = path.sampled(0.01)  # m of cost; the checker refines it
+    sound = len(path.twists) > 0 and not flaw(scenario, stable, path, poses)
     error = pose_error(path.end if sound else path.start, scenario.goal.pose_chain)
-    found = diagnose(monitor, session.extensions, error, EXPLAINING)
+    # Half a second after the search, as more of it was done meanwhile.
+    found = diagnose(monitor, session.extensions, error, 0.5)
     return Failure(found, path if sound else None, error, session.budget)

@@ -21,15 +21,6 @@ from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
 GAIN = 1e-9
 """Smallest saving, in the unit of the objective, for which a piece of path is exchanged."""
 
-DRAWN_SHARE = 0.8
-"""Share of the attempts that join by turns and pushes drawn from the whole stable set."""
-
-VARIED_SHARE = 0.5
-"""Share of the attempts that change the path's twists and lengths a little instead."""
-
-SHORTEST_WINDOW = 0.07
-"""Shortest piece of path that is exchanged, as a share of the path."""
-
 
 @no_refcount
 def objective_value(objective: Objective, path: FloatArray) -> float:
@@ -144,7 +135,7 @@ def random_family(segments: FloatArray, state: RandomState, family: FloatArray) 
 @inlined
 def _some_family(problem: Problem, state: RandomState, family: FloatArray) -> None:
     """Fill `family` (1, 3, 3) with a steering family, or with one drawn from the whole stable set."""
-    if random(state) < DRAWN_SHARE:
+    if random(state) < 0.8:
         random_family(problem.segments, state, family[0])
     else:
         put_rows(family[0], problem.families[int(random(state) * problem.families.shape[0])])
@@ -153,8 +144,9 @@ def _some_family(problem: Problem, state: RandomState, family: FloatArray) -> No
 @inlined
 def _window(state: RandomState, total: float) -> tuple[float, float]:
     """Draw a piece of a path: its length log-uniform, its place uniform, ends clipped to the path's."""
-    # Log-uniform: short pieces need many tries, each with little to gain, long ones few with much.
-    length = total * math.exp(math.log(SHORTEST_WINDOW) * random(state))
+    # Log-uniform, from 7 % of the path on: short pieces need many tries, each with little to gain, long ones few with
+    # much.
+    length = total * math.exp(math.log(0.07) * random(state))
     low = -0.5 * length + random(state) * total
     return max(0.0, low), min(total, low + length)
 
@@ -195,7 +187,8 @@ def shorten(
     family, word = np.empty((1, 3, 3)), np.empty((3, 4))
     begin, end = np.empty(3), np.empty(3)
     for _ in range(attempts):
-        if random(state) < VARIED_SHARE and path.shape[0] > 0:
+        # Words find a path's form, small changes of its twists and lengths the best of that form: half of each.
+        if random(state) < 0.5 and path.shape[0] > 0:
             path = vary(problem, normals, start, path, state)
             continue
         low, high = _window(state, path[:, 3].sum())

@@ -21,18 +21,6 @@ from pushplan.result import ProgressPoint
 CHUNK = 128
 """Extensions between two looks at the clock."""
 
-POLISH_ATTEMPTS = 1_000
-"""Changes tried on every path found."""
-
-POLISH_CHUNK = 125
-"""Changes between two looks at the clock."""
-
-POLISH_ROUNDS = 8
-"""So many times, at most, as long as it promises to become the best one."""
-
-PROMISE = 3.0
-"""It does if its value may fall by so many times what the last round saved."""
-
 REFINE_CHUNK = 2_000
 """Changes tried on the best path between two rounds of search."""
 
@@ -176,11 +164,12 @@ class Session:
             self.take(cut_short(self.problem, self.start, arcs, self.problem.objective.per_arc))
             return
         before = self.best.value_of(arcs)
-        for _ in range(POLISH_ROUNDS):
-            arcs = self._polished(arcs, POLISH_ATTEMPTS)
+        for _ in range(8):
+            arcs = self._polished(arcs, 1_000)
             self.take(arcs)
             now = self.best.value_of(arcs)
-            if self.finished or now - PROMISE * (before - now) > self.best.value:
+            # Each round saves less than the one before: from 3 times this round's saving on there is no hope.
+            if self.finished or now - 3.0 * (before - now) > self.best.value:
                 return
             before = now
 
@@ -194,11 +183,12 @@ class Session:
         self._refining = REFINE_CHUNK if gained else max(REFINE_CHUNK // 8, self._refining // 2)
 
     def _polished(self, arcs: FloatArray, attempts: int) -> FloatArray:
-        for _ in range(0, attempts, POLISH_CHUNK):
+        chunk = 125  # between two looks at the clock
+        for _ in range(0, attempts, chunk):
             if self.finished:
                 break
-            self.iterations += POLISH_CHUNK
-            arcs = shorten(self.problem, self.start, arcs, self.random, POLISH_CHUNK)
+            self.iterations += chunk
+            arcs = shorten(self.problem, self.start, arcs, self.random, chunk)
         return np.asarray(arcs)
 
     def take(self, arcs: FloatArray) -> None:

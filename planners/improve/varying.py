@@ -17,26 +17,8 @@ from pushplan.planners.problem.objective import Objective, arc_value
 from pushplan.planners.problem.problem import Problem, between, random
 from pushplan.planners.problem.rows import put, put_rows
 
-SPLIT_SHARE = 0.2
-"""Share of the changes that split an arc first, so that a path may take a new form."""
-
-DROP_SHARE = 0.15
-"""Share of the other changes that leave an arc out: few arcs are what people want to drive."""
-
-LENGTH_SHARE = 0.15
-"""Share of the changes that are one of a length alone."""
-
 KEEP_SHARE = 0.75
 """Share of the new twists that stay what they were: on the boundary of the stable set, or without rotation."""
-
-SMALLEST = 1e-4
-"""Smallest change that is drawn, as a share of the largest; sizes are log-uniform."""
-
-STEPS = 6
-"""Newton steps to close the path, at most."""
-
-CLOSED = 1e-13
-"""Distance (m, rad) at which a path counts as closed."""
 
 AT_END = 1e-9
 """Share of a segment within which a twist is at its end."""
@@ -95,8 +77,8 @@ def _whereabouts(segments: FloatArray, normals: FloatArray, t: FloatArray) -> tu
 
 @inlined
 def _size(state: RandomState) -> float:
-    """Draw a log-uniform size from SMALLEST to 1, with a random sign."""
-    size = math.exp(math.log(SMALLEST) * random(state))
+    """Draw a log-uniform size from 1e-4 to 1, with a random sign."""
+    size = math.exp(math.log(1e-4) * random(state))
     return size if random(state) < 0.5 else -size
 
 
@@ -159,11 +141,12 @@ def _close(
     """
     columns = scratch(3, 3)
     a, b, c = columns[0], columns[1], columns[2]
-    for _ in range(STEPS):
+    for _ in range(6):
         _poses_along(path, first, last, poses)
         x, y = target[0] - poses[last + 1, 0], target[1] - poses[last + 1, 1]
         t = (target[2] - poses[last + 1, 2] + math.pi) % (2.0 * math.pi) - math.pi
-        if abs(x) + abs(y) + abs(t) < CLOSED:
+        # To rounding (m, rad): what is left here adds up from change to change.
+        if abs(x) + abs(y) + abs(t) < 1e-13:
             return True
         _column(path, poses, chosen[0], last, a)
         _column(path, poses, chosen[1], last, b)
@@ -248,8 +231,9 @@ def _varied(
     """
     m = path.shape[0]
     k = int(random(state) * m)
-    split = m < 3 or random(state) < SPLIT_SHARE
-    if not split and m > 3 and random(state) < DROP_SHARE:
+    # Splitting an arc first lets a path take a new form; leaving one out makes it what people want to drive.
+    split = m < 3 or random(state) < 0.2
+    if not split and m > 3 and random(state) < 0.15:
         return _without(problem, start, path, k, state, trial, poses)
     put_rows(trial, path[: k + 1])
     if split:
@@ -270,7 +254,7 @@ def _varied(
     target = scratch(1, 3)[0]
     put(target, poses[last + 1] if last < m - 1 else problem.goal)
     before = _value(problem.objective, trial, first, last) - (problem.objective.per_arc if split else 0.0)
-    if random(state) < LENGTH_SHARE:
+    if random(state) < 0.15:
         trial[k, 3] *= 1.0 + 0.5 * _size(state)
     elif not _change_twist(problem.segments, normals, state, trial[k]):
         return 0

@@ -16,12 +16,6 @@ from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
-PUSHES_TRIED = 300
-"""Pushes tried from the start and into the goal."""
-
-SHORTEST_PUSH = 1e-3
-"""Travel (m) of the shortest push tried; the next ones are twice as long each."""
-
 
 def boxed_in_faults(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:
     """Yield after each step, a longer one each time, what it has proven; at last what may be.
@@ -61,8 +55,8 @@ def _perhaps(scenario: Scenario, problem: Problem) -> list[Diagnosis]:
 
 
 def _some_pushes(segments: FloatArray) -> FloatArray:
-    """Twists (k, 3) spread over the segments, scaled to a cost rate of 1."""
-    rows = segments[np.linspace(0, len(segments) - 1, min(len(segments), PUSHES_TRIED // 3)).astype(int)]
+    """At most 300 twists (k, 3) spread over the segments, scaled to a cost rate of 1."""
+    rows = segments[np.linspace(0, len(segments) - 1, min(len(segments), 100)).astype(int)]
     twists = np.concatenate([rows[:, :3], 0.5 * (rows[:, :3] + rows[:, 3:]), rows[:, 3:]])
     return np.asarray(twists / cost_rate(twists)[:, None])
 
@@ -71,7 +65,7 @@ def _longest_push(scene: Scene, twists: FloatArray, pose: FloatArray, enough: fl
     """Longest free push (m) from a pose, up to `enough`, and how many were tried."""
     best = 0.0
     for tried, twist in enumerate(twists, 1):
-        length = max(SHORTEST_PUSH, 2.0 * best)
+        length = max(1e-3, 2.0 * best)
         while sweep_is_free(scene, pose[0], pose[1], pose[2], twist[0], twist[1], twist[2], length):
             best = length
             if best >= enough:

@@ -21,9 +21,6 @@ from pushplan.scenario import Scenario
 RESOLUTION = 1e-5
 """Widths are found to this accuracy, m."""
 
-NEAR = 1e-6
-"""A point this close to a region (m) counts as inside."""
-
 
 def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Diagnosis]]:
     """Yield, at last, that the passage between start and goal is too narrow, proven or perhaps, or nothing.
@@ -39,7 +36,7 @@ def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Di
     needed = disc.radius + scenario.clearance - CLEARANCE_ROOM
     ends = [disc.at(pose) for pose in (scenario.start, scenario.goal.pose_chain)]
 
-    def joined(radius: float, within: float = NEAR) -> bool:
+    def joined(radius: float, within: float = 1e-6) -> bool:  # m: ends may lie on the edge of a region
         near = [shapely.distance(_parts(scenario, radius), end) <= within for end in ends]
         return bool((near[0] & near[1]).any())
 

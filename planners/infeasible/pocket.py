@@ -33,26 +33,8 @@ LEVELS: tuple[Level, ...] = ((8, 8, 8), (16, 14, 16), (32, 24, 32), (4, 8, 40))
 Many headings, on the last one, tell turns apart that are wide against the body.
 """
 
-MOST_TURNED = 0.6
-"""Steps are so short that they turn by so much at most, rad, but for `FEWEST` cells."""
-
-FEWEST = 6
-"""Cells to a step at least: shorter ones blur what can be reached."""
-
 LOOKS = (8_000, 60_000, 200_000)
 """Cells looked at before a level is left; the next of these only after all levels."""
-
-MERIDIANS = 4_096
-"""Meridians on which the boundary of the stable set is taken."""
-
-PAD = 5e-3
-"""The hull of (a, kappa) is taken larger by this share of its extent: twists between meridians lie in it, too."""
-
-SMALLEST = 1e-3
-"""Smallest extent that a hull is taken to have in either direction."""
-
-AHEAD = 1e-3
-"""Every twist moves the body's middle ahead by this share of its largest part at least, or nothing is proven."""
 
 
 class Pocket(NamedTuple):
@@ -103,7 +85,7 @@ def _extreme_twists(scenario: Scenario, stable: StableSet, problem: Problem) -> 
     drive = scenario.chain.pusher.drive
     if drive.axle is not None:
         return segment_ends(problem.segments)
-    return segment_ends(control_segments(stable, drive, scenario.required_margin, MERIDIANS))
+    return segment_ends(control_segments(stable, drive, scenario.required_margin, 4_096))
 
 
 def push_hull(twists: FloatArray, middle: FloatArray) -> shapely.Polygon:
@@ -114,11 +96,14 @@ def push_hull(twists: FloatArray, middle: FloatArray) -> shapely.Polygon:
         middle: (2,) of the body, chain frame, m.
     """
     ahead, aside = twists[:, 0] - twists[:, 2] * middle[1], twists[:, 1] + twists[:, 2] * middle[0]
-    if not (ahead > AHEAD * np.abs(twists).max(axis=1)).all():
+    # Twists that hardly move the middle ahead, by a thousandth of their largest part, make a hull too wide to prove
+    # anything.
+    if not (ahead > 1e-3 * np.abs(twists).max(axis=1)).all():
         return shapely.Polygon()
     points = np.stack([aside / ahead, twists[:, 2] / ahead], axis=1)
-    size = np.maximum(np.ptp(points, axis=0), SMALLEST)
-    hull = shapely.convex_hull(shapely.MultiPoint(points / size)).buffer(PAD, join_style="mitre")
+    size = np.maximum(np.ptp(points, axis=0), 1e-3)
+    # Larger by 0.5 % of its extent, so that twists between meridians lie in it, too.
+    hull = shapely.convex_hull(shapely.MultiPoint(points / size)).buffer(5e-3, join_style="mitre")
     return shapely.transform(hull, lambda corners: corners * size)
 
 
@@ -138,7 +123,8 @@ def make_steps(scene: Scene, hull: shapely.Polygon, level: Level, clearance: flo
     angle = 2.0 * math.pi / headings
     amin, kmin, amax, kmax = hull.bounds
     lean, bend = max(abs(amin), abs(amax)), max(abs(kmin), abs(kmax))
-    travel = max(FEWEST, min(level[1], MOST_TURNED / (bend * side))) * side
+    # So short that steps turn by 0.6 rad at most, but for 6 cells: shorter ones blur what can be reached.
+    travel = max(6, min(level[1], 0.6 / (bend * side))) * side
     turned = 0.5 * angle + travel * bend  # from the heading of the cell's middle
     most = min(turned, 0.5 * math.pi)
     ahead = travel * np.array(

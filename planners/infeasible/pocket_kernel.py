@@ -18,9 +18,6 @@ from pushplan.planners.search.cell_table import cell_key, slot_of
 CLOSED, MET, OPEN = 0, 1, 2
 """How spreading ends: no more cells, near the other pose, or with too many cells to tell."""
 
-CANDIDATES = 64
-"""Cells that steps may lead to, for each slot of the table, before it is given up: most of them are known already."""
-
 ORIGIN = 1 << 19
 """Column and row of the cell around the pose where it begins."""
 
@@ -113,7 +110,8 @@ def spread(
     table[slot_of(table, cell_key(ORIGIN, ORIGIN, 0))] = cell_key(ORIGIN, ORIGIN, 0)
     cells[0, 0], cells[0, 1], cells[0, 2] = ORIGIN, ORIGIN, 0
     near = max(steps.touching, 0.0) + steps.side
-    count, done, looked, left = 1, 0, 1, CANDIDATES * table.shape[0]
+    # Most cells that steps may lead to are known already: after 64 looks for each slot of the table it is given up.
+    count, done, looked, left = 1, 0, 1, 64 * table.shape[0]
     while done < count:
         i, j, k = cells[done, 0], cells[done, 1], cells[done, 2]
         done += 1

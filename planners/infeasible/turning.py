@@ -22,12 +22,6 @@ from pushplan.stable_sets.stable_set import StableSet
 ROUNDING = 1e-9
 """Headings and directions (rad) that differ by less are the same."""
 
-WORD_SPACING = 0.1
-"""Spacing of the poses (m of cost) at which words are looked at."""
-
-FEW_MERIDIANS = 128
-"""Meridians for radii that are only told: exact ones take seconds where loads are intervals."""
-
 
 def drive_radii(stable: StableSet, drive: Drive, minimum: float = 0.0) -> TurningRadii:
     """Return the smallest radii at which a drive turns the chain frame's origin, within the set.
@@ -103,7 +97,7 @@ def _a_word_fits(scenario: Scenario, segments: FloatArray) -> bool:
         count = find_words(family, scenario.start, scenario.goal.pose_chain, words)
         for word in words[:count]:
             path = PushPath(scenario.start, family[word[1:4].astype(int)], word[4:])
-            poses = path.sampled(WORD_SPACING)[:, None]
+            poses = path.sampled(0.1)[:, None]
             across, upward = np.moveaxis(poses[..., :2] + se2.rotate(poses[..., 2], corners), -1, 0)
             inside = (across > area.xmin) & (across < area.xmax) & (upward > area.ymin) & (upward < area.ymax)
             if inside.all():
@@ -115,7 +109,8 @@ def _of_set(scenario: Scenario, stable: StableSet) -> TurningRadii | None:
     """Radii of the stable set itself, where the drive makes only a part of its turns, to about a per cent."""
     if scenario.chain.pusher.drive.axle is None:
         return None
-    return _radii(control_segments(stable, Drive(), scenario.required_margin, FEW_MERIDIANS))
+    # Few meridians will do for what is only told: the exact radii take seconds where loads are intervals.
+    return _radii(control_segments(stable, Drive(), scenario.required_margin, 128))
 
 
 def _drive_words(scenario: Scenario, of_set: str) -> tuple[str, str]:

@@ -16,25 +16,12 @@ from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled
 from pushplan.planners.collision.separation import step
 from pushplan.planners.multi.pushing import Hold, joined, seen_from_contact
+from pushplan.planners.multi.transit import TURN_LENGTH
 from pushplan.planners.problem.problem import random
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
 
-FARTHEST_TURN = 0.75 * math.pi
-"""Random turns turn by this much at most, rad."""
-
-SHORTEST, LONGEST = 0.03, 1.5
-"""Random straight pushes, m."""
-
 WIDEST = 0.3
 """Scale of the first moves, m; a turn by 1 rad counts `TURN_LENGTH`."""
-
-FINEST = 1e-5
-"""Scale at which a descent ends, m."""
-
-TURN_LENGTH = 0.3
-
-GROWTH, DECAY = 1.6, 0.93
-"""How the scale changes after a move that helped, and one that did not."""
 
 MOVES = 120
 """Of a dive, for each pose."""
@@ -85,9 +72,9 @@ def _normal(state: RandomState) -> float:
 def pushed_at_random(crew: Crew, m: int, pose: FloatArray, sense: float, state: RandomState) -> FloatArray:
     """Return where a random push by contact m brings a load, or, with sense -1, brings it from."""
     twist = crew.families[m, 0, int(3 * random(state))]
-    length = SHORTEST * (LONGEST / SHORTEST) ** random(state)
+    length = 0.03 * 50.0 ** random(state)  # of straight pushes, from 0.03 to 1.5 m
     if twist[2] != 0.0:
-        length = FARTHEST_TURN * random(state) / abs(twist[2])
+        length = 0.75 * math.pi * random(state) / abs(twist[2])
     at = joined(pose, crew.contact[m])
     at[0], at[1], at[2] = step(at[0], at[1], at[2], twist[0], twist[1], twist[2], sense * length)
     return seen_from_contact(at, crew.contact[m])
@@ -121,7 +108,7 @@ def descend(
         after = ends[1] if i == count - 1 else poses[i]
         costs[i] = _cost(crew, sequence[i], before, after, words)
     for _ in range(moves):
-        if scale < FINEST:
+        if scale < 1e-5:
             break
         i = int(random(state) * (count - 1))
         turn = 0.0 if random(state) < 0.3 else scale / TURN_LENGTH
@@ -134,9 +121,9 @@ def descend(
             if first + second < costs[i] + costs[i + 1]:
                 poses[i] = moved
                 costs[i], costs[i + 1] = first, second
-                scale = min(GROWTH * scale, WIDEST)
+                scale = min(1.6 * scale, WIDEST)
                 continue
-        scale *= DECAY
+        scale *= 0.93
     return float(costs.sum())
 
 

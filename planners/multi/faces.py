@@ -20,12 +20,6 @@ from pushplan.scenario_parts import Pushes
 SAME_DIRECTION = math.radians(1.0)
 """Outward normals that differ by less are in the direction that a face is named by."""
 
-STRAIGHT = 1e-9
-"""Sine of the angle between neighbouring edges below which they are one face."""
-
-NEAR = 1e-3
-"""What the plate keeps from the objects that it does not touch, m."""
-
 _NORMALS = dict(zip(FACES, (math.pi, 0.0, 0.5 * math.pi, -0.5 * math.pi), strict=True))
 
 
@@ -121,7 +115,8 @@ def _edges(outline: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
     edge = np.roll(outline, -1, axis=0) - outline
     edge /= np.linalg.norm(edge, axis=1, keepdims=True)
     before = np.roll(edge, 1, axis=0)
-    corner = np.flatnonzero(np.abs(before[:, 0] * edge[:, 1] - before[:, 1] * edge[:, 0]) > STRAIGHT)
+    # The sine of the angle between neighbouring edges; up to rounding they are one face.
+    corner = np.flatnonzero(np.abs(before[:, 0] * edge[:, 1] - before[:, 1] * edge[:, 0]) > 1e-9)
     for begin, end in zip(corner, np.roll(corner, -1), strict=True):
         yield outline[begin], outline[end]
 
@@ -154,7 +149,8 @@ def _named(chain: Chain, touched: list[int], normal: float) -> str:
 def _contacts(plate: FloatArray, found: list[list[int]], outlines: list[FloatArray]) -> dict[int, FloatArray]:
     """Return the middles (2,) of the plate's contacts by object; empty unless it is one line on one of each stack."""
     around = shapely.Polygon(plate)
-    near = [i for i, outline in enumerate(outlines) if around.distance(shapely.Polygon(outline)) < NEAR]
+    # The plate keeps 1 mm from objects that it does not touch.
+    near = [i for i, outline in enumerate(outlines) if around.distance(shapely.Polygon(outline)) < 1e-3]
     touched = [[i for i in stack if i in near] for stack in found]
     if any(overlap_depth(plate, outline) > TOUCH for outline in outlines) or any(
         len(t) != 1 for t in touched

@@ -25,12 +25,6 @@ from pushplan.planners.problem.posing import sampling_box
 EFFORT = (30, 200, 1000)
 """Poses drawn in search of a way of the robot: a way that is not found is looked for again, with more, later on."""
 
-SHORTCUTS = 200
-"""Attempts at shortening each way of a plan."""
-
-SPREAD = 1.0
-"""How far from its ends poses are drawn in search of a way, m; beside the reach of the robot."""
-
 SAME = 1e-9
 """Costs that differ by less are what was assumed, m."""
 
@@ -161,7 +155,7 @@ class Graph:
             arcs, n = np.zeros((MOST_ARCS, 4)), len(step.way)
             arcs[:n] = step.way
             around = self._room.around(step.before)
-            n = shortened(around, self._room.wheels, step.start, arcs, n, self._state, SHORTCUTS)
+            n = shortened(around, self._room.wheels, step.start, arcs, n, self._state, 200)
             found.append(replace(step, way=arcs[:n].copy()))
         saved = sum(
             float(old.way[:, 3].sum() - new.way[:, 3].sum())
@@ -235,7 +229,7 @@ class Graph:
             if known is not None and way_is_free(around, start, known):
                 return known
         arcs = np.zeros((MOST_ARCS, 4))
-        reach = SPREAD + self._room.scenario.chain.reach
+        reach = 1.0 + self._room.scenario.chain.reach  # m: how far from the ends poses are drawn
         n = find_transit(
             around, self._room.wheels, start, goal, self._box, reach, self._state, EFFORT[level], arcs
         )

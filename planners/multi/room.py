@@ -20,20 +20,13 @@ from pushplan.planners.multi.pushing import Hold, robot_at
 from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened
 from pushplan.planners.problem.controls import MARGIN_FLOOR
 from pushplan.planners.problem.posing import SLACK, open_scene
+from pushplan.planners.problem.steering import MOST_FAMILIES
 from pushplan.scenario import Scenario
 
 NOWHERE = np.zeros(3)
 
-WAY_ITERATIONS, WAY_SHORTCUTS = 1000, 400
-"""What is spent on a way around the load, which is found once for each pair of contacts."""
-
 TOUCHING = 1e-3
 """Up to so far before the contact (m) the robot is proven not to touch the load elsewhere."""
-
-GENTLER = 0.4
-"""Share of the curvature of the tightest turns that gentler ones have."""
-
-MOST_FAMILIES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,10 +114,11 @@ class PushRoom:
         box, state = np.array([-reach, -reach, reach, reach]), np.zeros(1, dtype=np.uint64)
         arcs = np.zeros((MOST_ARCS, 4))
         spread = self.scenario.chain.reach
-        n = find_transit(around, self.wheels, start, goal, box, spread, state, WAY_ITERATIONS, arcs)
+        # More effort than for other ways: it is spent once for each pair of contacts.
+        n = find_transit(around, self.wheels, start, goal, box, spread, state, 1000, arcs)
         if n < 0:
             return None
-        n = shortened(around, self.wheels, start, arcs, n, state, WAY_SHORTCUTS)
+        n = shortened(around, self.wheels, start, arcs, n, state, 400)
         return arcs[:n].copy()
 
 
@@ -209,7 +203,7 @@ def _gentler(family: FloatArray) -> FloatArray:
     out = family.copy()
     for k in (0, 2):
         if family[k].any():
-            mixed = GENTLER * family[k] + (1.0 - GENTLER) * family[1]
+            mixed = 0.4 * family[k] + 0.6 * family[1]
             out[k] = mixed / cost_rate(mixed)
     return out
 

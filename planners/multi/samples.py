@@ -16,24 +16,6 @@ from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.sequence import Sequence
 from pushplan.planners.problem.posing import sampling_box
 
-PARALLEL = 1e-6
-"""Sine of the angle between two rays below which they do not cross."""
-
-SAME_HEADING = 1e-9
-
-FINEST, WIDEST = 1e-3, 0.5
-"""Scales of the moves of a pose at which the contact is changed, m."""
-
-NEAR_SHARE, PUSHED_SHARE, UNIFORM_SHARE = 0.3, 0.2, 0.02
-"""Shares of the poses that are near those of the best plan, that random pushes lead to, and uniform; others are
-where descents end."""
-
-DIVES = 12
-"""Descents, at most, for one that is worth looking at."""
-
-POLISH_MOVES = 300
-"""Moves of a descent from the best plan."""
-
 
 def crossings(start: FloatArray, goals: FloatArray, holds: list[Hold]) -> FloatArray:
     """Return poses (k, 3) where a straight push from the start, or from a tight turn there, meets one into a goal."""
@@ -54,7 +36,7 @@ def _crossings(start: FloatArray, goals: FloatArray, directions: FloatArray) -> 
     out, n = np.empty((len(goals) * len(directions) ** 2, 3)), 0
     c, s = math.cos(start[2]), math.sin(start[2])
     for goal in goals:
-        if abs((goal[2] - start[2] + math.pi) % (2.0 * math.pi) - math.pi) > SAME_HEADING:
+        if abs((goal[2] - start[2] + math.pi) % (2.0 * math.pi) - math.pi) > 1e-9:
             continue
         dx, dy = (
             c * (goal[0] - start[0]) + s * (goal[1] - start[1]),
@@ -63,7 +45,7 @@ def _crossings(start: FloatArray, goals: FloatArray, directions: FloatArray) -> 
         for a in directions:
             for b in directions:
                 det = a[0] * b[1] - a[1] * b[0]
-                if abs(det) < PARALLEL:
+                if abs(det) < 1e-6:  # parallel rays do not cross
                     continue
                 ahead = (dx * b[1] - dy * b[0]) / det
                 if ahead > 0.0 and (a[0] * dy - a[1] * dx) / det > 0.0:
@@ -139,22 +121,27 @@ class Sampler:
 
     def _some(self, best: Sequence | None) -> list[FloatArray]:
         kind = self._random.random()
-        if kind < NEAR_SHARE and best is not None and len(best.steps) > 1:
+        # 30 % near those of the best plan, 20 % where random pushes lead, 2 % uniform, others where descents end.
+        if kind < 0.3 and best is not None and len(best.steps) > 1:
             return [self._near(best.steps[self._random.integers(len(best.steps) - 1)].after)]
-        if kind < NEAR_SHARE + PUSHED_SHARE:
+        if kind < 0.5:
             return [self._pushed()]
-        if kind < NEAR_SHARE + PUSHED_SHARE + UNIFORM_SHARE or self._most < 2:
+        if kind < 0.52 or self._most < 2:
             low, high = self._box[:2], self._box[2:]
             return [np.append(self._random.uniform(low, high), self._random.uniform(-np.pi, np.pi))]
         return self._dived(math.inf if best is None else best.cost)
 
     def _near(self, pose: FloatArray) -> FloatArray:
-        """A pose beside another, at a scale drawn evenly between orders of magnitude."""
-        scale = math.exp(self._random.uniform(math.log(FINEST), math.log(WIDEST)))
+        """A pose beside another."""
+        scale = self._scale()
         step = self._random.normal(size=3) * [scale, scale, 2.0 * scale]
         if self._random.random() < 0.5:
             step[2] = 0.0
         return se2.compose(pose, step)
+
+    def _scale(self) -> float:
+        """Scale of the moves of a pose, m, drawn evenly between orders of magnitude."""
+        return math.exp(self._random.uniform(math.log(1e-3), math.log(0.5)))
 
     def _pushed(self) -> FloatArray:
         """A pose that a random push leads to from the start, or from which one leads to a goal."""
@@ -165,9 +152,9 @@ class Sampler:
         return pushed_at_random(self._crew, contact, pose, -1.0 if back else 1.0, self._state)
 
     def _dived(self, below: float) -> list[FloatArray]:
-        """The poses between the pushes where a descent ends that costs less than `below`, or one at random."""
+        """The poses between pushes where one of 12 descents ends that costs less than `below`, or one at random."""
         question, poses = self._question, np.zeros((self._most - 1, 3))
-        for _ in range(DIVES):
+        for _ in range(12):
             n = dive(
                 self._crew,
                 question.load,
@@ -187,8 +174,7 @@ class Sampler:
     def _polished(self, best: Sequence) -> list[FloatArray]:
         """The poses at which a plan changes the contact, after a descent from where they are."""
         poses = np.array([step.after for step in best.steps[:-1]])
-        scale = math.exp(self._random.uniform(math.log(FINEST), math.log(WIDEST)))
         ends = np.stack([best.steps[0].before, best.steps[-1].after])
         sequence = np.array([step.contact for step in best.steps])
-        descend(self._crew, sequence, ends, poses, scale, POLISH_MOVES, self._state)
+        descend(self._crew, sequence, ends, poses, self._scale(), 300, self._state)
         return list(poses)

@@ -15,14 +15,8 @@ from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.samples import Sampler, crossings
 from pushplan.planners.multi.sequence import Sequence
 
-BATCH = 12
-"""Poses added at a time."""
-
 MOST_POSES = 160
 """More are let go of, those first through which a plan can be least good."""
-
-GAIN = 1e-6
-"""Smallest saving that counts, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +96,7 @@ def search(
     first: float | None = None
     batches = 0
     while True:
-        below = math.inf if best is None else best.cost - GAIN
+        below = math.inf if best is None else best.cost - 1e-6  # the smallest saving that counts, m
         found = graph.cheapest(below, partial(limits.over, batches, best is None))
         if found is not None:
             best = found if limits.first else graph.shorten_ways(found)
@@ -115,8 +109,8 @@ def search(
             break
         if best is None:
             graph.try_harder()
-        below = math.inf if best is None else best.cost - GAIN
-        poses = crossings(question.load, question.goals, holds) if batches == 0 else sampler.draw(BATCH, best)
+        below = math.inf if best is None else best.cost - 1e-6
+        poses = crossings(question.load, question.goals, holds) if batches == 0 else sampler.draw(12, best)
         if batches and len(graph.poses) + len(poses) > MOST_POSES:
             graph.forget(MOST_POSES // 2, below)
         graph.add(poses, below)

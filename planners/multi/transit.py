@@ -33,12 +33,6 @@ SHORTCUT_TRIES = any_integer(2)
 TURN_LENGTH = 0.3
 """What a turn by 1 rad counts when near nodes are looked for, m."""
 
-NEAR_SHARE = 0.5
-"""Share of the poses that are drawn around the ends."""
-
-SHORTCUTS = 40
-"""Attempts at shortening a way that trees have found."""
-
 MOST_ARCS = 256
 """Arcs of a way, at most."""
 
@@ -54,8 +48,8 @@ def _is_clear(around: Surroundings, pose: FloatArray) -> bool:
 
 @inlined
 def _draw(state: RandomState, box: FloatArray, ends: FloatArray, spread: float, pose: FloatArray) -> None:
-    """Draw a pose from the box, or around one of the ends."""
-    if random(state) < NEAR_SHARE:
+    """Draw a pose from the box, or, as often, around one of the ends."""
+    if random(state) < 0.5:
         end = ends[int(random(state) * len(ends))]
         reach, way = spread * random(state), 2.0 * math.pi * random(state)
         pose[0], pose[1] = end[0] + reach * math.cos(way), end[1] + reach * math.sin(way)
@@ -224,7 +218,7 @@ def find_transit(
     forth[0, 3] = back[0, 3] = -1.0
     ends = np.stack([start, goal, around.place])
     n = int(grow_trees(around, wheels, forth, back, ends, box, spread, state, arcs))
-    return n if n < 0 else int(shortened(around, wheels, start, arcs, n, state, SHORTCUTS))
+    return n if n < 0 else int(shortened(around, wheels, start, arcs, n, state, 40))
 
 
 @no_refcount

@@ -25,18 +25,6 @@ from pushplan.planners.search.lattice_rounds import LatticeRounds
 ROUND = 256
 """Extensions of a round of trees."""
 
-REACH_SHARE = 0.15
-"""Longest piece of a word added at a time, as a share of the sampling box's diagonal."""
-
-ROOM = (0.3, 1.0)
-"""Shares of the best cost by which a new path may exceed it before polishing, in turn from round to round."""
-
-TREES_FIRST = 5
-"""Rounds of trees, where they find no path, before the first search over cells, which takes longer to set up."""
-
-LATTICE_RATIO = 40.0
-"""So many arcs of best-first search for each extension of the trees, which takes eight times as long."""
-
 
 class Auto(AnytimePlanner):
     """Rounds of trees and of best-first search."""
@@ -49,10 +37,13 @@ class Auto(AnytimePlanner):
         forest = _forest(session, box, heading_length)
         lattice = LatticeRounds(session, box)
         for number in count(1):
-            _round(session, forest, 1.0 + ROOM[number % len(ROOM)])
+            # A path that polishing will shorten may be longer than the best one: by 100 % or 30 %, in turn.
+            _round(session, forest, (1.3, 2.0)[number % 2])
             session.refine()
-            if session.solved or number > TREES_FIRST:
-                lattice.run(LATTICE_RATIO * ROUND * number)
+            # The search over cells takes longer to set up; then it has 40 arcs for each extension of the trees, which
+            # takes eight times as long as an arc.
+            if session.solved or number > 5:
+                lattice.run(40.0 * ROUND * number)
             if session.finished:
                 return
 
@@ -65,7 +56,7 @@ def _forest(session: Session, box: Box, heading_length: float) -> Forest:
         counts=np.ones(2, dtype=np.int64),
         box=np.array(box, dtype=np.float64),
         heading_length=heading_length,
-        reach=REACH_SHARE * math.hypot(box[2] - box[0], box[3] - box[1]),
+        reach=0.15 * math.hypot(box[2] - box[0], box[3] - box[1]),
         state=session.random,
     )
 

@@ -18,9 +18,6 @@ from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.planners.collision.separation import step, sweep_is_free
 from pushplan.planners.problem.problem import END_SHARE, LETTER_SHARE, Problem, choose_twist
 
-FARTHEST = 1e-9
-"""Distance from every segment, as a share of a twist, beyond which the twist is not in the set."""
-
 
 @compiled
 def arcs_at(problem: Problem, controls: FloatArray) -> FloatArray:
@@ -52,7 +49,8 @@ def _place(segments: FloatArray, tx: float, ty: float, tz: float) -> tuple[int, 
 
     Up to a factor, t = (1 - b) a + b c: with t in the plane of the ends a and c, b = |a x t| / (|a x t| + |t x c|).
     """
-    nearest, found, share = FARTHEST * FARTHEST * (tx * tx + ty * ty + tz * tz), 0, np.nan
+    # Farther from every segment than 1e-9 of its size, a twist is not in the set.
+    nearest, found, share = 1e-18 * (tx * tx + ty * ty + tz * tz), 0, np.nan
     for i in range(segments.shape[0]):
         ax, ay, az = segments[i, 0], segments[i, 1], segments[i, 2]
         cx, cy, cz = segments[i, 3], segments[i, 4], segments[i, 5]

@@ -28,16 +28,7 @@ from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import TRIES
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
 
-ROUNDING = 1e-9
-"""Directions (rad) this close count as the same."""
-
 _INSTEAD = "choose a planner that needs none, such as auto"
-
-GOAL_BIAS = 0.2
-"""Share of RRT's samples that are the goal."""
-
-REWIRE_FACTOR = 10.0
-"""Factor of BIT*'s radius of neighbours, which is made for spaces without turning circles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +83,7 @@ def _straight(straights: FloatArray, heading: float) -> FloatArray:
     """Return the translation (3,) along a heading, if it is among those between `straights` (f, 2)."""
     across = straights @ [-math.sin(heading), math.cos(heading)]
     leaning = np.arctan2(across, straights @ [math.cos(heading), math.sin(heading)])
-    if not leaning.min() - ROUNDING <= 0.0 <= leaning.max() + ROUNDING:
+    if not leaning.min() - 1e-9 <= 0.0 <= leaning.max() + 1e-9:
         raise PlanningError(
             f"the chain is no Dubins' car: its tightest turns need a push at {math.degrees(heading):.1f} deg, "
             f"the nearest stable one is {math.degrees(np.abs(leaning).min()):.1f} deg away; {_INSTEAD}"
@@ -169,7 +160,7 @@ class RRTOverDubins(OverDubins):
     def make(self, information: Any) -> Any:
         """Return OMPL's planner."""
         planner = og.RRT(information)
-        planner.setGoalBias(GOAL_BIAS)
+        planner.setGoalBias(0.2)
         return planner
 
 
@@ -183,7 +174,7 @@ class BITStarOverDubins(OverDubins):
         planner = og.BITstar(information)
         planner.setStopOnSolnImprovement(True)
         planner.setUseKNearest(False)  # neighbours within a radius: ten times as many edges per second
-        planner.setRewireFactor(REWIRE_FACTOR)
+        planner.setRewireFactor(10.0)  # the radius is made for spaces without turning circles
         return planner
 
 

@@ -21,9 +21,6 @@ from pushplan.planners.ompl.propagator import Propagator, wrapped
 from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.steering import MAX_WORDS, connect
 
-CELLS = 40
-"""Cells of the projection, which EST and KPIECE1 count nodes in, along the sampling box's diagonal."""
-
 
 class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
     """OMPL's space information of a push problem, and what the project's own planners need beyond it.
@@ -39,7 +36,8 @@ class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
         space = ob.SE2StateSpace()
         space.setBounds(bounds([(box[0], box[2]), (box[1], box[3])]))
         space.setSubspaceWeight(1, heading_length)
-        side = math.hypot(box[2] - box[0], box[3] - box[1]) / CELLS
+        # Cells in which EST and KPIECE1 count nodes: 40 along the diagonal.
+        side = math.hypot(box[2] - box[0], box[3] - box[1]) / 40
         plane = space.getSubspace(0)
         cells = ob.RealVectorOrthogonalProjectionEvaluator(plane, [side, side], [0, 1])
         space.registerDefaultProjection(ob.SubspaceProjectionEvaluator(space, 0, cells))

@@ -19,12 +19,6 @@ from pushplan.planners.problem.problem import NODE, branch, remaining
 OUTSIDE = 1e9
 """First coordinate, m, that marks a state as invalid."""
 
-FIRST_CAPACITY = 1024
-"""Nodes that a fresh tree has room for; doubled when full."""
-
-FROM_HERE = -1
-"""Stands for the parent where there is no arc, only a connection."""
-
 
 class Propagator:
     """What OMPL calls for every extension, and what it remembers of them.
@@ -40,7 +34,7 @@ class Propagator:
     def __init__(self, session: Session) -> None:
         self._session, self.bound = session, math.inf
         self._word = np.zeros((3, 4))
-        self.nodes = np.zeros((FIRST_CAPACITY, NODE))
+        self.nodes = np.zeros((1024, NODE))  # doubled when full
         self.take_problem()
         self._grow, self._room_at = ready(self._handle)
         self.clear()
@@ -116,7 +110,7 @@ class Propagator:
         row = self._rows.get(pose, -1)
         if row < 0:
             row = self._enter(state)
-        _, cost, to_go, *_ = self._grow(self._handle, row, FROM_HERE, 0.0, 0.0, 0.0, self.bound)
+        _, cost, to_go, *_ = self._grow(self._handle, row, -1, 0.0, 0.0, 0.0, self.bound)
         return 0.0 if cost < self.bound else to_go
 
     def note(self) -> None:

@@ -15,12 +15,6 @@ from pushplan.planners.ompl.posing import PushInformation, free_word, pose_probl
 from pushplan.planners.ompl.solution import arcs_to_goal, leave_path
 from pushplan.planners.problem.posing import Box
 
-FIRST_RESTART = 2_000
-"""Extensions before the first restart of a planner; doubled at each further one."""
-
-LOOK = 16
-"""Extensions between two looks at the clock."""
-
 Factory = Callable[[Any], Any]
 """Makes an `ompl.base.Planner` from a space information; its class, as a rule."""
 
@@ -62,7 +56,7 @@ def search(session: Session, make: Factory, box: Box, heading_length: float) -> 
 
 def _run(planner: Any, definition: Any, information: PushInformation) -> None:
     """Run a planner again and again until the session is finished."""
-    session, propagator, allowance = information.session, information.propagator, FIRST_RESTART
+    session, propagator, allowance = information.session, information.propagator, 2_000
     if getattr(planner, "optimizing", False):
         planner.solve(ob.PlannerTerminationCondition(session.settled))
         if definition.hasExactSolution():
@@ -93,7 +87,7 @@ def _until(session: Session, target: int) -> Callable[[], bool]:
         target = min(target, session.extensions + most - session.iterations)
 
     def over() -> bool:
-        if session.extensions < target and session.extensions % LOOK:
+        if session.extensions < target and session.extensions % 16:  # a look at the clock every 16
             return False
         return session.extensions >= target or session.finished
 

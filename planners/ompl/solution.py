@@ -19,9 +19,6 @@ from pushplan.planners.ompl.posing import PushInformation, free_word, informatio
 from pushplan.planners.problem.posing import ROUNDING
 from pushplan.planners.problem.problem import Problem
 
-AT_GOAL = 1e-9
-"""Error (m, rad) at which a path ends at the goal itself and needs no word that leads there."""
-
 
 def leave_path(definition: Any, arcs: FloatArray, planner: str) -> None:
     """Make arcs (k, 4) from the start to the goal the only solution of a problem.
@@ -41,9 +38,7 @@ def path_control(information: PushInformation, arcs: FloatArray) -> Any:
         raise PlanningError("a twist of the path is on no segment of the stable set")
     poses, _ = poses_along(problem, information.session.start, arcs)
     control = information.allocControl()
-    for pose, (u0, u1, u2, units) in zip(
-        poses, controls.tolist(), strict=False
-    ):  # no arc after the last pose
+    for pose, (u0, u1, u2, units) in zip(poses[:-1], controls.tolist(), strict=True):
         control[0], control[1], control[2] = u0, u1, u2
         path.append(state_at(information, pose), control, units)
     path.append(state_at(information, poses[-1]))
@@ -64,7 +59,7 @@ def arcs_to_goal(definition: Any) -> FloatArray:
     if free < len(arcs):
         raise PlanningError(f"the planner left a path whose arc {free + 1} of {len(arcs)} is not free")
     end = poses[-1]
-    if max(pose_error(end, session.problem.goal)) <= AT_GOAL:
+    if max(pose_error(end, session.problem.goal)) <= 1e-9:  # at the goal itself: no word is needed
         return arcs
     word = free_word(session, end, session.problem.goal)
     if word is None:

@@ -26,9 +26,6 @@ MARGIN_FLOOR = 1e-6
 MERIDIANS = 512
 """Meridians of the stable set that an omnidirectional pusher's controls are taken from."""
 
-TURNS = 1024
-"""Turning rates at which a drive's family is scanned for changes between stable and not."""
-
 
 def control_segments(stable: StableSet, drive: Drive, margin: float, count: int = MERIDIANS) -> FloatArray:
     """Return the segments (k, 6) of stable twists that the drive can make.
@@ -164,7 +161,7 @@ def _stable_turns(stable: StableSet, drive: Drive, margin: float) -> FloatArray:
 def _drive_turns(stable: StableSet, drive: Drive) -> FloatArray:
     """Turns per metre (k,) at which a drive's family is scanned, increasing, rad/m."""
     limit = math.inf if drive.min_radius == 0.0 else 1.0 / drive.min_radius
-    angles = np.linspace(-0.5, 0.5, TURNS + 2)[1:-1] * np.pi
+    angles = np.linspace(-0.5, 0.5, 1026)[1:-1] * np.pi
     turns = np.tan(angles) / stable.chain.characteristic_length
     return np.unique(np.append(np.clip(turns, -limit, limit), 0.0))
 

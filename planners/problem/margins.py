@@ -24,9 +24,6 @@ SHARE = 0.5
 HALVINGS = 5
 """So many times a margin is halved where no path is found with it."""
 
-LOOKS = (48, 25)
-"""Longitudes and latitudes of twists that are looked at before the largest margin is sought."""
-
 
 def margins_to_try(scenario: Scenario, stable: StableSet) -> tuple[float, ...]:
     """Return the margins to plan with, one after the other until there is a path; a stated number is the only one."""
@@ -55,9 +52,8 @@ def most_stable_twist(stable: StableSet, drive: Drive) -> FloatArray:
     if drive.axle is not None:
         twists = drive_twists(stable, drive)
     else:
-        longitudes, latitudes = (
-            np.linspace(-0.5, 0.5, count + 2)[1:-1] * np.pi for count in LOOKS
-        )  # forward pushes: a contact cannot pull
+        # Forward pushes: a contact cannot pull.
+        longitudes, latitudes = (np.linspace(-0.5, 0.5, count + 2)[1:-1] * np.pi for count in (48, 25))
         length = stable.chain.characteristic_length
         twists = twists_at(longitudes[:, None], latitudes[None, :], length).reshape(-1, 3)
     return np.asarray(twists[np.argmax(stable.margin(twists))])

@@ -26,17 +26,8 @@ from pushplan.stable_sets.stable_set import StableSet
 TRAVEL, MARGIN, REST_TO_REST, PASSING = 0, 1, 2, 3
 """Kinds of objectives."""
 
-BLEND_PRICE = 0.02
-"""What a blended corner costs, as a share of the time from rest to full speed."""
-
 GRIDS = {"margin": 129, "time": 33}
 """Longitudes and latitudes of the table; fewer where an entry takes longer."""
-
-TYPICAL_ARC = 0.3
-"""Length (m) of the arcs for which the contacts' limits are looked up."""
-
-CREEPING = 1e-2
-"""Share of the pusher's limits taken for twists that leave the contacts no room for inertia."""
 
 
 class Objective(NamedTuple):
@@ -104,11 +95,13 @@ def _grid(segments: FloatArray, length: float, count: int) -> tuple[FloatArray, 
 
 def _speeds(twists: FloatArray, bounds: Bounds) -> FloatArray:
     """Largest s', s'' and s''' (k, 3) along twists (k, 3)."""
-    found, able = contact_limits_of(twists, np.full(len(twists), TYPICAL_ARC), bounds)
+    length = np.full(len(twists), 0.3)  # of a typical arc, m
+    found, able = contact_limits_of(twists, length, bounds)
     free = arc_limits(twists, bounds.limits)
-    speed = np.where(able, found.speed, CREEPING * free.speed)
+    # Where the contacts leave no room for inertia, a hundredth of what the pusher can do.
+    speed = np.where(able, found.speed, 0.01 * free.speed)
     slower = np.minimum(found.acceleration, found.deceleration)
-    return np.stack([speed, np.where(able, slower, CREEPING * free.acceleration), found.jerk], axis=1)
+    return np.stack([speed, np.where(able, slower, 0.01 * free.acceleration), found.jerk], axis=1)
 
 
 @no_refcount
@@ -153,5 +146,6 @@ def arc_value(objective: Objective, vx: float, vy: float, omega: float, length: 
         return float(length * found[0] + objective.per_arc)
     if objective.kind == REST_TO_REST:
         return float(rest_to_rest_time(length, found[0], found[1], found[2]) + objective.per_arc)
+    # A blended corner costs 2 % of the time from rest to full speed.
     step = found[0] / found[1] + found[1] / found[2]
-    return float(length / found[0] + BLEND_PRICE * step + objective.per_arc)
+    return float(length / found[0] + 0.02 * step + objective.per_arc)

@@ -24,9 +24,6 @@ SLACK = 2e-4
 ROUNDING = 1e-9
 """Start and goal may fail by rounding to have the distance they have, m."""
 
-LONGEST_SHARE = 0.3
-"""Longest arc sampled, as a share of the sampling box's diagonal."""
-
 Box = tuple[float, float, float, float]
 
 
@@ -73,7 +70,7 @@ class Posing:
             scene_between(scene, scenario.clearance, scenario.start, scenario.goal.pose_chain),
             *controls,
             np.array(scenario.goal.pose_chain, dtype=np.float64),
-            LONGEST_SHARE * math.hypot(xmax - xmin, ymax - ymin),
+            0.3 * math.hypot(xmax - xmin, ymax - ymin),
             make_objective(scenario, stable, controls.segments),
         )
 

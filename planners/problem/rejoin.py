@@ -15,11 +15,6 @@ from pushplan.planners.problem.posing import scene_between
 from pushplan.planners.problem.reach import reach
 from pushplan.planners.problem.steering import MAX_WORDS, connect
 
-PLACES = 24
-"""Places of the earlier path that are tried, its end included."""
-SWEEPS = 4
-"""Candidates that are swept for collisions, at most, cheapest first."""
-
 
 def rejoin(
     scene: Scene,
@@ -43,11 +38,11 @@ def rejoin(
         start: (3,) pose of the chain frame in the world.
         goal: Likewise.
     """
-    s = np.unique(np.append(np.linspace(0.0, path.cost, PLACES), np.cumsum(path.lengths)))
+    s = np.unique(np.append(np.linspace(0.0, path.cost, 24), np.cumsum(path.lengths)))
     onto = compose(goal, relative(path.end, path.poses_at(s)))
     words = reach(scene, families, np.asarray(start, dtype=np.float64)[None], onto, clearance)[0]
     between = scene_between(scene, clearance, start, goal)
-    for k in np.argsort(words + path.cost - s)[:SWEEPS]:
+    for k in np.argsort(words + path.cost - s)[:4]:  # so few are swept, cheapest first
         if words[k] == math.inf:
             break
         rest = _rest(path, float(s[k]))

@@ -29,15 +29,12 @@ MOST_FAMILIES = 3
 """Families that a connection is looked for in, at most."""
 MOST_WORDS = MOST_FAMILIES * MAX_WORDS
 
-FULL_TURN_SLACK = 1e-11
-"""A turn this close (rad) below a full one is rounding and counts as none."""
-
 
 @no_refcount
 def _turn(angle: float) -> float:
     """Angle in [0, 2 pi), with rounding just below a full turn removed."""
     wrapped = angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))  # half the time of %
-    return 0.0 if wrapped > 2.0 * math.pi - FULL_TURN_SLACK else max(wrapped, 0.0)
+    return 0.0 if wrapped > 2.0 * math.pi - 1e-11 else max(wrapped, 0.0)
 
 
 @no_refcount

@@ -19,9 +19,6 @@ from pushplan.planners.search.forest import Forest, draw_pose
 NEAREST = 2
 """Nodes of a tree, nearest to a sample, from which words are tried."""
 
-GOAL_SHARE = 0.05
-"""Share of the samples that are the other tree's root."""
-
 
 @no_refcount
 def _nearest(tree: FloatArray, count: int, pose: FloatArray, heading_length: float, found: IntArray) -> int:
@@ -218,7 +215,7 @@ def grow_both(
     for done in range(1, iterations + 1):
         # The smaller tree grows; times 1 makes an index of a bool.
         which = (forest.counts[0] > forest.counts[1]) * 1
-        if random(forest.state) < GOAL_SHARE:
+        if random(forest.state) < 0.05:
             put(sample, forest.goal_tree[0, :3] if which == 0 else forest.start_tree[0, :3])
         elif not draw_pose(problem, forest, forest.start_tree[0], bound, sample):
             continue

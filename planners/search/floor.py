@@ -15,15 +15,6 @@ from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.problem.steering import STRAIGHT
 
-CELLS = 72
-"""Cells of the grid along the longer side of the sampling box."""
-
-SWEEPS = 60
-"""Passes over the grid, at most, in which distances become final."""
-
-BARE = 0.5
-"""Share of the half width below which a place is blocked whatever the heading."""
-
 _SPECK = 1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])
 
 
@@ -45,11 +36,11 @@ def distances_to(pose: FloatArray, problem: Problem, box: Box) -> tuple[FloatArr
         The distances; and the lower left corner of the grid and the side of its cells (3,), m.
     """
     scene = problem.scene
-    cell = max(box[2] - box[0], box[3] - box[1]) / CELLS
+    cell = max(box[2] - box[0], box[3] - box[1]) / 72
     nx, ny = (max(1, round((box[k + 2] - box[k]) / cell)) for k in (0, 1))
     middle = middle_of(problem)
     across = scene.body.corners[:, :2] @ np.array([-math.sin(middle[2]), math.cos(middle[2])])
-    least = 0.5 * BARE * float(np.ptp(across))
+    least = 0.25 * float(np.ptp(across))  # nearer than half of the half width, blocked whatever the heading
     point = scene._replace(body=flatten([_SPECK]), body_bound=np.array([0.0, 0.0, 2.0 * _SPECK[1, 0]]))
     grid = np.array([box[0], box[1], cell])
     there = se2.transform_points(pose, middle[:2])
@@ -73,7 +64,7 @@ def distances(
     j0 = min(ny - 1, max(0, int((there[1] - grid[1]) / cell)))
     away[i0, j0] = 0.0
     quiet = 0
-    for sweep in range(SWEEPS):
+    for sweep in range(60):
         changed = False
         for a in range(nx):
             i = a if sweep % 2 == 0 else nx - 1 - a

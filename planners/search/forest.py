@@ -18,9 +18,6 @@ NODE = 17
 """Columns of a node: x, y, theta, cost to the tree's root, parent, and up to three arcs (vx, vy, omega, length)
 between the node and its parent, in the order of travel."""
 
-DRAWS = 20
-"""Poses drawn, at most, until one is free and worth reaching."""
-
 
 class Forest(NamedTuple):
     """Both trees and what grows them.
@@ -79,7 +76,7 @@ def _draw(forest: Forest, start: FloatArray, goal: FloatArray, bound: float, pos
 def draw_pose(problem: Problem, forest: Forest, start: FloatArray, bound: float, pose: FloatArray) -> bool:
     """Draw a free pose that a path cheaper than the bound could pass; give up after some tries."""
     goal = problem.goal
-    for _ in range(DRAWS):
+    for _ in range(20):
         _draw(forest, start, goal, bound, pose)
         x, y, theta = pose[0], pose[1], pose[2]
         through = remaining(x, y, theta, goal) + remaining(start[0], start[1], start[2], pose)

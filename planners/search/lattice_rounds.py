@@ -25,32 +25,11 @@ from pushplan.planners.search.lattice_kernel import (
     plant,
 )
 
-FIRST_SHARE = 0.03
-"""Side of the lowest level's cells, as a share of the sampling box's diagonal."""
-
-FIRST_HEADINGS = 28
-"""Headings that the lowest level tells apart; on higher ones they grow as the root of one by the side."""
-
-ARC_SIDES = 1.5
-"""Typical length of an arc, in sides of a cell: just enough to leave it."""
-
 SHRINK = 0.8
 """Factor of the cells' sides from level to level."""
 
-HIGHEST = 7
-"""Highest level."""
-
-FIRST_ROOM = 1 << 12
-"""Nodes of a search on the lowest level, at most; twice as many on each higher one."""
-
 MOST_ROOM = 1 << 18
 """Nodes of a search on any level, at most."""
-
-EXCESS = (1.0, 1.15)
-"""Shares of the best cost that a new path may have before polishing, in turn from round to round."""
-
-CHUNK = 1_000
-"""Arcs between two looks at the clock."""
 
 SET_UP = 400
 """A round takes as long as so many arcs before it begins; where no path can be better, it is over then."""
@@ -88,11 +67,13 @@ class LatticeRounds:
         self._rounds[back] += 1
         number = self._rounds[back]
         # The level is how often 2 divides the round's number: Luby's sequence 0, 1, 0, 2, 0, 1, 0, 3, ...
-        lattice = self.planted(min((number & -number).bit_length() - 1, HIGHEST), back)
-        bound, word, over = EXCESS[number // 2 % 2] * session.best.horizon, np.zeros((3, 4)), False
+        lattice = self.planted(min((number & -number).bit_length() - 1, 7), back)
+        # In every other round a path may be 15 % longer than the best one: polishing may yet make it the best.
+        excess, word, over = (1.0, 1.15)[number // 2 % 2], np.zeros((3, 4)), False
+        bound = excess * session.best.horizon
         while not over and not session.finished:
             before = int(lattice.counts[TRIED])
-            bound, over = expand_best(session.problem, lattice, bound, CHUNK, word)
+            bound, over = expand_best(session.problem, lattice, bound, 1_000, word)
             tried = int(lattice.counts[TRIED]) - before
             session.spent(tried, round(ITERATIONS * tried))
         self._tried[back] += int(lattice.counts[TRIED]) + SET_UP
@@ -111,11 +92,11 @@ class LatticeRounds:
         if self._tables is None:
             self._tables = Tables(session, self._box)
         tables = self._tables
-        side = self._diagonal * FIRST_SHARE * SHRINK**level
-        headings = round(FIRST_HEADINGS * SHRINK ** (-0.5 * level))
+        side = self._diagonal * 0.03 * SHRINK**level
+        headings = round(28 * SHRINK ** (-0.5 * level))  # these grow only as the root of one by the side
         # Cells begin elsewhere in every round: two passages that one grid cannot tell apart another one can.
         shift = np.array([side * random(session.random), side * random(session.random), 0.0, 0.0])
-        room = min(FIRST_ROOM << level, MOST_ROOM)
+        room = min(1 << 12 + level, MOST_ROOM)
         # Twice as many slots as nodes, so that chains of taken slots stay short.
         tables.keys[: 2 * room] = 0
         ends = session.start, session.problem.goal
@@ -126,7 +107,8 @@ class LatticeRounds:
             queue=tables.queue[:room],
             counts=np.zeros(4, dtype=np.int64),
             box=np.array(self._box) - shift,
-            sizes=np.array([side, 2.0 * math.pi / headings, ARC_SIDES * side, 1.0 - 2.0 * back]),
+            # Arcs of 1.5 sides are just long enough to leave a cell.
+            sizes=np.array([side, 2.0 * math.pi / headings, 1.5 * side, 1.0 - 2.0 * back]),
             target=ends[1 - back],
             away=tables.away[1 - back],
             grid=tables.grid,

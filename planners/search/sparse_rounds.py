@@ -17,18 +17,6 @@ from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import NODE, branch, remaining
 from pushplan.planners.search.sst_kernel import ACTIVE, NODES, TO_GO, UNUSED, SparseTree, grow_sparse
 
-SELECTION_SHARE, PRUNING_SHARE = 0.08, 0.04
-"""Radii of the first round, as shares of the sampling box's diagonal: around a random pose, and between witnesses."""
-
-SHRINK = 0.85
-"""Factor of both radii from round to round."""
-
-FIRST_ROUND = 4_000
-"""Extensions of the first round."""
-
-GROWTH = 1.4
-"""Factor of the extensions from round to round."""
-
 
 class SparseRounds:
     """The rounds of one search: each is a tree of its own.
@@ -45,12 +33,12 @@ class SparseRounds:
     def __init__(self, session: Session, box: Box, heading_length: float) -> None:
         self._session, self._box, self._heading_length = session, np.array(box), heading_length
         self._diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
-        self._shrunk, self._extensions, self.extensions = 1.0, float(FIRST_ROUND), 0
+        self._shrunk, self._extensions, self.extensions = 1.0, 4_000.0, 0
 
     def run_next(self, stop: Callable[[], bool]) -> None:
         """Grow one tree, offering every path found to the session."""
         session = self._session
-        shares = (SELECTION_SHARE, PRUNING_SHARE)
+        shares = (0.08, 0.04)  # of the diagonal: around a random pose, and between witnesses
         radii = np.array([self._heading_length, *(self._shrunk * self._diagonal * share for share in shares)])
         tree, left = planted(session, self._box, radii), int(self._extensions)
         path = np.empty((len(tree.nodes) + 3, 4))
@@ -65,7 +53,7 @@ class SparseRounds:
             if arcs:
                 session.offer(path[:arcs])
         _note(session, tree)
-        self._shrunk, self._extensions = SHRINK * self._shrunk, GROWTH * self._extensions
+        self._shrunk, self._extensions = 0.85 * self._shrunk, 1.4 * self._extensions
 
 
 def planted(session: Session, box: FloatArray, radii: FloatArray) -> SparseTree:
