@@ -210,14 +210,14 @@ def _angle(goal: FloatArray, start: FloatArray) -> float:
 
 def _tightest(room: PushRoom, contact: int) -> float:
     """Way of the load's middle for each radian, m, of the tightest turn by a contact."""
-    twists = room.contacts[contact].hold.families.reshape(-1, 3)
+    twists = room.contacts[contact].packed.families.reshape(-1, 3)
     turns = twists[twists[:, 2] != 0.0]
     return float((_speeds(room, contact, turns) / np.abs(turns[:, 2])).min(initial=np.inf))
 
 
 def _speeds(room: PushRoom, contact: int, twists: FloatArray) -> FloatArray:
     """Speeds (k,) of the load's middle at twists (k, 3) of a contact's frame."""
-    x, y, _ = se2.relative(room.contacts[contact].hold.contact, np.append(_middle(room), 0.0))
+    x, y, _ = se2.relative(room.contacts[contact].packed.contact, np.append(_middle(room), 0.0))
     vx, vy, omega = twists.T
     return np.asarray(np.hypot(vx - y * omega, vy + x * omega))
 

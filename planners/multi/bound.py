@@ -19,7 +19,7 @@ def lower_bounds(room: PushRoom, question: Question, through: FloatArray) -> tup
     """Return what no plan costs less than until the load is at poses (k, 3), (k,), and from there on, m."""
     pushes = room.scenario.pushes
     assert pushes is not None
-    contacts = np.array([contact.hold.contact[:2] for contact in room.contacts])
+    contacts = np.array([contact.packed.contact[:2] for contact in room.contacts])
     middle = contacts.mean(axis=0)
     faster = max(1.0, float(np.linalg.norm(contacts - middle, axis=1).max()) / TURN_WEIGHT)
     to = _bounds(question.load[None], through, middle, faster)[0]

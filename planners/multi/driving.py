@@ -17,8 +17,9 @@ from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.chain import Drive
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
-from pushplan.planners.multi.reeds_shepp import LETTERS, MOST_WORDS, find_reeds_shepp
+from pushplan.planners.multi.reeds_shepp import LETTERS, MOST_WORDS, find_reeds_shepp, wrapped
 from pushplan.planners.problem.rows import put
+from pushplan.planners.problem.steering import cheapest
 
 OMNIDIRECTIONAL, DIFFERENTIAL, CAR = 0, 1, 2
 
@@ -57,12 +58,6 @@ def wheels_of(drive: Drive, middle: FloatArray) -> Wheels:
     return Wheels(kind, np.array(drive.axle), max(drive.min_radius, 1e-9))
 
 
-@inlined
-def _turn(angle: float) -> float:
-    """Angle wrapped to [-pi, pi)."""
-    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
-
-
 @no_refcount
 def _add(word: FloatArray, wheels: Wheels, vx: float, vy: float, omega: float, time: float) -> None:
     """Append an arc to a word: the twist (vx, vy, omega) of the axle's frame, which is driven for `time`."""
@@ -88,7 +83,7 @@ def find_drives(wheels: Wheels, start: FloatArray, goal: FloatArray, words: Floa
     dy = goal[1] + sg * ax + cg * ay - start[1] - ss * ax - cs * ay
     heading = start[2] + ah
     c, s = math.cos(heading), math.sin(heading)
-    x, y, phi = c * dx + s * dy, -s * dx + c * dy, _turn(goal[2] - start[2])
+    x, y, phi = c * dx + s * dy, -s * dx + c * dy, wrapped(goal[2] - start[2])
     for i in range(words.shape[0]):
         words[i, 0] = words[i, 1] = 0.0
     if wheels.kind == CAR:
@@ -118,7 +113,7 @@ def _differential_words(wheels: Wheels, x: float, y: float, phi: float, words: F
     distance, n = math.hypot(x, y), 0
     for ahead in (1.0, -1.0):
         way = 0.0 if distance < SHORTEST else math.atan2(ahead * y, ahead * x)
-        first, last = _turn(way), _turn(phi - way)
+        first, last = wrapped(way), wrapped(phi - way)
         for far_first in range(2):
             for far_last in range(2):
                 one = first - far_first * math.copysign(2.0 * math.pi, first)
@@ -226,10 +221,7 @@ def drive(
     words = scratch(44, 22)  # MOST_WORDS, WORD
     n = find_drives(wheels, start, goal, words)
     for _ in range(tries):
-        best = -1
-        for i in range(n):
-            if words[i, 0] < bound and (best < 0 or words[i, 0] < words[best, 0]):
-                best = i
+        best = cheapest(words, n, bound)
         if best < 0:
             break
         if _word_is_free(around, start, words[best]):

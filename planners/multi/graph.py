@@ -15,11 +15,11 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.planners.multi.bound import lower_bounds
-from pushplan.planners.multi.pushing import ARCS, push, robot_at, settles, ways_are_free, word_costs
+from pushplan.planners.multi.pushing import ARCS, approaches_are_free, push, robot_at, settles, word_costs
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.sequence import Sequence, Step
 from pushplan.planners.multi.shortest import cheapest_sequence
-from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened, way_is_free
+from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened, transit_is_free
 from pushplan.planners.problem.posing import sampling_box
 
 EFFORT = (30, 200, 1000)
@@ -58,14 +58,14 @@ class Graph:
         self._can_begin, self._can_end = (np.zeros((m, 0), dtype=np.bool_) for _ in range(2))
         self._to, self._on = np.zeros(0), np.zeros(0)
         self._known_pushes: dict[tuple[int, int, int], FloatArray] = {}
-        self._known_ways: dict[Change, FloatArray] = {}
+        self._known_transits: dict[Change, FloatArray] = {}
         self._postponed: list[tuple[Change, int, float]] = []
         self.looked_at = 0
-        holds = [contact.hold for contact in room.contacts]
+        modes = [contact.packed for contact in room.contacts]
         start, goals = question.load[None], question.goals
-        self.begins = np.array([ways_are_free(room.robot, hold, start, False)[0] for hold in holds])
-        self.leaves = np.array([bool(settles(c.scene, c.hold, question.load)) for c in room.contacts])
-        self.ends = np.array([ways_are_free(room.robot, hold, goals, True) for hold in holds])
+        self.begins = np.array([approaches_are_free(room.robot, mode, start, False)[0] for mode in modes])
+        self.leaves = np.array([bool(settles(c.scene, c.packed, question.load)) for c in room.contacts])
+        self.ends = np.array([approaches_are_free(room.robot, mode, goals, True) for mode in modes])
         self.changes = self._changed(room.shortest)
         self.add(np.concatenate([start, goals]), np.inf)
         self._first = np.array([self._assumed(k) for k in range(m)])
@@ -73,7 +73,7 @@ class Graph:
 
     def _assumed(self, taken: int) -> float:
         """The least that the way to a first push can cost: as the crow flies."""
-        goal = robot_at(self._room.contacts[taken].hold, self.poses[0], self._pushes.approach)
+        goal = robot_at(self._room.contacts[taken].packed, self.poses[0], self._pushes.approach)
         return self._weighed(float(np.hypot(*(goal - self._question.robot)[:2])) + self._pushes.approach)
 
     def _weighed(self, way: float) -> float:
@@ -104,7 +104,10 @@ class Graph:
             np.concatenate(
                 [
                     known,
-                    [ways_are_free(self._room.robot, c.hold, poses, back) for c in self._room.contacts],
+                    [
+                        approaches_are_free(self._room.robot, c.packed, poses, back)
+                        for c in self._room.contacts
+                    ],
                 ],
                 axis=1,
             )
@@ -112,10 +115,10 @@ class Graph:
         )
         for k, contact in enumerate(self._room.contacts):
             fresh = old + np.flatnonzero(can_begin[k, old:])
-            push[k, fresh] = word_costs(contact.hold, every[fresh], every, self._to[fresh], self._on, below)
+            push[k, fresh] = word_costs(contact.packed, every[fresh], every, self._to[fresh], self._on, below)
             before = np.flatnonzero(self._can_begin[k])
             push[k, before, old:] = word_costs(
-                contact.hold, every[before], poses, self._to[before], on, below
+                contact.packed, every[before], poses, self._to[before], on, below
             )
             push[k][:, ~can_end[k]] = np.inf
             change[old:, k] = self.changes[k]
@@ -148,17 +151,17 @@ class Graph:
                 return Sequence(tuple(self._steps(rows)), cost + end)
         return None
 
-    def shorten_ways(self, best: Sequence) -> Sequence:
+    def shorten_transits(self, best: Sequence) -> Sequence:
         """Return a plan with shorter ways of the robot."""
         found = []
         for step in best.steps:
-            arcs, n = np.zeros((MOST_ARCS, 4)), len(step.way)
-            arcs[:n] = step.way
+            arcs, n = np.zeros((MOST_ARCS, 4)), len(step.transit)
+            arcs[:n] = step.transit
             around = self._room.around(step.before)
             n = shortened(around, self._room.wheels, step.start, arcs, n, self._state, 200)
-            found.append(replace(step, way=arcs[:n].copy()))
+            found.append(replace(step, transit=arcs[:n].copy()))
         saved = sum(
-            float(old.way[:, 3].sum() - new.way[:, 3].sum())
+            float(old.transit[:, 3].sum() - new.transit[:, 3].sum())
             for old, new in zip(best.steps, found, strict=True)
         )
         return Sequence(tuple(found), best.cost - self._weighed(saved))
@@ -170,7 +173,7 @@ class Graph:
                 return False
         changes = [(v, m, q) for (m, _, v), (q, _, _) in pairwise(rows) if m != q]
         for change in [*changes, (0, FIRST, rows[0][0])]:
-            if change not in self._known_ways and not self._look_at_way(change, 0):
+            if change not in self._known_transits and not self._look_at_transit(change, 0):
                 return False
         return True
 
@@ -179,16 +182,16 @@ class Graph:
         m, u, v = row
         assumed = self._push[m, u, v]
         contact, arcs = self._room.contacts[m], np.zeros((ARCS, 4))
-        self._push[m, u, v] = push(contact.scene, contact.hold, self.poses[u], self.poses[v], arcs)
+        self._push[m, u, v] = push(contact.scene, contact.packed, self.poses[u], self.poses[v], arcs)
         self._known_pushes[row] = arcs
         self.looked_at += 1
         return bool(self._push[m, u, v] <= assumed + SAME)
 
-    def _look_at_way(self, change: Change, level: int) -> bool:
+    def _look_at_transit(self, change: Change, level: int) -> bool:
         """Find the way of a change, return whether it costs what was assumed; one that is not found is put off."""
         v, left, taken = change
         assumed = self._first[taken] if left == FIRST else self._change[v, left, taken]
-        arcs = self._way(change, level)
+        arcs = self._transit(change, level)
         self.looked_at += 1
         if arcs is None:
             cost = np.inf
@@ -196,7 +199,7 @@ class Graph:
                 self._postponed.append((change, level + 1, float(assumed)))
         else:
             length = float(arcs[:, 3].sum())
-            self._known_ways[change] = arcs
+            self._known_transits[change] = arcs
             cost = self._weighed(length + self._pushes.approach) if left == FIRST else self._changed(length)
         if left == FIRST:
             self._first[taken] = cost
@@ -215,18 +218,18 @@ class Graph:
             self._first[taken] = assumed
         else:
             self._change[v, left, taken] = assumed
-        self._look_at_way(change, level)
+        self._look_at_transit(change, level)
         return True
 
-    def _way(self, change: Change, level: int) -> FloatArray | None:
+    def _transit(self, change: Change, level: int) -> FloatArray | None:
         v, left, taken = change
-        load, second = self.poses[v], self._room.contacts[taken].hold
+        load, second = self.poses[v], self._room.contacts[taken].packed
         around = self._room.around(load)
         goal = robot_at(second, load, second.approach)
-        start = self._way_start(change)
+        start = self._transit_start(change)
         if left != FIRST:
-            known = self._room.way_around(left, taken)
-            if known is not None and way_is_free(around, start, known):
+            known = self._room.transit_around(left, taken)
+            if known is not None and transit_is_free(around, start, known):
                 return known
         arcs = np.zeros((MOST_ARCS, 4))
         reach = 1.0 + self._room.scenario.chain.reach  # m: how far from the ends poses are drawn
@@ -235,12 +238,12 @@ class Graph:
         )
         return None if n < 0 else arcs[:n].copy()
 
-    def _way_start(self, change: Change) -> FloatArray:
+    def _transit_start(self, change: Change) -> FloatArray:
         """Return where the robot's frame (3,) is before it drives to a contact."""
         v, left, _ = change
         if left == FIRST:
             return self._question.robot
-        first = self._room.contacts[left].hold
+        first = self._room.contacts[left].packed
         return robot_at(first, self.poses[v], first.retreat)
 
     def _steps(self, rows: list[tuple[int, int, int]]) -> list[Step]:
@@ -254,7 +257,7 @@ class Graph:
                 arcs, cost = np.concatenate([last.arcs, arcs]), last.cost + cost
                 found.append(replace(last, after=self.poses[v], arcs=arcs, cost=cost))
                 continue
-            way, start = self._known_ways[u, left, m], self._way_start((u, left, m))
+            way, start = self._known_transits[u, left, m], self._transit_start((u, left, m))
             found.append(Step(m, self.poses[u], self.poses[v], start, way, arcs, cost))
             left = m
         return found
@@ -275,8 +278,10 @@ class Graph:
             for (m, u, v), arcs in self._known_pushes.items()
             if u in place and v in place
         }
-        self._known_ways = {
-            (place[v], left, taken): arcs for (v, left, taken), arcs in self._known_ways.items() if v in place
+        self._known_transits = {
+            (place[v], left, taken): arcs
+            for (v, left, taken), arcs in self._known_transits.items()
+            if v in place
         }
         self._postponed = [
             ((place[v], left, taken), level, cost)

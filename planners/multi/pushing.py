@@ -10,7 +10,7 @@ import numpy as np
 from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.compiled import any_integer, compiled
 from pushplan.planners.collision.separation import Scene, separation, step, sweep_is_free
-from pushplan.planners.problem.posing import SLACK, kept_distances
+from pushplan.planners.problem.posing import ROUNDING, SLACK, scene_with_gap
 from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
 
 ARCS = 4
@@ -20,7 +20,7 @@ TRIES = any_integer(6)
 """Words that are swept for a push, at most."""
 
 
-class Hold(NamedTuple):
+class PackedMode(NamedTuple):
     """A contact and the pushes that it can make.
 
     Attributes:
@@ -69,26 +69,26 @@ def seen_from_contact(at: FloatArray, contact: FloatArray) -> FloatArray:
 
 
 @compiled
-def robot_at(hold: Hold, load: FloatArray, behind: float) -> FloatArray:
+def robot_at(mode: PackedMode, load: FloatArray, behind: float) -> FloatArray:
     """Return the robot's pose (3,) so far behind the contact, m, with the load at a pose (3,)."""
-    pose = joined(joined(load, hold.contact), hold.robot)
+    pose = joined(joined(load, mode.contact), mode.robot)
     pose[0] -= behind * math.cos(pose[2])
     pose[1] -= behind * math.sin(pose[2])
     return pose
 
 
 @compiled
-def _settled(hold: Hold, contact: FloatArray) -> FloatArray:
+def _settled(mode: PackedMode, contact: FloatArray) -> FloatArray:
     """Return where the contact's frame (3,) is after the settling push."""
     out = np.empty(3)
-    x, y, _ = hold.settling
-    out[0], out[1], out[2] = step(contact[0], contact[1], contact[2], x, y, 0.0, hold.settle)
+    x, y, _ = mode.settling
+    out[0], out[1], out[2] = step(contact[0], contact[1], contact[2], x, y, 0.0, mode.settle)
     return out
 
 
 @compiled
 def word_costs(
-    hold: Hold, starts: FloatArray, goals: FloatArray, sofar: FloatArray, left: FloatArray, below: float
+    mode: PackedMode, starts: FloatArray, goals: FloatArray, sofar: FloatArray, left: FloatArray, below: float
 ) -> FloatArray:
     """Return what the cheapest pushes from loads at `starts` (n, 3) to `goals` (m, 3) cost, whatever is in the way.
 
@@ -98,26 +98,26 @@ def word_costs(
     out, words = np.full((len(starts), len(goals)), np.inf), np.empty((MAX_WORDS, 7))
     ends = np.empty((len(goals), 3))
     for j in range(len(goals)):
-        ends[j] = joined(goals[j], hold.contact)
+        ends[j] = joined(goals[j], mode.contact)
     for i in range(len(starts)):
-        begin = _settled(hold, joined(starts[i], hold.contact))
+        begin = _settled(mode, joined(starts[i], mode.contact))
         for j in range(len(goals)):
             away = math.hypot(goals[j, 0] - starts[i, 0], goals[j, 1] - starts[i, 1])
-            if sofar[i] + away / hold.faster + left[j] >= below:
+            if sofar[i] + away / mode.faster + left[j] >= below:
                 continue
-            for f in range(len(hold.families)):
-                for k in range(find_words(hold.families[f], begin, ends[j], words)):
-                    out[i, j] = min(out[i, j], hold.settle + words[k, 0])
+            for f in range(len(mode.families)):
+                for k in range(find_words(mode.families[f], begin, ends[j], words)):
+                    out[i, j] = min(out[i, j], mode.settle + words[k, 0])
     return out
 
 
 @compiled
-def push(scene: Scene, hold: Hold, start: FloatArray, goal: FloatArray, arcs: FloatArray) -> float:
+def push(scene: Scene, mode: PackedMode, start: FloatArray, goal: FloatArray, arcs: FloatArray) -> float:
     """Find the cheapest free push between two poses of the load.
 
     Args:
         scene: The chain with this contact in the room.
-        hold: The contact.
+        mode: The contact.
         start: (3,) pose of the load.
         goal: Likewise.
         arcs: (ARCS, 4) filled with the twists, in the contact's frame, and lengths.
@@ -125,67 +125,51 @@ def push(scene: Scene, hold: Hold, start: FloatArray, goal: FloatArray, arcs: Fl
     Returns:
         Its cost, m; infinite if there is none.
     """
-    first, last = joined(start, hold.contact), joined(goal, hold.contact)
+    first, last = joined(start, mode.contact), joined(goal, mode.contact)
     gap = min(
-        separation(scene, first[0], first[1], first[2], hold.clearance + SLACK),
-        separation(scene, last[0], last[1], last[2], hold.clearance + SLACK),
+        separation(scene, first[0], first[1], first[2], mode.clearance + SLACK),
+        separation(scene, last[0], last[1], last[2], mode.clearance + SLACK),
     )
-    if gap < hold.clearance - 1e-9:
+    if gap < mode.clearance - ROUNDING:
         return np.inf
-    looked_at, kept = kept_distances(gap, hold.clearance)
-    between = Scene(
-        scene.body, scene.body_bound, scene.obstacles, scene.circles, scene.tree, scene.walls, looked_at, kept
-    )
-    x, y, _ = hold.settling
-    if not sweep_is_free(between, first[0], first[1], first[2], x, y, 0.0, hold.settle):
+    between = scene_with_gap(scene, gap, mode.clearance)
+    x, y, _ = mode.settling
+    if not sweep_is_free(between, first[0], first[1], first[2], x, y, 0.0, mode.settle):
         return np.inf
-    begin, word = _settled(hold, first), np.zeros((3, 4))
-    cost, _ = connect(between, hold.families, begin, last, np.inf, TRIES, word)
+    begin, word = _settled(mode, first), np.zeros((3, 4))
+    cost, _ = connect(between, mode.families, begin, last, np.inf, TRIES, word)
     if cost == np.inf:
         return np.inf
-    arcs[0, 0], arcs[0, 1], arcs[0, 2], arcs[0, 3] = x, y, 0.0, hold.settle
+    arcs[0, 0], arcs[0, 1], arcs[0, 2], arcs[0, 3] = x, y, 0.0, mode.settle
     arcs[1:] = word
-    return hold.settle + cost
+    return mode.settle + cost
 
 
 @compiled
-def settles(scene: Scene, hold: Hold, load: FloatArray) -> bool:
+def settles(scene: Scene, mode: PackedMode, load: FloatArray) -> bool:
     """Return whether the settling push is free with the load at a pose (3,)."""
-    at = joined(load, hold.contact)
-    gap = separation(scene, at[0], at[1], at[2], hold.clearance + SLACK)
-    if gap < hold.clearance - 1e-9:
+    at = joined(load, mode.contact)
+    gap = separation(scene, at[0], at[1], at[2], mode.clearance + SLACK)
+    if gap < mode.clearance - ROUNDING:
         return False
-    looked_at, kept = kept_distances(gap, hold.clearance)
-    between = Scene(
-        scene.body, scene.body_bound, scene.obstacles, scene.circles, scene.tree, scene.walls, looked_at, kept
-    )
+    between = scene_with_gap(scene, gap, mode.clearance)
     return bool(
-        sweep_is_free(between, at[0], at[1], at[2], hold.settling[0], hold.settling[1], 0.0, hold.settle)
+        sweep_is_free(between, at[0], at[1], at[2], mode.settling[0], mode.settling[1], 0.0, mode.settle)
     )
 
 
 @compiled
-def ways_are_free(robot: Scene, hold: Hold, loads: FloatArray, back: bool) -> BoolArray:
+def approaches_are_free(robot: Scene, mode: PackedMode, loads: FloatArray, back: bool) -> BoolArray:
     """Return (k,) whether the straight way to the contact, or back from it, is free with the load at poses (k, 3)."""
     out = np.zeros(len(loads), dtype=np.bool_)
-    behind = hold.retreat if back else hold.approach
+    behind = mode.retreat if back else mode.approach
     for i in range(len(loads)):
-        near, away = robot_at(hold, loads[i], 0.0), robot_at(hold, loads[i], behind)
-        gap = separation(robot, near[0], near[1], near[2], hold.clearance + SLACK)
+        near, away = robot_at(mode, loads[i], 0.0), robot_at(mode, loads[i], behind)
+        gap = separation(robot, near[0], near[1], near[2], mode.clearance + SLACK)
         # Where the robot drives on, it keeps what every transit keeps.
-        far = separation(robot, away[0], away[1], away[2], hold.clearance + SLACK)
-        if gap < hold.clearance - 1e-9 or far < hold.clearance + SLACK:
+        far = separation(robot, away[0], away[1], away[2], mode.clearance + SLACK)
+        if gap < mode.clearance - ROUNDING or far < mode.clearance + SLACK:
             continue
-        looked_at, kept = kept_distances(gap, hold.clearance)
-        between = Scene(
-            robot.body,
-            robot.body_bound,
-            robot.obstacles,
-            robot.circles,
-            robot.tree,
-            robot.walls,
-            looked_at,
-            kept,
-        )
+        between = scene_with_gap(robot, gap, mode.clearance)
         out[i] = sweep_is_free(between, away[0], away[1], away[2], 1.0, 0.0, 0.0, behind)
     return out

@@ -24,19 +24,19 @@ ROUNDING = 1e-10
 
 
 @inlined
-def _turn(angle: float) -> float:
-    """Angle wrapped to [-pi, pi)."""
+def wrapped(angle: float) -> float:
+    """Return an angle in [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
 @no_refcount
 def _tau_omega(u: float, v: float, xi: float, eta: float, phi: float) -> tuple[float, float]:
-    delta = _turn(u - v)
+    delta = wrapped(u - v)
     a, b = math.sin(u) - math.sin(delta), math.cos(u) - math.cos(delta) - 1.0
     first = math.atan2(eta * a - xi * b, xi * a + eta * b)
     second = 2.0 * (math.cos(delta) - math.cos(v) - math.cos(u)) + 3.0
-    tau = _turn(first + math.pi) if second < 0.0 else _turn(first)
-    return tau, _turn(tau - u + v - phi)
+    tau = wrapped(first + math.pi) if second < 0.0 else wrapped(first)
+    return tau, wrapped(tau - u + v - phi)
 
 
 @inlined
@@ -52,7 +52,7 @@ def _solve(formula: int, x: float, y: float, phi: float, letters: FloatArray, le
     if formula == 0:  # L S L
         letters[1], letters[2] = STRAIGHT, LEFT
         t, u = theta, rho
-        v = _turn(phi - t)
+        v = wrapped(phi - t)
         if t < -ROUNDING or v < -ROUNDING:
             return 0
         lengths[0], lengths[1], lengths[2] = t, u, v
@@ -61,8 +61,8 @@ def _solve(formula: int, x: float, y: float, phi: float, letters: FloatArray, le
         if rho < 2.0:
             return 0
         u = math.sqrt(rho * rho - 4.0)
-        t = _turn(theta + math.atan2(2.0, u))
-        v = _turn(t - phi)
+        t = wrapped(theta + math.atan2(2.0, u))
+        v = wrapped(t - phi)
         if t < -ROUNDING or v < -ROUNDING:
             return 0
         lengths[0], lengths[1], lengths[2] = t, u, v
@@ -71,8 +71,8 @@ def _solve(formula: int, x: float, y: float, phi: float, letters: FloatArray, le
         if rho > 4.0:
             return 0
         u = -2.0 * math.asin(0.25 * rho)
-        t = _turn(theta + 0.5 * u + math.pi)
-        v = _turn(phi - t + u)
+        t = wrapped(theta + 0.5 * u + math.pi)
+        v = wrapped(phi - t + u)
         if t < -ROUNDING or u > ROUNDING:
             return 0
         lengths[0], lengths[1], lengths[2] = t, u, v
@@ -102,8 +102,8 @@ def _solve(formula: int, x: float, y: float, phi: float, letters: FloatArray, le
             return 0
         r = math.sqrt(rho * rho - 4.0)
         u = 2.0 - r
-        t = _turn(theta + math.atan2(r, -2.0))
-        v = _turn(phi - 0.5 * math.pi - t)
+        t = wrapped(theta + math.atan2(r, -2.0))
+        v = wrapped(phi - 0.5 * math.pi - t)
         if t < -ROUNDING or u > ROUNDING or v > ROUNDING:
             return 0
         lengths[0], lengths[1], lengths[2], lengths[3] = t, -0.5 * math.pi, u, v
@@ -113,7 +113,7 @@ def _solve(formula: int, x: float, y: float, phi: float, letters: FloatArray, le
             return 0
         t = math.atan2(xi, -eta)
         u = 2.0 - rho
-        v = _turn(t + 0.5 * math.pi - phi)
+        v = wrapped(t + 0.5 * math.pi - phi)
         if t < -ROUNDING or u > ROUNDING or v > ROUNDING:
             return 0
         lengths[0], lengths[1], lengths[2], lengths[3] = t, -0.5 * math.pi, u, v
@@ -124,8 +124,8 @@ def _solve(formula: int, x: float, y: float, phi: float, letters: FloatArray, le
         u = 4.0 - math.sqrt(rho * rho - 4.0)
         if u > ROUNDING:
             return 0
-        t = _turn(math.atan2((4.0 - u) * xi - 2.0 * eta, -2.0 * xi + (u - 4.0) * eta))
-        v = _turn(t - phi)
+        t = wrapped(math.atan2((4.0 - u) * xi - 2.0 * eta, -2.0 * xi + (u - 4.0) * eta))
+        v = wrapped(t - phi)
         if t < -ROUNDING or v < -ROUNDING:
             return 0
         lengths[0], lengths[1], lengths[2] = t, -0.5 * math.pi, u

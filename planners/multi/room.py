@@ -15,8 +15,8 @@ from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.scene import bounding_circle, flatten, scene_of
 from pushplan.planners.collision.separation import Scene, sweep_is_free
 from pushplan.planners.multi.driving import Surroundings, Wheels, shortest_drive, wheels_of
-from pushplan.planners.multi.grip import Grip
-from pushplan.planners.multi.pushing import Hold, robot_at
+from pushplan.planners.multi.push_mode import PushMode
+from pushplan.planners.multi.pushing import PackedMode, robot_at
 from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened
 from pushplan.planners.problem.controls import MARGIN_FLOOR
 from pushplan.planners.problem.posing import SLACK, open_scene
@@ -34,13 +34,13 @@ class Contact:
     """A contact in a room.
 
     Attributes:
-        grip: What it can do.
-        hold: The same for compiled code.
+        mode: What it can do.
+        packed: The same for compiled code.
         scene: The chain with this contact among what stands in the room.
     """
 
-    grip: Grip
-    hold: Hold
+    mode: PushMode
+    packed: PackedMode
     scene: Scene
 
 
@@ -64,21 +64,21 @@ class PushRoom:
     load: Scene
     contacts: tuple[Contact, ...]
     shortest: FloatArray
-    _ways: dict[tuple[int, int], FloatArray | None] = field(default_factory=dict)
+    _transits: dict[tuple[int, int], FloatArray | None] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, scenario: Scenario, grips: tuple[Grip, ...]) -> PushRoom:
-        """Return what planning with some grips rests on in the scenario's room."""
+    def of(cls, scenario: Scenario, modes: tuple[PushMode, ...]) -> PushRoom:
+        """Return what planning with some modes rests on in the scenario's room."""
         robot, load = _scenes(scenario)
         body = bounding_circle(robot.body.corners[:, :2])
         wheels = wheels_of(scenario.chain.pusher.drive, body[:2])
         contacts = tuple(
-            Contact(grip, hold, _with_body(robot, grip.scenario))
-            for grip in grips
-            if _reaches(load, hold := _hold(grip, scenario))
+            Contact(mode, packed, _with_body(robot, mode.scenario))
+            for mode in modes
+            if _reaches(load, packed := _packed(mode, scenario))
         )
-        holds = [contact.hold for contact in contacts]
-        ends = [(robot_at(h, NOWHERE, h.retreat), robot_at(h, NOWHERE, h.approach)) for h in holds]
+        packed_modes = [contact.packed for contact in contacts]
+        ends = [(robot_at(m, NOWHERE, m.retreat), robot_at(m, NOWHERE, m.approach)) for m in packed_modes]
         shortest = [[shortest_drive(wheels, left[0], taken[1]) for taken in ends] for left in ends]
         return cls(scenario, wheels, robot, load, contacts, np.array(shortest).reshape(len(ends), len(ends)))
 
@@ -97,14 +97,14 @@ class PushRoom:
         """Return what the robot must not touch with the load at a pose (3,)."""
         return Surroundings(self.robot, self.load, load)
 
-    def way_around(self, left: int, taken: int) -> FloatArray | None:
+    def transit_around(self, left: int, taken: int) -> FloatArray | None:
         """Return a way (k, 4) around the load from one contact to another where nothing else is, None without any."""
-        if (left, taken) not in self._ways:
-            self._ways[left, taken] = self._find_way(left, taken)
-        return self._ways[left, taken]
+        if (left, taken) not in self._transits:
+            self._transits[left, taken] = self._find_transit(left, taken)
+        return self._transits[left, taken]
 
-    def _find_way(self, left: int, taken: int) -> FloatArray | None:
-        first, second = self.contacts[left].hold, self.contacts[taken].hold
+    def _find_transit(self, left: int, taken: int) -> FloatArray | None:
+        first, second = self.contacts[left].packed, self.contacts[taken].packed
         start, goal = robot_at(first, NOWHERE, first.retreat), robot_at(second, NOWHERE, second.approach)
         open_room = self.robot._replace(
             obstacles=flatten([]), circles=np.zeros((0, 3)), tree=np.zeros((0, 9)), walls=_NO_WALLS
@@ -168,32 +168,32 @@ def _with_body(room: Scene, scenario: Scenario) -> Scene:
     return room._replace(body=flatten(body), body_bound=bounding_circle(np.concatenate(body)))
 
 
-def _hold(grip: Grip, scenario: Scenario) -> Hold:
+def _packed(mode: PushMode, scenario: Scenario) -> PackedMode:
     pushes = scenario.pushes
     assert pushes is not None
-    return Hold(
-        _families(grip),
-        np.array(grip.place.contact),
-        np.array(grip.robot),
-        np.array(grip.settling),
+    return PackedMode(
+        _families(mode),
+        np.array(mode.place.contact),
+        np.array(mode.robot),
+        np.array(mode.settling),
         pushes.settle,
         pushes.approach,
         pushes.retreat,
         scenario.clearance,
-        max(1.0, float(np.linalg.norm(grip.place.contact[:2])) / TURN_WEIGHT),
+        max(1.0, float(np.linalg.norm(mode.place.contact[:2])) / TURN_WEIGHT),
     )
 
 
-def _families(grip: Grip) -> FloatArray:
+def _families(mode: PushMode) -> FloatArray:
     """Return the families that differ, and where there is room for one more, one with gentler turns."""
     kept: list[FloatArray] = []
-    for family in grip.controls.families:
+    for family in mode.controls.families:
         if not any(np.array_equal(family, other) for other in kept):
             kept.append(family)
     if len(kept) < MOST_FAMILIES and kept[0][1].any():
         gentler = _gentler(kept[0])
-        margins = grip.stable.margin(gentler[gentler.any(axis=1)])
-        if (margins > grip.scenario.required_margin + MARGIN_FLOOR).all():
+        margins = mode.stable.margin(gentler[gentler.any(axis=1)])
+        if (margins > mode.scenario.required_margin + MARGIN_FLOOR).all():
             kept.append(gentler)
     return np.array(kept)
 
@@ -208,9 +208,9 @@ def _gentler(family: FloatArray) -> FloatArray:
     return out
 
 
-def _reaches(load: Scene, hold: Hold) -> bool:
+def _reaches(load: Scene, mode: PackedMode) -> bool:
     """Tell whether the robot gets to the contact, and back, without touching the load elsewhere."""
     scene = load._replace(clearance=0.5 * TOUCHING, kept=0.25 * TOUCHING)
-    far = max(hold.approach, hold.retreat)
-    x, y, theta = robot_at(hold, NOWHERE, far)
+    far = max(mode.approach, mode.retreat)
+    x, y, theta = robot_at(mode, NOWHERE, far)
     return far > TOUCHING and bool(sweep_is_free(scene, x, y, theta, 1.0, 0.0, 0.0, far - TOUCHING))

@@ -10,22 +10,22 @@ import numpy as np
 from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.compiled import compiled
 from pushplan.geometry import se2
-from pushplan.planners.multi.dives import crew_of, descend, dive, pushed_at_random
-from pushplan.planners.multi.pushing import Hold
+from pushplan.planners.multi.descents import descend, pack_modes, pushed_at_random, random_descent
+from pushplan.planners.multi.pushing import PackedMode
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.sequence import Sequence
 from pushplan.planners.problem.posing import sampling_box
 
 
-def crossings(start: FloatArray, goals: FloatArray, holds: list[Hold]) -> FloatArray:
+def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> FloatArray:
     """Return poses (k, 3) where a straight push from the start, or from a tight turn there, meets one into a goal."""
-    directions = np.array([_direction(hold) for hold in holds])
+    directions = np.array([_direction(mode) for mode in modes])
     found = [_crossings(start, goals, directions)]
-    for hold in holds:
+    for mode in modes:
         for goal in goals:
-            for pose in _turned_to(start, float(goal[2]), hold, 1.0):
+            for pose in _turned_to(start, float(goal[2]), mode, 1.0):
                 found += [pose[None], _crossings(pose, goal[None], directions)]
-            for pose in _turned_to(goal, float(start[2]), hold, -1.0):
+            for pose in _turned_to(goal, float(start[2]), mode, -1.0):
                 found += [pose[None], _crossings(start, pose[None], directions)]
     return np.concatenate(found)
 
@@ -59,26 +59,26 @@ def _crossings(start: FloatArray, goals: FloatArray, directions: FloatArray) -> 
     return out[:n]
 
 
-def _direction(hold: Hold) -> FloatArray:
+def _direction(mode: PackedMode) -> FloatArray:
     """Direction (2,) of the settling push in the load's frame."""
-    return se2.rotate(hold.contact[2], hold.settling[:2])
+    return se2.rotate(mode.contact[2], mode.settling[:2])
 
 
-def _turned_to(pose: FloatArray, heading: float, hold: Hold, sense: float) -> Iterator[FloatArray]:
+def _turned_to(pose: FloatArray, heading: float, mode: PackedMode, sense: float) -> Iterator[FloatArray]:
     """Yield the poses to which the tightest turns, driven on or back, turn a load so that it has a heading."""
     for letter in (0, 2):
-        twist = hold.families[0, letter]
+        twist = mode.families[0, letter]
         if twist[2] == 0.0:
             continue
         angle = float((sense * np.sign(twist[2]) * (heading - pose[2])) % (2.0 * np.pi))
         if 1e-9 < angle < math.pi + 1e-9:
-            yield _moved(pose, hold, twist, sense * angle / abs(twist[2]))
+            yield _moved(pose, mode, twist, sense * angle / abs(twist[2]))
 
 
-def _moved(pose: FloatArray, hold: Hold, twist: FloatArray, length: float) -> FloatArray:
+def _moved(pose: FloatArray, mode: PackedMode, twist: FloatArray, length: float) -> FloatArray:
     """Return where a twist in the contact's frame, driven so far, brings the load (3,)."""
-    contact = se2.compose(se2.compose(pose, hold.contact), se2.exp(twist * length))
-    return se2.compose(contact, se2.inverse(hold.contact))
+    contact = se2.compose(se2.compose(pose, mode.contact), se2.exp(twist * length))
+    return se2.compose(contact, se2.inverse(mode.contact))
 
 
 class Sampler:
@@ -105,7 +105,7 @@ class Sampler:
         assert room.scenario.pushes is not None
         self._question, self._changes = question, changes
         self._firsts, self._lasts = np.flatnonzero(firsts), np.flatnonzero(lasts.any(axis=1))
-        self._crew = crew_of([contact.hold for contact in room.contacts])
+        self._modes = pack_modes([contact.packed for contact in room.contacts])
         self._box, self._most = np.array(sampling_box(room.scenario)), room.scenario.pushes.most
         self._random = np.random.default_rng(seed)
         self._state = np.array([seed], dtype=np.uint64)
@@ -129,7 +129,7 @@ class Sampler:
         if kind < 0.52 or self._most < 2:
             low, high = self._box[:2], self._box[2:]
             return [np.append(self._random.uniform(low, high), self._random.uniform(-np.pi, np.pi))]
-        return self._dived(math.inf if best is None else best.cost)
+        return self._descended(math.inf if best is None else best.cost)
 
     def _near(self, pose: FloatArray) -> FloatArray:
         """A pose beside another."""
@@ -149,14 +149,14 @@ class Sampler:
         goals = self._question.goals
         pose = goals[self._random.integers(len(goals))] if back else self._question.load
         contact = int(self._random.choice(self._lasts if back else self._firsts))
-        return pushed_at_random(self._crew, contact, pose, -1.0 if back else 1.0, self._state)
+        return pushed_at_random(self._modes, contact, pose, -1.0 if back else 1.0, self._state)
 
-    def _dived(self, below: float) -> list[FloatArray]:
+    def _descended(self, below: float) -> list[FloatArray]:
         """The poses between pushes where one of 12 descents ends that costs less than `below`, or one at random."""
         question, poses = self._question, np.zeros((self._most - 1, 3))
         for _ in range(12):
-            n = dive(
-                self._crew,
+            n = random_descent(
+                self._modes,
                 question.load,
                 question.goals,
                 self._firsts,
@@ -176,5 +176,5 @@ class Sampler:
         poses = np.array([step.after for step in best.steps[:-1]])
         ends = np.stack([best.steps[0].before, best.steps[-1].after])
         sequence = np.array([step.contact for step in best.steps])
-        descend(self._crew, sequence, ends, poses, self._scale(), 300, self._state)
+        descend(self._modes, sequence, ends, poses, self._scale(), 300, self._state)
         return list(poses)

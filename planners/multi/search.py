@@ -88,7 +88,7 @@ def search(
         improved: Called with every better plan and the pushes and ways looked at so far.
     """
     began = time.perf_counter()
-    holds = [contact.hold for contact in room.contacts]
+    modes = [contact.packed for contact in room.contacts]
     graph = Graph(room, question, seed)
     bound = max(float(lower_bounds(room, question, question.load[None])[1][0]), graph.least)
     sampler = Sampler(room, question, graph.changes, graph.begins & graph.leaves, graph.ends, seed)
@@ -99,7 +99,7 @@ def search(
         below = math.inf if best is None else best.cost - 1e-6  # the smallest saving that counts, m
         found = graph.cheapest(below, partial(limits.over, batches, best is None))
         if found is not None:
-            best = found if limits.first else graph.shorten_ways(found)
+            best = found if limits.first else graph.shorten_transits(found)
             first = time.perf_counter() - began if first is None else first
             if improved is not None:
                 improved(best, graph.looked_at)
@@ -110,7 +110,7 @@ def search(
         if best is None:
             graph.try_harder()
         below = math.inf if best is None else best.cost - 1e-6
-        poses = crossings(question.load, question.goals, holds) if batches == 0 else sampler.draw(12, best)
+        poses = crossings(question.load, question.goals, modes) if batches == 0 else sampler.draw(12, best)
         if batches and len(graph.poses) + len(poses) > MOST_POSES:
             graph.forget(MOST_POSES // 2, below)
         graph.add(poses, below)

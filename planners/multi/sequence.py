@@ -16,7 +16,7 @@ class Step:
         before: (3,) pose of the load.
         after: Likewise.
         start: (3,) pose of the robot's frame before it drives there.
-        way: (k, 4) arcs of the robot alone to the contact's approach.
+        transit: (k, 4) arcs of the robot alone to the contact's approach.
         arcs: (k, 4) of the push, in the contact's frame; of no length where there are fewer.
         cost: Of the push, m.
     """
@@ -25,7 +25,7 @@ class Step:
     before: FloatArray
     after: FloatArray
     start: FloatArray
-    way: FloatArray
+    transit: FloatArray
     arcs: FloatArray
     cost: float
 

@@ -269,7 +269,7 @@ def shortened(
 
 
 @no_refcount
-def way_is_free(around: Surroundings, start: FloatArray, arcs: FloatArray) -> bool:
+def transit_is_free(around: Surroundings, start: FloatArray, arcs: FloatArray) -> bool:
     """Return whether a way that was found elsewhere is free here, both ends included."""
     x, y, theta = start[0], start[1], start[2]
     if not _is_clear(around, start):

@@ -9,7 +9,7 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.names import CLEARANCE_ROOM
-from pushplan.compiled import no_refcount
+from pushplan.compiled import compiled, no_refcount
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.problem.controls import MARGIN_FLOOR, MERIDIANS, control_segments, steering_families
@@ -138,6 +138,15 @@ def kept_distances(gap: float, clearance: float) -> tuple[float, float]:
     """Return what the poses looked at keep, and those between, where start and goal have the distance `gap`, m."""
     looked_at = max(gap, clearance) - ROUNDING
     return looked_at, min(clearance, looked_at - CLEARANCE_ROOM)
+
+
+@compiled
+def scene_with_gap(scene: Scene, gap: float, clearance: float) -> Scene:
+    """Return what `scene_between` does, in compiled code, where start and goal have the distance `gap`, m."""
+    looked_at, kept = kept_distances(gap, clearance)
+    return Scene(
+        scene.body, scene.body_bound, scene.obstacles, scene.circles, scene.tree, scene.walls, looked_at, kept
+    )
 
 
 def _walls(scenario: Scenario) -> Box:

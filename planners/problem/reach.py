@@ -9,7 +9,7 @@ import numpy as np
 from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import any_integer, compiled
 from pushplan.planners.collision.separation import Scene, separation
-from pushplan.planners.problem.posing import ROUNDING, SLACK, kept_distances
+from pushplan.planners.problem.posing import ROUNDING, SLACK, scene_with_gap
 from pushplan.planners.problem.steering import MAX_WORDS, connect
 
 TRIES = any_integer(MAX_WORDS)
@@ -38,16 +38,6 @@ def reach(
             least = min(gap, gaps[j])
             if least < clearance - ROUNDING:
                 continue
-            looked_at, kept = kept_distances(least, clearance)
-            between = Scene(
-                scene.body,
-                scene.body_bound,
-                scene.obstacles,
-                scene.circles,
-                scene.tree,
-                scene.walls,
-                looked_at,
-                kept,
-            )
+            between = scene_with_gap(scene, least, clearance)
             out[i, j] = connect(between, families, starts[i], goals[j], math.inf, TRIES, arcs)[0]
     return out

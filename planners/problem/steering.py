@@ -149,6 +149,16 @@ def find_words(family: FloatArray, start: FloatArray, goal: FloatArray, words: F
 
 
 @inlined
+def cheapest(words: FloatArray, n: int, bound: float) -> int:
+    """Row of the cheapest of n words that costs less than a bound, -1 without any."""
+    best = -1
+    for i in range(n):
+        if words[i, 0] < bound and (best < 0 or words[i, 0] < words[best, 0]):
+            best = i
+    return best
+
+
+@inlined
 def word_is_free(scene: Scene, family: FloatArray, word: FloatArray, start: FloatArray) -> bool:
     """Return whether the three arcs of a word keep clear of everything: first the middle one, mostly the longest."""
     x, y, theta = start[0], start[1], start[2]
@@ -208,10 +218,7 @@ def connect(
         promise = min(promise, words[i, 0])
     # The cheapest by selection: of at most 36 words, a few are swept, which does not pay for sorting them.
     for _ in range(tries):
-        best = -1
-        for i in range(n):
-            if words[i, 0] < bound and (best < 0 or words[i, 0] < words[best, 0]):
-                best = i
+        best = cheapest(words, n, bound)
         if best < 0:
             break
         family = families[owner[best]]

@@ -56,7 +56,7 @@ def _taken(pieces: tuple[Piece, ...], now: Situation, piece: int) -> BaseGeometr
 
 def _straight(piece: Piece, pose: FloatArray) -> Iterator[FloatArray]:
     for contact in piece.prepared.room(0).contacts:
-        ahead = se2.rotate(contact.hold.contact[2], contact.hold.settling[:2])
+        ahead = se2.rotate(contact.packed.contact[2], contact.packed.settling[:2])
         for away in AWAY:
             yield se2.compose(pose, np.append(away * ahead, 0.0))
 

@@ -106,9 +106,9 @@ class Errand:
     def plate(self) -> FloatArray:
         """(3,) pose of the plate's frame after the last retreat."""
         assert self.found.best is not None
-        hold = self.room.contacts[self.found.best.steps[-1].contact].hold
+        mode = self.room.contacts[self.found.best.steps[-1].contact].packed
         return se2.compose(
-            robot_at(hold, self.end, hold.retreat), self.prepared.scenario.chain.pusher.plate_pose
+            robot_at(mode, self.end, mode.retreat), self.prepared.scenario.chain.pusher.plate_pose
         )
 
     def after(self, before: Situation) -> Situation:

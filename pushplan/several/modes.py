@@ -13,7 +13,7 @@ from pushplan.errors import EmptyStableSetError, ScenarioError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE, Chain, Contact
 from pushplan.planners.multi.faces import Place, carried_from, places
-from pushplan.planners.multi.grip import Grip
+from pushplan.planners.multi.push_mode import PushMode
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import Controls, Posing
@@ -114,7 +114,7 @@ def _mode(scenario: Scenario, place: Place, stable_set: str | None) -> Mode:
     return Mode(place, pushed, stable, margins_to_try(pushed, stable), tuple(order), scenario.chain, robot)
 
 
-def grips_with(modes: tuple[Mode, ...], level: int) -> Iterator[Grip]:
+def push_modes_with(modes: tuple[Mode, ...], level: int) -> Iterator[PushMode]:
     """Yield what each mode can do with its `level`-th margin; a mode that cannot push straight then is left out."""
     for mode in modes:
         margin = mode.margin(level)
@@ -128,7 +128,7 @@ def grips_with(modes: tuple[Mode, ...], level: int) -> Iterator[Grip]:
             ahead = straight[np.argmax(straight[:, 0])]
             if _holds_ahead(mode, margin):
                 ahead = np.array([1.0, 0.0])
-            yield Grip(mode.place, scenario, mode.stable, controls, mode.robot, np.append(ahead, 0.0))
+            yield PushMode(mode.place, scenario, mode.stable, controls, mode.robot, np.append(ahead, 0.0))
 
 
 def _holds_ahead(mode: Mode, margin: float) -> bool:

@@ -33,7 +33,7 @@ def _reasons(room: PushRoom, question: Question, found: Found) -> Iterator[Diagn
         what = "at the start, the robot has no room to drive up to any face that it may push"
         yield Diagnosis(BOXED_IN, what, _all_taken(room, question.load[None]))
         return
-    faces = ", ".join(dict.fromkeys(contact.grip.place.face for contact in usable))
+    faces = ", ".join(dict.fromkeys(contact.mode.place.face for contact in usable))
     if not (found.begins & found.leaves).any():
         what = f"at the start, the robot can drive up to {faces} only, and from there the load is against something"
         yield Diagnosis(BOXED_IN, what, _all_against(usable, question))
@@ -53,19 +53,19 @@ def _all_against(contacts: list[Contact], question: Question) -> bool:
 
 
 def _ends_in_something(contact: Contact, question: Question) -> bool:
-    hold = contact.hold
+    mode = contact.packed
     x, y, theta = _contact_at(contact, question)
     c, s = np.cos(theta), np.sin(theta)
-    dx, dy = hold.settle * hold.settling[:2]
+    dx, dy = mode.settle * mode.settling[:2]
     return bool(separation(contact.scene, x + c * dx - s * dy, y + s * dx + c * dy, theta, 1.0) <= 0.0)
 
 
 def _contact_at(contact: Contact, question: Question) -> tuple[float, float, float]:
-    x, y, theta = joined(question.load, contact.hold.contact)
+    x, y, theta = joined(question.load, contact.packed.contact)
     return float(x), float(y), float(theta)
 
 
 def _all_taken(room: PushRoom, loads: FloatArray) -> bool:
     """Tell whether the robot would overlap something at every contact, with the load at any of the poses (k, 3)."""
-    poses = [robot_at(contact.hold, load, 0.0) for contact in room.contacts for load in loads]
+    poses = [robot_at(contact.packed, load, 0.0) for contact in room.contacts for load in loads]
     return all(separation(room.robot, p[0], p[1], p[2], 1.0) < room.scenario.clearance for p in poses)

@@ -42,17 +42,17 @@ def segments_of(room: PushRoom, robot: FloatArray, sequence: Sequence) -> tuple[
     at = np.array(robot)
     for step in sequence.steps:
         contact = room.contacts[step.contact]
-        place, grip = contact.grip.place, contact.grip
+        place, mode = contact.mode.place, contact.mode
         where = (place.face, place.offset)
         push = _path(se2.compose(step.before, place.contact), step.arcs)
-        near = se2.compose(push.start, grip.robot)
+        near = se2.compose(push.start, mode.robot)
         far = se2.compose(near, [-pushes.approach, 0.0, 0.0])
-        if len(step.way):
-            found.append(_alone(TRANSIT, ("", 0.0), _path(at, step.way), step.before))
+        if len(step.transit):
+            found.append(_alone(TRANSIT, ("", 0.0), _path(at, step.transit), step.before))
         found.append(_alone(APPROACH, where, _straight(far, pushes.approach), step.before))
-        margin = grip.scenario.required_margin
-        found.append(Segment(PUSH, *where, push, grip.robot, step.before, step.after, margin))
-        left = se2.compose(push.end, grip.robot)
+        margin = mode.scenario.required_margin
+        found.append(Segment(PUSH, *where, push, mode.robot, step.before, step.after, margin))
+        left = se2.compose(push.end, mode.robot)
         found.append(_alone(RETREAT, where, _straight(left, -pushes.retreat), step.after))
         at = found[-1].path.end
     return tuple(found)

@@ -11,11 +11,11 @@ import numpy as np
 
 from pushplan.compiled.announcement import announced
 from pushplan.kernels import warm_up
-from pushplan.planners.multi.dives import MOVES, crew_of, descend, dive, pushed_at_random
+from pushplan.planners.multi.descents import MOVES, descend, pack_modes, pushed_at_random, random_descent
 from pushplan.planners.multi.pushing import joined
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.search import Limits, search
-from pushplan.planners.multi.transit import way_is_free
+from pushplan.planners.multi.transit import transit_is_free
 from pushplan.reading.scenario_file import scenario_from_document
 from pushplan.several.prepared import Prepared
 
@@ -56,13 +56,13 @@ def _compile() -> None:
 
 
 def _compile_descents(room: PushRoom, question: Question) -> None:
-    crew, state = crew_of([contact.hold for contact in room.contacts]), np.ones(1, dtype=np.uint64)
+    modes, state = pack_modes([contact.packed for contact in room.contacts]), np.ones(1, dtype=np.uint64)
     changes, poses = np.zeros_like(room.shortest), np.zeros((1, 3))
-    every = np.arange(len(crew.contact))
-    dive(crew, question.load, question.goals, every, every, 2, changes, np.inf, state, poses)
-    poses[0] = pushed_at_random(crew, 0, question.load, 1.0, state)
+    every = np.arange(len(modes.contact))
+    random_descent(modes, question.load, question.goals, every, every, 2, changes, np.inf, state, poses)
+    poses[0] = pushed_at_random(modes, 0, question.load, 1.0, state)
     ends, sequence = np.stack([question.load, question.goals[0]]), np.zeros(2, dtype=np.int64)
-    descend(crew, sequence, ends, poses, 0.1, MOVES, state)
-    joined(question.load, room.contacts[0].hold.contact)
-    way = room.way_around(0, 1)
-    way_is_free(room.around(question.load), question.robot, np.zeros((1, 4)) if way is None else way)
+    descend(modes, sequence, ends, poses, 0.1, MOVES, state)
+    joined(question.load, room.contacts[0].packed.contact)
+    way = room.transit_around(0, 1)
+    transit_is_free(room.around(question.load), question.robot, np.zeros((1, 4)) if way is None else way)

@@ -13,9 +13,9 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.plan import plan
 from pushplan.planners.multi.bound import lower_bounds
-from pushplan.planners.multi.dives import crew_of, descend
+from pushplan.planners.multi.descents import descend, pack_modes
 from pushplan.planners.multi.faces import places
-from pushplan.planners.multi.pushing import ARCS, ways_are_free
+from pushplan.planners.multi.pushing import ARCS, approaches_are_free
 from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.multi.sequence import Sequence
@@ -154,11 +154,11 @@ def question_of(prepared: Prepared) -> Question:
 
 def test_a_descent_never_climbs_and_ends_below_where_it_began(problem: Problem) -> None:
     room = Prepared.of(problem("omnidirectional")).room(0)
-    crew = crew_of([contact.hold for contact in room.contacts])
+    modes = pack_modes([contact.packed for contact in room.contacts])
     ends = np.array([[0.0, 0.0, 0.0], [0.3, 0.2, 0.4]])
     sequence, state = np.array([0, 1, 2]), np.array([3], dtype=np.uint64)
     poses = np.array([[0.5, -0.5, 1.0], [-0.4, 0.6, -1.0]])
-    before = [descend(crew, sequence, ends, poses, 0.3, n, state) for n in (0, 50, 50, 200)]
+    before = [descend(modes, sequence, ends, poses, 0.3, n, state) for n in (0, 50, 50, 200)]
     assert all(later <= earlier for earlier, later in pairwise(before))
     assert before[-1] < 0.7 * before[0]
 
@@ -189,8 +189,8 @@ def test_no_push_ends_where_the_robot_cannot_back_off(problem: Problem, drive: s
     search(room, question_of(prepared), limits, 1, lambda best, _: found.append(best))
     assert found
     for step in (step for best in found for step in best.steps):
-        hold = room.contacts[step.contact].hold
-        assert ways_are_free(room.robot, hold, step.after[None], True)[0]
+        mode = room.contacts[step.contact].packed
+        assert approaches_are_free(room.robot, mode, step.after[None], True)[0]
 
 
 def test_two_pushes_move_a_box_aside_where_one_takes_six_metres(problem: Problem) -> None:

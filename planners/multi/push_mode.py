@@ -12,7 +12,7 @@ from pushplan.stable_sets.stable_set import StableSet
 
 
 @dataclass(frozen=True, eq=False)
-class Grip:
+class PushMode:
     """A contact and what the robot can do with it, keeping a margin.
 
     Attributes:

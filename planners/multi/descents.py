@@ -15,7 +15,7 @@ import numpy as np
 from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled
 from pushplan.planners.collision.separation import step
-from pushplan.planners.multi.pushing import Hold, joined, seen_from_contact
+from pushplan.planners.multi.pushing import PackedMode, joined, seen_from_contact
 from pushplan.planners.multi.transit import TURN_LENGTH
 from pushplan.planners.problem.problem import random
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
@@ -24,11 +24,11 @@ WIDEST = 0.3
 """Scale of the first moves, m; a turn by 1 rad counts `TURN_LENGTH`."""
 
 MOVES = 120
-"""Of a dive, for each pose."""
+"""Of a random descent, for each pose."""
 
 
-class Crew(NamedTuple):
-    """All contacts, stacked: see `Hold`; families that one contact has less than others are zeros."""
+class PackedModes(NamedTuple):
+    """All contacts, stacked: see `PackedMode`; families that one contact has less than others are zeros."""
 
     families: FloatArray
     contact: FloatArray
@@ -36,30 +36,30 @@ class Crew(NamedTuple):
     settle: float
 
 
-def crew_of(holds: Sequence[Hold]) -> Crew:
+def pack_modes(modes: Sequence[PackedMode]) -> PackedModes:
     """Return contacts stacked."""
-    most = max(len(hold.families) for hold in holds)
-    families = np.zeros((len(holds), most, 3, 3))
-    for i, hold in enumerate(holds):
-        families[i, : len(hold.families)] = hold.families
+    most = max(len(mode.families) for mode in modes)
+    families = np.zeros((len(modes), most, 3, 3))
+    for i, mode in enumerate(modes):
+        families[i, : len(mode.families)] = mode.families
     contact, settling = (
-        np.array([getattr(hold, name) for hold in holds]) for name in ("contact", "settling")
+        np.array([getattr(mode, name) for mode in modes]) for name in ("contact", "settling")
     )
-    return Crew(families, contact, settling, holds[0].settle)
+    return PackedModes(families, contact, settling, modes[0].settle)
 
 
 @compiled
-def _cost(crew: Crew, m: int, start: FloatArray, goal: FloatArray, words: FloatArray) -> float:
+def _cost(modes: PackedModes, m: int, start: FloatArray, goal: FloatArray, words: FloatArray) -> float:
     """Cost of the cheapest push by contact m."""
-    begin, end = joined(start, crew.contact[m]), joined(goal, crew.contact[m])
+    begin, end = joined(start, modes.contact[m]), joined(goal, modes.contact[m])
     begin[0], begin[1], begin[2] = step(
-        begin[0], begin[1], begin[2], crew.settling[m, 0], crew.settling[m, 1], 0.0, crew.settle
+        begin[0], begin[1], begin[2], modes.settling[m, 0], modes.settling[m, 1], 0.0, modes.settle
     )
     best = np.inf
-    for f in range(crew.families.shape[1]):
-        for k in range(find_words(crew.families[m, f], begin, end, words)):
+    for f in range(modes.families.shape[1]):
+        for k in range(find_words(modes.families[m, f], begin, end, words)):
             best = min(best, words[k, 0])
-    return best + crew.settle
+    return best + modes.settle
 
 
 @compiled
@@ -69,20 +69,22 @@ def _normal(state: RandomState) -> float:
 
 
 @compiled
-def pushed_at_random(crew: Crew, m: int, pose: FloatArray, sense: float, state: RandomState) -> FloatArray:
+def pushed_at_random(
+    modes: PackedModes, m: int, pose: FloatArray, sense: float, state: RandomState
+) -> FloatArray:
     """Return where a random push by contact m brings a load, or, with sense -1, brings it from."""
-    twist = crew.families[m, 0, int(3 * random(state))]
+    twist = modes.families[m, 0, int(3 * random(state))]
     length = 0.03 * 50.0 ** random(state)  # of straight pushes, from 0.03 to 1.5 m
     if twist[2] != 0.0:
         length = 0.75 * math.pi * random(state) / abs(twist[2])
-    at = joined(pose, crew.contact[m])
+    at = joined(pose, modes.contact[m])
     at[0], at[1], at[2] = step(at[0], at[1], at[2], twist[0], twist[1], twist[2], sense * length)
-    return seen_from_contact(at, crew.contact[m])
+    return seen_from_contact(at, modes.contact[m])
 
 
 @compiled
 def descend(
-    crew: Crew,
+    modes: PackedModes,
     sequence: IntArray,
     ends: FloatArray,
     poses: FloatArray,
@@ -93,7 +95,7 @@ def descend(
     """Move the poses between pushes so that these get cheaper; return the sum of the pushes' costs.
 
     Args:
-        crew: All contacts.
+        modes: All contacts.
         sequence: (k,) contact of each push.
         ends: (2, 3) first and last pose of the load.
         poses: (k - 1, 3) between the pushes; changed.
@@ -106,7 +108,7 @@ def descend(
     for i in range(count):
         before = ends[0] if i == 0 else poses[i - 1]
         after = ends[1] if i == count - 1 else poses[i]
-        costs[i] = _cost(crew, sequence[i], before, after, words)
+        costs[i] = _cost(modes, sequence[i], before, after, words)
     for _ in range(moves):
         if scale < 1e-5:
             break
@@ -115,9 +117,9 @@ def descend(
         moved[0] = poses[i, 0] + scale * _normal(state)
         moved[1] = poses[i, 1] + scale * _normal(state)
         moved[2] = poses[i, 2] + turn * _normal(state)
-        first = _cost(crew, sequence[i], ends[0] if i == 0 else poses[i - 1], moved, words)
+        first = _cost(modes, sequence[i], ends[0] if i == 0 else poses[i - 1], moved, words)
         if first < costs[i] + costs[i + 1]:
-            second = _cost(crew, sequence[i + 1], moved, ends[1] if i == count - 2 else poses[i + 1], words)
+            second = _cost(modes, sequence[i + 1], moved, ends[1] if i == count - 2 else poses[i + 1], words)
             if first + second < costs[i] + costs[i + 1]:
                 poses[i] = moved
                 costs[i], costs[i + 1] = first, second
@@ -128,8 +130,8 @@ def descend(
 
 
 @compiled
-def dive(
-    crew: Crew,
+def random_descent(
+    modes: PackedModes,
     start: FloatArray,
     goals: FloatArray,
     firsts: IntArray,
@@ -143,7 +145,7 @@ def dive(
     """Draw a sequence of contacts and the poses between its pushes, and descend.
 
     Args:
-        crew: All contacts.
+        modes: All contacts.
         start: (3,) pose of the load.
         goals: (g, 3).
         firsts: Contacts that a first push can have.
@@ -157,13 +159,12 @@ def dive(
     Returns:
         How many there are; 0 where the sequence costs too much.
     """
-    modes = crew.contact.shape[0]
     count = 2 + int((most - 1) * random(state) ** 2)
     sequence, ends = np.empty(count, dtype=np.int64), np.empty((2, 3))
     ends[0], ends[1] = start, goals[int(random(state) * len(goals))]
     extra = 0.0
     for i in range(count):
-        sequence[i] = int(random(state) * modes)
+        sequence[i] = int(random(state) * modes.contact.shape[0])
         if i == 0:
             sequence[i] = firsts[int(random(state) * len(firsts))]
         elif i == count - 1:
@@ -179,12 +180,12 @@ def dive(
     front, back = ends[0].copy(), ends[1].copy()
     while i <= j:
         if random(state) < 0.5:
-            front = pushed_at_random(crew, sequence[i], front, 1.0, state)
+            front = pushed_at_random(modes, sequence[i], front, 1.0, state)
             poses[i] = front
             i += 1
         else:
-            back = pushed_at_random(crew, sequence[j + 1], back, -1.0, state)
+            back = pushed_at_random(modes, sequence[j + 1], back, -1.0, state)
             poses[j] = back
             j -= 1
-    cost = descend(crew, sequence, ends, poses, WIDEST, MOVES * (count - 1), state)
+    cost = descend(modes, sequence, ends, poses, WIDEST, MOVES * (count - 1), state)
     return count - 1 if cost + extra < below else 0
