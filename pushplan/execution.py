@@ -9,7 +9,6 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import transform_points
-from pushplan.mechanics.body import BodyKind
 
 if TYPE_CHECKING:
     from pushplan.mechanics.chain import Chain
@@ -91,13 +90,12 @@ class Execution:
         pose, load = self.place_at(time)
         if self.object_poses is None:
             return chain.outlines_at(pose, load)
-        carried = [body for body in chain.bodies if body.kind is not BodyKind.OBJECT]
         places = [
             [np.interp(time, self.t, column) for column in self.object_poses[:, k].T]
             for k in range(len(chain.objects))
         ]
         return [
-            *(transform_points(pose, body.outline) for body in carried),
+            *(transform_points(pose, body.outline) for body in chain.carried),
             *(transform_points(place, obj.outline) for place, obj in zip(places, chain.objects, strict=True)),
         ]
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from pushplan.basics import names
 from pushplan.basics.arrays import FloatArray, frozen
 
@@ -74,6 +76,12 @@ class Workspace:
     xmax: float
     ymin: float
     ymax: float
+
+    @property
+    def outline(self) -> FloatArray:
+        """(4, 2) its corners, counter-clockwise."""
+        x, y = [self.xmin, self.xmax, self.xmax, self.xmin], [self.ymin, self.ymin, self.ymax, self.ymax]
+        return np.stack([x, y], axis=1)
 
 
 @dataclass(frozen=True)

@@ -65,11 +65,9 @@ def _events(run: Run | RecordedRun) -> list[tuple[float, str]]:
 
 def _world(scenario: Scenario) -> dict[str, Any]:
     chain, area = scenario.chain, scenario.workspace
-    corners = [] if area is None else [(area.xmin, area.ymin), (area.xmax, area.ymin)]
-    corners += [] if area is None else [(area.xmax, area.ymax), (area.xmin, area.ymax)]
     return {
         "name": scenario.name,
-        "workspace": corners or None,
+        "workspace": None if area is None else area.outline.tolist(),
         "obstacles": [_plain(obstacle_outline(obstacle)) for obstacle in scenario.obstacles],
         "start": scenario.first_pose.tolist(),
         "load": scenario.start.tolist(),
@@ -168,8 +166,7 @@ def _execution(chain: Chain, execution: Execution | None) -> dict[str, Any]:
 
 def _moved(chain: Chain, object_poses: FloatArray) -> list[Any]:
     """Return where each object of (m, n, 3) has moved the chain frame to, by column."""
-    places = np.array([obj.pose_chain for obj in chain.objects])
-    return _plain(np.moveaxis(se2.compose(object_poses, se2.inverse(places)), 0, -1))
+    return _plain(np.moveaxis(se2.compose(object_poses, se2.inverse(chain.places)), 0, -1))
 
 
 def _kept(execution: Execution) -> IntArray:

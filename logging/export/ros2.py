@@ -35,7 +35,7 @@ from pushplan.logging.view.contacts import PushedContacts, resting
 from pushplan.logging.view.scene import CHAIN, PATH_SPACING, nearest, scene
 from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import smoothed_times, window
-from pushplan.mechanics.body import BodyKind, outline_of_all
+from pushplan.mechanics.body import outline_of_all
 from pushplan.mechanics.chain import Chain
 from pushplan.outputs.target import look
 from pushplan.outputs.write import write_whole
@@ -142,7 +142,7 @@ def _attached(run: RecordedRun) -> bool:
 
 def _places(chain: Chain, loads: FloatArray) -> FloatArray:
     """Return the poses (k, n, 3) of the objects in the world, given those of their frame (k, 3)."""
-    return se2.compose(loads[:, None], np.array([obj.pose_chain for obj in chain.objects]))
+    return se2.compose(loads[:, None], chain.places)
 
 
 def _margins(bag: BagFile, run: RecordedRun, frames: Frames) -> None:
@@ -185,8 +185,8 @@ def _line(line: LogLine) -> Message:
 def _footprint(scenario: Scenario, frames: Frames) -> Message:
     """Return the outline of robot and plate, and of the objects if they stay there, in the frame of the base."""
     chain, attached = scenario.chain, scenario.pushes is None
-    bodies = [body for body in chain.bodies if attached or body.kind is not BodyKind.OBJECT]
-    corners = se2.transform_points(se2.inverse(chain.pusher.base_pose), outline_of_all(bodies))
+    around = outline_of_all(chain.bodies if attached else chain.carried)
+    corners = se2.transform_points(se2.inverse(chain.pusher.base_pose), around)
     return {
         "header": {"frame_id": frames.base},
         "polygon": {"points": [{"x": x, "y": y} for x, y in corners.tolist()]},

@@ -7,12 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.Point3_pb2 import Point3
-from foxglove_schemas_protobuf.Pose_pb2 import Pose
-from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
-from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.basics.arrays import FloatArray, IntArray
@@ -20,7 +17,7 @@ from pushplan.basics.colours import contact_colours
 from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
 from pushplan.logging.view.contacts import ContactShapes
 from pushplan.logging.view.scene import CHAIN
-from pushplan.logging.view.shapes import Paint
+from pushplan.logging.view.shapes import Paint, identity
 from pushplan.mechanics.chain import Chain
 
 _Z_CONE, _Z_SEGMENT, _Z_ARROW = 0.003, 0.004, 0.005
@@ -64,19 +61,15 @@ def _entity(
 
 
 def _triangle(places: Iterator[float], z: float, paint: Paint) -> TriangleListPrimitive:
-    return TriangleListPrimitive(pose=_identity(), color=paint.color, points=_points(places, 3, z))
+    return TriangleListPrimitive(pose=identity(), color=paint.color, points=_points(places, 3, z))
 
 
 def _line(places: Iterator[float], z: float, paint: Paint, pixels: float) -> LinePrimitive:
     return LinePrimitive(
-        type=LinePrimitive.LINE_STRIP, pose=_identity(), color=paint.color,
+        type=LinePrimitive.LINE_STRIP, pose=identity(), color=paint.color,
         thickness=pixels, scale_invariant=True, points=_points(places, 2, z),
     )  # fmt: skip
 
 
 def _points(places: Iterator[float], count: int, z: float) -> list[Point3]:
     return [Point3(x=next(places), y=next(places), z=z) for _ in range(count)]
-
-
-def _identity() -> Pose:
-    return Pose(position=Vector3(), orientation=Quaternion(w=1.0))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
@@ -74,9 +73,9 @@ def nearest(chain: Chain, plan: PlanResult) -> SceneUpdate:
 
 def _standing(scenario: Scenario) -> Iterator[SceneEntity]:
     if scenario.workspace is not None:
-        area = scenario.workspace
-        x, y = [area.xmin, area.xmax, area.xmax, area.xmin], [area.ymin, area.ymin, area.ymax, area.ymax]
-        yield _outlined("workspace", WORLD, np.stack([x, y], axis=1), _Z_WORKSPACE, _WALL)
+        walls = _entity("workspace", WORLD)
+        walls.lines.append(loop(scenario.workspace.outline, _Z_WORKSPACE, _WALL))
+        yield walls
     for i, obstacle in enumerate(scenario.obstacles):
         unknown = isinstance(obstacle, PolygonObstacle) and obstacle.unknown
         paint = _UNKNOWN if unknown else _OBSTACLE
@@ -147,12 +146,6 @@ def _add_body(entity: SceneEntity, outline: FloatArray, z: float, paint: Paint) 
     """Add a filled outline with its edge."""
     entity.lines.append(loop(outline, z, _EDGE))
     entity.triangles.append(filled(outline, z, paint))
-
-
-def _outlined(name: str, frame: str, outline: FloatArray, z: float, paint: Paint) -> SceneEntity:
-    entity = _entity(name, frame)
-    entity.lines.append(loop(outline, z, paint))
-    return entity
 
 
 def _entity(name: str, frame: str) -> SceneEntity:

@@ -56,7 +56,7 @@ def filled(outline: FloatArray, z: float, paint: Paint) -> TriangleListPrimitive
     """Return the inside of a simple polygon (v, 2) at height `z`, m, as triangles."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
     rings = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)
-    primitive = TriangleListPrimitive(pose=_identity(), color=paint.color)
+    primitive = TriangleListPrimitive(pose=identity(), color=paint.color)
     return _with_points(primitive, rings[:, :3].reshape(-1, 2), z)
 
 
@@ -64,7 +64,7 @@ def line(points: FloatArray, z: float, paint: Paint, kind: int = LinePrimitive.L
     """Return a line through points (k, 2) at height `z`, m, of the same width at every zoom."""
     primitive = LinePrimitive(
         type=kind,  # type: ignore[arg-type]
-        pose=_identity(),
+        pose=identity(),
         thickness=_LINE_PIXELS,
         scale_invariant=True,
         color=paint.color,
@@ -93,7 +93,8 @@ def _one_point(kind: type[LinePrimitive | TriangleListPrimitive]) -> MessageTemp
 _ONE_POINT = {kind: _one_point(kind) for kind in (LinePrimitive, TriangleListPrimitive)}
 
 
-def _identity() -> Pose:
+def identity() -> Pose:
+    """Return the pose of what stands in its frame's origin."""
     return Pose(position=Vector3(), orientation=Quaternion(w=1.0))
 
 

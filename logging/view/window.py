@@ -8,7 +8,6 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.logging.view.scene import PATH_SPACING, ghosts, obstacle_outline
-from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.path import PushPath
 from pushplan.result import PlanResult
@@ -72,8 +71,7 @@ def window(scenario: Scenario, plan: PlanResult | None) -> Window:
     reach = _reach(chain, plan)
     points += [way - reach, way + reach]
     if scenario.workspace is not None:
-        area = scenario.workspace
-        points.append(np.array([[area.xmin, area.ymin], [area.xmax, area.ymax]]))
+        points.append(scenario.workspace.outline)
     every = np.concatenate(points)
     low, high = every.min(axis=0), every.max(axis=0)
     rim = RIM * float((high - low).max())
@@ -85,6 +83,5 @@ def _reach(chain: Chain, plan: PlanResult | None) -> float:
     """Return how far anything that moves along the path is from it, about, m."""
     if plan is None or not any(segment.objects for segment in plan.segments):
         return chain.reach
-    carrying = [body.outline for body in chain.bodies if body.kind is not BodyKind.OBJECT]
     sizes = [float(np.hypot(*np.ptp(obj.outline, axis=0))) for obj in chain.objects]
-    return max(float(np.linalg.norm(outline, axis=1).max()) for outline in carrying) + max(sizes)
+    return max(float(np.linalg.norm(body.outline, axis=1).max()) for body in chain.carried) + max(sizes)

@@ -9,7 +9,6 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.names import TRANSIT_CLEARANCE
-from pushplan.mechanics.body import BodyKind
 from pushplan.path import TURN_WEIGHT, cost_rate
 from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.scene import bounding_circle, flatten, scene_of
@@ -151,8 +150,7 @@ _NO_WALLS = np.array([-math.inf, -math.inf, math.inf, math.inf])
 def _scenes(scenario: Scenario) -> tuple[Scene, Scene]:
     """The robot among what stands in the room, and among the objects in the load's frame."""
     everything = open_scene(scenario)
-    carried = [body.outline for body in scenario.chain.bodies if body.kind is not BodyKind.OBJECT]
-    robot = list(convex_pieces(carried))
+    robot = list(convex_pieces([body.outline for body in scenario.chain.carried]))
     room = everything._replace(
         body=flatten(robot), body_bound=bounding_circle(np.concatenate(robot)), kept=scenario.clearance
     )

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.control.measured_chain import places_of
 from pushplan.geometry.se2 import compose, inverse, wrap_angle
 from pushplan.mechanics.chain import Chain
 from pushplan.scenario_parts import Goal
@@ -38,7 +37,7 @@ class Aim:
         """Return that of a goal, with wider tolerances where the goal's own are smaller."""
         every = range(len(chain.objects))
         objects = np.array(every if goal.of is None else [chain.index_of(goal.of)])
-        wanted = compose(goal.pose_chain, places_of(chain)[objects])
+        wanted = compose(goal.pose_chain, chain.places[objects])
         tolerance = np.array([max(position, goal.position_tolerance), max(angle, goal.angle_tolerance)])
         return cls(objects, wanted, goal.pose_chain, tolerance)
 
@@ -55,18 +54,18 @@ class Aim:
 
     def exact(self, chain: Chain) -> FloatArray:
         """Return the pose (3,) of the chain frame that brings the objects nearest to where they shall be."""
-        ideal = compose(self.wanted, inverse(places_of(chain)[self.objects]))
+        ideal = compose(self.wanted, inverse(chain.places[self.objects]))
         angle = ideal[0, 2] + wrap_angle(ideal[:, 2] - ideal[0, 2]).mean()
         middle = 0.5 * (ideal[:, :2].min(axis=0) + ideal[:, :2].max(axis=0))
         return np.append(middle, angle)
 
     def best(self, chain: Chain) -> FloatArray:
         """Return the smallest errors (2,) that the objects of a chain can have."""
-        return self.errors(compose(self.exact(chain), places_of(chain)))
+        return self.errors(compose(self.exact(chain), chain.places))
 
     def candidates(self, chain: Chain) -> FloatArray:
         """Return poses (k, 3) of the chain frame at the goal: the exact one, then some within the tolerances."""
-        exact, places = self.exact(chain), places_of(chain)
+        exact, places = self.exact(chain), chain.places
         center = places[self.objects].mean(axis=0) * [1.0, 1.0, 0.0]
         x, y, turn = (grid.ravel() for grid in np.meshgrid(_GRID, _GRID, _GRID, indexing="ij"))
         room = SHARE * self.tolerance

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.control.closing import ClosingPush, Spread, closing_push
 from pushplan.control.driving import Driving
-from pushplan.control.measured_chain import Contacts, contacts_at, places_of, slid
+from pushplan.control.measured_chain import Contacts, contacts_at, slid
 from pushplan.control.replanner import Replanner
 from pushplan.control.settings import ControlSettings
 from pushplan.control.sightings import Sightings
@@ -102,7 +102,7 @@ class Controller:
         self._replanner.rehearse(plan.path)
         self._sightings = Sightings()
         self._plate, self._now = np.array(scenario.start), 0.0
-        self._places = places_of(scenario.chain)
+        self._places = scenario.chain.places
         self._since, self._closings = 0.0, 0
         self._path: PushPath = plan.path
         self._start(plan.trajectory, Phase.PUSHING)
@@ -242,7 +242,7 @@ class Controller:
         result = replan.result
         if result is not None and result.path is not None and result.trajectory is not None:
             self._tell("replan", f"{result.path.cost:.3f} m in {result.trajectory.duration:.1f} s")
-            self._path, self._places = result.path, places_of(self._replanner.chain)
+            self._path, self._places = result.path, self._replanner.chain.places
             self._start(result.trajectory, Phase.PUSHING)
         elif self._replanner.aim.reached(compose(self._plate, self._places), BARELY):
             self._end(Phase.ARRIVED, "within the tolerances, and there is no plan to come nearer")

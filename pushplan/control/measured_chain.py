@@ -35,15 +35,10 @@ class Contacts:
         return np.asarray(closed.all(axis=-1))
 
 
-def places_of(chain: Chain) -> FloatArray:
-    """Return the poses (n, 3) of the objects in the chain frame."""
-    return np.array([obj.pose_chain for obj in chain.objects])
-
-
 def contacts_at(chain: Chain, places: FloatArray) -> Contacts:
     """Return what the contacts are like with the objects at poses (..., n, 3) in the chain frame."""
     many = places.reshape(-1, len(chain.objects), 3)
-    motions = compose(many, inverse(places_of(chain)))
+    motions = compose(many, inverse(chain.places))
     plate = np.zeros((len(many), 1, 3))
     found = contact_motion(chain, np.concatenate([motions, plate], axis=1), None)
     return Contacts(*(values.reshape(places.shape[:-1]) for values in found))
@@ -51,7 +46,7 @@ def contacts_at(chain: Chain, places: FloatArray) -> Contacts:
 
 def off_places(chain: Chain, places: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far (n,), m, and by what angle (n,), rad, objects at `places` (n, 3) are off the chain's."""
-    apart = relative(places_of(chain), places)
+    apart = relative(chain.places, places)
     return np.hypot(apart[:, 0], apart[:, 1]), np.abs(wrap_angle(apart[:, 2]))
 
 

@@ -19,7 +19,7 @@ OBJECT_COLOUR = "#efe6d2"
 GOAL_COLOUR = "#e3b04b"
 CONE_COLOUR = "#4f8a5b"
 ORIGIN = np.zeros(3)
-_CARRYING = {BodyKind.ROBOT: ROBOT_COLOUR, BodyKind.PLATE: PLATE_COLOUR}
+CARRIED_COLOURS = {BodyKind.ROBOT: ROBOT_COLOUR, BodyKind.PLATE: PLATE_COLOUR}
 _BODY = 12.0
 """Least width of a body over that of its outline."""
 
@@ -28,7 +28,7 @@ def draw_chain(axes: Axes, chain: Chain, pose: FloatArray = ORIGIN, *, fill: str
     """Draw robot, plate and objects, filled and outlined."""
     width = outline_width(axes, chain)
     for body, outline in zip(chain.bodies, chain.outlines_at(pose), strict=True):
-        colour = _CARRYING.get(body.kind, fill)
+        colour = CARRIED_COLOURS.get(body.kind, fill)
         axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=INK, linewidth=width, zorder=3.0))
 
 

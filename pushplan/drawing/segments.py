@@ -11,12 +11,11 @@ from matplotlib.patches import Polygon
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.colours import ALONE
-from pushplan.drawing.chain import GOAL_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, ROBOT_COLOUR, outline_width
+from pushplan.drawing.chain import CARRIED_COLOURS, GOAL_COLOUR, OBJECT_COLOUR, outline_width
 from pushplan.drawing.cor import polygon_patches
 from pushplan.drawing.figure import HALO, INK
 from pushplan.drawing.world import SWEPT_COLOUR
 from pushplan.geometry.se2 import compose, transform_points
-from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import PushedObject
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ PUSHED_COLOUR = "#1d4f7c"
 _SPACING = 0.01
 """Path cost between the poses that a line runs through, and whose union is filled, m."""
 _NUMBER: dict[str, Any] = {"ha": "center", "va": "center", "bbox": HALO}
-_CARRYING = {BodyKind.ROBOT: ROBOT_COLOUR, BodyKind.PLATE: PLATE_COLOUR}
 
 
 def draw_segments(axes: Axes, scenario: Scenario, plan: PlanResult) -> None:
@@ -73,11 +71,10 @@ def draw_ends(axes: Axes, scenario: Scenario) -> None:
 def draw_robot(axes: Axes, scenario: Scenario) -> None:
     """Draw the robot and its plate where it starts."""
     width = outline_width(axes, scenario.chain)
-    for body in scenario.chain.bodies:
-        if body.kind in _CARRYING:
-            outline = transform_points(scenario.robot_start, body.outline)
-            colour = _CARRYING[body.kind]
-            axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=INK, linewidth=width, zorder=3.5))
+    for body in scenario.chain.carried:
+        outline = transform_points(scenario.robot_start, body.outline)
+        colour = CARRIED_COLOURS[body.kind]
+        axes.add_patch(Polygon(outline, facecolor=colour, edgecolor=INK, linewidth=width, zorder=3.5))
 
 
 def _draw_load(
@@ -103,7 +100,7 @@ def _middle(scenario: Scenario, objects: tuple[str, ...]) -> FloatArray:
 def _swept(scenario: Scenario, push: Segment) -> shapely.Geometry:
     """What robot and load pass over in a push."""
     robot = push.robot_path.sampled(_SPACING)
-    carrying = [body.outline for body in scenario.chain.bodies if body.kind in _CARRYING]
+    carrying = [body.outline for body in scenario.chain.carried]
     loads = [obj.outline_chain for obj in _moved(scenario, push.objects)]
     outlines = [
         shapely.Polygon(transform_points(at, outline))

@@ -91,7 +91,7 @@ def _draw_failures(axes: Axes, trials: Trials) -> None:
 def _draw_close(axes: Axes, trials: Trials) -> None:
     """Draw the goal's surroundings, and the errors of the goal's object as points around its place."""
     scenario = trials.scenario
-    places = compose(scenario.goal.pose_chain, np.array([obj.pose_chain for obj in scenario.chain.objects]))
+    places = compose(scenario.goal.pose_chain, scenario.chain.places)
     k = len(places) - 1 if scenario.goal.of is None else scenario.chain.index_of(scenario.goal.of)
     off = 1e3 * (trials.object_poses[:, k, :2] - places[k, :2])
     for arrived, colour in ((False, _MISSED), (True, _ARRIVED)):

@@ -9,7 +9,7 @@ import numpy as np
 
 from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.basics.names import RETREAT
-from pushplan.mechanics.body import Body, BodyKind
+from pushplan.mechanics.body import Body
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
 from pushplan.segment import Segment
@@ -97,7 +97,7 @@ class SeveralPushes(Contacts):
     @property
     def carried(self) -> tuple[Body, ...]:
         """See `Contacts`."""
-        return tuple(body for body in self._chain.bodies if body.kind is not BodyKind.OBJECT)
+        return self._chain.carried
 
     def _at(self, time: float) -> int:
         return min(int(np.searchsorted(self._ends, time, side="right")), len(self._segments) - 1)

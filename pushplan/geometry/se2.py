@@ -18,6 +18,12 @@ def pose_error(pose: FloatArray, goal: FloatArray) -> tuple[float, float]:
     return float(np.hypot(*(pose[:2] - goal[:2]))), float(abs(wrap_angle(pose[2] - goal[2])))
 
 
+def pose_errors(poses: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Return the distance (m) and the angle (rad) between poses (n, 3) and others, (n, 2)."""
+    off = poses - wanted
+    return np.column_stack([np.hypot(off[:, 0], off[:, 1]), np.abs(wrap_angle(off[:, 2]))])
+
+
 def rotate(angle: ArrayLike, vectors: ArrayLike) -> FloatArray:
     """Turn (..., 2) `vectors` counter-clockwise by `angle` (...), rad."""
     vectors = np.asarray(vectors, dtype=np.float64)

@@ -235,6 +235,16 @@ class Chain:
             *(Body(obj.name, BodyKind.OBJECT, obj.outline_chain) for obj in self.objects),
         )
 
+    @cached_property
+    def carried(self) -> tuple[Body, ...]:
+        """Those of `bodies` that the robot carries wherever it goes: its own parts and the plate."""
+        return tuple(body for body in self.bodies if body.kind is not BodyKind.OBJECT)
+
+    @cached_property
+    def places(self) -> FloatArray:
+        """(n, 3) poses of the objects' own frames in the chain frame."""
+        return frozen([obj.pose_chain for obj in self.objects], (None, 3), "places of the objects")
+
     def outlines_at(self, pose: FloatArray, load: FloatArray | None = None) -> list[FloatArray]:
         """Return the world outlines of all `bodies` with the chain frame at a pose (3,).
 

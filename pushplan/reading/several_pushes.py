@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -113,8 +113,7 @@ def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:
     chain = scenario.chain
     for what in troubles_at(scenario, scenario.start, "start"):
         yield ("start",), what
-    carried = [body for body in chain.bodies if body.kind is not BodyKind.OBJECT]
-    robot = _placed(carried, scenario.robot_start)
+    robot = _placed(chain.carried, scenario.robot_start)
     for what in placement_troubles("robot's start", robot, _surroundings(scenario)):
         yield ("robot", "start"), what
     for name, outline in robot:
@@ -138,5 +137,5 @@ def _objects(chain: Chain) -> list[Body]:
     return [body for body in chain.bodies if body.kind is BodyKind.OBJECT]
 
 
-def _placed(bodies: list[Body], pose: FloatArray) -> list[tuple[str, FloatArray]]:
+def _placed(bodies: Iterable[Body], pose: FloatArray) -> list[tuple[str, FloatArray]]:
     return [(body.name, se2.transform_points(pose, body.outline)) for body in bodies]

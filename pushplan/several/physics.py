@@ -15,7 +15,6 @@ import shapely
 from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.basics.names import TRANSIT
 from pushplan.geometry import se2
-from pushplan.mechanics.body import BodyKind
 from pushplan.planners.validation.motion import densify
 from pushplan.scenario import Scenario
 from pushplan.segment import Segment
@@ -192,12 +191,11 @@ def _clearance(scenario: Scenario, segment: Segment, loads: FloatArray) -> float
             for load, obj in zip(loads, scenario.chain.objects, strict=True)
         ]
     )
-    carried = [body for body in scenario.chain.bodies if body.kind is not BodyKind.OBJECT]
     ways = segment.path.sampled(NEAR)
     robots = [
         shapely.Polygon(se2.transform_points(pose, body.outline))
         for pose in densify(ways, scenario.chain.reach, NEAR)
-        for body in carried
+        for body in scenario.chain.carried
     ]
     return float(shapely.distance(robots, objects).min())
 

@@ -13,7 +13,6 @@ from pushplan.basics.names import APPROACH, RETREAT, TRANSIT
 from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import TOUCH
-from pushplan.mechanics.body import BodyKind
 from pushplan.planners.validation.checker import collision_along
 from pushplan.planners.validation.limits import excess
 from pushplan.planners.validation.motion import Motion, densify
@@ -134,9 +133,8 @@ def _flaw_of_contact(
     twists = segment.path.twists
     if (np.abs(twists[:, 1:]) > STRAIGHT).any() or (np.sign(twists[:, 0]) != _sense(segment)).any():
         return f"a {segment.kind} is not straight"
-    bodies = [body for body in scenario.chain.bodies if body.kind is not BodyKind.OBJECT]
     for pose in densify(own.poses, scenario.chain.reach, NEAR):
-        for body in bodies:
+        for body in scenario.chain.carried:
             moved = shapely.Polygon(se2.transform_points(pose, body.outline))
             # Drawn in by what touching bodies may overlap.
             if any(moved.intersects(shapely.Polygon(o).buffer(-2.0 * TOUCH)) for o in outlines):
@@ -154,5 +152,4 @@ def _placed(scenario: Scenario, load: FloatArray) -> list[FloatArray]:
 
 def _robot_among(scenario: Scenario) -> Room:
     """Return the robot, without the objects, among the obstacles."""
-    bodies = scenario.chain.bodies
-    return Room.of(scenario).only([i for i, body in enumerate(bodies) if body.kind is not BodyKind.OBJECT])
+    return Room.of(scenario).only(range(len(scenario.chain.carried)))

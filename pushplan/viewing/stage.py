@@ -12,10 +12,9 @@ import trimesh
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.colours import GOAL, PATH, PLATE, ROBOT, object_colours, red_green_blue
 from pushplan.geometry import se2
-from pushplan.logging.view.shapes import circle
+from pushplan.logging.view.scene import obstacle_outline
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
-from pushplan.scenario import CircleObstacle, Obstacle
 from pushplan.viewing.draft import Draft, middle
 
 MOST_DRAGGED = 40
@@ -93,7 +92,7 @@ class Stage:
             if len(draft.places) > MOST_DRAGGED:
                 self._scene.add_frame(name, show_axes=False, **_placed(place))
             colour = _UNKNOWN if getattr(obstacle, "unknown", False) else _OBSTACLE
-            self._body(f"{name}/body", _outline(obstacle) - middle(obstacle), colour)
+            self._body(f"{name}/body", obstacle_outline(obstacle) - middle(obstacle), colour)
 
     def draw_chain(self, chain: Chain, frame: FloatArray) -> None:
         """Draw the chain at the start, where its frame is `frame` (2,) aside, at the goal and as it is played."""
@@ -177,8 +176,7 @@ class Stage:
         )
         self._lines("/floor", _grid(low, high), _GRID, 1.0, True, z=0.0)
         if area is not None:
-            corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-            ring = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+            ring = np.stack([area.outline, np.roll(area.outline, -1, axis=0)], axis=1)
             self._lines("/walls", ring, _OBSTACLE, 3.0, True)
 
 
@@ -200,12 +198,6 @@ def _solid(outline: FloatArray) -> tuple[FloatArray, FloatArray]:
     points, index = np.unique(rings.reshape(-1, 2), axis=0, return_inverse=True)
     solid = trimesh.creation.extrude_triangulation(points, index.reshape(-1, 3), _HEIGHT)
     return np.asarray(solid.vertices), np.asarray(solid.faces)
-
-
-def _outline(obstacle: Obstacle) -> FloatArray:
-    if isinstance(obstacle, CircleObstacle):
-        return circle(obstacle.center, obstacle.radius)
-    return obstacle.outline
 
 
 def _strip(points: FloatArray) -> FloatArray:

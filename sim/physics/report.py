@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushplan.basics.arrays import BoolArray, FloatArray, frozen
-from pushplan.geometry.se2 import compose, relative, rotate, wrap_angle
+from pushplan.geometry.se2 import compose, pose_errors, relative, rotate
 from pushplan.mechanics.chain import Chain
 
 
@@ -78,9 +78,7 @@ class PhysicsReport:
     @property
     def object_errors(self) -> FloatArray:
         """(n, 2) how far (m) and by what angle (rad) each object ends off the place that the plate wants it at."""
-        planned = compose(self.poses[-1], np.array([obj.pose_chain for obj in self.chain.objects]))
-        off = self.object_poses[-1] - planned
-        return np.column_stack([np.hypot(off[:, 0], off[:, 1]), np.abs(wrap_angle(off[:, 2]))])
+        return pose_errors(self.object_poses[-1], compose(self.poses[-1], self.chain.places))
 
     def sentences(self) -> tuple[str, ...]:
         """Return for each contact what it did, for people."""

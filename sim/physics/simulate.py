@@ -113,12 +113,11 @@ def _simulate(
     seconds = perf_counter() - begin
     slide, opening, rotation = contact_motion(chain, recording.motions, watch.base)
     t = np.asarray(dt * recording.steps, dtype=np.float64)
-    objects = np.array([obj.pose_chain for obj in chain.objects])
     return PhysicsReport(
         chain=chain,
         t=t,
         poses=se2.compose(start, recording.motions[:, -1]),
-        object_poses=se2.compose(start[None], se2.compose(recording.motions[:, :-1], objects)),
+        object_poses=se2.compose(start[None], se2.compose(recording.motions[:, :-1], chain.places)),
         slide=slide,
         opening=opening,
         rotation=rotation,

@@ -92,8 +92,7 @@ class SlipReport:
     @cached_property
     def motions(self) -> FloatArray:
         """(m + 1, n + 1, 3) how objects and, last, plate have moved in `world.start`, as frames that began in it."""
-        places = np.array([obj.pose_chain for obj in self.world.chain.objects])
-        objects = se2.compose(self.object_poses, se2.inverse(places))
+        objects = se2.compose(self.object_poses, se2.inverse(self.world.chain.places))
         return se2.relative(self.world.start, np.concatenate([objects, self.poses[:, None]], axis=1))
 
     @cached_property
@@ -158,11 +157,11 @@ class SlipReport:
     @property
     def object_errors(self) -> FloatArray:
         """(n, 2) how far (m) and by what angle (rad) each object ends off the place that the plate wants it at."""
-        return self._errors(se2.compose(self.poses[-1], self._places))
+        return se2.pose_errors(self.object_poses[-1], se2.compose(self.poses[-1], self.world.chain.places))
 
     def goal_errors(self, goal: Goal) -> FloatArray:
         """Return (n, 2) how far (m) and by what angle (rad) each object ends off its place at a goal."""
-        return self._errors(se2.compose(goal.pose_chain, self._places))
+        return se2.pose_errors(self.object_poses[-1], se2.compose(goal.pose_chain, self.world.chain.places))
 
     def arrived(self, goal: Goal) -> bool:
         """Tell whether the goal's object, or every object where it names none, ends within the goal's tolerances."""
@@ -172,11 +171,3 @@ class SlipReport:
         return (
             bool((errors <= [goal.position_tolerance, goal.angle_tolerance]).all()) and self.jammed_at is None
         )
-
-    @property
-    def _places(self) -> FloatArray:
-        return np.array([obj.pose_chain for obj in self.world.chain.objects])
-
-    def _errors(self, wanted: FloatArray) -> FloatArray:
-        off = self.object_poses[-1] - wanted
-        return np.column_stack([np.hypot(off[:, 0], off[:, 1]), np.abs(se2.wrap_angle(off[:, 2]))])

@@ -69,8 +69,9 @@ class World:
     @cached_property
     def object_poses(self) -> FloatArray:
         """(n, 3) poses of the objects' own frames in the world at the beginning."""
-        places = np.array([obj.pose_chain for obj in self.chain.objects]) + self.offsets
-        return frozen(compose(self.start, places), (None, 3), "poses of the objects")
+        return frozen(
+            compose(self.start, self.chain.places + self.offsets), (None, 3), "poses of the objects"
+        )
 
     def with_contact_friction(self, factor: float, name: str | None = None) -> World:
         """Return the world with the friction of contacts times `factor`.
@@ -130,7 +131,7 @@ class World:
     def with_object_poses(self, poses: ArrayLike) -> World:
         """Return the world with the objects at measured poses (n, 3) in the world."""
         places = relative(self.start, frozen(poses, (len(self.chain.objects), 3), "poses of the objects"))
-        offsets = places - np.array([obj.pose_chain for obj in self.chain.objects])
+        offsets = places - self.chain.places
         offsets[:, 2] = wrap_angle(offsets[:, 2])
         return replace(self, offsets=offsets)
 

@@ -9,7 +9,7 @@ import pushplan
 from pushplan.control.aims import SHARE, Aim
 from pushplan.control.closing import GAP, ClosingPush, Spread, closing_push
 from pushplan.control.driving import Driving
-from pushplan.control.measured_chain import contacts_at, places_of, slid
+from pushplan.control.measured_chain import contacts_at, slid
 from pushplan.control.sensor import Measurements
 from pushplan.control.sightings import Sightings
 from pushplan.errors import ChainError, PushplanError
@@ -52,11 +52,11 @@ def test_a_stop_keeps_to_the_path_and_the_limits_wherever_it_begins(crates: push
 
 def test_sliding_objects_moves_contacts_along_and_what_they_carry_too(crates: pushplan.Scenario) -> None:
     chain = slid(crates.chain, [4e-3, -2e-3])
-    found = contacts_at(crates.chain, places_of(chain))
+    found = contacts_at(crates.chain, chain.places)
     np.testing.assert_allclose(found.slide, [4e-3, -2e-3], atol=1e-12)
     np.testing.assert_allclose(found.opening, 0.0, atol=1e-12)
     assert found.flush(1e-9, 1e-9)
-    shift = places_of(chain) - places_of(crates.chain)
+    shift = chain.places - crates.chain.places
     np.testing.assert_allclose(shift[:, 1], [4e-3, 2e-3], atol=1e-12)
     for before, after in zip(crates.chain.contacts, chain.contacts, strict=True):
         assert after.normal == pytest.approx(before.normal)
@@ -72,7 +72,7 @@ def test_goals_within_the_tolerances_are_within_them(crates: pushplan.Scenario) 
         aim = Aim.of(goal, crates.chain, 5e-3, 0.02)
         assert aim.best(crates.chain) == pytest.approx([0.0, 0.0], abs=1e-12)
         poses = aim.candidates(crates.chain)
-        errors = aim.errors(compose(poses[:, None], places_of(crates.chain)))
+        errors = aim.errors(compose(poses[:, None], crates.chain.places))
         assert len(poses) > 10
         assert (errors <= SHARE * aim.tolerance + 1e-9).all()
 
@@ -185,5 +185,5 @@ def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> N
     assert found.result is not None
     assert isinstance(found.result.trajectory, Trajectory)
     assert not excess(found.result.trajectory, crates.chain.pusher.limits)
-    ends = compose(found.result.trajectory.poses[-1], places_of(replanner.chain))
+    ends = compose(found.result.trajectory.poses[-1], replanner.chain.places)
     assert replanner.aim.reached(ends)

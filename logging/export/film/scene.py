@@ -103,8 +103,6 @@ class FilmScene:
             for branch in plan.tree[:, :, :2]:
                 pen.line(self.world(branch), TREE, FINE // 2)
         if scenario.workspace is not None:
-            area = scenario.workspace
-            x, y = [area.xmin, area.xmax, area.xmax, area.xmin], [area.ymin, area.ymin, area.ymax, area.ymax]
-            pen.polygon(self.world(np.stack([x, y], axis=1)), None, RULE, 2 * FINE)
+            pen.polygon(self.world(scenario.workspace.outline), None, RULE, 2 * FINE)
         for obstacle in scenario.obstacles:
             pen.polygon(self.world(obstacle_outline(obstacle)), FAINT)
