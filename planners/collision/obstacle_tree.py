@@ -46,6 +46,7 @@ def _add(
             node[axis] = min(node[axis], boxes[i, axis])
             node[2 + axis] = max(node[2 + axis], boxes[i, 2 + axis])
     if len(members) <= leaf:
+        # Leaves are met in the order of rows, so that polygons and circles get consecutive numbers in it.
         for i in members:
             counts[0 if i < polygons else 1] += 1
         node[6], node[8] = counts
@@ -65,6 +66,7 @@ def _sort(boxes: FloatArray, members: IntArray) -> None:
     centers = np.empty((2, len(members)))
     for k in range(len(members)):
         for axis in range(2):
+            # Twice the centre: only the order counts.
             centers[axis, k] = boxes[members[k], axis] + boxes[members[k], 2 + axis]
     axis = 0 if np.ptp(centers[0]) >= np.ptp(centers[1]) else 1
     members[:] = members[np.argsort(centers[axis], kind="mergesort")]

@@ -109,6 +109,7 @@ def spread(
     """
     table[slot_of(table, cell_key(ORIGIN, ORIGIN, 0))] = cell_key(ORIGIN, ORIGIN, 0)
     cells[0, 0], cells[0, 1], cells[0, 2] = ORIGIN, ORIGIN, 0
+    # `separation` may stop at a distance it is told: a little more than what is compared with decides as well.
     near = max(steps.touching, 0.0) + steps.side
     # Most cells that steps may lead to are known already: after 64 looks for each slot of the table it is given up.
     count, done, looked, left = 1, 0, 1, 64 * table.shape[0]
@@ -128,6 +129,7 @@ def spread(
                 continue
             xmin, ymin, xmax, ymax = _bounds(steps, row, c, s)
             heading = (k + steps.turn + row) % steps.headings
+            # From anywhere within half a cell to anywhere within half a cell: one cell more to either side.
             for column in range(math.ceil(i - 1.0 + xmin), math.floor(i + 1.0 + xmax) + 1):
                 for line in range(math.ceil(j - 1.0 + ymin), math.floor(j + 1.0 + ymax) + 1):
                     left -= 1

@@ -113,11 +113,13 @@ def descend(
         if scale < 1e-5:
             break
         i = int(random(state) * (count - 1))
+        # Moves without a turn keep a heading that is right already, e.g. that of a straight push.
         turn = 0.0 if random(state) < 0.3 else scale / TURN_LENGTH
         moved[0] = poses[i, 0] + scale * _normal(state)
         moved[1] = poses[i, 1] + scale * _normal(state)
         moved[2] = poses[i, 2] + turn * _normal(state)
         first = _cost(modes, sequence[i], ends[0] if i == 0 else poses[i - 1], moved, words)
+        # One move changes two pushes only; the second is looked at where the first leaves it a chance.
         if first < costs[i] + costs[i + 1]:
             second = _cost(modes, sequence[i + 1], moved, ends[1] if i == count - 2 else poses[i + 1], words)
             if first + second < costs[i] + costs[i + 1]:
@@ -159,6 +161,7 @@ def random_descent(
     Returns:
         How many there are; 0 where the sequence costs too much.
     """
+    # Few pushes more often than many.
     count = 2 + int((most - 1) * random(state) ** 2)
     sequence, ends = np.empty(count, dtype=np.int64), np.empty((2, 3))
     ends[0], ends[1] = start, goals[int(random(state) * len(goals))]

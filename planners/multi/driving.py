@@ -134,7 +134,9 @@ def _free_words(wheels: Wheels, x: float, y: float, phi: float, words: FloatArra
     for side in range(2):
         angle = phi - side * math.copysign(2.0 * math.pi, phi)
         half = 0.5 * angle
+        # A full turn on one circle ends where it began: no circle leads elsewhere.
         if abs(half) < math.pi - 1e-6:
+            # half / tan(half) = 1 - half^2 / 3 - ...: 1 to the last bit.
             diagonal = 1.0 if abs(half) < 1e-8 else half / math.tan(half)
             _add(words[n], wheels, diagonal * x + half * y, -half * x + diagonal * y, angle, 1.0)
             n += 1

@@ -103,6 +103,7 @@ def word_costs(
         begin = _settled(mode, joined(starts[i], mode.contact))
         for j in range(len(goals)):
             away = math.hypot(goals[j, 0] - starts[i, 0], goals[j, 1] - starts[i, 1])
+            # A distance costs next to nothing beside the words, of which most pairs need none then.
             if sofar[i] + away / mode.faster + left[j] >= below:
                 continue
             for f in range(len(mode.families)):

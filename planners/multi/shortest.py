@@ -36,6 +36,7 @@ def cheapest_sequence(
         done = np.full((nodes, modes), np.inf)
         for m in range(modes):
             for u in range(nodes):
+                # What costs as much as a whole plan already leads to none that is cheaper: no cost is negative.
                 if ready[u, m] < best:
                     for v in range(nodes):
                         cost = ready[u, m] + pushes[m, u, v]
@@ -49,6 +50,7 @@ def cheapest_sequence(
         if k + 1 == most:
             break
         ready[:] = np.inf
+        # At a goal the sequence ends; at the start (node 0) no contact has been made that could be changed.
         for v in range(goals + 1, nodes):
             for m in range(modes):
                 if done[v, m] < best:

@@ -12,7 +12,7 @@ from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import separation, step
 from pushplan.planners.multi.driving import Surroundings, Wheels, arc_is_free, drive, seen_from
 from pushplan.planners.multi.reeds_shepp import LETTERS
-from pushplan.planners.problem.problem import random
+from pushplan.planners.problem.problem import apart, random
 from pushplan.planners.problem.rows import put, put_rows
 
 NODE = 4 + 1 + 4 * LETTERS
@@ -49,6 +49,7 @@ def _is_clear(around: Surroundings, pose: FloatArray) -> bool:
 @inlined
 def _draw(state: RandomState, box: FloatArray, ends: FloatArray, spread: float, pose: FloatArray) -> None:
     """Draw a pose from the box, or, as often, around one of the ends."""
+    # Ways between pushes lead round the load, or are short: most of the room is of no use to them.
     if random(state) < 0.5:
         end = ends[int(random(state) * len(ends))]
         reach, way = spread * random(state), 2.0 * math.pi * random(state)
@@ -65,8 +66,7 @@ def _nearest(nodes: FloatArray, count: int, pose: FloatArray, found: FloatArray)
     for k in range(NEAREST):
         found[k, 1] = np.inf
     for i in range(count):
-        turn = abs((nodes[i, 2] - pose[2] + math.pi) % (2.0 * math.pi) - math.pi)
-        d = math.hypot(nodes[i, 0] - pose[0], nodes[i, 1] - pose[1]) + TURN_LENGTH * turn
+        d = apart(nodes[i], pose[0], pose[1], pose[2], TURN_LENGTH)
         k = NEAREST
         while k > 0 and d < found[k - 1, 1]:
             if k < NEAREST:
@@ -218,6 +218,7 @@ def find_transit(
     forth[0, 3] = back[0, 3] = -1.0
     ends = np.stack([start, goal, around.place])
     n = int(grow_trees(around, wheels, forth, back, ends, box, spread, state, arcs))
+    # Words through random poses have detours, which joining places anew takes away.
     return n if n < 0 else int(shortened(around, wheels, start, arcs, n, state, 40))
 
 

@@ -137,6 +137,8 @@ def scene_between(scene: Scene, clearance: float, start: FloatArray, goal: Float
 def kept_distances(gap: float, clearance: float) -> tuple[float, float]:
     """Return what the poses looked at keep, and those between, where start and goal have the distance `gap`, m."""
     looked_at = max(gap, clearance) - ROUNDING
+    # A sweep proves what lies between poses from what is seen at them: with no room between the two distances it
+    # would need infinitely many.
     return looked_at, min(clearance, looked_at - CLEARANCE_ROOM)
 
 

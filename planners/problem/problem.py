@@ -65,11 +65,13 @@ def choose_twist(problem: Problem, u0: float, u1: float) -> tuple[float, float, 
     if u0 < LETTER_SHARE:
         i = min(int(u0 / LETTER_SHARE * 3 * families.shape[0]), 3 * families.shape[0] - 1)
         twist = families[i // 3, i % 3]
+        # Zeros stand for a twist that the family does not have.
         if twist[0] != 0.0 or twist[1] != 0.0 or twist[2] != 0.0:
             return twist[0], twist[1], twist[2]
         u0 = LETTER_SHARE + (1.0 - LETTER_SHARE) * u1
     u0 = (u0 - LETTER_SHARE) / (1.0 - LETTER_SHARE)
     i = min(int(u0 * segments.shape[0]), segments.shape[0] - 1)
+    # Clipped: the numbers beyond lie on the ends, so that the boundary of the stable set is drawn at all.
     b = min(1.0, max(0.0, (u1 - END_SHARE) / (1.0 - 2.0 * END_SHARE)))
     return between(segments[i], b)
 

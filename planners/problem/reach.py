@@ -35,6 +35,7 @@ def reach(
     for i in range(len(starts)):
         gap = separation(scene, starts[i, 0], starts[i, 1], starts[i, 2], clearance + SLACK)
         for j in range(len(goals)):
+            # Searched with what the nearer of the two ends keeps, as `scene_between` does.
             least = min(gap, gaps[j])
             if least < clearance - ROUNDING:
                 continue

@@ -72,6 +72,7 @@ def _selected(tree: SparseTree, bound: float) -> int:
     nearest, best, distance, cost = -1, -1, np.inf, np.inf
     for i in range(tree.counts[NODES]):
         node = tree.nodes[i]
+        # Inactive nodes only carry branches: what they stand for is reached cheaper by others.
         if tree.roles[i, ACTIVE] == 1 and node[3] + node[TO_GO] < bound:
             d = apart(node, x, y, theta, tree.radii[0])
             if d < distance:
@@ -106,6 +107,7 @@ def _row(tree: SparseTree) -> int:
 def _retire(tree: SparseTree, row: int) -> None:
     """Let a node stand for nothing any more, and prune the branch that ends there."""
     tree.roles[row, ACTIVE] = 0
+    # The root (row 0) stays: everything hangs from it.
     while row > 0 and tree.roles[row, ACTIVE] == 0 and tree.roles[row, CHILDREN] == 0:
         parent = int(tree.nodes[row, 4])
         tree.roles[parent, CHILDREN] -= 1
@@ -144,6 +146,7 @@ def _extended(problem: Problem, tree: SparseTree, parent: int, bound: float) -> 
     if length <= 0.0 or cost + length + to_go >= bound:
         return -1
     witness = _witness(tree, nx, ny, nt)
+    # Asked before the sweep, which costs most of an extension.
     if witness >= 0 and tree.nodes[int(tree.witnesses[witness, 3]), 3] <= cost + length:
         return -1
     if not sweep_is_free(problem.scene, x, y, theta, vx, vy, omega, length):

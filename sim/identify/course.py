@@ -63,6 +63,7 @@ class Course:
         gone = np.concatenate(
             [[0.0], np.cumsum(np.hypot(moved[:, 0], moved[:, 1]) + reach * np.abs(moved[:, 2]))]
         )
+        # Poses at every multiple of the step of the way gone, also where rounding puts one just before it.
         marks = np.floor(gone / step * (1.0 + 1e-9))
         kept = np.flatnonzero(np.diff(marks, prepend=-1.0) > 0)
         count = max(1, int(np.ceil(gone[-1] / way)))

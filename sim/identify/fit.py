@@ -45,6 +45,7 @@ def refined(
     bounded = len(start) - free
     low = np.concatenate([np.zeros(bounded), np.full(free, -np.inf)])
     high = np.concatenate([np.ones(bounded), np.full(free, np.inf)])
+    # Off the sides: the trust region of `least_squares` scales by the distance to bounds and would hardly leave one.
     inside = np.concatenate([np.clip(start[:bounded], 0.01, 0.99), start[bounded:]])
     found = least_squares(errors, inside, jac=jacobian, bounds=(low, high), xtol=1e-4, ftol=1e-4, max_nfev=20)
     return np.asarray(found.x)

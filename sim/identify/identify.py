@@ -54,9 +54,11 @@ def identify_courses(
     """
     _check(world, courses)
     problem = _Problem(world, courses, jobs or os.cpu_count() or 1)
+    # Threads, not processes: `march` is compiled and runs without the interpreter's lock.
     with problem.pool:
         place = problem.best()
         errors, information, correlation = problem.linearised(place)
+        # Where the courses began is integrated out in `errors`: samples are of the chain's numbers alone.
         best = place[: problem.count]
         found = sample_errors(errors, best, information, np.random.default_rng(seed), progress)
     scales = problem.scales[0]
@@ -134,10 +136,12 @@ class _Problem:
     def best(self) -> FloatArray:
         """Return the most likely place, with expected errors that are as large as those it leaves."""
         none = np.zeros(len(self.comparisons) * self.shape[0] * 3)
+        # Where contacts change what they do there may be several minima, and one search ends in the nearest.
         starts = best_starts(lambda parts: self.errors(np.concatenate([parts, none])), self.count)
         places = [self._refined(np.concatenate([start, none])) for start in starts]
         place = min(places, key=lambda found: cost(self.errors(found)))
         self.scales = self._left_over(place)
+        # Only now is it known how good measurements are: the same errors weigh differently against each other.
         place = self._refined(place)
         self.scales = self._left_over(place)
         return place
@@ -198,6 +202,7 @@ class _Problem:
         Where the courses began is integrated out: what that can explain of the errors, to first order, is taken away.
         """
         p, slope = self.count, self.jacobian(place)
+        # An orthonormal basis of what other starts would explain; what is at right angles to it is left.
         explained = np.linalg.qr(slope[:, p:])[0]
         widened = self._correlation(self.errors(place))
 
@@ -222,5 +227,6 @@ class _Problem:
         for rows in self._by_course(errors):
             products += float((rows[1:] * rows[:-1]).sum())
             squares += float((rows**2).sum())
+        # Neighbours err alike, so k poses are worth fewer independent ones: of an AR(1) series k (1 - r) / (1 + r).
         r = min(max(products / squares, 0.0), 0.95)
         return (1.0 + r) / (1.0 - r)

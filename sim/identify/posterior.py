@@ -59,6 +59,7 @@ def sample(
     level = log_likelihood(places)
     seen: list[FloatArray] = []
     for k in range(rounds):
+        # Members move by differences of the other half, which rests meanwhile: that keeps the balance of each move.
         for half in (np.arange(0, len(places), 2), np.arange(1, len(places), 2)):
             others = np.setdiff1d(np.arange(len(places)), half)
             if rng.random() < 0.5:
@@ -67,6 +68,7 @@ def sample(
             else:
                 proposed = places[half] + _difference(places[others], len(half), p, rng)
                 correction = np.zeros(len(half))
+            # Outside nothing was likely before: no simulation is spent there.
             inside = ((proposed > 0.0) & (proposed < 1.0)).all(axis=1)
             found = np.full(len(half), -np.inf)
             if inside.any():
@@ -98,6 +100,7 @@ def worth(chains: FloatArray) -> float:
 def _difference(others: FloatArray, count: int, p: int, rng: np.random.Generator) -> FloatArray:
     first = rng.integers(len(others), size=count)
     pairs = np.column_stack([first, (first + rng.integers(1, len(others), size=count)) % len(others)])
+    # 2.38 / sqrt(2 p) is best for a normal distribution; 1 now and then jumps between its modes (ter Braak 2006).
     scale = 1.0 if rng.random() < 0.1 else 2.38 / np.sqrt(2.0 * p)
     jitter = 1e-4 * rng.standard_normal((count, p))
     return np.asarray(scale * (others[pairs[:, 0]] - others[pairs[:, 1]]) + jitter)

@@ -60,6 +60,7 @@ def sample_errors(
         progress: Called with the rounds that are done, and how many there are.
     """
     near = Near(best, information)
+    # Some from all of the cube: a polynomial that was taught around the best place only is wild elsewhere.
     places = np.vstack([best, near.draw(2 * _BATCH, rng), rng.uniform(size=(_BATCH, len(best)))])
     rows = errors(places)
     for _ in range(PASSES):
@@ -108,8 +109,10 @@ class _Polynomial:
         """Fit errors (m, k) at places (m, p); those that are likely count most."""
         degree = 3 if len(_terms(places[:1], 3)[0]) * 2 < len(places) else 2
         cost = 0.5 * (rows**2).sum(axis=1)
+        # Places that are out of the question must not bend the polynomial where the likely ones are.
         weight = 1.0 / np.sqrt(1.0 + (cost - cost.min()) / places.shape[1])
         terms = _terms(places, degree) * weight[:, None]
+        # There may be no more places than terms.
         ridge = 1e-6 * np.trace(terms.T @ terms) / terms.shape[1] * np.eye(terms.shape[1])
         factors = np.linalg.solve(terms.T @ terms + ridge, terms.T @ (rows * weight[:, None]))
         return cls(degree, factors @ factors.T)

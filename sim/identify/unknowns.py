@@ -136,6 +136,7 @@ class Unknowns:
         weights, fractions = self.friction_loads(values), self.fractions(values)
         feet, loads, friction = packed.feet.copy(), packed.loads.copy(), packed.friction.copy()
         feet[:, 2] = np.concatenate([w * f for w, f in zip(weights, fractions, strict=True)])
+        # h mu goes with mu, and mu with the sum of mu N: the weight stays.
         loads[:, 1] *= weights / loads[:, 0]
         loads[:, 0] = weights
         contact = packed.pairs[:, 2]

@@ -48,6 +48,7 @@ def _terms_of(
     for j in range(first, last):
         x, y = feet[j, 0], feet[j, 1]
         ux, uy = vx - w * y, vy + w * x
+        # 1 / r, and c = mu N / r.
         inverse = 1.0 / math.sqrt(ux * ux + uy * uy + eps * eps)
         c = feet[j, 2] * inverse
         kxx += c
@@ -55,6 +56,7 @@ def _terms_of(
         kyw += c * x
         kww += c * (x * x + y * y)
         ux, uy = ux * inverse, uy * inverse
+        # Last component of J^T v / r.
         turning = x * uy - y * ux
         hxx += c * ux * ux
         hxy += c * ux * uy

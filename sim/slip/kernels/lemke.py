@@ -59,6 +59,7 @@ def reweighted(
         most: Largest tau; above 1 it shortens steps further than K does, which ends cycles of two.
     """
     tau, before = max(1.0, least), math.inf
+    # With nothing linked `matrices` takes K alone in the first pass, which is at least the true curvature everywhere.
     work.linked[:] = 0
     floor_terms(packed, work, eps)
     for _ in range(PASSES if least < most else PATIENT_PASSES):
@@ -75,6 +76,7 @@ def reweighted(
             break
         _mark_pressed(work, count)
         link(work, count)
+        # As in Levenberg and Marquardt's method: nearer to Newton while that pays, back quickly where it does not.
         tau = max(least, 0.5 * tau) if residual < before else min(most, 4.0 * tau)
         before = residual
     return SOLVED
@@ -184,12 +186,14 @@ def _lemke(tableau: FloatArray, basis: IntArray, size: int) -> int:
             least, leaving = tableau[i, last], i
     if leaving < 0:
         return SOLVED
+    # The artificial variable enters where q is least: all others are then >= 0.
     entering = 2 * size
     for _ in range(50 * size):
         _pivot(tableau, size, leaving, entering)
         left, basis[leaving] = basis[leaving], entering
         if left == 2 * size:
             return SOLVED
+        # The complement of what has left enters: at most one pair is without a basic variable.
         entering = left + size if left < size else left - size
         leaving = _leaving(tableau, basis, size, entering)
         if leaving < 0:
@@ -204,6 +208,7 @@ def _leaving(tableau: FloatArray, basis: IntArray, size: int, entering: int) -> 
     best, line = math.inf, -1
     for i in range(size):
         slope = tableau[i, entering]
+        # Rounding of 0: a pivot on it would blow up the tableau. Its entries are of order 1, by the choice of units.
         if slope <= 1e-11:
             continue
         ratio = tableau[i, last] / slope

@@ -26,8 +26,10 @@ def solve_linear(work: Work, count: int) -> bool:
 def _force_row(work: Work, c: int, k: int) -> tuple[float, float, float]:
     """Return the wrench of a unit of multiplier k on body b: a slipping normal force brings its friction along."""
     row = work.rows[c, k]
+    # What sticks has its tangential multiplier as an unknown of its own.
     if k == 2 or work.modes[c, 2] == 1:
         return row[0], row[1], row[2]
+    # The mode of a slip is 2 or -2.
     friction = 0.5 * work.modes[c, 2] * work.frame[c, 4]
     along = work.rows[c, 2]
     return row[0] + friction * along[0], row[1] + friction * along[1], row[2] + friction * along[2]
@@ -63,6 +65,7 @@ def _fill_column(work: Work, count: int, c: int, k: int, column: int) -> None:
         bx, by, bw = times_inverse(work, b, x, y, w)
     line = 0
     for d in range(count):
+        # A row is for U_b - U_a; the force acts on b, its reaction on a: d feels what of these two it shares.
         sa = (work.who[d, 0] == a) * 1.0 - (work.who[d, 1] == a) * 1.0
         sb = (work.who[d, 1] == b) * 1.0 - (work.who[d, 0] == b) * 1.0
         dx, dy, dw = sa * ax + sb * bx, sa * ay + sb * by, sa * aw + sb * bw
@@ -84,6 +87,8 @@ def _eliminate(matrix: FloatArray, size: int) -> bool:
         for r in range(i + 1, size):
             if abs(matrix[r, i]) > abs(matrix[pivot, i]):
                 pivot = r
+        # Singular (or not a number): e.g. more contacts stick than a body has motions. The fallback's
+        # complementarity needs no independent equations.
         if not abs(matrix[pivot, i]) > 1e-15 * trace:
             return False
         if pivot != i:

@@ -52,6 +52,7 @@ def _note_contacts(packed: PackedWorld, work: Work, count: int, trace: Trace, m:
             trace.modes[m, contact] = mode
             for k in range(3):
                 trace.forces[m, contact, k] = work.forces[c, k]
+        # No contact of the chain: only that an object touches something is told, of both if both are objects.
         elif mode != OPEN:
             for side in range(2):
                 if work.who[c, side] < n:
@@ -70,6 +71,7 @@ def _note_wrench(packed: PackedWorld, work: Work, count: int, out: FloatArray) -
         if work.who[c, 0] == n:
             x, y, w = contact_wrench(work, c)
             fx, fy, torque = fx + x, fy + y, torque + packed.length * w
+    # Turned by the plate's heading into its axes, and the moment from the point O to the place of the plate.
     there = work.place[n]
     out[0], out[1] = there[2] * fx + there[3] * fy, there[2] * fy - there[3] * fx
     out[2] = torque - (there[0] * fy - there[1] * fx)

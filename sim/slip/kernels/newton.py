@@ -46,6 +46,7 @@ def newton(packed: PackedWorld, work: Work, count: int, eps: float, stiffness: f
     tau, before = 0.0, math.inf
     floor_terms(packed, work, eps)
     for rounds in range(ROUNDS):
+        # In the first round forces are remembered ones, which no U belongs to yet: no residual tells anything then.
         changed = _set_modes(work, count, stiffness)
         residual = balance_residual(work, count) if rounds > 0 else math.inf
         if not changed and residual < wanted and stiffness * _violation(work, count) < _EXACT * wanted:
@@ -70,6 +71,7 @@ def _set_modes(work: Work, count: int, stiffness: float) -> bool:
         pressed = 0.0
         for k in range(work.who[c, 3]):
             ln = work.forces[c, k]
+            # min(ln, r w) = 0 says ln >= 0 _|_ w >= 0 (w: the gap after the step); the smaller one is made 0.
             active = 1 if ln - stiffness * (work.gaps[c, k] + relative_motion(work, c, k)) > 0.0 else 0
             changed = changed or active != work.modes[c, k]
             work.modes[c, k] = active
@@ -84,6 +86,7 @@ def _set_modes(work: Work, count: int, stiffness: float) -> bool:
 def _tangent_mode(work: Work, c: int, pressed: float, stiffness: float) -> int:
     if work.modes[c, 0] == 0 and (work.who[c, 3] == 1 or work.modes[c, 1] == 0):
         return 0
+    # lt is the point of the friction interval that is nearest to lt - r ut: inside it sticks, at an end it slips.
     wish = work.forces[c, 2] - stiffness * relative_motion(work, c, 2)
     if abs(wish) <= work.frame[c, 4] * pressed:
         return 1
@@ -125,11 +128,13 @@ def link(work: Work, count: int) -> None:
     pusher = len(work.linked) - 2
     work.linked[:] = 0
     work.linked[pusher] = 1
+    # Each pass hands on at least one body farther; a chain of n objects needs n.
     for _ in range(pusher):
         for c in range(count):
             a, b = work.who[c, 0], work.who[c, 1]
             if work.modes[c, 2] != 0 and (work.linked[a] == 1 or work.linked[b] == 1):
                 work.linked[a] = work.linked[b] = 1
+        # What stands still hands no motion on: objects that touch the same wall are not linked by it.
         work.linked[pusher + 1] = 0
 
 
@@ -142,6 +147,8 @@ def matrices(work: Work, tau: float) -> None:
         secant, curvature = work.secant[i], work.curvature[i]
         for j in range(6):
             m[j] = part * secant[j] + (1.0 - part) * curvature[j]
+        # Friction is homogeneous of degree 1, so H U = 0: without a contact that fixes how far a body moves M has no
+        # inverse.
         extra = _SMALL * (secant[0] + secant[3] + secant[5])
         m[0], m[3], m[5] = m[0] + extra, m[3] + extra, m[5] + extra
         invert_symmetric(m, work.inverse[i])

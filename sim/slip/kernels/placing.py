@@ -22,6 +22,7 @@ def copy_rows(source: FloatArray, target: FloatArray, rows: int) -> None:
 def place(packed: PackedWorld, work: Work, state: State) -> None:
     """Bring bodies and feet at `work.poses` to their places about the plate's reference point at the step's start."""
     n = len(packed.loads)
+    # About the plate, not the world's origin: far from that, moments would lose digits.
     ox, oy = state.poses[n, 0], state.poses[n, 1]
     for i in range(n + 1):
         pose = work.poses[i]
@@ -40,6 +41,8 @@ def _set_place(row: FloatArray, x: float, y: float, cosine: float, sine: float) 
 def place_feet(packed: PackedWorld, work: Work, state: State, i: int) -> None:
     """Place the feet of an object; a push above the floor shifts its load by h mu drag, as in the last step."""
     there, load = work.place[i], packed.loads[i]
+    # Load N_j + k_j (p_j - c) . b with b = S^-1 (h mu drag): the support's stiffnesses k take the moment of a push at
+    # height h.
     det = load[2] * load[4] - load[3] * load[3]
     fx, fy = load[1] * state.drag[i, 0], load[1] * state.drag[i, 1]
     bx = by = 0.0
@@ -72,6 +75,7 @@ def move(
     """Move body i by the exact exponential of a share of its twist about the reference point."""
     turn = share * u[2] / length
     half = 0.5 * turn
+    # What the series leaves out, half^4 / 120, is below 1e-18 there.
     sinc = share * (1.0 - half * half / 6.0 if abs(half) < 1e-4 else math.sin(half) / half)
     c, s = math.cos(turn), math.sin(turn)
     vx = sinc * (math.cos(half) * u[0] - math.sin(half) * u[1])

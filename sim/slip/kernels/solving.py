@@ -33,6 +33,8 @@ def solve(
     packed: PackedWorld, work: Work, state: State, count: int, size: float, force: float
 ) -> tuple[float, int]:
     """Solve for the motions of all objects in a step; return the residual (N) and how it ended."""
+    # eps goes with the step: an absolute one would make slow pushes viscous. r brings forces and displacements to one
+    # size, so that neither decides modes alone.
     eps, stiffness = SMOOTHING * size, force / size
     residual = newton(packed, work, count, eps, stiffness, WANTED * force)
     if residual < math.inf:
@@ -42,6 +44,7 @@ def solve(
         rigid, least, most = _ATTEMPTS[attempt]
         predict(work, state, size, rigid == 1.0)
         if reweighted(packed, work, count, eps, force, size, WANTED * force, least, most) == RAY:
+            # A ray from one beginning is not yet a jam: only if all of them end so.
             continue
         jam = False
         left = _polished(packed, work, count, eps, stiffness, force)
@@ -56,6 +59,7 @@ def _polished(
 ) -> float:
     """Let Newton's method start from the fallback's solution, which stays where that fails; return the residual."""
     n = len(packed.loads)
+    # Newton's method leaves U and forces anywhere when it fails.
     before = balance_residual(work, count)
     copy_rows(work.twists, work.kept_twists, n)
     copy_rows(work.forces, work.kept_forces, count)

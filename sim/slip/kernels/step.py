@@ -42,6 +42,8 @@ def step(packed: PackedWorld, work: Work, state: State, twist: FloatArray) -> tu
         Residual over the sum of mu N, how it ended, number of manifolds, and 1 if a motion jumped.
     """
     n = len(packed.loads)
+    # Displacement of the plate with its turn as a length: eps, reach and gaps are shares of it, so that a push is the
+    # same in steps of any size.
     size = math.sqrt(twist[0] ** 2 + twist[1] ** 2 + (packed.length * twist[2]) ** 2)
     if not size > 0.0:
         return 0.0, CONVERGED, 0, 0
@@ -55,8 +57,11 @@ def step(packed: PackedWorld, work: Work, state: State, twist: FloatArray) -> tu
     residual, end, count = _solve_here(packed, work, state, size, force, 1.0)
     if end >= UNSOLVED:
         return residual / force, end, max(count, 0), 0
+    # Asked before the forces are kept: what is kept is the step before until then.
     closed = closes(work, count)
     keep_forces(work)
+    # One rigid body moves exactly by the exponential of its twist; only where something slides or opens does the
+    # middle of the step, of second order, come nearer.
     if not _all_stick(work, count):
         residual, end, count = _solve_midway(packed, work, state, size, force)
         if end >= UNSOLVED:
@@ -97,6 +102,7 @@ def _solve_here(
     count = find_manifolds(packed, work, REACH * size)
     if count < 0:
         return 0.0, CROWDED, count
+    # A point must not pass its gap in what is left of the step; motions are for a whole one.
     for c in range(count):
         for k in range(work.who[c, 3]):  # what overlaps parts by half a step at a time
             work.gaps[c, k] = max(work.gaps[c, k] / left, -0.5 * size)
@@ -114,6 +120,7 @@ def _solve_midway(
     for i in range(n + 1):
         move(work.poses, state.poses[n], i, work.twists[i], 0.5, packed.length)
     place(packed, work, state)
+    # In the middle of a step that closes a contact there may be no solution though there is one at its start.
     residual, end, count = _solve_here(packed, work, state, size, force, 0.5)
     if end < UNSOLVED:
         return residual, end, count
@@ -139,6 +146,7 @@ def _all_stick(work: Work, count: int) -> bool:
 def _begin_drag(packed: PackedWorld, work: Work, state: State, size: float) -> None:
     """Find the friction forces, on which loads depend that a push above the floor shifts, of one rigid body."""
     predict(work, state, size, True)
+    # A fixed point: friction shifts the load, which changes friction. Later steps take the drag of the one before.
     for _ in range(_SHIFTS):
         floor_terms(packed, work, SMOOTHING * size)
         keep_drag(work, state)

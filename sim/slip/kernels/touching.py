@@ -53,6 +53,7 @@ def find_manifolds(packed: PackedWorld, work: Work, reach: float) -> int:
         if not _manifold(packed, work, a, b, reach, face):
             continue
         body_a, body_b = packed.parts[a, 0], packed.parts[b, 0]
+        # A face that convex pieces share would have a tangential multiplier for each of them: a singular system.
         work.found[q] = _merged(work, found, body_a, body_b, face, packed.length)
         if work.found[q] >= 0:
             continue
@@ -83,6 +84,7 @@ def _apart(packed: PackedWorld, work: Work, a: int, b: int, reach: float) -> boo
 def _best_face(corners: FloatArray, first: int, last: int, begin: int, end: int) -> tuple[float, int]:
     """Return how far the best face of one piece parts it from another (< 0: overlap), and which corner begins it."""
     best, face = -math.inf, -1
+    # A disc has no face.
     if last - first == 1:
         return best, face
     for k in range(first, last):
@@ -107,12 +109,14 @@ def _manifold(packed: PackedWorld, work: Work, a: int, b: int, reach: float, out
         return False
     if face_a < 0 and face_b < 0:
         return _corner_pair(work.corners, a0, b0, rounding_a, rounding, reach, out)
+    # Parallel faces part alike: without a preference rounding would choose anew in every step.
     if away_b > away_a + _SAME * packed.length:
         if packed.corners[face_b, 4] == 0.0:
             return False
         after = face_b + 1 if face_b + 1 < b1 else b0
         touched = _clip(packed, work, face_b, after, a0, a1, rounding_b, rounding, reach, out)
         return _turned_round(out) if touched else False
+    # That face is inside of the body, where two of its pieces meet: another piece has the contact.
     if packed.corners[face_a, 4] == 0.0:
         return False
     after = face_a + 1 if face_a + 1 < a1 else a0
@@ -135,6 +139,7 @@ def _clip(
     """Clip the edge of the piece `begin` to `end` that looks against the face to it; see `_manifold`."""
     corners = work.corners
     x, y, nx, ny = corners[face, 0], corners[face, 1], corners[face, 2], corners[face, 3]
+    # Along the face s, away from it d; 1 and 2 are the edge's ends in the order of s.
     tx, ty = -ny, nx  # from the right to the left end
     length = (corners[after, 0] - x) * tx + (corners[after, 1] - y) * ty
     one = begin
@@ -155,10 +160,12 @@ def _clip(
     )
     if s1 > s2:
         s1, s2, d1, d2, one, other = s2, s1, d2, d1, other, one
+    # Wholly beside the face: corner meets corner, and the normal is the line between them.
     if s2 < 0.0:
         return _corner_pair(corners, face, one, inset, rounding, reach, out)
     if s1 > length:
         return _corner_pair(corners, after, other, inset, rounding, reach, out)
+    # Gaps where the ends of face and edge lie opposite each other.
     slope = (d2 - d1) / (s2 - s1) if s2 > s1 else 0.0
     low, high = max(s1, 0.0), min(s2, length)
     gap_low, gap_high = d1 + slope * (low - s1) - rounding, d1 + slope * (high - s1) - rounding
@@ -182,6 +189,7 @@ def _corner_pair(
     """Fill `out` for two corners with nothing between them; see `_manifold`."""
     dx, dy = corners[other, 0] - corners[one, 0], corners[other, 1] - corners[one, 1]
     distance = math.sqrt(dx * dx + dy * dy)
+    # At one place the line between two corners has no direction.
     if distance - rounding >= reach or distance <= 1e-12:
         return False
     nx, ny = dx / distance, dy / distance

@@ -20,6 +20,7 @@ _SAME_COMMAND = 0.01
 def predict(work: Work, state: State, size: float, rigid: bool) -> None:
     """Set U as in the last step, or that of one rigid body with the plate."""
     n = len(work.gradient)
+    # In the plate's axes a steady push is the same from step to step, also where the plate turns.
     c, s = math.cos(state.poses[n, 2]), math.sin(state.poses[n, 2])
     for i in range(n):
         u, last = work.twists[i], state.twists[i]
@@ -38,7 +39,9 @@ def recall_forces(work: Work, count: int, fresh: bool, force: float, length: flo
     for c in range(count):
         for k in range(3):
             work.modes[c, k] = -1
+            # At the very first nothing is remembered: without a force all would be guessed open, and nothing move.
             work.forces[c, k] = 0.5 * force if fresh and k < 2 and work.gaps[c, 0] < 1e-6 * length else 0.0
+    # Several pairs may share a manifold: the first pair's memory, under which it is looked up, is written last.
     for q in range(len(work.found) - 1, -1, -1):
         if work.found[q] >= 0 and work.memory[q, 3] > 0.0:
             _recall(work.memory[q], work.forces[work.found[q]], work.who[work.found[q], 3])
@@ -104,6 +107,7 @@ def jumped(work: Work, state: State, size: float, length: float, twist: FloatArr
     """Tell whether a motion jumped against the last one although the plate goes on and no contact closed."""
     change, before = _change(work, state, size), state.change[0]
     state.change[0] = change
+    # The first two steps have no change to compare with; a contact that closes may change motions at once.
     if closed or state.steps[0] < 2 or change < max(JUMP, SUDDEN * before):
         return 0
     turned = abs(twist[0] / size - state.command[0]) + abs(twist[1] / size - state.command[1])
