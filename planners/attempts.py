@@ -22,9 +22,6 @@ from pushplan.result import ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
-PATIENCE = 0.5
-"""Share of what is left of the budget that a margin may take without a path, before a lower one is tried."""
-
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
@@ -83,7 +80,8 @@ class Search:
         """
         share, attempt = 0.0, None
         for k, margin in enumerate(margins):
-            share = 1.0 if k == len(margins) - 1 else share + PATIENCE * (1.0 - share)
+            # Half of what is left of the budget may go by without a path before a lower margin is tried.
+            share = 1.0 if k == len(margins) - 1 else 0.5 * (1.0 + share)
             budget = replace(self.budget, patience=share)
             attempt = self._attempt(scenario.with_margin(margin), budget, attempt)
             if attempt.path is not None or self._is_over(attempt):

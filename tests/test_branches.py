@@ -8,7 +8,7 @@ from plain import load_plain
 
 import pushplan
 from pushplan.basics.names import PLANNERS
-from pushplan.planners.improve.branches import MOST, Branches
+from pushplan.planners.improve.branches import MOST_BRANCHES, Branches
 from pushplan.reading.scenario_file import scenario_from_text
 
 WALLED = """\
@@ -27,7 +27,7 @@ obstacles: [{polygon: [[1.2, -1.0], [1.4, -1.0], [1.4, 1.0], [1.2, 1.0]]}]
 def test_a_search_leaves_branches(planner: str) -> None:
     scenario = load_plain("narrow-gap")
     tree = pushplan.plan(scenario, planner=planner, iterations=60, time_limit=20.0, seed=3).tree
-    assert 0 < len(tree) <= MOST
+    assert 0 < len(tree) <= MOST_BRANCHES
     assert np.isfinite(tree).all()
     apart = np.abs(np.diff(tree[:, :, :2], axis=1)).max(axis=(1, 2))
     assert apart.max() > 0.01
@@ -45,7 +45,7 @@ def test_a_search_without_a_path_keeps_the_nearest_way(planner: str) -> None:
 
 
 def test_the_largest_trees_count_and_are_thinned_evenly() -> None:
-    count = 3 * MOST
+    count = 3 * MOST_BRANCHES
     poses = np.arange(3.0 * count).reshape(count, 3)
     kept = Branches()
     kept.offer((poses[:5], np.array([-1, 0, 1, 1, 3])))
@@ -57,6 +57,6 @@ def test_the_largest_trees_count_and_are_thinned_evenly() -> None:
     ]
     kept.offer((poses, np.arange(count) - 1))
     kept.offer((poses[:5], np.array([-1, 0, 0, 0, 0])))
-    assert (len(kept.ends), kept.size) == (MOST, count - 1)
+    assert (len(kept.ends), kept.size) == (MOST_BRANCHES, count - 1)
     assert kept.ends[0].tolist() == poses[[0, 1]].tolist()
     assert kept.ends[-1].tolist() == poses[[-2, -1]].tolist()

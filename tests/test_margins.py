@@ -18,7 +18,7 @@ from pushplan.cli import main
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Chain, Drive
 from pushplan.plan import plan
-from pushplan.planners.problem.margins import HALVINGS, MOST, automatic_margin, margins_to_try
+from pushplan.planners.problem.margins import HALVINGS, MOST_MARGIN, automatic_margin, margins_to_try
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
@@ -73,7 +73,7 @@ def test_auto_is_a_twentieth_or_half_of_the_largest_margin_there_is(
     chain = slippery(make_chain, friction)
     best = largest_margin(stable_set(chain))
     found = automatic_margin(stable_set(chain), chain.pusher.drive)
-    assert min(MOST, 0.5 * best) - 1e-12 <= found <= min(0.05, 0.5 * best * 1.01)
+    assert min(MOST_MARGIN, 0.5 * best) - 1e-12 <= found <= min(0.05, 0.5 * best * 1.01)
 
 
 @pytest.mark.parametrize("friction", [0.05, 0.1, 0.5])
@@ -87,13 +87,13 @@ def test_with_wheels_only_twists_that_these_make_count(
     drive = Drive(kind, np.array([-0.2, aside, 0.0]), radius)
     best = float(stable_set(chain).margin(made_by(drive)).max())
     found = automatic_margin(stable_set(chain), drive)
-    assert min(MOST, 0.5 * best) == pytest.approx(found, rel=0.01)
+    assert min(MOST_MARGIN, 0.5 * best) == pytest.approx(found, rel=0.01)
 
 
 def test_the_margins_to_try_are_halves_and_a_number_stands_alone() -> None:
     scenario = load_scenario("two-crates")
     tried = margins_to_try(scenario, scenario.stable_set())
-    assert tried == tuple(MOST / 2**k for k in range(HALVINGS + 1))
+    assert tried == tuple(MOST_MARGIN / 2**k for k in range(HALVINGS + 1))
     assert margins_to_try(scenario.with_margin(0.03), scenario.stable_set()) == (0.03,)
 
 
@@ -147,9 +147,9 @@ def test_a_stated_margin_is_never_lowered() -> None:
 
 def test_margins_that_are_not_needed_are_not_lowered() -> None:
     result = plan(load_scenario("free-space"), time_limit=60.0, iterations=ITERATIONS)
-    assert (result.margin_asked, result.margin, result.lowered) == (MOST, MOST, "")
+    assert (result.margin_asked, result.margin, result.lowered) == (MOST_MARGIN, MOST_MARGIN, "")
     assert result.min_margin is not None
-    assert result.min_margin > MOST
+    assert result.min_margin > MOST_MARGIN
 
 
 def test_all_margins_share_one_time_limit() -> None:
@@ -202,7 +202,7 @@ def test_the_output_and_the_json_say_that_the_margin_was_lowered(
 
 def test_a_margin_may_be_given_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["plan", "free-space", "--iterations", "2000", "--time-limit", "60", "--json", "--margin"]
-    for margin, meant in (("0.11", 0.11), ("auto", MOST)):
+    for margin, meant in (("0.11", 0.11), ("auto", MOST_MARGIN)):
         assert main([*words, margin]) == 0
         found = json.loads(capsys.readouterr().out)
         assert found["margin"] == found["margin_asked"] == meant

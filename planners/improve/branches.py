@@ -6,7 +6,7 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray, IntArray
 
-MOST = 500
+MOST_BRANCHES = 500
 """Branches that are kept, at most."""
 
 
@@ -31,7 +31,7 @@ class Branches:
         size = sum(int((parents >= 0).sum()) for _, parents in trees)
         if size > self.size:
             ends = np.concatenate([_ends(poses, parents) for poses, parents in trees])
-            kept = np.linspace(0, size - 1, min(size, MOST)).astype(int)
+            kept = np.linspace(0, size - 1, min(size, MOST_BRANCHES)).astype(int)
             self.ends, self.size = ends[kept], size
 
     def offer_nodes(self, *trees: FloatArray) -> None:

@@ -9,10 +9,7 @@ import numpy as np
 from pushplan.basics.arrays import FloatArray
 from pushplan.path import PushPath
 from pushplan.planners.improve.polish import objective_value
-from pushplan.planners.problem.objective import Objective
-
-GAIN = 1e-9
-"""A path counts as better when its value is lower by this much."""
+from pushplan.planners.problem.objective import GAIN, Objective
 
 SHORTEST_ARC = 1e-10
 """Arcs below this (m of cost) are rounding and are left out of paths."""

@@ -7,8 +7,8 @@ import numpy as np
 from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.path import TURN_WEIGHT
-from pushplan.planners.improve.incumbent import GAIN
 from pushplan.planners.improve.polish import merged
+from pushplan.planners.problem.objective import GAIN
 from pushplan.planners.problem.problem import remaining
 
 

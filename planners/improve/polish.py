@@ -13,13 +13,10 @@ from pushplan.basics.arrays import FloatArray, RandomState
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.planners.collision.separation import step
 from pushplan.planners.improve.varying import normals_of, vary
-from pushplan.planners.problem.objective import TRAVEL, Objective, arc_value
+from pushplan.planners.problem.objective import GAIN, TRAVEL, Objective, arc_value
 from pushplan.planners.problem.problem import TRIES, Problem, between, random
 from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
-
-GAIN = 1e-9
-"""Smallest saving, in the unit of the objective, for which a piece of path is exchanged."""
 
 
 @no_refcount

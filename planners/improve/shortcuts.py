@@ -36,6 +36,7 @@ def cut_short(problem: Problem, start: FloatArray, arcs: FloatArray, per_arc: fl
     while i < count:
         j = count
         while j > i + 1:
+            # A word has three arcs: it may be longer by what the arcs count that it saves.
             bound = arcs[i:j, 3].sum() + per_arc * (j - i - 3)
             if (
                 connect(problem.scene, problem.families, corners[i], corners[j], bound, TRIES, word)[0]

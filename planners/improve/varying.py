@@ -13,7 +13,7 @@ from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import step, sweep_is_free
-from pushplan.planners.problem.objective import Objective, arc_value
+from pushplan.planners.problem.objective import GAIN, Objective, arc_value
 from pushplan.planners.problem.problem import Problem, between, random
 from pushplan.planners.problem.rows import put, put_rows
 
@@ -22,9 +22,6 @@ KEEP_SHARE = 0.75
 
 AT_END = 1e-9
 """Share of a segment within which a twist is at its end."""
-
-GAIN = 1e-10
-"""Smallest saving, in the unit of the objective, for which a change is kept."""
 
 
 @compiled

@@ -19,7 +19,7 @@ from pushplan.result import Diagnosis
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
-ROUNDING = 1e-9
+SAME_ANGLE = 1e-9
 """Headings and directions (rad) that differ by less are the same."""
 
 
@@ -73,7 +73,7 @@ def _too_wide(
     if area is None:
         return
     across = min(area.xmax - area.xmin, area.ymax - area.ymin)
-    if abs(turn) > ROUNDING and 2.0 * radius > across:
+    if abs(turn) > SAME_ANGLE and 2.0 * radius > across:
         what = f"makes a circle that does not fit into the workspace, {across:.3g} m across"
     elif math.isfinite(max(radii)) and not _a_word_fits(scenario, segments):
         what = (
@@ -138,7 +138,7 @@ def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diag
     """Without turns the heading stays, and the way lies within the cone of the straight pushes."""
     made = "" if scenario.chain.pusher.drive.axle is None else _drive_words(scenario, "")[0]
     set_name = f"no push of the set {stable.name}{made} turns the chain"
-    if abs(turn) > ROUNDING:
+    if abs(turn) > SAME_ANGLE:
         text = (
             f"the goal cannot be reached: {set_name}, and it asks for a turn by {math.degrees(turn):.4g} deg"
         )
@@ -150,7 +150,7 @@ def _no_turning(scenario: Scenario, stable: StableSet, turn: float) -> list[Diag
     lowest, highest = np.arctan2(cone[:, 1], cone[:, 0])
     direction = math.atan2(away[1], away[0]) - scenario.start[2]
     opening = (highest - lowest) % (2.0 * math.pi)
-    if opening >= math.pi or (direction - lowest) % (2.0 * math.pi) <= opening + ROUNDING:
+    if opening >= math.pi or (direction - lowest) % (2.0 * math.pi) <= opening + SAME_ANGLE:
         return []
     aside = float(se2.wrap_angle(direction))
     text = (
@@ -168,7 +168,7 @@ def _one_sided(scenario: Scenario, stable: StableSet, turn: float, radii: Turnin
     able, unable, sign = ("left", "right", -1.0) if math.isfinite(radii.left) else ("right", "left", 1.0)
     away = scenario.goal.pose_chain[:2] - scenario.start[:2]
     aside = math.cos(scenario.start[2]) * away[1] - math.sin(scenario.start[2]) * away[0]
-    if sign * turn <= ROUNDING and sign * aside <= ROUNDING:
+    if sign * turn <= SAME_ANGLE and sign * aside <= SAME_ANGLE:
         return []
     radius, of_set = min(radii), _of_set(scenario, stable)
     made, alone = ("", "") if of_set is None else _drive_words(scenario, _sides(of_set))

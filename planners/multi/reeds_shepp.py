@@ -21,6 +21,7 @@ FORMULAS = 11
 MOST_WORDS = 4 * FORMULAS
 
 ROUNDING = 1e-10
+"""By so much, in radii of turning, lengths of the wrong sign are zeros; not tuned."""
 
 
 @inlined

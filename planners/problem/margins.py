@@ -12,13 +12,13 @@ from pushplan.planners.problem.controls import drive_twists
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
-MOST = 0.05
+MOST_MARGIN = 0.05
 """What `auto` asks for where the chain can have it.
 
 With it 89 % of plans survive nine perturbations (frictions, loads, places), without it 39 %, for 0.4 % more way.
 """
 
-SHARE = 0.5
+MARGIN_SHARE = 0.5
 """What `auto` asks for at most, as a share of the largest margin there is."""
 
 HALVINGS = 5
@@ -35,8 +35,8 @@ def margins_to_try(scenario: Scenario, stable: StableSet) -> tuple[float, ...]:
 
 
 def automatic_margin(stable: StableSet, drive: Drive) -> float:
-    """Return min(`MOST`, `SHARE` of the largest margin that the drive can have); 0 where nothing is stable."""
-    return min(MOST, SHARE * _best_margin(stable, drive, MOST / SHARE))
+    """Return the smaller of `MOST_MARGIN` and `MARGIN_SHARE` of the largest there is; 0 where nothing is stable."""
+    return min(MOST_MARGIN, MARGIN_SHARE * _best_margin(stable, drive, MOST_MARGIN / MARGIN_SHARE))
 
 
 def _best_margin(stable: StableSet, drive: Drive, enough: float) -> float:

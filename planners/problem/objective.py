@@ -26,6 +26,9 @@ from pushplan.stable_sets.stable_set import StableSet
 TRAVEL, MARGIN, REST_TO_REST, PASSING = 0, 1, 2, 3
 """Kinds of objectives."""
 
+GAIN = 1e-9
+"""What is better by less, in the unit of the objective (m or s), is taken for rounding; not tuned."""
+
 GRIDS = {"margin": 129, "time": 33}
 """Longitudes and latitudes of the table; fewer where an entry takes longer."""
 

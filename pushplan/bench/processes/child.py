@@ -33,7 +33,7 @@ HEAD = struct.Struct("!Q")
 OUTPUT = "output.txt"
 """File in the run's folder that takes the process's standard streams."""
 
-ROOM = 1000.0
+GROWTH_MEGABYTES = 1000.0
 """MB beyond the memory limit at which the kernel refuses more: what a run may grow by between two looks at it."""
 
 
@@ -77,7 +77,7 @@ def carry_out(folder: Path, result: int, sentinel: int) -> NoReturn:
 
 def _ended(work: Work, task: Task, folder: Path) -> Ended:
     try:
-        limit_memory(task.megabytes + ROOM)
+        limit_memory(task.megabytes + GROWTH_MEGABYTES)
         figures = work(task, folder)
         return Ended(figures.status, figures.reason, figures)
     except MemoryError:
