@@ -151,9 +151,9 @@ def _aside(chain: Chain, i: int, distance: float) -> Chain | None:
             by = contact.pusher
             pushing = chain.pusher.outline if by == PLATE else moved.objects[by].outline_chain
             touch = find_touch(pushing, moved.objects[k].outline_chain)
-            if touch is None or not len(touch.segments):
+            if touch is None or not len(touch):
                 return None
-            same = [s for s in touch.segments if (s[1] - s[0]) @ contact.tangent > 0.0]
+            same = [s for s in touch if (s[1] - s[0]) @ contact.tangent > 0.0]
             contacts[k] = replace(contact, right=same[0][0], left=same[0][1])
     return replace(moved, contacts=tuple(contacts))
 

@@ -157,8 +157,6 @@ def _contacts(plate: FloatArray, found: list[list[int]], outlines: list[FloatArr
     ):
         return {}
     touches = {i: find_touch(plate, outlines[i]) for (i,) in touched}
-    if any(touch is None or len(touch.segments) != 1 for touch in touches.values()):
+    if any(touch is None or len(touch) != 1 for touch in touches.values()):
         return {}
-    return {
-        i: np.asarray(touch.segments[0].mean(axis=0)) for i, touch in touches.items() if touch is not None
-    }
+    return {i: np.asarray(touch[0].mean(axis=0)) for i, touch in touches.items() if touch is not None}

@@ -116,8 +116,8 @@ def task_of(run: RunSpec) -> Task:
         gap=planner.gap,
         stable_set=run.stable_set,
         seed=run.seed,
-        seconds=run.limits.seconds,
-        megabytes=run.limits.megabytes,
+        seconds=run.seconds,
+        megabytes=run.megabytes,
         version=run.version,
         trials=run.trials,
     )

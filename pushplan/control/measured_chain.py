@@ -75,7 +75,7 @@ def slid(chain: Chain, slides: Sequence[float] | FloatArray) -> Chain:
 def _again(contact: Contact, pushing: FloatArray, pushed: FloatArray) -> Contact:
     """Return the contact with the segment along which the outlines touch now."""
     touch = find_touch(pushing, pushed)
-    segments = [] if touch is None else list(touch.segments)
+    segments = [] if touch is None else list(touch)
     facing = [s for s in segments if (s[1] - s[0]) @ contact.tangent > 0.99 * np.linalg.norm(s[1] - s[0])]
     if not facing:
         raise ChainError(f"object {contact.pushed} has slid off what pushes it")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import shapely
 
@@ -16,28 +14,17 @@ SHORTEST_CONTACT = 1e-4
 """Length below which a contact counts as a point, m."""
 
 
-@dataclass(frozen=True, eq=False)
-class Touch:
-    """How an outline touches another one.
+def find_touch(first: FloatArray, second: FloatArray) -> FloatArray | None:
+    """Return along which segments two counter-clockwise outlines (v, 2) in one frame touch, or None if they do not.
 
-    Attributes:
-        segments: (k, 2, 2) contact segments, one per straight line, m, from right to left of the normal that
-            points from the first outline into the second; none when they touch at points only.
-    """
-
-    segments: FloatArray
-
-
-def find_touch(first: FloatArray, second: FloatArray) -> Touch | None:
-    """Return how two counter-clockwise outlines (v, 2) in one frame touch, or None when they do not.
-
-    Pieces of contact on one straight line count as one segment from end to end: forces at the ends of that
-    segment span the forces of all of them.
+    Segments (k, 2, 2), one per straight line, go from right to left of the normal that points from the first outline
+    into the second, m; there are none where the outlines touch at points only. Pieces of contact on one straight line
+    count as one segment from end to end: forces at the ends of that segment span the forces of all of them.
     """
     if _gap(first, second) > TOUCH:
         return None
     pieces = _shared_pieces(first, second)
-    return Touch(np.array([_hull(group) for group in _lines(pieces)]).reshape(-1, 2, 2))
+    return np.array([_hull(group) for group in _lines(pieces)]).reshape(-1, 2, 2)
 
 
 def _gap(first: FloatArray, second: FloatArray) -> float:

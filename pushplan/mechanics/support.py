@@ -33,9 +33,9 @@ class Support(ABC):
         """(2,) centre of pressure of the object at rest, m."""
 
     @property
-    @abstractmethod
     def known(self) -> bool:
         """Whether the distribution of the load is known, not only its centre."""
+        return True
 
     @property
     @abstractmethod
@@ -90,11 +90,6 @@ class UniformSupport(Support):
     def center(self) -> FloatArray:
         """(2,) centre of pressure, m."""
         return self.moments.centroid if self.center_of_mass is None else self.center_of_mass
-
-    @property
-    def known(self) -> bool:
-        """True."""
-        return True
 
     @cached_property
     def hull(self) -> FloatArray:
@@ -198,11 +193,6 @@ class PressureMapSupport(Support):
     def center(self) -> FloatArray:
         """(2,) centre of pressure, m."""
         return self.fractions @ self.points
-
-    @property
-    def known(self) -> bool:
-        """True."""
-        return True
 
     @cached_property
     def hull(self) -> FloatArray:

@@ -57,7 +57,7 @@ def _troubles(outline: FloatArray, pose: FloatArray, parts: Sequence[Part], layo
             yield overlap
             continue
         touch = find_touch(outline, object_outline)
-        segments = [] if touch is None else list(touch.segments)
+        segments = [] if touch is None else list(touch)
         # Along the plate's own contact the plate pushes; anywhere else the robot itself would.
         if any(shapely.difference(shapely.LineString(s), plate).length > SHORTEST_CONTACT for s in segments):
             yield (

@@ -17,7 +17,7 @@ from pushplan.bench.processes.local import local_outcomes
 from pushplan.bench.storage.folder import ResultsFolder
 from pushplan.bench.suites.file import SuiteError, load_suite, suite_from_text, suite_names
 from pushplan.bench.suites.selection import SelectionError, chosen, with_key
-from pushplan.bench.suites.suite import RunLimits, RunSpec, Suite
+from pushplan.bench.suites.suite import RunSpec, Suite
 from pushplan.commands.bench import time_left
 from pushplan.examples import example_text
 from pushplan.scenario import CircleObstacle, Scenario
@@ -55,7 +55,7 @@ def test_a_suite_is_problems_times_planners_times_sets_times_seeds() -> None:
     runs = _runs(suite)
     assert len(runs) == 3 * 2 * 2 * 2 == len({run.key for run in runs})
     assert {run.seed for run in runs[:12]} == {3}
-    assert runs[0].limits == RunLimits(5.0 * 1.5 + 30.0, 1000.0)
+    assert (runs[0].seconds, runs[0].megabytes) == (5.0 * 1.5 + 30.0, 1000.0)
 
 
 def test_what_is_left_out_has_a_default() -> None:
@@ -64,7 +64,7 @@ def test_what_is_left_out_has_a_default() -> None:
     assert suite.seeds == tuple(range(1, 11))
     (run, *_) = _runs(suite)
     assert str(run) == "problem=feet planner=auto set=ecof seed=1"
-    assert run.limits == RunLimits(7.0, 2000.0)
+    assert (run.seconds, run.megabytes) == (7.0, 2000.0)
 
 
 def test_scenario_files_are_looked_for_beside_the_suite(tmp_path: Path) -> None:

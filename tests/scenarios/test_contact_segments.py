@@ -55,7 +55,7 @@ def test_the_contact_of_flush_boxes_is_what_shapely_intersects(
     second = se2.transform_points(pose, moved(box_outline(0.1, other), 0.5 * length + 0.05, offset))
     touch = find_touch(first, second)
     assert touch is not None
-    ((right, left),) = touch.segments
+    ((right, left),) = touch
     local = se2.transform_points(se2.inverse(pose), np.array([right, left]))
     line = shapely.LineString([[0.5 * length, -0.5 * width], [0.5 * length, 0.5 * width]])
     facing = shapely.LineString([[0.5 * length, offset - 0.5 * other], [0.5 * length, offset + 0.5 * other]])
@@ -76,12 +76,12 @@ def test_a_box_laid_on_any_edge_touches_along_that_edge(
     assume(overlap_area(outline, box) < 1e-12)
     touch = find_touch(se2.transform_points(pose, outline), se2.transform_points(pose, box))
     assert touch is not None
-    lengths = np.linalg.norm(touch.segments[:, 1] - touch.segments[:, 0], axis=1)
+    lengths = np.linalg.norm(touch[:, 1] - touch[:, 0], axis=1)
     shared = shapely.intersection(
         shapely.LineString([begin, end]), shapely.Polygon(box).exterior.buffer(1e-8)
     )
     assert lengths.max() == pytest.approx(shared.length, abs=1e-6)
-    tangent = (touch.segments[0, 1] - touch.segments[0, 0]) / lengths[0]
+    tangent = (touch[0, 1] - touch[0, 0]) / lengths[0]
     normal = se2.rotate(-pose[2], [tangent[1], -tangent[0]])
     np.testing.assert_allclose(normal, [math.cos(heading), math.sin(heading)], atol=1e-5)
 
@@ -90,20 +90,20 @@ def test_pieces_on_one_line_count_as_one_segment() -> None:
     block = moved(box_outline(1.0, 0.4), 0.5, 1.2)
     touch = find_touch(U_SHAPE, block)
     assert touch is not None
-    np.testing.assert_allclose(touch.segments, [[[1.0, 1.0], [0.0, 1.0]]], atol=1e-12)
+    np.testing.assert_allclose(touch, [[[1.0, 1.0], [0.0, 1.0]]], atol=1e-12)
 
 
 def test_an_object_in_a_corner_touches_along_two_lines() -> None:
     touch = find_touch(U_SHAPE, moved(box_outline(0.2, 0.2), 0.7, 0.3))
     assert touch is not None
-    assert len(touch.segments) == 2
+    assert len(touch) == 2
 
 
 def test_corner_contact_has_no_segment_and_distance_no_contact() -> None:
     first = box_outline(1.0, 1.0)
     corner = find_touch(first, moved(first, 1.0, 1.0))
     assert corner is not None
-    assert len(corner.segments) == 0
+    assert len(corner) == 0
     assert find_touch(first, moved(first, 1.0 + 2.0 * TOUCH, 0.0)) is None
     assert find_touch(first, moved(first, 1.0 + 0.5 * TOUCH, 0.0)) is not None
 

@@ -70,19 +70,6 @@ class PlannerSetup:
         return {name: value for name, value in asdict(self).items() if name != "label"}
 
 
-@dataclass(frozen=True)
-class RunLimits:
-    """What a run may use before it is ended.
-
-    Attributes:
-        seconds: Wall-clock time of the whole run, s.
-        megabytes: Memory that it may allocate, MB.
-    """
-
-    seconds: float
-    megabytes: float
-
-
 @dataclass(frozen=True, eq=False)
 class RunSpec:
     """One run of a suite.
@@ -93,7 +80,8 @@ class RunSpec:
         planner: By which planner.
         stable_set: Within which stable set.
         seed: From which random numbers.
-        limits: Within which limits.
+        seconds: Wall-clock time of the whole run after which it is ended, s.
+        megabytes: Memory that it may allocate, MB.
         version: Of the package.
         trials: Number of sampled worlds that its plan is tried in.
     """
@@ -103,7 +91,8 @@ class RunSpec:
     planner: PlannerSetup
     stable_set: str
     seed: int
-    limits: RunLimits
+    seconds: float
+    megabytes: float
     version: str
     trials: int = 0
 
@@ -155,13 +144,12 @@ class Suite:
             for name in self.sets or (problem.scenario.stability.set,):
                 tried = {"trials": self.trials} if self.trials else {}
                 key = run_key(problem.hash, {**planner.settings, **tried}, name, seed, version)
-                limits = self.limits_for(planner)
-                yield RunSpec(key, problem, planner, name, seed, limits, version, self.trials)
+                limits = self.seconds_for(planner), self.megabytes
+                yield RunSpec(key, problem, planner, name, seed, *limits, version, self.trials)
 
-    def limits_for(self, planner: PlannerSetup) -> RunLimits:
-        """Return the limits of a run with a planner."""
-        seconds = 5.0 * planner.time + 30.0 if self.run_seconds is None else self.run_seconds
-        return RunLimits(seconds, self.megabytes)
+    def seconds_for(self, planner: PlannerSetup) -> float:
+        """Return how long a run with a planner may take, s."""
+        return 5.0 * planner.time + 30.0 if self.run_seconds is None else self.run_seconds
 
 
 def run_key(problem: str, settings: Mapping[str, object], stable_set: str, seed: int, version: str) -> str:

@@ -63,7 +63,7 @@ def _touching(i: int, parts: Sequence[Part], layout: Layout, report: Report) -> 
             overlaps = True
         touch = find_touch(outline, layout.outlines[i])
         if touch is not None:
-            touching[j] = touch.segments
+            touching[j] = touch
     return None if overlaps else touching
 
 

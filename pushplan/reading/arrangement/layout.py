@@ -140,12 +140,12 @@ def _place_first(
     outline = se2.transform_points(pose, part.outline)
     trouble = describe_overlap(("the plate", plate), (part.name, outline), pose)
     touch = find_touch(plate, outline)
-    if trouble is None and (touch is None or len(touch.segments) == 0):
+    if trouble is None and (touch is None or len(touch) == 0):
         trouble = describe_gap(("the plate", plate), (part.name, outline), pose)
     if trouble is not None or touch is None:
         report.add(("objects", 0), trouble or "")
         return None
-    origin = touch.segments[0].mean(axis=0).round(15)  # so that what is symmetric stays so
+    origin = touch[0].mean(axis=0).round(15)  # so that what is symmetric stays so
     if part.pose is None:
         return _First(plate - origin, pose - [*origin, 0.0])
     away = float(np.linalg.norm(origin))

@@ -60,7 +60,7 @@ def describe_gap(fixed: Named, moving: Named, pose: FloatArray) -> str:
     state = f"the gap is {millimetres(gap)}" if gap > TOUCH else "they meet at a point"
     text = f"'{moving[0]}' and {fixed[0]} do not touch along a line: {state}"
     touch = find_touch(fixed[1], moving[1] + step)
-    if touch is not None and len(touch.segments):
+    if touch is not None and len(touch):
         x, y, theta = pose + np.append(step, 0.0)
         return f"{text}; write pose: [{x:.6g}, {y:.6g}, {theta:.6g}]{_or_snap(gap)}"
     turn = _smallest_turn(fixed[1], moving[1])
