@@ -43,7 +43,7 @@ def check_errands(runs: Sequence[RecordedRun]) -> Iterator[Check]:
         if plate is not None:
             yield _begins(f"errand {k}: the robot's pose", _plate(run)[0], plate)
         for name, before in moved.items():
-            end = _loads(before)[-1]
+            end = _executed(before).load_poses[-1]
             if name == errand_of(run):
                 yield _begins(f"errand {k}: the pose of {name}", run.scenario.start, end)
                 continue
@@ -73,7 +73,3 @@ def _executed(run: RecordedRun) -> Execution:
 def _plate(run: RecordedRun) -> FloatArray:
     """Return where the plate's frame is in the world (m, 3)."""
     return se2.compose(_executed(run).poses, run.scenario.chain.pusher.plate_pose)
-
-
-def _loads(run: RecordedRun) -> FloatArray:
-    return _executed(run).load_poses

@@ -50,9 +50,8 @@ class ExecutionWriter:
         batch = channels.prepare(messages, instants[shown])
         for second in seconds:
             channels.send_batch(batch, *np.searchsorted(shown, [second.start, second.stop]))
-            block = execution_message.encode_block(execution, second)
-            block.timestamp.CopyFrom(channels.advance(int(instants[second.stop - 1])))
-            channels.send(schemas.EXECUTION, block)
+            channels.advance(int(instants[second.stop - 1]))
+            channels.send_stamped(schemas.EXECUTION, execution_message.encode_block(execution, second))
             self._send_segments(float(execution.t[second.stop - 1]))
             channels.flush()
 

@@ -75,16 +75,12 @@ class FeedbackWriter:
         self._channels.send(schemas.MEASURED, poses_in_world(poses, self._channels.stamp))
 
     def _event(self, event: Event) -> None:
-        message = feedback_message.encode_event(event)
-        message.timestamp.CopyFrom(self._channels.stamp)
-        self._channels.send(schemas.EVENTS, message)
+        self._channels.send_stamped(schemas.EVENTS, feedback_message.encode_event(event))
         self._log("warning" if event.kind in WARNINGS else "info", f"{event.kind}: {event.text}")
 
     def _replan(self, replan: Replan) -> None:
         """Write a plan; viewers show it from then on."""
-        message = feedback_message.encode_replan(replan)
-        message.timestamp.CopyFrom(self._channels.stamp)
-        self._channels.send(schemas.REPLANS, message)
+        self._channels.send_stamped(schemas.REPLANS, feedback_message.encode_replan(replan))
         plan = replan.result
         if plan is None or plan.path is None or plan.trajectory is None:
             return
@@ -95,7 +91,5 @@ class FeedbackWriter:
 
     def _block(self, execution: Execution, second: slice) -> None:
         """Write the samples of a simulated second, and flush."""
-        block = execution_message.encode_block(execution, second)
-        block.timestamp.CopyFrom(self._channels.stamp)
-        self._channels.send(schemas.EXECUTION, block)
+        self._channels.send_stamped(schemas.EXECUTION, execution_message.encode_block(execution, second))
         self._channels.flush()

@@ -68,10 +68,7 @@ def check_segments(scenario: Scenario, plan: PlanResult, execution: Execution) -
     for k, segment in enumerate(plan.segments):
         what = f"segment {k + 1}, {segment.kind}"
         yield Check(
-            f"{what}: begins and ends at rest", _speed_at_ends(plan.trajectory, segment.t0, segment.t1)
+            f"{what}: begins and ends at rest",
+            float(np.abs(plan.trajectory.twists_at(np.array([segment.t0, segment.t1]))).max()),
         )
     yield Check("segments", math.inf if wrong else 0.0, 0.0, what=wrong or "join, free and stable")
-
-
-def _speed_at_ends(trajectory: Trajectory, t0: float, t1: float) -> float:
-    return float(np.abs(trajectory.twists_at(np.array([t0, t1]))).max())

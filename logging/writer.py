@@ -153,13 +153,9 @@ class RunLogWriter:
         channels.note(metadata.PLANNING, effort)
         for point in plan.progress[self._improvements :]:
             self._send_progress(point)
-        costs = plan_message.encode_costs(plan.progress)
-        costs.timestamp.CopyFrom(channels.stamp)
-        channels.send(schemas.COSTS, costs)
+        channels.send_stamped(schemas.COSTS, plan_message.encode_costs(plan.progress))
         self._segments = plan.segments
-        message = plan_message.encode(plan)
-        message.timestamp.CopyFrom(channels.stamp)
-        channels.send(schemas.PLAN, message)
+        channels.send_stamped(schemas.PLAN, plan_message.encode(plan))
         self._show_plan(plan)
         channels.attach(LAYOUT_FILE, "application/json", layout_text(self._scenario, plan))
         self.log("info" if plan.solved else "warning", plan_sentence(plan))
@@ -178,9 +174,7 @@ class RunLogWriter:
         self._channels.flush()
 
     def _send_progress(self, point: ProgressPoint) -> None:
-        message = plan_message.encode_progress(point)
-        message.timestamp.CopyFrom(self._channels.stamp)
-        self._channels.send(schemas.PROGRESS, message)
+        self._channels.send_stamped(schemas.PROGRESS, plan_message.encode_progress(point))
         self._improvements += 1
 
     def _show_plan(self, plan: PlanResult) -> None:
@@ -219,10 +213,7 @@ class RunLogWriter:
         self._channels.flush()
 
     def _end_execution(self, execution: Execution) -> None:
-        channels = self._channels
-        end = execution_message.encode_end(execution)
-        end.timestamp.CopyFrom(channels.stamp)
-        channels.send(schemas.EXECUTION_END, end)
+        self._channels.send_stamped(schemas.EXECUTION_END, execution_message.encode_end(execution))
         self.log("info" if execution.loss is None else "warning", execution_sentence(execution))
         self._words |= metadata.execution_words(execution)
 

@@ -21,9 +21,9 @@ from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.contacts import cone_heights, largest_force, longest_arrow, worst_contacts
 from pushplan.logging.view.scene import ghosts, obstacle_outline
+from pushplan.logging.view.shapes import body_colours
 from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import shown_ways, window
-from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.friction_cone import friction_cone
 from pushplan.outputs.write import write_whole
@@ -32,8 +32,6 @@ from pushplan.scenario import Scenario
 
 MOST_SAMPLES = 5_000
 """Samples of an execution that the page holds, at most, beside the smallest margins."""
-
-_DIGITS = 5
 
 
 def write_html(run: Run | RecordedRun, path: Path | str) -> None:
@@ -82,16 +80,9 @@ def _world(scenario: Scenario) -> dict[str, Any]:
 
 
 def _bodies(chain: Chain) -> list[dict[str, Any]]:
-    paints = iter(colours.object_colours(len(chain.objects)))
-    carrying = {BodyKind.ROBOT: colours.ROBOT, BodyKind.PLATE: colours.PLATE}
     return [
-        {
-            "name": body.name,
-            "kind": body.kind.value,
-            "outline": _plain(body.outline),
-            "colour": carrying.get(body.kind) or next(paints),
-        }
-        for body in chain.bodies
+        {"name": body.name, "kind": body.kind.value, "outline": _plain(body.outline), "colour": colour}
+        for body, colour in zip(chain.bodies, body_colours(chain), strict=True)
     ]
 
 
@@ -178,7 +169,7 @@ def _kept(execution: Execution) -> IntArray:
 
 
 def _plain(values: FloatArray) -> list[Any]:
-    plain = np.round(values, _DIGITS).astype(object)
+    plain = np.round(values, 5).astype(object)  # 0.01 mm: far below a pixel
     plain[~np.isfinite(values)] = None
     rows: list[Any] = plain.tolist()
     return rows

@@ -32,9 +32,6 @@ _FREE_RECORDS, _BYTES_PER_RECORD = 10_000, 40
 _BYTES_PER_OUTER_RECORD = 100
 """... and 10,000 + s/100 records that lie outside of chunks, which take longer to read."""
 
-_KEPT_SHARE = 2
-_TOTAL_SHARE = 10
-
 
 class ExhaustedError(DamageError):
     """A budget is used up: nothing more may be read."""
@@ -46,8 +43,8 @@ class Budget:
     def __init__(self, size: int) -> None:
         self._outer = _FREE_RECORDS + size // _BYTES_PER_OUTER_RECORD
         self._records = _FREE_RECORDS + size // _BYTES_PER_RECORD
-        self._bytes = min(max(TOTAL_LIMIT, _TOTAL_SHARE * size), _FREE_BYTES + _INFLATION * size)
-        self._kept = max(KEPT_LIMIT, _KEPT_SHARE * size)
+        self._bytes = min(max(TOTAL_LIMIT, 10 * size), _FREE_BYTES + _INFLATION * size)
+        self._kept = max(KEPT_LIMIT, 2 * size)
 
     def outer_record(self, offset: int) -> None:
         """Take a record at `offset` that lies outside of chunks.

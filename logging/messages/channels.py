@@ -71,6 +71,11 @@ class Channels:
         data = message if isinstance(message, bytes) else message.SerializeToString(deterministic=True)
         self._writer.add_message(self._channels[topic], self._now, data)
 
+    def send_stamped(self, topic: Topic, message: MessageClass) -> None:
+        """Write `message` with the current simulated time in its field `timestamp`."""
+        message.timestamp.CopyFrom(self.stamp)
+        self.send(topic, message)
+
     def prepare(self, rows: Mapping[Topic, ByteRows], instants: IntArray) -> Batch:
         """Return messages of several topics at each of the `instants` (n,), ns, for `send_batch`.
 
@@ -84,10 +89,9 @@ class Channels:
         """Write the messages at the instants from `begin` to `end`, excluded."""
         self._writer.add_batch(batch, begin, len(batch.times) if end is None else end)
 
-    def advance(self, instant: int) -> Timestamp:
-        """Set the simulated time, ns, for the messages to come, and return it as a time stamp."""
+    def advance(self, instant: int) -> None:
+        """Set the simulated time, ns, for the messages to come."""
         self._now = instant
-        return self.stamp
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Write an attachment."""

@@ -13,7 +13,6 @@ FOLDER = "PUSHPLAN_RUNS"
 """Names the folder in the environment."""
 
 _NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-[\w.+-]+-seed-?\d+(-\d+)?\.mcap(\.partial)?", re.ASCII)
-_LONGEST = 64
 
 
 def runs_folder(asked: Path | str | None = None) -> Path:
@@ -46,7 +45,7 @@ def new_log(folder: Path, scenario: str, seed: int) -> Path:
     except OSError as error:
         raise OutputError(str(folder), f"cannot make this folder: {error.strerror}") from error
     now = datetime.now(UTC)
-    plain = re.sub(r"[^\w.+-]+", "_", scenario, flags=re.ASCII)[:_LONGEST] or "_"
+    plain = re.sub(r"[^\w.+-]+", "_", scenario, flags=re.ASCII)[:64] or "_"
     stem = f"{now:%Y%m%dT%H%M%S}.{now.microsecond // 1000:03d}Z-{plain}-seed{seed}"
     tried = 1
     path = folder / f"{stem}.mcap"

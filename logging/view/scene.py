@@ -91,7 +91,8 @@ def ghosts(scenario: Scenario) -> dict[str, list[FloatArray]]:
     """Return the world outlines of what stands at start and goals, the robot at the goal of one push only."""
     chain, pushes = scenario.chain, scenario.pushes
     if pushes is None:
-        return {name: chain.outlines_at(pose) for name, pose in _ends(scenario).items()}
+        ends = {"start": scenario.start, "goal": scenario.goal.pose_chain}
+        return {name: chain.outlines_at(pose) for name, pose in ends.items()}
     goals = [
         se2.transform_points(goal.pose_chain, obj.outline_chain)
         for goal in pushes.goals
@@ -104,10 +105,6 @@ def ghosts(scenario: Scenario) -> dict[str, list[FloatArray]]:
         "start": chain.outlines_at(scenario.robot_start, scenario.start),
         "goal": list(different.values()),
     }
-
-
-def _ends(scenario: Scenario) -> dict[str, FloatArray]:
-    return {"start": scenario.start, "goal": scenario.goal.pose_chain}
 
 
 def _ghost(name: str, chain: Chain, pose: FloatArray, paint: Paint) -> SceneEntity:

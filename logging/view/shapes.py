@@ -15,13 +15,14 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.basics.colours import red_green_blue
+from pushplan.basics.colours import PLATE, ROBOT, object_colours, red_green_blue
 from pushplan.logging.mcap.message_template import MessageTemplate
+from pushplan.mechanics.body import BodyKind
+from pushplan.mechanics.chain import Chain
 
 CIRCLE_CORNERS = 48
 """Corners of the polygon that is drawn for a circle."""
 
-_LINE_PIXELS = 2.0
 
 Primitive = TypeVar("Primitive", LinePrimitive, TriangleListPrimitive)
 
@@ -46,6 +47,13 @@ class Paint(NamedTuple):
         return Color(**self._asdict())
 
 
+def body_colours(chain: Chain) -> list[str]:
+    """Return the colour of every body of a chain."""
+    objects = iter(object_colours(len(chain.objects)))
+    carrying = {BodyKind.ROBOT: ROBOT, BodyKind.PLATE: PLATE}
+    return [carrying.get(body.kind) or next(objects) for body in chain.bodies]
+
+
 def circle(center: FloatArray, radius: float) -> FloatArray:
     """Return a polygon (v, 2) through points of a circle, counter-clockwise."""
     angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_CORNERS, endpoint=False)
@@ -65,7 +73,7 @@ def line(points: FloatArray, z: float, paint: Paint, kind: int = LinePrimitive.L
     primitive = LinePrimitive(
         type=kind,  # type: ignore[arg-type]
         pose=identity(),
-        thickness=_LINE_PIXELS,
+        thickness=2.0,  # pixels
         scale_invariant=True,
         color=paint.color,
     )

@@ -7,6 +7,7 @@ import os
 import shlex
 from collections import Counter
 from collections.abc import Generator, Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -163,9 +164,9 @@ def _run(args: argparse.Namespace, suite: Suite, folder: ResultsFolder, console:
 
 def _engine(args: argparse.Namespace, folder: ResultsFolder) -> Engine:
     if args.scheduler is not None:
-        from pushplan.bench.processes.cluster import cluster_engine
+        from pushplan.bench.processes.cluster import cluster_outcomes
 
-        return cluster_engine(args.scheduler)
+        return partial(cluster_outcomes, address=args.scheduler)
     from pushplan.bench.processes.fork_server import supervisor
     from pushplan.bench.processes.local import local_outcomes
 

@@ -37,10 +37,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     with console.computing(f"learning from {len(args.logs)} logs") as progress:
         from pushplan.identify import identify
 
-        def done(rounds: int, most: int) -> None:
-            progress.tell(f"[{'#' * round(20 * rounds / most):20}] {rounds} of {most}")
-
-        found = identify(args.logs, seed=args.seed, jobs=args.jobs, progress=done)
+        found = identify(args.logs, seed=args.seed, jobs=args.jobs, progress=progress.tell_share)
     console.say(console.paint(f"learned from {len(args.logs)} logs, 90 % intervals", "bold"))
     console.table(rows(found))
     if args.output is not None:

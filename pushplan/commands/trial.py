@@ -85,10 +85,6 @@ def _tried(args: argparse.Namespace, scenario: Scenario, plan: PlanResult, conso
     with console.computing(f"executing {args.samples} trials") as progress:
         from pushplan.sim.trials.execute import execute_trials
 
-        def done(samples: int) -> None:
-            share = samples / args.samples
-            progress.tell(f"[{'#' * round(20 * share):20}] {samples} of {args.samples}")
-
         return execute_trials(
             scenario,
             plan.trajectory,
@@ -96,7 +92,7 @@ def _tried(args: argparse.Namespace, scenario: Scenario, plan: PlanResult, conso
             args.uncertainty,
             args.seed,
             jobs=args.jobs,
-            progress=done,
+            progress=lambda done: progress.tell_share(done, args.samples),
         )
 
 

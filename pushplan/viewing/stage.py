@@ -10,10 +10,10 @@ import shapely
 import trimesh
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.basics.colours import GOAL, PATH, PLATE, ROBOT, object_colours, red_green_blue
+from pushplan.basics.colours import GOAL, PATH, red_green_blue
 from pushplan.geometry import se2
 from pushplan.logging.view.scene import obstacle_outline
-from pushplan.mechanics.body import BodyKind
+from pushplan.logging.view.shapes import body_colours
 from pushplan.mechanics.chain import Chain
 from pushplan.viewing.draft import Draft, middle
 
@@ -23,7 +23,6 @@ MOST_DRAGGED = 40
 _HEIGHT = 0.04
 """Of all bodies in the picture, m."""
 _OBSTACLE, _UNKNOWN = "#8b8f96", "#c9c3b4"
-_GRID = "#d8dade"
 _CELL = 0.5
 """Between the lines of the floor, m."""
 _FLOOR = 10.0
@@ -97,10 +96,7 @@ class Stage:
     def draw_chain(self, chain: Chain, frame: FloatArray) -> None:
         """Draw the chain at the start, where its frame is `frame` (2,) aside, at the goal and as it is played."""
         self._chain = chain
-        colours = iter(object_colours(len(chain.objects)))
-        fixed = {BodyKind.ROBOT: ROBOT, BodyKind.PLATE: PLATE}
-        for k, body in enumerate(chain.bodies):
-            colour = fixed.get(body.kind) or next(colours)
+        for k, (body, colour) in enumerate(zip(chain.bodies, body_colours(chain), strict=True)):
             self._body(f"/start/body{k}", body.outline + frame, colour)
             self._body(f"/goal/body{k}", body.outline, GOAL, opacity=0.35)
             self._body(f"/played/body{k}", body.outline, colour, z=0.002)
@@ -109,7 +105,7 @@ class Stage:
         """Draw the way (k, 3) of the chain frame, and the chain's outline along it; None stands for no plan."""
         points = np.zeros((2, 2)) if poses is None else poses[:, :2]
         outlines = [] if poses is None else self._outlines(poses)
-        self._lines("/plan/way", _strip(points), PATH, 4.0, poses is not None)
+        self._lines("/plan/way", np.stack([points[:-1], points[1:]], axis=1), PATH, 4.0, poses is not None)
         segments = np.concatenate(outlines) if outlines else np.zeros((1, 2, 2))
         self._lines("/plan/outlines", segments, PATH, 1.0, bool(outlines))
 
@@ -174,7 +170,7 @@ class Stage:
             if area is None
             else (np.array([area.xmin, area.ymin]), np.array([area.xmax, area.ymax]))
         )
-        self._lines("/floor", _grid(low, high), _GRID, 1.0, True, z=0.0)
+        self._lines("/floor", _grid(low, high), "#d8dade", 1.0, True, z=0.0)
         if area is not None:
             ring = np.stack([area.outline, np.roll(area.outline, -1, axis=0)], axis=1)
             self._lines("/walls", ring, _OBSTACLE, 3.0, True)
@@ -198,10 +194,6 @@ def _solid(outline: FloatArray) -> tuple[FloatArray, FloatArray]:
     points, index = np.unique(rings.reshape(-1, 2), axis=0, return_inverse=True)
     solid = trimesh.creation.extrude_triangulation(points, index.reshape(-1, 3), _HEIGHT)
     return np.asarray(solid.vertices), np.asarray(solid.faces)
-
-
-def _strip(points: FloatArray) -> FloatArray:
-    return np.stack([points[:-1], points[1:]], axis=1)
 
 
 def _placed(pose: FloatArray) -> dict[str, Any]:

@@ -141,7 +141,9 @@ class Window:
         stage.handle("/start", draft.start, self._moved(lambda pose: lambda it: it.with_start(pose)))
         stage.handle("/goal", draft.goal, self._moved(lambda pose: lambda it: it.with_goal(pose)))
         for k, contact in enumerate(draft.original.chain.contacts):
-            along = np.array([*_middle(contact), np.arctan2(-contact.tangent[0], contact.tangent[1])])
+            along = np.array(
+                [*(0.5 * (contact.right + contact.left)), np.arctan2(-contact.tangent[0], contact.tangent[1])]
+            )
             stage.handle(f"/start/slide{k}", along, partial(self._slid, k, along), (False, True, False))
         if len(draft.places) <= MOST_DRAGGED:
             for i, place in enumerate(draft.places):
@@ -205,7 +207,3 @@ class Window:
         away = 0.95 * max(float((high - low).max()), 4.0 * draft.original.chain.reach)
         self.server.initial_camera.position = (x, y - 0.25 * away, away)
         self.server.initial_camera.look_at = (x, y, 0.0)
-
-
-def _middle(contact: Any) -> FloatArray:
-    return np.asarray(0.5 * (contact.right + contact.left))

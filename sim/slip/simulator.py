@@ -15,7 +15,6 @@ from pushplan.sim.slip.kernels.state import (
     JAMMED,
     UNSOLVED,
     Trace,
-    cut_trace,
     make_state,
     make_trace,
 )
@@ -94,7 +93,7 @@ class SlipSimulator:
                 f"more than {len(self._work.who)} contacts at once: that is more than the simulator has room for"
             )
         self.jammed = self.jammed or bool(done and trace.end[done - 1] in (JAMMED, UNSOLVED))
-        return cut_trace(trace, done)
+        return Trace._make(values[:done] for values in trace)
 
 
 def steps_of(poses: FloatArray) -> FloatArray:

@@ -16,13 +16,11 @@ from pushplan.geometry import se2
 from pushplan.logging.export.film.scene import FINE, HEIGHT, INK, PLOT, WIDTH, FilmScene, Points
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.contacts import PushedContacts, worst_contacts
-from pushplan.mechanics.body import BodyKind
+from pushplan.logging.view.shapes import body_colours
 from pushplan.result import Run
 
 _BLOCK = 2
 """What is drawn anew falls on blocks of so many pixels: video has one colour for four of them."""
-
-_CARRYING = {BodyKind.ROBOT: colours.ROBOT, BodyKind.PLATE: colours.PLATE}
 
 _LINE = 4
 """Half of the widest line, and of the sharpest corner that two lines make, pixels at most."""
@@ -30,7 +28,7 @@ _LINE = 4
 _NOW, _GAP = 300, 24
 """Width kept for what is said of the present moment, and between two names, pixels."""
 
-Box = tuple[int, int, int, int]
+PixelBox = tuple[int, int, int, int]
 """Left, top, right and bottom in a picture before it is reduced."""
 
 
@@ -54,7 +52,7 @@ class Film:
         low, high = min(0.0, float(execution.margins.min())), max(1e-3, float(execution.margins.max()))
         self._margins = low - 0.05 * (high - low), high + 0.05 * (high - low)
         self._contacts = PushedContacts(self._chain, execution)
-        self._paints = colours.object_colours(len(self._chain.objects))
+        self._paints = body_colours(self._chain)
         self._marks = colours.contact_colours(len(self._chain.contacts))
         self._scene = FilmScene(run)
         self._font = self._scene.font
@@ -80,12 +78,12 @@ class Film:
             self._canvas.paste(self._background.crop(box), box)
         return parts
 
-    def _draw_chain(self, pen: ImageDraw.ImageDraw, time: float) -> Box:
+    def _draw_chain(self, pen: ImageDraw.ImageDraw, time: float) -> PixelBox:
         pose, _ = self._execution.place_at(time)
         outlines = self._execution.outlines_at(self._chain, time)
-        paints, bodies = iter(self._paints), [self._scene.world(outline) for outline in outlines]
-        for body, corners in zip(self._chain.bodies, bodies, strict=True):
-            pen.polygon(corners, _CARRYING.get(body.kind) or next(paints), INK, FINE)
+        bodies = [self._scene.world(outline) for outline in outlines]
+        for corners, paint in zip(bodies, self._paints, strict=True):
+            pen.polygon(corners, paint, INK, FINE)
         drawn = [point for body in bodies for point in body]
         touching = self._draw_contacts(pen, time, pose) if self._execution.loads is None else []
         return _box([*drawn, *touching])
@@ -144,7 +142,7 @@ class Film:
             name = cut(whole, kept)
         return name
 
-    def _draw_now(self, pen: ImageDraw.ImageDraw, time: float) -> tuple[Box, Box]:
+    def _draw_now(self, pen: ImageDraw.ImageDraw, time: float) -> tuple[PixelBox, PixelBox]:
         now = self._plot(np.array([time, time]), np.array(self._margins))
         pen.line(now, INK, FINE)
         smallest = float(self._execution.margins[self._sample(time)].min())
@@ -155,7 +153,7 @@ class Film:
         return _box(now), _box([(left, top), (right, bottom)])
 
 
-def _box(points: Points) -> Box:
+def _box(points: Points) -> PixelBox:
     """Return the box around points and the lines through them; it falls on whole blocks of the picture."""
     size = FINE * _BLOCK
     low, high = np.min(points, axis=0) - FINE * _LINE, np.max(points, axis=0) + FINE * _LINE

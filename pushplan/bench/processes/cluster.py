@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Generator, Iterable
-from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -59,11 +58,6 @@ def cluster_outcomes(tasks: Iterable[Task], address: str, work: Work = perform) 
                 yield _outcome(future, futures.pop(future))
         finally:
             client.cancel(list(futures), force=True)
-
-
-def cluster_engine(address: str) -> partial[Generator[Outcome]]:
-    """Return the engine for `batch.run_suite` that does runs on the cluster of a scheduler."""
-    return partial(cluster_outcomes, address=address)
 
 
 def _remote(task: Task, work: Work) -> Outcome:

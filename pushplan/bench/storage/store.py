@@ -192,7 +192,7 @@ class Store:
     def _planner(self, run: RunSpec) -> int:
         """Return the id of a planner with its settings and stable set."""
         settings = "".join(f"{name} = {value}\n" for name, value in run.planner.settings.items())
-        row = (planner_name(run), f"{settings}set = {run.stable_set}\n")
+        row = (f"{run.planner.label} ({run.stable_set})", f"{settings}set = {run.stable_set}\n")
         known = self._single("SELECT id FROM plannerConfigs WHERE name = ? AND settings = ?", row)
         return self._insert("plannerConfigs", (None, *row)) if known is None else known
 
@@ -204,11 +204,6 @@ class Store:
 def _is_busy(error: sqlite3.Error) -> bool:
     """Tell whether something failed because of another program that has the file open."""
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY
-
-
-def planner_name(run: RunSpec) -> str:
-    """Return what a planner within a stable set is called in tables and pictures."""
-    return f"{run.planner.label} ({run.stable_set})"
 
 
 def _attributes(run: RunSpec, result: Outcome) -> tuple[object, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from pushplan.commands.steps.named_numbers import number, pairs
 from pushplan.reading.values import units
 
 if TYPE_CHECKING:
@@ -26,7 +27,9 @@ def sensor(text: str) -> Sensor:
     from pushplan.errors import PushplanError
 
     try:
-        return Sensor(**{name: _number(name, value, SENSOR) for name, value in _pairs(text, SENSOR)})
+        return Sensor(
+            **{name: number(name, value, SENSOR[name]) for name, value in pairs(text, SENSOR, "VALUE")}
+        )
     except PushplanError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 
@@ -34,8 +37,8 @@ def sensor(text: str) -> Sensor:
 def kick(text: str) -> dict[str, Any]:
     """Return what `--kick` says, the object by its name; argparse's `type`."""
     found: dict[str, Any] = dict.fromkeys(KICK, 0.0)
-    for name, value in _pairs(text, {**KICK, "object": {}}):
-        found[name] = value if name == "object" else _number(name, value, KICK)
+    for name, value in pairs(text, [*KICK, "object"], "VALUE"):
+        found[name] = value if name == "object" else number(name, value, KICK[name])
     for needed in ("time", "object"):
         if not found.get(needed):
             raise argparse.ArgumentTypeError(f"'{text}' does not state the {needed} of the kick")
@@ -54,25 +57,3 @@ def kicks_of(scenario: Scenario, asked: list[dict[str, Any]]) -> list[Kick]:
         Kick(one["time"], scenario.chain.index_of(one["object"]), one["x"], one["y"], one["turn"])
         for one in asked
     ]
-
-
-def _pairs(text: str, known: dict[str, dict[str, float]]) -> list[tuple[str, str]]:
-    found = []
-    for part in text.split(","):
-        name, equals, value = (piece.strip() for piece in part.partition("="))
-        if name not in known or not equals:
-            names = ", ".join(known)
-            raise argparse.ArgumentTypeError(f"'{part}' is not NAME=VALUE with a NAME of {names}")
-        found.append((name, value))
-    return found
-
-
-def _number(name: str, text: str, known: dict[str, dict[str, float]]) -> float:
-    split = units.split_unit(text)
-    try:
-        return float(text) if split is None else split[0] * known[name][split[1]]
-    except (ValueError, KeyError):
-        allowed = ", ".join(known[name])
-        raise argparse.ArgumentTypeError(
-            f"{name} is '{text}'; allowed: a number, also with a unit ({allowed})"
-        ) from None

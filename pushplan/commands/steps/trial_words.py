@@ -8,6 +8,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pushplan.commands.steps.named_numbers import number, pairs
 from pushplan.commands.terminal.numbers import angle_text, length_text
 from pushplan.reading.values import units
 
@@ -28,29 +29,11 @@ def uncertainty(text: str) -> TrialUncertainty:
     from pushplan.errors import PushplanError
     from pushplan.sim.trials.uncertain import TrialUncertainty
 
-    found = dict.fromkeys(UNITS, 0.0)
-    for part in text.split(","):
-        name, equals, number = (piece.strip() for piece in part.partition("="))
-        if name not in UNITS or not equals:
-            known = ", ".join(UNITS)
-            raise argparse.ArgumentTypeError(f"'{part}' is not NAME=NUMBER with a NAME of {known}")
-        found[name] = _number(name, number)
+    found = {name: number(name, value, UNITS[name]) for name, value in pairs(text, UNITS, "NUMBER")}
     try:
-        return TrialUncertainty(**found)
+        return TrialUncertainty(**{**dict.fromkeys(UNITS, 0.0), **found})
     except PushplanError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
-
-
-def _number(name: str, text: str) -> float:
-    known = UNITS[name]
-    split = units.split_unit(text)
-    try:
-        return float(text) if split is None else split[0] * known[split[1]]
-    except (ValueError, KeyError):
-        allowed = ", ".join(known)
-        raise argparse.ArgumentTypeError(
-            f"{name} is '{text}'; allowed: a number, also with a unit ({allowed})"
-        ) from None
 
 
 def rows(trials: Trials) -> list[tuple[str, str]]:

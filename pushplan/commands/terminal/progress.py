@@ -12,7 +12,6 @@ from pushplan.basics.printable import printable
 DELAY = 1.0
 """Seconds of silence before the first line."""
 _PERIOD_LIVE, _PERIOD_PLAIN = 0.2, 10.0
-_WIPE = "\r\x1b[K"
 
 
 class Progress:
@@ -33,6 +32,10 @@ class Progress:
     def tell(self, news: str) -> None:
         """Set the text that the next line ends with."""
         self._news = news
+
+    def tell_share(self, done: int, of: int) -> None:
+        """Let the next line end with a bar of what is done."""
+        self.tell(f"[{'#' * round(20 * done / of):20}] {done} of {of}")
 
     def announce(self, sentence: str) -> None:
         """Write a sentence of its own, at once."""
@@ -67,7 +70,7 @@ class Progress:
 
     def _wipe(self) -> None:
         if self._shown:
-            self._write(_WIPE)
+            self._write("\r\x1b[K")  # back to the beginning of the line, which is cleared
             self._shown = False
 
     def _write(self, text: str) -> None:

@@ -13,7 +13,6 @@ from typing import Any
 from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import GRAVITY, PushedObject
-from pushplan.mechanics.inertia import inertia_of
 from pushplan.sim.physics.model.engine import engine
 from pushplan.sim.physics.model.feet import Feet
 
@@ -58,11 +57,6 @@ class Standing:
         for name, compliance in zip(self.names, self.compliances, strict=True):
             mobility = float(model.body_invweight0[model.body(name).id, 0])
             model.pair_solimp[model.pair(name).id, :2] = 1.0 / (1.0 + compliance / mobility)
-
-
-def add_object(spec: Any, name: str, obj: PushedObject) -> Any:
-    """Return a new body for an object, without its feet, with the axes of the chain frame."""
-    return add_planar(spec, name, *inertia_of(obj))
 
 
 def add_planar(spec: Any, name: str, mass: float, anchor: FloatArray, moment: float) -> Any:

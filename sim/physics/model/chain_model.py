@@ -10,7 +10,8 @@ import numpy as np
 from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import Chain
-from pushplan.sim.physics.model.bodies import FLOOR, Standing, add_floor, add_object, add_planar, stand
+from pushplan.mechanics.inertia import inertia_of
+from pushplan.sim.physics.model.bodies import FLOOR, Standing, add_floor, add_planar, stand
 from pushplan.sim.physics.model.contacts import add_contacts
 from pushplan.sim.physics.model.engine import PhysicsError, engine
 from pushplan.sim.physics.model.feet import feet_of
@@ -119,7 +120,7 @@ def build_model(chain: Chain, dt: float, sliding: float, settings: PhysicsSettin
     spec = mujoco.MjSpec()
     _set_options(mujoco, spec, dt, settings)
     add_floor(spec)
-    bodies = [add_object(spec, f"object{i}", obj) for i, obj in enumerate(chain.objects)]
+    bodies = [add_planar(spec, f"object{i}", *inertia_of(obj)) for i, obj in enumerate(chain.objects)]
     total = sum(obj.mass for obj in chain.objects)
     bodies.append(add_planar(spec, "plate", _PLATE_MASS * total, np.zeros(2), _PLATE_MASS * total))
     lift = settings.softness * sliding / dt

@@ -86,17 +86,3 @@ def make_trace(steps: int, objects: int) -> Trace:
         np.zeros(steps, dtype=np.int64),
         np.zeros(steps, dtype=np.int64),
     )
-
-
-def cut_trace(trace: Trace, steps: int) -> Trace:
-    """Return the first steps of a trace."""
-    return Trace(
-        trace.poses[:steps],
-        trace.modes[:steps],
-        trace.forces[:steps],
-        trace.wrenches[:steps],
-        trace.others[:steps],
-        trace.residual[:steps],
-        trace.end[:steps],
-        trace.switched[:steps],
-    )
