@@ -7,10 +7,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
-
-_DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def scenario_schema() -> dict[str, Any]:
@@ -32,7 +29,7 @@ def suite_schema() -> dict[str, Any]:
     """Return the JSON Schema of benchmark suites, likewise; it does not know names that installed packages add."""
     from pushplan.bench.suites.schema import SuiteFile
 
-    return _schema_of(SuiteFile, "pushplan benchmark suite")
+    return _finished(SuiteFile.model_json_schema(), "pushplan benchmark suite")
 
 
 SCHEMAS = {"scenario": scenario_schema, "suite": suite_schema}
@@ -50,12 +47,12 @@ def schema_file(name: str = "scenario") -> Path:
         return path.resolve()
 
 
-def _schema_of(model: type[BaseModel], title: str) -> dict[str, Any]:
-    return _finished(model.model_json_schema(), title)
-
-
 def _finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
-    return {"$schema": _DIALECT, **_without_titles(schema), "title": title}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **_without_titles(schema),
+        "title": title,
+    }
 
 
 def _without_titles(node: Any) -> Any:

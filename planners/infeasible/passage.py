@@ -37,7 +37,7 @@ def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Di
     ends = [disc.at(pose) for pose in (scenario.start, scenario.goal.pose_chain)]
 
     def joined(radius: float, within: float = 1e-6) -> bool:  # m: ends may lie on the edge of a region
-        near = [shapely.distance(_parts(scenario, radius), end) <= within for end in ends]
+        near = [shapely.distance(shapely.get_parts(room(scenario, radius)), end) <= within for end in ends]
         return bool((near[0] & near[1]).any())
 
     if not joined(needed):
@@ -53,10 +53,6 @@ def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Di
     yield []
     widest = yield from _widest(lambda r: joined(r, reach), needed, wanted)
     yield [_guess(swept, 2.0 * wanted, 2.0 * widest)]
-
-
-def _parts(scenario: Scenario, radius: float) -> np.ndarray:
-    return np.asarray(shapely.get_parts(room(scenario, radius)))
 
 
 def _widest(

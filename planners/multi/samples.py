@@ -19,7 +19,9 @@ from pushplan.planners.problem.posing import sampling_box
 
 def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> FloatArray:
     """Return poses (k, 3) where a straight push from the start, or from a tight turn there, meets one into a goal."""
-    directions = np.array([_direction(mode) for mode in modes])
+    directions = np.array(
+        [se2.rotate(mode.contact[2], mode.settling[:2]) for mode in modes]
+    )  # in the load's frame
     found = [_crossings(start, goals, directions)]
     for mode in modes:
         for goal in goals:
@@ -57,11 +59,6 @@ def _crossings(start: FloatArray, goals: FloatArray, directions: FloatArray) -> 
                     )
                     n += 1
     return out[:n]
-
-
-def _direction(mode: PackedMode) -> FloatArray:
-    """Direction (2,) of the settling push in the load's frame."""
-    return se2.rotate(mode.contact[2], mode.settling[:2])
 
 
 def _turned_to(pose: FloatArray, heading: float, mode: PackedMode, sense: float) -> Iterator[FloatArray]:

@@ -18,11 +18,9 @@ def printable(text: str, keep: str = "") -> str:
         text: From anywhere.
         keep: Characters that may stay, such as the breaks of lines of a text of ours.
     """
-    return _UNSAFE.sub(lambda found: found[0] if found[0] in keep else _escape(found[0]), text)
-
-
-def _escape(character: str) -> str:
-    return character.encode("unicode_escape").decode("ascii")
+    return _UNSAFE.sub(
+        lambda found: found[0] if found[0] in keep else found[0].encode("unicode_escape").decode(), text
+    )
 
 
 def cut(text: str, letters: int) -> str:

@@ -18,11 +18,6 @@ MARKS = (b"@compiled", b"@in_threads", b"@no_refcount", b"@inlined", b"@intrinsi
 """What stands above code that ends up in compiled functions."""
 
 
-def _folders() -> list[Path]:
-    """The package's folder and all below it."""
-    return [PACKAGE, *_rooms(PACKAGE)]
-
-
 def _rooms(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
         if path.is_dir() and path.name[0] not in "_.":
@@ -43,7 +38,7 @@ def digest_of(folders: list[Path]) -> str:
 
 def discard_stale_cache() -> None:
     """Remove compiled code made from other sources; a folder that cannot be written does not change either."""
-    folders = _folders()
+    folders = [PACKAGE, *_rooms(PACKAGE)]
     stamp = PACKAGE / "__pycache__" / STAMP
     digest = digest_of(folders)
     with contextlib.suppress(OSError):

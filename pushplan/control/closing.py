@@ -115,15 +115,10 @@ def _closes_after(
     trace = simulator.follow(np.tile(twist * STEP, (count, 1)))
     if simulator.jammed:
         return np.inf
-    plates = _along(plate, twist, count)
+    plates = compose(plate, exp(twist * (STEP * np.arange(1, count + 1))[:, None]))
     places = relative(plates[:, None], trace.poses)
     flush = contacts_at(simulator.world.chain, places).flush(GAP, ANGLE)
     if not flush[-1]:
         return np.inf
     open_until = np.flatnonzero(~flush)
     return STEP * (1.0 if len(open_until) == 0 else float(open_until[-1]) + 2.0)
-
-
-def _along(plate: FloatArray, twist: FloatArray, count: int) -> FloatArray:
-    """Return the poses (count, 3) of the plate after each step."""
-    return compose(plate, exp(twist * (STEP * np.arange(1, count + 1))[:, None]))

@@ -16,7 +16,6 @@ from pushplan.drawing.figure import INK
 from pushplan.mechanics.chain import Chain
 
 _EDGE, _GAP = 0.04, 0.05  # below the key, and between key and sentence, inches
-_SMALL = 5.0  # letters of the sentence, points
 _STYLE: Any = {"handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
 
 
@@ -34,7 +33,7 @@ def draw_footer(figure: Figure, left: float, entries: Sequence[Artist], sentence
     if not sentence:
         return top
     inches = figure.dpi_scale_trans
-    style: Any = {"fontsize": _SMALL, "color": INK, "va": "bottom", "wrap": True}
+    style: Any = {"fontsize": 5.0, "color": INK, "va": "bottom", "wrap": True}
     text = figure.text(left, top + _GAP, sentence, transform=inches, **style)
     return float(text.get_window_extent().y1) / figure.dpi
 

@@ -15,7 +15,6 @@ from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds
 
 _COLOURS = ("#2a6f97", "#b5533c", "#5b8c5a", "#8c6bb1", "#c08a2d", "#4f9da6", "#a34d7c")
-_FILL = "#dfe7ec"
 _ROWS = ("slips to the right", "slips to the left", "tips about the right end", "tips about the left end")
 _STYLES = ("-", "-", "--", "--")
 _WIDTH, _HEIGHT = 4.6, 3.4
@@ -63,13 +62,13 @@ def limiting_rows(speeds: AdmissibleSpeeds) -> list[tuple[int, int]]:
 def _draw(axes: Axes, speeds: AdmissibleSpeeds, limits: list[tuple[int, int]]) -> None:
     u, a = speeds.window
     if len(speeds.vertices):
-        axes.fill(*speeds.vertices.T, color=_FILL, lw=0.0)
+        axes.fill(*speeds.vertices.T, color="#dfe7ec", lw=0.0)
     for k, j in limits:
         segment = _segment(speeds, k, j)
         axes.plot(*segment.T, color=_COLOURS[k % len(_COLOURS)], ls=_STYLES[j], lw=1.6, zorder=3)
     axes.axhline(0.0, color=FAINT, lw=0.7)
     axes.set(xlim=(0.0, u), ylim=(-a, a), xlabel="$\\dot s^2$", ylabel="$\\ddot s$")
-    top = axes.secondary_xaxis("top", functions=(_root, _square))
+    top = axes.secondary_xaxis("top", functions=(_root, np.square))
     top.set_xlabel("$\\dot s$", color=INK)
     top.set_xticks([tick for tick in top.get_xticks() if tick == 0.0 or tick**2 > 0.06 * u])
 
@@ -85,10 +84,6 @@ def _segment(speeds: AdmissibleSpeeds, k: int, j: int) -> FloatArray:
 
 def _root(values: Any) -> Any:  # Any, as Matplotlib takes functions of anything
     return np.sqrt(np.maximum(values, 0.0))
-
-
-def _square(values: Any) -> Any:
-    return np.square(values)
 
 
 def _name(chain: Chain, k: int, j: int) -> str:

@@ -38,7 +38,6 @@ _JUMP = 0.1
 """Change of the margin between two samples, as a share of the largest margin, that counts as a jump."""
 _ASPECTS = 1.0, 1.6
 """Least and largest width of the view over its height."""
-_PAD = 0.03
 
 
 def view_box(scenario: Scenario, path: PushPath | None) -> Box:
@@ -137,7 +136,7 @@ def _extent(scenario: Scenario, path: PushPath | None) -> tuple[FloatArray, Floa
     points = [outline for pose in poses for outline in scenario.chain.outlines_at(pose)]
     points += [_corners(obstacle) for obstacle in scenario.obstacles]
     low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
-    air = _PAD * float((high - low).max())
+    air = 0.03 * float((high - low).max())
     return low - air, high + air
 
 

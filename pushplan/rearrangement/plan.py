@@ -116,7 +116,9 @@ class Rearranging:
         )
         poses = np.array([scenario.start for scenario in scenarios.values()])
         left = frozenset(
-            k for k, piece in enumerate(pieces) if piece.wanted and not _is_there(piece, poses[k])
+            k
+            for k, piece in enumerate(pieces)
+            if piece.wanted and not any(_reaches(goal, poses[k]) for goal in piece.goals)
         )
         return cls(pieces, Situation(first.pushes.robot_start, poses, left))
 
@@ -193,11 +195,6 @@ def _standalone(scenario: Scenario) -> Scenario:
     assert scenario.pushes is not None
     stated["robot"] = {**stated.get("robot", {}), "start": scenario.pushes.robot_start.tolist()}
     return scenario_from_document(stated, scenario.path, scenario.attachments)
-
-
-def _is_there(piece: Piece, pose: FloatArray) -> bool:
-    """Tell whether a piece is at one of its goals."""
-    return any(_reaches(goal, pose) for goal in piece.goals)
 
 
 def _reaches(goal: Goal, pose: FloatArray) -> bool:

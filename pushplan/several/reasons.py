@@ -36,7 +36,9 @@ def _reasons(room: PushRoom, question: Question, found: Found) -> Iterator[Diagn
     faces = ", ".join(dict.fromkeys(contact.mode.place.face for contact in usable))
     if not (found.begins & found.leaves).any():
         what = f"at the start, the robot can drive up to {faces} only, and from there the load is against something"
-        yield Diagnosis(BOXED_IN, what, _all_against(usable, question))
+        # If every settling push ends in something, no longer one is free either.
+        against = all(_ends_in_something(contact, question) for contact in usable)
+        yield Diagnosis(BOXED_IN, what, against)
         return
     if not found.ends.any():
         what = "at the goal, the robot has no room to push the load there from any face, and to back off"
@@ -45,11 +47,6 @@ def _reasons(room: PushRoom, question: Question, found: Found) -> Iterator[Diagn
     if not found.arrives:
         what = f"the robot found no way to where it would push first ({faces})"
         yield Diagnosis(BOXED_IN, what, False)
-
-
-def _all_against(contacts: list[Contact], question: Question) -> bool:
-    """Tell whether every settling push ends in something, so that no longer one is free either."""
-    return all(_ends_in_something(contact, question) for contact in contacts)
 
 
 def _ends_in_something(contact: Contact, question: Question) -> bool:

@@ -115,11 +115,14 @@ def _flaw_of_push(segment: Segment, own: Trajectory, mode: Mode) -> str:
 def _flaw_alone(scenario: Scenario, segment: Segment, own: Trajectory) -> str:
     """Return what the robot alone comes too near to: the room, and the load unless it comes up to it or backs off."""
     reach = scenario.chain.reach
-    outlines = _placed(scenario, segment.load_before)
+    outlines = [
+        se2.transform_points(segment.load_before, obj.outline_chain) for obj in scenario.chain.objects
+    ]
     standing = scenario.obstacles
     if segment.kind == TRANSIT:
         standing = (*standing, *(PolygonObstacle(outline) for outline in outlines))
-    room = _robot_among(replace(scenario, obstacles=standing))
+    # The robot alone: the objects are among what stands in its way.
+    room = Room.of(replace(scenario, obstacles=standing)).only(range(len(scenario.chain.carried)))
     hit = collision_along(scenario, Motion.through(own.poses, reach), room)
     if hit is not None:
         return f"a {segment.kind} is not free: {hit}"
@@ -131,7 +134,8 @@ def _flaw_of_contact(
 ) -> str:
     """Return that the robot does not go straight to the load, or straight back, or overlaps it on the way."""
     twists = segment.path.twists
-    if (np.abs(twists[:, 1:]) > STRAIGHT).any() or (np.sign(twists[:, 0]) != _sense(segment)).any():
+    sense = 1.0 if segment.kind == APPROACH else -1.0
+    if (np.abs(twists[:, 1:]) > STRAIGHT).any() or (np.sign(twists[:, 0]) != sense).any():
         return f"a {segment.kind} is not straight"
     for pose in densify(own.poses, scenario.chain.reach, NEAR):
         for body in scenario.chain.carried:
@@ -140,16 +144,3 @@ def _flaw_of_contact(
             if any(moved.intersects(shapely.Polygon(o).buffer(-2.0 * TOUCH)) for o in outlines):
                 return f"'{body.name}' overlaps the load in a {segment.kind}"
     return ""
-
-
-def _sense(segment: Segment) -> float:
-    return 1.0 if segment.kind == APPROACH else -1.0
-
-
-def _placed(scenario: Scenario, load: FloatArray) -> list[FloatArray]:
-    return [se2.transform_points(load, obj.outline_chain) for obj in scenario.chain.objects]
-
-
-def _robot_among(scenario: Scenario) -> Room:
-    """Return the robot, without the objects, among the obstacles."""
-    return Room.of(scenario).only(range(len(scenario.chain.carried)))

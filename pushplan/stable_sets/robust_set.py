@@ -23,7 +23,6 @@ from pushplan.stable_sets.stable_set import StableSet
 
 CONDITIONS = ("sliding left", "sliding right", "tipping about the right end", "tipping about the left end")
 """What the facets of a contact's wrench cone prevent the pushed body from, in the order of `contact_rows`."""
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +91,7 @@ class RobustSet(StableSet):
         scaled = v[0] / np.abs(v[0] * [1.0, 1.0, self._areas.length]).max()
         loads = [self._loads_of(k, j, scaled) for j in range(len(CONDITIONS))]
         j = int(np.argmin([total for total, _ in loads]))
-        kept = {i: part[part[:, 4] > _ROUNDING] for i, part in loads[j][1].items()}
+        kept = {i: part[part[:, 4] > 1e-9] for i, part in loads[j][1].items()}
         return WorstCase(
             contact=k,
             condition=CONDITIONS[j],

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from pushplan.stable_sets.stable_set import StableSet
 
 _DIRECTIONS = 720
-_PEAK_STEPS = 40
 
 
 def translation_cone(stable: StableSet, minimum: float) -> FloatArray | None:
@@ -30,7 +29,7 @@ def translation_cone(stable: StableSet, minimum: float) -> FloatArray | None:
     lon = -np.pi + 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     step = lon[1] - lon[0]
     middle = lon[[int(np.argmax(excess(np.arange(len(lon)), lon)))]]
-    best, value = maximise(excess, middle - step, middle + step, 0.0, _PEAK_STEPS)
+    best, value = maximise(excess, middle - step, middle + step, 0.0, 40)
     if value[0] <= 0.0:
         return None
     offsets = step * np.arange(1, _DIRECTIONS)

@@ -8,8 +8,6 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.sphere import angles_of, twists_at
 from pushplan.stable_sets.stable_set import StableSet
 
-_CANDIDATES = 20_000
-_BISECTIONS = 50
 _NEAR = 0.05
 """How far from the boundary a push near it may be, rad on the twist sphere."""
 
@@ -20,7 +18,7 @@ def sample_pushes(stable: StableSet, count: int, rng: np.random.Generator) -> Fl
     All of them push forward. Where nothing is stable, or everything is, the others fill up.
     """
     length = stable.chain.characteristic_length
-    forward = rng.normal(size=(_CANDIDATES, 3))
+    forward = rng.normal(size=(20_000, 3))
     forward[:, 0] = np.abs(forward[:, 0])
     lon, lat = angles_of(forward, 1.0)
     twists = twists_at(lon, lat, length)
@@ -41,7 +39,7 @@ def _near_boundary(
     pairs = min(len(good), len(bad))
     inside, outside = good[:pairs].copy(), bad[:pairs].copy()
     step = outside - inside
-    for _ in range(_BISECTIONS):
+    for _ in range(50):
         middle = 0.5 * (inside + outside)
         keeps = stable.contains(middle)[:, None]
         inside, outside = np.where(keeps, middle, inside), np.where(keeps, outside, middle)

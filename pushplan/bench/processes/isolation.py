@@ -117,16 +117,15 @@ class IsolatedRun:
             return None
         if time.monotonic() - forked.started > self.task.seconds:
             return Ended(outcome.TIMEOUT, self._with_output(f"killed after {self.task.seconds:g} s"))
-        return None if self._fits() else self._too_large()
+        if self._fits():
+            return None
+        return Ended(outcome.OUT_OF_MEMORY, f"killed with more than {self.task.megabytes:g} MB in use")
 
     def _fits(self) -> bool:
         resident = resident_megabytes(self._forked.number)
         if self._base is None:
             self._base = resident
         return resident - self._base <= self.task.megabytes
-
-    def _too_large(self) -> Ended:
-        return Ended(outcome.OUT_OF_MEMORY, f"killed with more than {self.task.megabytes:g} MB in use")
 
     def _outcome(self, ended: Ended) -> Outcome:
         log, whole = self._read_log()

@@ -60,7 +60,7 @@ def render(results: Results, with_pictures: bool = True) -> str:
         _summary(results),
         _section("Planners", _table(tables.by_planner(results)) + _table(tables.outcomes(results))),
         _section("Over time", _plots(results)),
-        _comparisons(results),
+        _section("Differences between planners", _table(tables.comparisons(results))),
         _section("Spread", _table(tables.spread(results))),
         _section("Problems", _table(tables.by_problem(results))),
         _failures(results),
@@ -127,10 +127,6 @@ def _plots(results: Results) -> str:
     )
     images = (f'<img alt="{title}" src="{plots.picture(draw, results, title)}">' for draw, title in drawn)
     return f'<div class="plots">{"".join(images)}</div>'
-
-
-def _comparisons(results: Results) -> str:
-    return _section("Differences between planners", _table(tables.comparisons(results)))
 
 
 def _link(run: RunRow) -> str:

@@ -153,8 +153,5 @@ def draw_margins(axes: Axes, results: Results) -> None:
         )
     axes.margins(0.08)
     axes.set(xlabel="cost / lowest known", ylabel="smallest margin (slips at 0)")
-    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]) if _negative(results) else 0.0)
-
-
-def _negative(results: Results) -> bool:
-    return any(run.solved and run.values["min_margin"] < 0.0 for run in results.runs)
+    negative = any(run.solved and run.values["min_margin"] < 0.0 for run in results.runs)
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]) if negative else 0.0)

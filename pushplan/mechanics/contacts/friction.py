@@ -13,8 +13,6 @@ from pushplan.mechanics.contacts.contact_kernel import object_wrenches_of
 from pushplan.mechanics.friction.packed import pack_object
 from pushplan.mechanics.sphere import checked_twists, twists_about
 
-_VANISHING = 1e-12
-
 
 def friction_wrench(obj: PushedObject, twists: ArrayLike, contact_height: float = 0.0) -> FloatArray:
     """Return the wrench (k, 3) of the floor friction on an object about the chain frame's origin: N, N, N m.
@@ -51,7 +49,7 @@ def ecof(obj: PushedObject, cor: ArrayLike, sense: int = +1, contact_height: flo
     c = frozen(cor, (2,), "centre of rotation")
     fx, fy, moment = friction_wrench(obj, twists_about(c, sense)[None], contact_height)[0]
     about_cor = moment - (c[0] * fy - c[1] * fx)
-    if np.hypot(fx, fy) <= _VANISHING * obj.friction_load:
+    if np.hypot(fx, fy) <= 1e-12 * obj.friction_load:
         raise UndefinedEcofError(
             f"the friction force on {obj.name!r} vanishes for a rotation about ({c[0]:.6g}, {c[1]:.6g}), "
             f"so that it has no line of action; its COF is at ({cof(obj)[0]:.6g}, {cof(obj)[1]:.6g})"

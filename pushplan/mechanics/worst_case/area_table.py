@@ -39,8 +39,6 @@ STRETCH, PARTS = FOUND + 7, 4
 """First of the columns that describe the convex stretches of an edge, and their number for each of the two."""
 
 _GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-_NUDGE = 1e-10
-_LEAST_SIZE = 1e-9
 
 
 def pack_area(area: LoadArea, rows: int) -> FloatArray:
@@ -51,8 +49,8 @@ def pack_area(area: LoadArea, rows: int) -> FloatArray:
     """
     count = len(area.points)
     weights = 1.0 + (np.arange(1, count + 1) * _GOLDEN) % 1.0
-    nudge = _NUDGE * (weights @ area.points / weights.sum() - area.center)
-    size = max(np.linalg.norm(area.points - area.center, axis=1).max(), _LEAST_SIZE)
+    nudge = 1e-10 * (weights @ area.points / weights.sum() - area.center)
+    size = max(np.linalg.norm(area.points - area.center, axis=1).max(), 1e-9)
     step = np.roll(area.points, -1, axis=0) - area.points
     length = np.linalg.norm(step, axis=1, keepdims=True)
     table = np.zeros((rows, WIDTH))

@@ -65,7 +65,6 @@ from pushplan.mechanics.worst_case.touching_kernel import touching_plane
 
 TOLERANCE = 1e-10
 """Within how much of the row's size the least is found."""
-_ARTIFICIAL = 1e6
 _ROUNDS, _PIVOTS = 60, 60
 _FLAT = 1e-12
 
@@ -145,7 +144,7 @@ def _ask(table: FloatArray, gamma_x: float, gamma_y: float, kappa: float) -> Non
         ux, uy = table[k, U_X], table[k, U_Y]
         table[k, Q] = ux * (gamma_x - kappa * table[k, X_Y]) + uy * (gamma_y + kappa * table[k, X_X])
         if ux == 0.0 and uy == 0.0:
-            table[k, Q] = _ARTIFICIAL
+            table[k, Q] = 1e6  # an artificial point that costs more than any that is there
     count = int(table[HEAD, COUNT])
     pool = CORNERS + count
     for e in range(count):

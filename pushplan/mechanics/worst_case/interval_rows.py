@@ -99,7 +99,7 @@ def pack_intervals(interval: IntervalChain) -> PackedIntervals:
     return PackedIntervals(
         parts=pack_objects([part for some in parts for part in some], chain.pusher.contact_height),
         first_part=_firsts(parts),
-        spans=np.concatenate([_spans(interval, i) for i in range(len(parts))]),
+        spans=np.concatenate([interval.fractions.get(i, np.ones((1, 2))) for i in range(len(parts))]),
         cells=np.concatenate(cells),
         first_cell=_firsts(cells),
         errors=errors,
@@ -119,11 +119,6 @@ def contact_facets(chain: Chain) -> FloatArray:
 def _firsts(groups: Sequence[Sized]) -> IntArray:
     """Return where each group begins in all of them together, and where the last one ends."""
     return np.cumsum([0, *map(len, groups)])
-
-
-def _spans(interval: IntervalChain, i: int) -> FloatArray:
-    """Return the intervals (p, 2) of the load fractions of object i."""
-    return interval.fractions.get(i, np.ones((1, 2)))
 
 
 def _unit_masses(interval: IntervalChain) -> InertiaTable:

@@ -12,8 +12,6 @@ from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport
 
-_ROUNDING = 1e-9
-
 
 @dataclass(frozen=True, eq=False)
 class LoadArea:
@@ -66,7 +64,7 @@ def _require_standing(obj: PushedObject, hull: FloatArray, center: FloatArray, h
     """Raise SupportError unless the load's centre stays in `hull` (h, 2) wherever friction may move it."""
     room = _room(hull, center) if len(hull) > 2 else 0.0
     highest = room / obj.floor_friction
-    if height > highest * (1.0 + _ROUNDING):
+    if height > highest * (1.0 + 1e-9):
         raise SupportError(
             f"a push at height {height:.6g} m could tip {obj.name!r}: the load's centre moves by up to "
             f"{height * obj.floor_friction:.6g} m and is {max(room, 0.0):.6g} m inside the support; the contact "

@@ -14,8 +14,6 @@ from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformS
 CELLS = 72
 """Squares that have the area of a support, from which its cells are cut."""
 
-_MOST_LINES = 400
-
 
 def load_cells(obj: PushedObject) -> tuple[FloatArray, FloatArray]:
     """Return the load's centre in every cell (m, 2), chain frame, m, and parts (m,) of the weight, summing to 1.
@@ -69,7 +67,7 @@ def _gathered(points: FloatArray, fractions: FloatArray) -> tuple[FloatArray, Fl
 def _grid(points: FloatArray, area: float) -> tuple[FloatArray, FloatArray]:
     """Return the lines x (m,) and y (n,) of a grid of about square cells that covers points (k, 2)."""
     low, size = points.min(axis=0), np.ptp(points, axis=0)
-    side = max(float(np.sqrt(area / CELLS)), float(size.max()) / _MOST_LINES)
+    side = max(float(np.sqrt(area / CELLS)), float(size.max()) / 400)
     counts = np.maximum(np.ceil(size / side), 1.0).astype(np.int64)
     x, y = (low[d] + size[d] * np.arange(counts[d] + 1) / counts[d] for d in (0, 1))
     return x, y

@@ -22,8 +22,6 @@ from pushplan.compiled import compiled, no_refcount
 from pushplan.mechanics.worst_case.area_table import G_X, G_Y, HEAD, SHIFT, SIZE, SOLID
 from pushplan.mechanics.worst_case.envelope_kernel import least_load, start_twist
 
-_RESTING = 1e-12
-
 
 class PackedAreas(NamedTuple):
     """The loads and contacts of n objects for compiled code.
@@ -64,7 +62,7 @@ def central_loads(areas: PackedAreas, vx: float, vy: float, omega: float, out: F
         ux, uy = vx - omega * y, vy + omega * x
         speed = math.hypot(ux, uy)
         turn = math.fabs(omega)
-        if speed <= _RESTING * turn * size:
+        if speed <= 1e-12 * turn * size:  # it turns on the spot
             out[i, 0], out[i, 1], out[i, 2] = 1.0, 0.0, -y
             out[i, 3], out[i, 4], out[i, 5], out[i, 6] = 2.0, 1.0, -size, size
             continue

@@ -32,8 +32,6 @@ from pushplan.mechanics.worst_case.area_table import (
 )
 from pushplan.mechanics.worst_case.edge_kernel import edge_slope, edge_value
 
-_STEPS = 12
-
 
 @no_refcount
 def _place_on(table: FloatArray, k: int, edge: int, part: int) -> float:
@@ -118,7 +116,7 @@ def _settle(
     plane = _touch(table, edge, s, c)
     step = 1e-4 * (high - low)
     new = s + step if s + step <= high else s - step
-    for _ in range(_STEPS):
+    for _ in range(12):
         if plane[3] == 0.0:
             break
         trial = _touch(table, edge, new, c)

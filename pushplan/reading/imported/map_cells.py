@@ -17,7 +17,6 @@ MOST_CELLS = 1 << 26
 UNKNOWN_GREY = 205
 """map_saver writes this for what is unknown, with thresholds by which it would be free: 50/255 < 0.25."""
 
-OPAQUE = 255
 HUNDRED = 100.0
 """In the mode raw the grey value is the occupancy in per cent; larger values say that nothing is known."""
 
@@ -75,4 +74,4 @@ def _grey(picture: bytes, name: str) -> tuple[FloatArray, BoolArray]:
         raise
     except Exception as error:  # Pillow's plugins raise whatever they stumble over
         raise ImportedFileError(f"{name}: cannot read the picture: {error}") from error
-    return values[:, :, :3].mean(axis=2, dtype=np.float64), values[:, :, 3] < OPAQUE
+    return values[:, :, :3].mean(axis=2, dtype=np.float64), values[:, :, 3] < 255

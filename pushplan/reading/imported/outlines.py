@@ -20,7 +20,6 @@ MOST_BYTES = 16 << 20
 """Size up to which a file is read."""
 
 _PIXELS_PER_METRE = 96.0 / 0.0254  # of CSS, in which SVG counts
-_DEEPEST = 12  # bisections of one curve
 
 
 def read_svg_outlines(
@@ -129,7 +128,7 @@ def _refine(
     inner = [_point(segment, begin + share * (end - begin)) for share in (0.25, 0.5, 0.75)]
     chord = shapely.LineString([a, b])
     flat = all(shapely.distance(chord, shapely.Point(point)) <= tolerance for point in inner)
-    if tolerance == math.inf or depth == _DEEPEST or (flat and depth > 1):
+    if tolerance == math.inf or depth == 12 or (flat and depth > 1):  # at most 12 bisections of a curve
         yield b
         return
     middle = 0.5 * (begin + end)

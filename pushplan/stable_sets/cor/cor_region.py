@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 Window = tuple[float, float, float, float]
 """(xmin, ymin, xmax, ymax) in the chain frame, m."""
-_DEFAULT_WINDOW = 4.0
-_REACH = 1e6
 
 
 def cor_polygons(refined: RefinedMeridians, length: float, sense: int, window: Window | None) -> BaseGeometry:
@@ -35,7 +33,8 @@ def cor_polygons(refined: RefinedMeridians, length: float, sense: int, window: W
     if sense not in (1, -1):
         raise PushplanError(f"sense is {sense}; it must be +1 (counter-clockwise) or -1 (clockwise)")
     box = window_box(window, length)
-    reach = _REACH * float(np.abs(shapely.get_coordinates(box)).max())
+    # Strips run to the horizon: so much farther than the window that what they leave out of it is rounding.
+    reach = 1e6 * float(np.abs(shapely.get_coordinates(box)).max())
     strips = [shapely.Polygon(outline) for outline in _strips(refined, length, sense, reach)]
     return shapely.union_all([shapely.make_valid(strip) for strip in strips]).intersection(box)
 
@@ -47,7 +46,7 @@ def window_box(window: Window | None, length: float) -> shapely.Polygon:
         PushplanError: On an empty window.
     """
     if window is None:
-        half = _DEFAULT_WINDOW * length
+        half = 4.0 * length
         window = (-half, -half, half, half)
     if not (window[0] < window[2] and window[1] < window[3] and np.isfinite(window).all()):
         raise PushplanError(

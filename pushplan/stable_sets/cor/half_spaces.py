@@ -18,9 +18,6 @@ from pushplan.stable_sets.cor.cor_region import Window, window_box
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-_VANISHING = 1e-12
-_NO_AREA = 1e-14
-
 
 def velocity_rows(forces: FloatArray, points: FloatArray, length: float) -> FloatArray:
     """Return the rows (..., 3) of gamma . v(x) for directions gamma (..., 2) at points x (..., 2).
@@ -34,7 +31,7 @@ def velocity_rows(forces: FloatArray, points: FloatArray, length: float) -> Floa
 def unit_rows(rows: FloatArray, scale: float) -> FloatArray:
     """Return rows (m, 3) scaled to length 1; those shorter than rounding of `scale` become 0, never > 0."""
     size = np.linalg.norm(rows, axis=1, keepdims=True)
-    kept = size > _VANISHING * scale
+    kept = size > 1e-12 * scale
     return np.where(kept, rows / np.where(kept, size, 1.0), 0.0)
 
 
@@ -68,7 +65,7 @@ def cor_polygon(rows: FloatArray, length: float, sense: int, window: Window | No
     for normal, offset in zip(normals, offsets, strict=True):
         corners = _clipped(corners, corners @ normal + offset)
     polygon = shapely.Polygon(corners) if len(corners) > 2 else shapely.Polygon()
-    return polygon if polygon.area > _NO_AREA * box.area else shapely.Polygon()
+    return polygon if polygon.area > 1e-14 * box.area else shapely.Polygon()
 
 
 def _clipped(corners: FloatArray, height: FloatArray) -> FloatArray:

@@ -22,7 +22,6 @@ DEGREE = 9
 
 _CANDIDATES = 12
 """Gauss points along each side of a trapezoid that the feet are chosen from."""
-_RESIDUAL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +87,7 @@ def compressed(rule: Rule, degree: int) -> Rule:
     if len(rule.weights) <= len(moments):
         return rule
     weights, residual = nnls(moments, moments @ rule.weights / total)
-    if residual > _RESIDUAL:
+    if residual > 1e-9:
         raise SupportError(f"no feet have the moments of the pressure: {residual:.2g} is left over")
     kept = weights > 0.0
     return Rule(rule.points[kept], total * weights[kept])
