@@ -13,7 +13,7 @@ from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import step, sweep_is_free
-from pushplan.planners.problem.objective import GAIN, Objective, arc_value
+from pushplan.planners.problem.objective import Objective, arc_value
 from pushplan.planners.problem.problem import Problem, between, random
 from pushplan.planners.problem.rows import put, put_rows
 
@@ -301,6 +301,7 @@ def _closes(
     _choose(state, first, last, chosen)
     if not _close(trial, poses, first, last, chosen, target):
         return False
-    if _value(problem.objective, trial, first, last) > before - GAIN:
+    # A tenth of `GAIN`, not tuned: with `GAIN` itself one of three plans of five-objects came out 0.04 % longer.
+    if _value(problem.objective, trial, first, last) > before - 1e-10:
         return False
     return _free(problem, trial, poses, first, last)
