@@ -82,7 +82,7 @@ def maximise(
     high: FloatArray,
     goal: float,
     iterations: int,
-    ends: FloatArray | None = None,
+    ends: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the best points and values (m,) of golden-section searches; each stops once above `goal`.
 
@@ -92,24 +92,26 @@ def maximise(
         high: (m,) where to end.
         goal: Value that is enough.
         iterations: Most values asked for after the first two.
-        ends: (2, m) values at `low` and `high`. With them, a search is given up where a rise by `_DOUBT` times what a
+        ends: (m,) values at `low` and `high`. With them, a search is given up where a rise by `_DOUBT` times what a
             concave function could still have would not reach the goal.
     """
+    first, x, live = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low), np.arange(len(low))
     state = np.empty((len(low), 9))
-    state[:, 0], state[:, 1] = low, high - _GOLDEN * (high - low)
-    state[:, 2], state[:, 3] = low + _GOLDEN * (high - low), high
-    state[:, 4], state[:, 7] = (np.nan, np.nan) if ends is None else ends
-    live, x = np.arange(len(low)), state[:, 2].copy()
-    state[:, 5], value = f(np.tile(live, 2), np.concatenate([state[:, 1], x])).reshape(2, -1)
+    state[:, 0], state[:, 1], state[:, 2], state[:, 3] = low, first, x, high
+    if ends is not None:
+        state[:, 4], state[:, 7] = ends
+    state[:, 5], value = f(np.concatenate([live, live]), np.concatenate([first, x])).reshape(2, -1)
     state[:, 8] = iterations
-    while n := _narrow(state, live, x, value, goal):
+    while n := _narrow(state, live, x, value, goal, ends is not None):
         value = f(live[:n], x[:n])
-    first = state[:, 5] >= state[:, 6]
-    return np.where(first, state[:, 1], state[:, 2]), np.where(first, state[:, 5], state[:, 6])
+    better = state[:, 5] >= state[:, 6]
+    return np.where(better, state[:, 1], state[:, 2]), np.where(better, state[:, 5], state[:, 6])
 
 
 @compiled
-def _narrow(state: FloatArray, live: IntArray, x: FloatArray, value: FloatArray, goal: float) -> int:
+def _narrow(
+    state: FloatArray, live: IntArray, x: FloatArray, value: FloatArray, goal: float, concave: bool
+) -> int:
     """Do for `maximise` what `_enclose` does; a row of `state` is four places, the values there, and steps left."""
     n = 0
     for j in range(len(value)):
@@ -118,7 +120,7 @@ def _narrow(state: FloatArray, live: IntArray, x: FloatArray, value: FloatArray,
         row[6 if x[j] == row[2] else 5] = value[j]
         row[8] -= 1.0
         best = max(row[5], row[6])
-        if best > goal or row[8] < -0.5 or best + _DOUBT * (_highest(row) - best) <= goal:
+        if best > goal or row[8] < -0.5 or (concave and best + _DOUBT * (_highest(row) - best) <= goal):
             continue
         if row[5] < row[6]:
             row[0], row[1], row[4], row[5] = row[1], row[2], row[5], row[6]
@@ -134,10 +136,8 @@ def _narrow(state: FloatArray, live: IntArray, x: FloatArray, value: FloatArray,
 
 @inlined
 def _highest(row: FloatArray) -> float:
-    """Return the largest value that a concave function with four known ones may have; inf if two are not known."""
+    """Return the largest value that a concave function with four known ones may have."""
     a, b, c, d, fa, fb, fc, fd, _ = row
-    if math.isnan(fa + fd):
-        return math.inf
     rise, slope, fall = (fb - fa) / (b - a), (fc - fb) / (c - b), (fd - fc) / (d - c)
     crossing = min(max((fc - fb - fall * (c - b)) / (rise - fall), 0.0), c - b)
     return float(max(fb + rise * crossing, fb - slope * (b - a), fc + slope * (d - c)))

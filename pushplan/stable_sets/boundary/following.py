@@ -14,7 +14,7 @@ from pushplan.compiled import compiled, inlined
 from pushplan.mechanics.sphere import POLE
 from pushplan.stable_sets.boundary.table import Table
 
-_UNKNOWN = 1.0
+_UNKNOWN = 0.5
 """How large a bend may be, for a start, 1/rad."""
 _DOUBTFUL = 0.4
 """By how much of itself a bend may change from one level to the next; at corners by more."""

@@ -34,11 +34,12 @@ class Brackets(NamedTuple):
 
 def joined(parts: list[Brackets]) -> Brackets:
     """Return the brackets of all parts, of which each has members of its own."""
+    if len(parts) == 1:
+        return parts[0]
     member = np.concatenate([np.empty(0, np.int64), *(part.member for part in parts)])
+    ends = np.concatenate([np.empty((0, 2, 4)), *(part.ends for part in parts)])
     order = np.argsort(member, kind="stable")
-    return Brackets(
-        member[order], np.concatenate([np.empty((0, 2, 4)), *(part.ends for part in parts)])[order]
-    )
+    return Brackets(member[order], ends[order])
 
 
 def sampled(f: Family, member: IntArray, x: FloatArray) -> FloatArray:
@@ -58,11 +59,15 @@ def find_intervals(f: Family, samples: FloatArray) -> Brackets:
         samples = _joined(samples, sampled(f, member, x))
     at = _extremes(samples)
     if len(at):
-        member, sign = samples[at, 0].astype(np.int64), np.where(samples[at, 2] > 0.0, -1.0, 1.0)
-        (low, high), ends = (np.stack([samples[at - 1, k], samples[at + 1, k]]) for k in (1, 2))
-        x, best = maximise(lambda i, x: sign[i] * f(member[i], x), low, high, 0.0, _STEPS, sign * ends)
+        before, here, after = samples[at - 1], samples[at], samples[at + 1]
+        member, sign = here[:, 0].astype(np.int64), np.where(here[:, 2] > 0.0, -1.0, 1.0)
+        ends = sign * before[:, 2], sign * after[:, 2]
+        x, best = maximise(
+            lambda i, x: sign[i] * f(member[i], x), before[:, 1], after[:, 1], 0.0, _STEPS, ends
+        )
         beyond = best > 0.0
-        samples = _joined(samples, np.column_stack([member, x, sign * best])[beyond])
+        if beyond.any():
+            samples = _joined(samples, np.column_stack([member, x, sign * best])[beyond])
     return Brackets(*_runs(samples))
 
 

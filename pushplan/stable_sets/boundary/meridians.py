@@ -85,8 +85,8 @@ def _refined(asked: Asked, table: Table, left: IntArray, right: IntArray) -> Tab
             return table
         left, right, new = left[k], right[k], len(table.at) + np.arange(len(k))
         middle = 0.5 * (table.at[left] + table.at[right])
-        table, more = put_between(asked, table, (left, right, middle))
-        left, right, new = left[more], right[more], new[more]
+        table, bent = put_between(asked, table, (left, right, middle))
+        left, right, new = left[bent], right[bent], new[bent]
         left, right = np.concatenate([left, new]), np.concatenate([new, right])
 
 

@@ -30,10 +30,10 @@ class Table(NamedTuple):
     def of(cls, at: FloatArray, member: IntArray, ends: FloatArray) -> Table:
         """Return meridians at longitudes (m,) with the intervals `ends` (k, 2) of the members (k,), in order."""
         counts = np.bincount(member, minlength=len(at))
-        slot = np.arange(len(member)) - np.repeat(np.cumsum(counts) - counts, counts)
-        table = np.full((len(at), max(counts.max(initial=0), 1), 2), np.nan)
-        table[member, slot] = ends
-        return cls(at, counts, table, np.full_like(table, np.nan))
+        slot = np.arange(len(member)) - (np.cumsum(counts) - counts)[member]
+        table = np.full((2, len(at), max(counts.max(initial=0), 1), 2), np.nan)
+        table[0, member, slot] = ends
+        return cls(at, counts, table[0], table[1])
 
     def joined(self, other: Table) -> Table:
         """Return these meridians, and others after them."""
