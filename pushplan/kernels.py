@@ -34,6 +34,7 @@ from pushplan.planners.problem.problem import Problem
 from pushplan.planners.search.lattice_rounds import LatticeRounds
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
+from pushplan.stable_sets.boundary.peaks import margin_peaks
 from pushplan.stable_sets.interval_set import stable_set_over
 from pushplan.stable_sets.named import stable_set
 from pushplan.tolerance.work_out import tolerance_along
@@ -74,7 +75,9 @@ def _compile(planner: str) -> None:
 
 def _compile_mechanics() -> None:
     chain = _one_box()
-    stable_set(chain, "ecof").meridians(count=8)
+    stable = stable_set(chain, "ecof")
+    stable.meridians(count=8)
+    margin_peaks(stable.margin_values, chain.characteristic_length)
     contact_state(chain, np.array([[1.0, 0.0, 0.0]]))
     tolerance_along(chain, np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3)))
 

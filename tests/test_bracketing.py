@@ -6,7 +6,7 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.stable_sets.boundary.bracketing import TOLERANCE, inner_ends, maximise
-from pushplan.stable_sets.boundary.intervals import Samples, find_intervals
+from pushplan.stable_sets.boundary.intervals import find_intervals, sampled
 
 
 def test_ends_are_inside_and_within_tolerance_for_smooth_kinked_and_jumping_functions() -> None:
@@ -22,7 +22,8 @@ def test_ends_are_inside_and_within_tolerance_for_smooth_kinked_and_jumping_func
         return np.asarray(kinds[member // 10, np.arange(len(x))], dtype=np.float64)
 
     zeros, ones, members = np.zeros(40), np.ones(40), np.arange(40)
-    found = inner_ends(family, zeros, ones, family(members, zeros), family(members, ones))
+    brackets = np.column_stack([zeros, ones, family(members, zeros), family(members, ones)])
+    found = inner_ends(family, brackets)
     short = np.tile(ends, 4) - found
     assert (short > 0.0).all()
     assert (short[:30] <= TOLERANCE).all()
@@ -34,7 +35,7 @@ def test_brackets_may_run_backwards() -> None:
     def family(member: IntArray, x: FloatArray) -> FloatArray:
         return np.asarray(x + 0.25, dtype=np.float64)
 
-    found = inner_ends(family, np.array([1.0]), np.array([-1.0]), np.array([1.25]), np.array([-0.75]))
+    found = inner_ends(family, np.array([[1.0, -1.0, 1.25, -0.75]]))
     assert -0.25 < found[0] <= -0.25 + TOLERANCE
 
 
@@ -69,7 +70,9 @@ def test_intervals_between_samples_are_found_from_peaks_dips_and_double_edges() 
         )
         return np.asarray(kinds[member, np.arange(len(x))], dtype=np.float64)
 
-    found = find_intervals(family, Samples.on_grid(5, np.linspace(0.0, 1.0, 11)))
+    grid = np.linspace(0.0, 1.0, 11)
+    found = find_intervals(family, sampled(family, np.repeat(np.arange(5), 11), np.tile(grid, 5)))
     assert found.member.tolist() == [0, 1, 1, 2, 2, 3]
-    np.testing.assert_allclose(found.lower, [0.32, 0.0, 0.67, 0.0, 0.55, 0.0], atol=2e-12)
-    np.testing.assert_allclose(found.upper, [0.34, 0.65, 1.0, 0.53, 0.58, 1.0], atol=2e-12)
+    lower, upper = found.narrowed(family).T
+    np.testing.assert_allclose(lower, [0.32, 0.0, 0.67, 0.0, 0.55, 0.0], atol=2e-12)
+    np.testing.assert_allclose(upper, [0.34, 0.65, 1.0, 0.53, 0.58, 1.0], atol=2e-12)

@@ -6,8 +6,6 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, margins_of, wrenches_of
 from pushplan.mechanics.friction.packed import pack_chain
-from pushplan.stable_sets.boundary.compiled_refinement import refine_compiled
-from pushplan.stable_sets.boundary.refined_meridians import RefinedMeridians
 from pushplan.stable_sets.stable_set import StableSet
 
 
@@ -35,6 +33,3 @@ class EcofSet(StableSet):
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
         return margins_of(self.packed, twists, floor)
-
-    def _refine_meridians(self, minimum_margin: float) -> RefinedMeridians:
-        return refine_compiled(self.packed, minimum_margin)

@@ -9,8 +9,6 @@ from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.mechanics.worst_case.interval_kernel import interval_contact_margins_of, interval_margins_of
 from pushplan.mechanics.worst_case.interval_rows import pack_intervals
-from pushplan.stable_sets.boundary.compiled_refinement import refine_compiled
-from pushplan.stable_sets.boundary.refined_meridians import RefinedMeridians
 from pushplan.stable_sets.stable_set import StableSet
 
 
@@ -46,6 +44,3 @@ class IntervalEcofSet(StableSet):
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
         return interval_margins_of(self._packed, twists, float(floor))
-
-    def _refine_meridians(self, minimum_margin: float) -> RefinedMeridians:
-        return refine_compiled(self._packed, minimum_margin)

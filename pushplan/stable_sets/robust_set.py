@@ -17,8 +17,6 @@ from pushplan.mechanics.worst_case.robust_kernel import (
     robust_contact_margins_of,
     robust_margins_of,
 )
-from pushplan.stable_sets.boundary.compiled_refinement import refine_compiled
-from pushplan.stable_sets.boundary.refined_meridians import RefinedMeridians
 from pushplan.stable_sets.stable_set import StableSet
 
 CONDITIONS = ("sliding left", "sliding right", "tipping about the right end", "tipping about the left end")
@@ -101,9 +99,6 @@ class RobustSet(StableSet):
                 i: frozen(part[:, 4] / part[:, 4].sum(), (None,), "shares") for i, part in kept.items()
             },
         )
-
-    def _refine_meridians(self, minimum_margin: float) -> RefinedMeridians:
-        return refine_compiled(self._scratch(), minimum_margin)
 
     def _loads_of(self, k: int, j: int, twist: FloatArray) -> tuple[float, dict[int, FloatArray]]:
         """Return row j of contact k in its worst case, N, and the worst loads (3, 5) of the objects behind it."""

@@ -40,8 +40,8 @@ def translation_cone(stable: StableSet, minimum: float) -> FloatArray | None:
         first = int(np.argmax(values <= 0.0))
         inside = ring[first - 1] if first else best[0]
         f_inside = values[first - 1] if first else value[0]
-        bracket = (np.array([inside]), ring[[first]], np.array([f_inside]), values[[first]])
-        ends.append(float(inner_ends(excess, *bracket)[0]))
+        bracket = np.array([[inside, ring[first], f_inside, values[first]]])
+        ends.append(float(inner_ends(excess, bracket)[0]))
     return frozen([[np.cos(end), np.sin(end)] for end in ends], (2, 2), "translation cone")
 
 
@@ -59,9 +59,21 @@ def _radius(latitude: float, length: float) -> float:
 
 
 def sphere_area(stable: StableSet) -> float:
-    """Return the solid angle of the stable twists, sr: trapezoids between refined meridians."""
+    """Return the solid angle of the stable twists, sr.
+
+    Between refined meridians, d apart, ends run along great circles, from a to b; the area between that and the
+    equator is 2 atan(tan(d / 2) sin((a + b) / 2) / cos((a - b) / 2)).
+    """
     refined = stable.refined_meridians()
     rows = refined.meridians
-    at = np.searchsorted(refined.longitude, rows.longitude)
-    heights = np.bincount(at, np.sin(rows.upper) - np.sin(rows.lower), minlength=len(refined.longitude))
-    return float(np.trapezoid(heights, refined.longitude))
+    first = np.append(np.searchsorted(rows.longitude, refined.longitude), len(rows))
+    count, apart = np.diff(first), np.diff(refined.longitude)
+    gaps = np.flatnonzero(count[:-1] == count[1:])  # others are no wider than SMALLEST_GAP
+    area = 0.0
+    for j in range(count.max(initial=0)):
+        k = gaps[count[gaps] > j]
+        for end, sign in ((rows.upper, +1.0), (rows.lower, -1.0)):
+            a, b = end[first[k] + j], end[first[k + 1] + j]
+            height = np.sin(0.5 * (a + b)) / np.cos(0.5 * (a - b))
+            area += sign * float(2.0 * np.arctan(np.tan(0.5 * apart[k]) * height).sum())
+    return area

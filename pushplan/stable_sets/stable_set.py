@@ -16,12 +16,10 @@ from numpy.typing import ArrayLike
 from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.sphere import Meridians, TurningRadii, angles_of, checked_twists
-from pushplan.stable_sets.boundary.intervals import Samples
-from pushplan.stable_sets.boundary.meridian_tracking import track_meridians
-from pushplan.stable_sets.boundary.meridians import find_meridians
+from pushplan.mechanics.sphere import Meridians, TurningRadii, checked_twists
+from pushplan.stable_sets.boundary.asked import Asked
+from pushplan.stable_sets.boundary.meridians import RefinedMeridians, find_meridians, refine_meridians
 from pushplan.stable_sets.boundary.peaks import margin_peaks
-from pushplan.stable_sets.boundary.refined_meridians import RefinedMeridians, refine_meridians
 from pushplan.stable_sets.cor.cor_region import Window, cor_polygons
 from pushplan.stable_sets.stable_extent import sphere_area, translation_cone, turning_radii
 
@@ -41,7 +39,7 @@ class StableSet(ABC):
 
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
-        self._meridians = lru_cache(maxsize=8)(self._find_meridians)
+        self._meridians = lru_cache(maxsize=8)(self._equally_spaced)
         self._refined = lru_cache(maxsize=8)(self._refine_meridians)
 
     @property
@@ -116,15 +114,14 @@ class StableSet(ABC):
         """Return the size of the set on the twist sphere, sr."""
         return sphere_area(self)
 
-    def _refine_meridians(self, minimum_margin: float) -> RefinedMeridians:
-        twists, margins = self.peaks
-        seeds, _ = angles_of(twists[margins > minimum_margin], self.chain.characteristic_length)
-        return refine_meridians(lambda lon, hints: self._find(lon, minimum_margin, hints), seeds)
+    def _equally_spaced(self, minimum_margin: float, count: int) -> Meridians:
+        return self._find_meridians(-np.pi + 2.0 * np.pi * np.arange(count) / count, minimum_margin)
 
-    def _find_meridians(self, minimum_margin: float, count: int) -> Meridians:
-        longitude = -np.pi + 2.0 * np.pi * np.arange(count) / count
-        return track_meridians(lambda lon, hints: self._find(lon, minimum_margin, hints), longitude)
+    def _find_meridians(self, longitude: FloatArray, minimum: float) -> Meridians:
+        return find_meridians(self._asked(minimum), longitude)
 
-    def _find(self, longitude: FloatArray, minimum: float, hints: Samples | None = None) -> Meridians:
-        length = self.chain.characteristic_length
-        return find_meridians(self.margin_values, length, longitude, minimum, hints)
+    def _refine_meridians(self, minimum: float) -> RefinedMeridians:
+        return refine_meridians(self._asked(minimum))
+
+    def _asked(self, minimum: float) -> Asked:
+        return Asked(self.margin_values, self.chain.characteristic_length, minimum)

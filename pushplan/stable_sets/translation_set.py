@@ -11,7 +11,7 @@ import numpy as np
 from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import Meridians, twists_at
-from pushplan.stable_sets.boundary.intervals import Samples
+from pushplan.stable_sets.boundary.meridians import SMALLEST_GAP, RefinedMeridians
 from pushplan.stable_sets.cof_set import CofSet
 from pushplan.stable_sets.stable_set import StableSet
 
@@ -51,9 +51,16 @@ class TranslationSet(StableSet):
         sine = np.abs(turn) / np.hypot(np.hypot(twists[:, 0], twists[:, 1]), turn)
         return np.where(turn[:, None] != 0.0, np.minimum(margins, -sine[:, None]), margins)
 
-    def _find(self, longitude: FloatArray, minimum: float, hints: Samples | None = None) -> Meridians:
+    def _find_meridians(self, longitude: FloatArray, minimum: float) -> Meridians:
         """Return latitude 0 as the whole interval wherever it is stable; there is nothing to search."""
-        del hints
         level = np.zeros_like(longitude)
         inside = self.margin_values(twists_at(longitude, level, self.chain.characteristic_length)) > minimum
         return Meridians(longitude[inside], level[inside], level[inside])
+
+    def _refine_meridians(self, minimum: float) -> RefinedMeridians:
+        longitude, cone = np.linspace(-np.pi, np.pi, 5), self.translation_cone(minimum)
+        if cone is not None:
+            right, left = np.arctan2(cone[:, 1], cone[:, 0])
+            longitude = np.append(longitude, [right - SMALLEST_GAP, right, left, left + SMALLEST_GAP])
+        longitude = np.unique(np.clip(longitude, -np.pi, np.pi))
+        return RefinedMeridians(longitude, self._find_meridians(longitude, minimum))

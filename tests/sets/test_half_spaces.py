@@ -220,7 +220,7 @@ def test_squares_have_the_stated_smallest_turns(make_chain: ChainMaker) -> None:
 
 
 def test_height_makes_stable_smaller(make_chain: ChainMaker) -> None:
-    low, high = make_chain.boxes(2), make_chain.boxes(2, contact_height=0.03)
+    low, high = make_chain.boxes(3), make_chain.boxes(3, contact_height=0.03)
     assert stable_set(high, "stable").area() < stable_set(low, "stable").area()
     floor = replace(high, pusher=replace(high.pusher, contact_height=1e-9))
     assert stable_set(floor, "stable").area() == pytest.approx(stable_set(low, "stable").area(), rel=1e-6)

@@ -2,127 +2,120 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.compiled import compiled
+from pushplan.stable_sets.boundary.asked import PROMISING
 from pushplan.stable_sets.boundary.bracketing import Family, inner_ends, maximise
 
-PROMISING = 0.35
-"""A largest sample below minus this is not searched for a peak, a smallest one above this for no dip."""
 _STEPS = 14
-_PARTS = 5
+_PARTS, _CLOSE = 5, 0.01
 
 
-class Intervals(NamedTuple):
-    """Intervals in which a member is positive, sorted by member, then by place; the ends are inside."""
+class Brackets(NamedTuple):
+    """Intervals in which a member is positive, sorted by member, then by place.
 
-    member: IntArray
-    lower: FloatArray
-    upper: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Places x (k,) at which to look at the members (k,) of a family."""
+    Attributes:
+        member: (k,) whose they are.
+        ends: (k, 2, 4) brackets of the lower and the upper end; see `inner_ends`.
+    """
 
     member: IntArray
-    x: FloatArray
+    ends: FloatArray
 
-    @classmethod
-    def on_grid(cls, members: int, grid: FloatArray) -> Samples:
-        """Return the samples of `members` members at the same places."""
-        return cls(np.repeat(np.arange(members), len(grid)), np.tile(grid, members))
-
-    def joined(self, *others: Samples) -> Samples:
-        """Return these samples and the others."""
-        parts = (self, *others)
-        return Samples(np.concatenate([p.member for p in parts]), np.concatenate([p.x for p in parts]))
+    def narrowed(self, f: Family) -> FloatArray:
+        """Return the ends (k, 2); they are inside."""
+        member = np.repeat(self.member, 2)
+        return inner_ends(lambda i, x: f(member[i], x), self.ends.reshape(-1, 4)).reshape(-1, 2)
 
 
-@dataclass(frozen=True, eq=False)
-class _Values:
-    """Samples with values, sorted by member, then by place."""
-
-    member: IntArray
-    x: FloatArray
-    value: FloatArray
-
-    @classmethod
-    def sorted(cls, member: IntArray, x: FloatArray, value: FloatArray) -> _Values:
-        order = np.lexsort((x, member))
-        return cls(member[order], x[order], value[order])
-
-    def joined(self, member: IntArray, x: FloatArray, value: FloatArray) -> _Values:
-        """Return these values and further ones."""
-        return _Values.sorted(
-            np.concatenate([self.member, member]),
-            np.concatenate([self.x, x]),
-            np.concatenate([self.value, value]),
-        )
-
-    def has_next(self) -> BoolArray:
-        """Return (k,) whether the sample after each one belongs to the same member."""
-        return np.append(self.member[1:] == self.member[:-1], False)
+def joined(parts: list[Brackets]) -> Brackets:
+    """Return the brackets of all parts, of which each has members of its own."""
+    if len(parts) == 1:
+        return parts[0]
+    member = np.concatenate([np.empty(0, np.int64), *(part.member for part in parts)])
+    ends = np.concatenate([np.empty((0, 2, 4)), *(part.ends for part in parts)])
+    order = np.argsort(member, kind="stable")
+    return Brackets(member[order], ends[order])
 
 
-def find_intervals(f: Family, samples: Samples) -> Intervals:
+def sampled(f: Family, member: IntArray, x: FloatArray) -> FloatArray:
+    """Return samples (k, 3) of members: member, place and value."""
+    return np.column_stack([member, x, f(member, x)])
+
+
+def find_intervals(f: Family, samples: FloatArray) -> Brackets:
     """Return all intervals with f > 0 that samples, or peaks and dips between samples, tell of.
 
     Args:
         f: f(i, x), continuous or not; values at or below -PROMISING need not be exact.
-        samples: Places to look at, the ends of the domain among them.
-
-    Returns:
-        Intervals whose ends are enclosed to `bracketing.TOLERANCE`.
+        samples: (k, 3) member, place and value, sorted by member, then by place.
     """
-    values = _Values.sorted(samples.member, samples.x, f(samples.member, samples.x))
-    return _positive_runs(f, _with_extremes(f, _with_edges(f, values)))
-
-
-def _with_edges(f: Family, values: _Values) -> _Values:
-    """Return the samples with some more in every gap with a change of sign, as there may be several."""
-    positive = values.value > 0.0
-    k = np.flatnonzero(values.has_next() & (positive != np.roll(positive, -1)))
-    shares = np.arange(1, _PARTS) / _PARTS
-    x = values.x[k][:, None] + (values.x[k + 1] - values.x[k])[:, None] * shares
-    member = np.repeat(values.member[k], len(shares))
-    return values.joined(member, x.ravel(), f(member, x.ravel()))
-
-
-def _with_extremes(f: Family, values: _Values) -> _Values:
-    """Return the samples with peaks above 0 and dips below 0 that lie between them."""
-    after = values.has_next()
-    inner, found = after & np.roll(after, 1), values
-    for sign in (+1.0, -1.0):
-        v = sign * values.value
-        extreme = (v >= np.roll(v, 1)) & (v >= np.roll(v, -1)) & (v <= 0.0) & (v > -PROMISING)
-        k = np.flatnonzero(inner & extreme)
-        x, best = maximise(_signed(f, values.member[k], sign), values.x[k - 1], values.x[k + 1], 0.0, _STEPS)
+    member, x = _between(samples)
+    if len(x):
+        samples = _joined(samples, sampled(f, member, x))
+    at = _extremes(samples)
+    if len(at):
+        before, here, after = samples[at - 1], samples[at], samples[at + 1]
+        member, sign = here[:, 0].astype(np.int64), np.where(here[:, 2] > 0.0, -1.0, 1.0)
+        ends = sign * before[:, 2], sign * after[:, 2]
+        x, best = maximise(
+            lambda i, x: sign[i] * f(member[i], x), before[:, 1], after[:, 1], 0.0, _STEPS, ends
+        )
         beyond = best > 0.0
-        found = found.joined(values.member[k][beyond], x[beyond], sign * best[beyond])
-    return found
+        if beyond.any():
+            samples = _joined(samples, np.column_stack([member, x, sign * best])[beyond])
+    return Brackets(*_runs(samples))
 
 
-def _signed(f: Family, members: IntArray, sign: float) -> Family:
-    return lambda i, x: sign * f(members[i], x)
+def _joined(*samples: FloatArray) -> FloatArray:
+    """Return samples (k, 3), sorted by member, then by place."""
+    rows = np.concatenate(samples)
+    return rows[np.lexsort((rows[:, 1], rows[:, 0]))]
 
 
-def _positive_runs(f: Family, values: _Values) -> Intervals:
-    """Return the runs of positive samples, extended to their exact ends."""
-    positive, after = values.value > 0.0, values.has_next()
-    before = np.roll(after, 1)
-    begins = np.flatnonzero(positive & ~(before & np.roll(positive, 1)))
-    stops = np.flatnonzero(positive & ~(after & np.roll(positive, -1)))
-    lower = _ends(f, values, begins, np.where(before[begins], begins - 1, begins))
-    upper = _ends(f, values, stops, np.where(after[stops], stops + 1, stops))
-    return Intervals(values.member[begins], lower, upper)
+@compiled
+def _between(samples: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return where to look closer, in every wide gap with a change of sign, as there may be several."""
+    member, x, k = np.empty(len(samples) * _PARTS, np.int64), np.empty(len(samples) * _PARTS), 0
+    for i in range(len(samples) - 1):
+        here, after = samples[i], samples[i + 1]
+        far = here[0] == after[0] and after[1] - here[1] > _CLOSE
+        if far and (here[2] > 0.0) != (after[2] > 0.0):
+            for j in range(1, _PARTS):
+                member[k], x[k], k = int(here[0]), here[1] + (after[1] - here[1]) * j / _PARTS, k + 1
+    return member[:k], x[:k]
 
 
-def _ends(f: Family, values: _Values, inside: IntArray, outside: IntArray) -> FloatArray:
-    """Return the exact ends between samples inside and outside, the same sample at the domain's end."""
-    x, value = values.x, values.value
-    family = _signed(f, values.member[inside], 1.0)
-    return inner_ends(family, x[inside], x[outside], value[inside], value[outside])
+@compiled
+def _extremes(samples: FloatArray) -> IntArray:
+    """Return which samples are peaks below 0 or dips above, with samples of the same member to both sides."""
+    at, k = np.empty(len(samples), np.int64), 0
+    for i in range(1, len(samples) - 1):
+        before, here, after = samples[i - 1], samples[i], samples[i + 1]
+        sign = -1.0 if here[2] > 0.0 else 1.0
+        highest = sign * here[2] >= max(-PROMISING, sign * before[2], sign * after[2])
+        if highest and before[0] == here[0] == after[0]:
+            at[k], k = i, k + 1
+    return at[:k]
+
+
+@compiled
+def _runs(samples: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the runs of positive samples, with brackets of their ends; at the domain's end, a sample twice."""
+    member, ends, k = np.empty(len(samples), np.int64), np.empty((len(samples), 2, 4)), 0
+    for i in range(len(samples)):
+        here = samples[i]
+        if not here[2] > 0.0:
+            continue
+        for j in range(2):
+            other = min(max(i + 2 * j - 1, 0), len(samples) - 1)
+            other = other if samples[other, 0] == here[0] else i
+            if other == i or not samples[other, 2] > 0.0:
+                ends[k, j, 0], ends[k, j, 1] = here[1], samples[other, 1]
+                ends[k, j, 2], ends[k, j, 3] = here[2], samples[other, 2]
+                member[k], k = int(here[0]), k + j
+    return member[:k], ends[:k]

@@ -15,7 +15,7 @@ import shapely
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
-from pushplan.stable_sets.boundary.refined_meridians import RefinedMeridians
+from pushplan.stable_sets.boundary.meridians import RefinedMeridians
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

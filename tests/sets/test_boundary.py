@@ -1,0 +1,147 @@
+"""Boundaries against what nothing but a margin function tells, and against dense samples of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from pushplan.basics.arrays import BoolArray, FloatArray
+from pushplan.mechanics.sphere import twists_at
+from pushplan.stable_sets.boundary.meridians import RefinedMeridians
+from pushplan.stable_sets.cor.cor_region import cor_polygons
+from pushplan.stable_sets.intersection_set import IntersectionSet
+from pushplan.stable_sets.named import stable_set
+from pushplan.stable_sets.stable_set import StableSet
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
+
+class ByContacts(StableSet):
+    """What a user writes: the margins of contacts alone, in Python."""
+
+    name = "by-contacts"
+
+    def __init__(self, same: StableSet) -> None:
+        super().__init__(same.chain)
+        self._same = same
+
+    def contact_margin_values(self, twists: FloatArray) -> FloatArray:
+        """Return the margin (k, n) of each contact."""
+        return self._same.contact_margin_values(twists)
+
+
+@pytest.mark.parametrize("minimum", [0.0, 0.03])
+@pytest.mark.parametrize(
+    ("seed", "n", "tree", "feet"),
+    [
+        (0, 1, False, False),
+        (1, 2, False, True),
+        (2, 3, True, False),
+        (3, 4, True, True),
+        (4, 6, False, False),
+    ],
+)
+def test_compiled_margins_and_those_of_contacts_give_the_same_set(
+    make_chain: ChainMaker, seed: int, n: int, tree: bool, feet: bool, minimum: float
+) -> None:
+    stable = stable_set(make_chain.random(seed, n, tree=tree, feet=feet))
+    length, general = stable.chain.characteristic_length, ByContacts(stable)
+    found, expected = stable.refined_meridians(minimum), general.refined_meridians(minimum)
+    for sense in (+1, -1):
+        one, other = (cor_polygons(each, length, sense, None) for each in (found, expected))
+        assert one.symmetric_difference(other).area < 1e-5 * max(other.area, length**2)
+    mine, theirs = stable.meridians(minimum), general.meridians(minimum)
+    np.testing.assert_array_equal(mine.longitude, theirs.longitude)
+    np.testing.assert_allclose(mine.lower, theirs.lower, rtol=0.0, atol=2e-12)
+    np.testing.assert_allclose(mine.upper, theirs.upper, rtol=0.0, atol=2e-12)
+
+
+@pytest.mark.parametrize("name", ["ecof", "cof", "stable", "robust", "both"])
+@pytest.mark.parametrize(("seed", "n", "minimum"), [(5, 1, 0.0), (6, 2, 0.02), (7, 3, 0.0), (9, 9, 0.0)])
+def test_dense_samples_agree_with_the_boundary_between_meridians(
+    make_chain: ChainMaker, name: str, seed: int, n: int, minimum: float
+) -> None:
+    """On 60 random meridians, farther than 5e-6 rad from the ends that great circles between found ones give."""
+    chain = make_chain.random(seed, n, tree=seed % 2 == 1, feet=seed == 7)
+    stable = (
+        IntersectionSet(stable_set(chain), stable_set(chain, "stable"))
+        if name == "both"
+        else stable_set(chain, name)
+    )
+    refined, rng = stable.refined_meridians(minimum), np.random.default_rng(seed)
+    latitude = np.linspace(-0.5, 0.5, 1001) * np.pi
+    for longitude in rng.uniform(-np.pi, np.pi, 60):
+        held, near = held_between(refined, longitude, latitude)
+        margins = stable.margin(twists_at(longitude, latitude, chain.characteristic_length))
+        assert ((held == (margins > minimum)) | near).all()
+
+
+def held_between(
+    refined: RefinedMeridians, longitude: float, latitude: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Return which latitudes (k,) are inside on a meridian between two found ones, and which are next to an end."""
+    k = int(np.searchsorted(refined.longitude, longitude))
+    a, b = refined.longitude[k - 1 : k + 1]
+    rows, held, near = refined.meridians, np.zeros(len(latitude), np.bool_), np.zeros(len(latitude), np.bool_)
+    left, right = np.flatnonzero(rows.longitude == a), np.flatnonzero(rows.longitude == b)
+    assert len(left) == len(right) or b - a < 1e-6
+    for i, j in zip(left, right, strict=False):
+        weights = np.sin(b - longitude) / np.sin(b - a), np.sin(longitude - a) / np.sin(b - a)
+        low, high = (
+            np.arctan(weights[0] * np.tan(ends[i]) + weights[1] * np.tan(ends[j]))
+            for ends in (rows.lower, rows.upper)
+        )
+        held |= (latitude >= low) & (latitude <= high)
+        near |= (np.abs(latitude - low) < 5e-6) | (np.abs(latitude - high) < 5e-6)
+    return held, near
+
+
+@pytest.mark.parametrize("name", ["ecof", "robust"])
+def test_ends_are_roots_of_the_margin(make_chain: ChainMaker, name: str) -> None:
+    """Inside by less than 2e-12 rad, on every one of the meridians."""
+    stable = stable_set(make_chain.random(6, 2), name)
+    rows, length = stable.refined_meridians().meridians, stable.chain.characteristic_length
+    assert len(rows) > 100
+    for ends, outward in ((rows.lower, -2e-12), (rows.upper, +2e-12)):
+        assert (stable.margin(twists_at(rows.longitude, ends, length)) > 0.0).all()
+        assert (stable.margin(twists_at(rows.longitude, ends + outward, length)) <= 0.0).all()
+
+
+@pytest.mark.parametrize("name", ["ecof", "robust"])
+def test_great_circles_between_meridians_stay_on_the_boundary(make_chain: ChainMaker, name: str) -> None:
+    """To 3e-6 rad, where the set is wider than a ten-thousandth; there is one interval on every meridian."""
+    stable = stable_set(make_chain.boxes(3), name)
+    refined, length = stable.refined_meridians(), stable.chain.characteristic_length
+    rows = refined.meridians
+    assert (np.diff(rows.longitude) > 0.0).all()
+    wide = rows.upper - rows.lower > 1e-4
+    wide = wide[:-1] & wide[1:]
+    a, b = rows.longitude[:-1][wide], rows.longitude[1:][wide]
+    for share in (0.25, 0.5, 0.75):
+        middle = a + share * (b - a)
+        for ends, outward in ((rows.lower, -3e-6), (rows.upper, +3e-6)):
+            weights = np.sin(b - middle) / np.sin(b - a), np.sin(middle - a) / np.sin(b - a)
+            chord = np.arctan(weights[0] * np.tan(ends[:-1][wide]) + weights[1] * np.tan(ends[1:][wide]))
+            assert (stable.margin(twists_at(middle, chord - outward, length)) > 0.0).all()
+            assert (stable.margin(twists_at(middle, chord + outward, length)) <= 0.0).all()
+
+
+def test_a_set_without_twists_is_found_empty(make_chain: ChainMaker) -> None:
+    stable = stable_set(make_chain.boxes(2, contact_friction=0.0))
+    assert len(stable.refined_meridians().meridians) == 0
+    assert len(stable_set(make_chain.boxes(1)).refined_meridians(0.999).meridians) == 0
+
+
+def test_a_narrow_cone_of_translations_is_found(make_chain: ChainMaker) -> None:
+    """Where all contacts hold by less than they could, 0.01 rad wide: the meridians end where the cone does."""
+    chain = make_chain.boxes(2, contact_friction=0.005)
+    chain = replace(chain, contacts=(chain.contacts[0], replace(chain.contacts[1], friction=0.005)))
+    refined, cone = stable_set(chain, "translation").refined_meridians(), stable_set(chain).translation_cone()
+    assert cone is not None
+    ends = refined.meridians.longitude[[0, -1]]
+    np.testing.assert_allclose(ends, np.arctan2(cone[:, 1], cone[:, 0]), atol=1e-11)
+    assert len(stable_set(chain, "translation").meridians(count=2048)) == 3
