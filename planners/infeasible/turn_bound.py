@@ -57,9 +57,9 @@ def turn_bound(start: FloatArray, goal: FloatArray, segments: FloatArray) -> flo
     best = 0.0
     for size in SIZES:
         integrals = [_integrals(_rates(sectors, size)) for sectors in (turns.left, turns.right)]
-        angles = step * np.arange(DIRECTIONS)
+        angles = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
         coarse = _bounds(start, goal, between, integrals, size, angles)
-        around = angles[np.argmax(coarse)] - step + 2.0 * step * np.linspace(0.0, 1.0, DIRECTIONS)
+        around = angles[np.argmax(coarse)] + np.linspace(-step, step, DIRECTIONS)
         here = float(max(coarse.max(), _bounds(start, goal, between, integrals, size, around).max()))
         if here <= best:  # the bound is concave in p: shorter ones gain nothing, either
             break
