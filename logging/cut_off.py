@@ -13,6 +13,7 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.plan_again import as_told
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
+from pushplan.planners.problem.posing import Posing
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.result import PlanResult
 from pushplan.sim.judging import execute_trajectory, planning_set
@@ -61,7 +62,7 @@ def _plan(run: RecordedRun) -> PlanResult:
         extensions=0,  # the log does not say
         min_margin=least,
         tree=np.zeros((0, 2, 3)),
-        lower_bound=lower_bound(scenario, path.cost),
+        lower_bound=lower_bound(scenario, Posing().controls(scenario, stable).segments, path.cost),
         objective=scenario.planner.cost,
         margin_asked=margins[0],
         margin=margin,

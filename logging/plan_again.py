@@ -11,6 +11,7 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.several_again import segments_again
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
+from pushplan.planners.problem.posing import Posing
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.result import PlanResult
 from pushplan.scenario import Scenario
@@ -43,6 +44,7 @@ def plan_again(run: RecordedRun) -> PlanResult:
     if plan.margin is not None:
         settled = replace(settled, margin_asked=margins[0], margin=margin, objective=scenario.planner.cost)
     scenario = scenario.with_margin(margin)
+    segments = Posing().controls(scenario, stable).segments
     trajectory = plan.trajectory
     if not timed_by_other_rules(scenario, plan):
         trajectory = make_trajectory(scenario, plan.path, stable, trajectory.rate)
@@ -51,7 +53,7 @@ def plan_again(run: RecordedRun) -> PlanResult:
         trajectory=trajectory,
         tolerance=None if plan.tolerance is None else tolerance_of(scenario.chain, trajectory),
         min_margin=float(stable.margin(plan.path.twists).min()) if len(plan.path.twists) else None,
-        lower_bound=None if plan.lower_bound is None else lower_bound(scenario, plan.path.cost),
+        lower_bound=None if plan.lower_bound is None else lower_bound(scenario, segments, plan.path.cost),
         diagnosis=(),
         approximate_path=None,
         approximate_error=None,

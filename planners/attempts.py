@@ -143,7 +143,9 @@ class Search:
         elif self.known is not None:
             session.offer(self.known)
         if self.good_enough > 0.0:
-            session.raise_lower_bound(lower_bound(scenario))
+            session.raise_lower_bound(
+                lower_bound(scenario, self.pose.controls(scenario, self.stable).segments)
+            )
         definition = search(session, self.make, sampling_box(scenario), body_reach(scenario))
         path = push_path(definition) if definition.hasExactSolution() else None
         return Attempt(scenario, session, monitor, path)

@@ -179,6 +179,7 @@ def _checked(
 ) -> PlanResult:
     """Time, execute and check what a search found; find out why it found nothing."""
     session, posed, stable = attempt.session, attempt.scenario, means.stable
+    segments = means.pose.controls(posed, stable).segments
     with watch("timing"):
         timed = _soonest(posed, attempt, means) if means.timed else TimedPath(attempt.path)
     path, trajectory = timed.path, timed.trajectory
@@ -207,7 +208,7 @@ def _checked(
         extensions=session.extensions,
         min_margin=None if path is None or not len(path.twists) else float(stable.margin(path.twists).min()),
         tree=session.branches.ends,
-        lower_bound=session.lower_bound if path is None else partial(lower_bound, posed, path.cost),
+        lower_bound=session.lower_bound if path is None else partial(lower_bound, posed, segments, path.cost),
         diagnosis=failure.diagnosis if failure else (),
         approximate_path=failure.nearest if failure else None,
         approximate_error=failure.error if failure else None,

@@ -81,7 +81,7 @@ class PlanResult:
         extensions: Number of arcs propagated.
         min_margin: Smallest margin along the path, or None.
         tree: (q, 2, 3) poses at both ends of the search tree's branches, thinned.
-        lower_bound: Cost (m) that no path beats; it knows the obstacles only roughly and turning limits not at all.
+        lower_bound: Cost (m) that no path beats; it knows turning limits and, roughly, obstacles, not both at once.
         diagnosis: What kept the planner from finding a path, most certain first; empty when solved.
         approximate_path: Where none was found, the free and stable path that ends nearest to the goal, or None.
         approximate_error: How far (m, rad) from the goal that is, or None.

@@ -16,6 +16,7 @@ from pushplan.path import TURN_WEIGHT
 from pushplan.plan import plan
 from pushplan.planners.infeasible.free_space import disc_at, largest_disc
 from pushplan.planners.infeasible.lower_bound import lower_bound
+from pushplan.planners.problem.posing import Posing
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario
 
@@ -35,9 +36,20 @@ def blocked_by(obstacle: FloatArray) -> Scenario:
     return replace(scenario_from_text(AHEAD, "ahead.yaml"), obstacles=(PolygonObstacle(obstacle),))
 
 
-def test_nothing_in_the_way_leaves_straight_travel_and_the_smallest_turn() -> None:
+def bound_of(scenario: Scenario, most: float = math.inf) -> float:
+    controls = Posing().controls(scenario.with_margin(0.0), scenario.stable_set())
+    return lower_bound(scenario, controls.segments, most)
+
+
+def test_nothing_in_the_way_leaves_straight_travel_and_the_turns_that_the_pushes_need() -> None:
     scenario = scenario_from_text(AHEAD.replace("[2.0, 0.0, 0.0]", "[3.0, 4.0, -90 deg]"), "ahead.yaml")
-    assert lower_bound(scenario) == pytest.approx(5.0 + TURN_WEIGHT * math.pi / 2.0, abs=1e-12)
+    result = plan(
+        replace(scenario, planner=replace(scenario.planner, cost="travel", arc_price=0.0)), iterations=20_000
+    )
+    assert result.path is not None
+    assert result.lower_bound is not None
+    assert 5.0 + TURN_WEIGHT * math.pi / 2.0 < bound_of(scenario) < result.lower_bound
+    assert result.lower_bound < result.path.cost < 1.03 * result.lower_bound
 
 
 def test_a_block_in_the_way_has_to_be_passed_on_its_short_side() -> None:
@@ -48,7 +60,7 @@ def test_a_block_in_the_way_has_to_be_passed_on_its_short_side() -> None:
     tangent = math.sqrt(reach**2 - radius**2)
     turned = math.atan2(0.3, 0.9) + math.asin(radius / reach)
     exact = 2.0 * (tangent + radius * turned) + 0.2
-    found = lower_bound(blocked_by(corners))
+    found = bound_of(blocked_by(corners))
     assert found <= exact
     assert found == pytest.approx(exact, rel=2e-3)
 
@@ -60,9 +72,9 @@ def test_a_known_path_speeds_the_bound_up_and_changes_nothing() -> None:
             CircleObstacle(center, 0.1) for center in rng.uniform([0.4, -0.5], [1.6, 0.5], (6, 2))
         )
         scenario = replace(scenario_from_text(AHEAD, "ahead.yaml"), obstacles=circles)
-        free = lower_bound(scenario)
+        free = bound_of(scenario)
         assert free >= 2.0
-        assert lower_bound(scenario, free + 1e-6) == pytest.approx(free, abs=1e-12)
+        assert bound_of(scenario, free + 1e-6) == pytest.approx(free, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", example_names())
@@ -87,7 +99,7 @@ def test_a_turned_workspace_has_the_same_bound() -> None:
         goal=replace(scenario.goal, pose_chain=np.array([1.0, 4.0, math.pi / 2.0])),
         obstacles=(PolygonObstacle(corners @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [1.0, 2.0]),),
     )
-    assert lower_bound(moved) == pytest.approx(lower_bound(scenario), abs=1e-6)
+    assert bound_of(moved) == pytest.approx(bound_of(scenario), abs=1e-6)
 
 
 def test_the_largest_disc_lies_inside_the_chain() -> None:

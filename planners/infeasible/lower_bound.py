@@ -1,8 +1,9 @@
-"""A cost that no path can beat: the way of one of the chain's points around the obstacles, and the smallest turn.
+"""A cost that no path can beat: by the turns that the pushes allow, or by the way around the obstacles.
 
-Let q be a point of the chain at distance a from the chain frame's origin. Along a path that turns by Theta in all,
-q travels at most a Theta more than the origin. So cost = travel + w Theta >= travel of q + (w - a) Theta, and for
-a <= w both parts have bounds: q's shortest way among the obstacles, and the smallest turn from start to goal.
+The first is `turn_bound`, which sees no obstacle. For the second, let q be a point of the chain at distance a from
+the chain frame's origin. Along a path that turns by Theta in all, q travels at most a Theta more than the origin. So
+cost = travel + w Theta >= travel of q + (w - a) Theta, and for a <= w both parts have bounds: q's shortest way among
+the obstacles, and the smallest turn from start to goal.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.geometry import se2
 from pushplan.path import TURN_WEIGHT
 from pushplan.planners.infeasible.free_space import Disc, blocked, disc_at, largest_disc
+from pushplan.planners.infeasible.turn_bound import turn_bound
 from pushplan.planners.problem.problem import remaining
 from pushplan.scenario import Scenario
 
@@ -29,21 +31,21 @@ MOST_SIGHTS = 10_000
 """Lines of sight looked at, at most; the bound found until then is returned."""
 
 
-def lower_bound(scenario: Scenario, most: float = math.inf) -> float:
+def lower_bound(scenario: Scenario, segments: FloatArray, most: float = math.inf) -> float:
     """Return a cost (m) that no path which keeps the clearance can beat.
 
-    It ignores how the chain can turn, that it can only be pushed, and all of its shape but a disc: the gap to it
-    is an upper bound of what a path wastes, seldom the truth.
+    Where obstacles are in the way it ignores how the chain can turn, and all of its shape but a disc: then the gap
+    to it is an upper bound of what a path wastes, seldom the truth.
 
     Args:
         scenario: The problem.
+        segments: (k, 6) stable twists that the pusher can make; see `controls`.
         most: Cost of a path that is known; ways longer than that are not looked at.
     """
     x, y, theta = scenario.start
     goal = scenario.goal.pose_chain
-    straight = float(remaining(x, y, theta, goal))
     turn = abs(float(se2.wrap_angle(goal[2] - theta)))
-    bounds = [straight]
+    bounds = [float(remaining(x, y, theta, goal)), turn_bound(scenario.start, goal, segments)]
     for disc in _discs(scenario):
         rest = (TURN_WEIGHT - float(np.linalg.norm(disc.center))) * turn
         bounds.append(_way_around(scenario, disc, most - rest) + rest)

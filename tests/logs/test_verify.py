@@ -14,6 +14,7 @@ from pushplan.logging.reader import read_run
 from pushplan.logging.verify import verify
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
+from pushplan.planners.problem.posing import Posing
 from pushplan.sim.judging import execute
 from pushplan.tolerance.work_out import tolerance_of
 
@@ -32,10 +33,13 @@ def sincere(case: Any) -> Any:
     path = case.plan.path
     margin = float(case.scenario.stable_set(case.plan.stable_set).margin(path.twists).min())
     asked = margins_to_try(case.scenario, case.scenario.stable_set(case.plan.stable_set))[0]
+    controls = Posing().controls(
+        case.scenario.with_margin(asked), case.scenario.stable_set(case.plan.stable_set)
+    )
     plan = dataclasses.replace(
         case.plan,
         min_margin=margin,
-        lower_bound=lower_bound(case.scenario, path.cost),
+        lower_bound=lower_bound(case.scenario, controls.segments, path.cost),
         objective=case.scenario.planner.cost,
         margin_asked=asked,
         margin=asked,

@@ -1,0 +1,117 @@
+"""The bound by turns: no stable path beats it, and where nothing is in the way the best ones nearly reach it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plain import load_plain
+
+from pushplan.basics.arrays import FloatArray
+from pushplan.examples import example_names
+from pushplan.geometry import se2
+from pushplan.path import TURN_WEIGHT, PushPath
+from pushplan.plan import plan
+from pushplan.planners.infeasible.turn_bound import turn_bound
+from pushplan.planners.problem.controls import control_segments, steering_families
+from pushplan.planners.problem.steering import MAX_WORDS, find_words
+from pushplan.scenario import Scenario
+from pushplan.stable_sets.stable_set import StableSet
+
+ORIGIN = np.zeros(3)
+CAR = np.array([[1.0, 0.0, -2.0, 1.0, 0.0, 2.0]])
+"""Dubins' car with a turning radius of 0.5 m at the chain frame's origin."""
+
+TRANSLATIONS = np.array([[1.0, 0.2, 0.0, 1.0, 0.2, 0.0], [1.0, -0.2, 0.0, 1.0, -0.2, 0.0]])
+
+
+def set_of(name: str) -> tuple[Scenario, StableSet]:
+    scenario = load_plain(name)
+    return scenario, scenario.stable_set()
+
+
+def random_path(segments: FloatArray, rng: np.random.Generator) -> PushPath:
+    """A few arcs of twists on segments, most of them at their ends, from a random pose."""
+    count = int(rng.integers(1, 6))
+    rows = segments[rng.integers(0, len(segments), count)]
+    share = np.clip(rng.uniform(-0.5, 1.5, (count, 1)), 0.0, 1.0)
+    twists = (1.0 - share) * rows[:, :3] + share * rows[:, 3:]
+    twists /= (np.hypot(twists[:, 0], twists[:, 1]) + TURN_WEIGHT * np.abs(twists[:, 2]))[:, None]
+    return PushPath(rng.uniform(-3.0, 3.0, 3), twists, rng.uniform(0.01, 2.0, count))
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_no_path_of_stable_twists_beats_the_bound(name: str) -> None:
+    """Paths of finer meridians than those that the bound knows: it holds between them, too."""
+    scenario, stable = set_of(name)
+    known, finer = (control_segments(stable, scenario.chain.pusher.drive, 0.05, k) for k in (512, 4099))
+    rng = np.random.default_rng(7)
+    for _ in range(150):
+        path = random_path(finer, rng)
+        assert turn_bound(path.start, path.end, known) <= path.cost + 1e-9
+
+
+def test_no_word_of_a_car_beats_the_bound_and_some_reach_it() -> None:
+    """Dubins' car: the cheapest word is the best path, or near it, as turns cost something, too."""
+    rng, family, words = np.random.default_rng(3), steering_families(CAR)[0], np.empty((MAX_WORDS, 7))
+    shares = []
+    for goal in rng.uniform([-3.0, -3.0, -math.pi], [3.0, 3.0, math.pi], (300, 3)):
+        count = find_words(family, ORIGIN, goal, words)
+        best = float(words[:count, 0].min())
+        shares.append(turn_bound(ORIGIN, goal, CAR) / best)
+    assert max(shares) <= 1.0 + 1e-9
+    assert np.quantile(shares, 0.5) > 0.97
+
+
+@pytest.mark.parametrize("name", ["free-space", "two-crates", "asymmetric", "feet", "carts"])
+def test_the_bound_is_near_the_best_path_in_a_free_room(name: str) -> None:
+    scenario, _ = set_of(name)
+    free = replace(
+        scenario,
+        obstacles=(),
+        workspace=None,
+        planner=replace(scenario.planner, cost="travel", arc_price=0.0),
+    )
+    result = plan(free, time_limit=60.0, iterations=30_000)
+    assert result.gap is not None
+    assert result.gap < 0.02
+
+
+def test_straight_ahead_costs_the_way() -> None:
+    for goal in ([2.0, 0.0, 0.0], [0.3, 0.0, 0.0]):
+        assert turn_bound(ORIGIN, np.array(goal), CAR) == pytest.approx(goal[0], abs=1e-12)
+
+
+def test_a_turn_that_a_car_has_to_make_counts_with_its_way() -> None:
+    """A quarter turn to the left along the tightest arc is the best path to its end."""
+    path = PushPath(ORIGIN, np.array([[1.0, 0.0, 2.0]]) / 1.2, np.array([0.25 * math.pi * 1.2]))
+    assert turn_bound(path.start, path.end, CAR) == pytest.approx(path.cost, rel=5e-3)
+
+
+def test_translations_alone_cannot_turn() -> None:
+    assert turn_bound(ORIGIN, np.array([1.0, 0.0, 0.5]), TRANSLATIONS) > 1e3
+    assert turn_bound(ORIGIN, np.array([1.0, 0.1, 0.0]), TRANSLATIONS) == pytest.approx(math.hypot(1.0, 0.1))
+
+
+def test_the_same_place_with_another_heading_costs_turns() -> None:
+    assert turn_bound(ORIGIN, np.array([0.0, 0.0, 1.0]), CAR) >= TURN_WEIGHT * 1.0
+    assert turn_bound(ORIGIN, ORIGIN, CAR) == 0.0
+
+
+def test_a_rigid_motion_changes_nothing() -> None:
+    rng = np.random.default_rng(11)
+    _, stable = set_of("asymmetric")
+    segments = control_segments(stable, load_plain("asymmetric").chain.pusher.drive, 0.05)
+    for _ in range(10):
+        start, goal, motion = rng.uniform(-3.0, 3.0, (3, 3))
+        moved = turn_bound(se2.compose(motion, start), se2.compose(motion, goal), segments)
+        # the bins of the heading lie elsewhere then
+        assert moved == pytest.approx(turn_bound(start, goal, segments), rel=2e-3)
+
+
+def test_a_mirror_image_has_the_same_bound() -> None:
+    rng, flip = np.random.default_rng(13), np.array([1.0, -1.0, -1.0])
+    for goal in rng.uniform([-3.0, -3.0, -math.pi], [3.0, 3.0, math.pi], (20, 3)):
+        assert turn_bound(ORIGIN, goal * flip, CAR) == pytest.approx(turn_bound(ORIGIN, goal, CAR), rel=1e-3)
