@@ -35,7 +35,6 @@ from pushplan.bench.random_problems.parameters import ProblemParameters
 from pushplan.control.aims import Aim
 from pushplan.control.controller import Controller
 from pushplan.control.course import Course, OpenLoop, course_in
-from pushplan.control.measured_chain import places_of
 from pushplan.events import Replan
 from pushplan.examples import example_names
 from pushplan.geometry.se2 import compose, inverse, relative
@@ -113,7 +112,7 @@ def in_physics(scenario: Scenario, world: World, controller: Controller, course:
     trajectory = solved[-1].result.trajectory
     assert trajectory is not None
     began = int(np.searchsorted(course.t, solved[-1].time))
-    at = compose(course.object_poses[began], inverse(places_of(scenario.chain)))
+    at = compose(course.object_poses[began], inverse(scenario.chain.places))
     placed = relative(trajectory.start, at)
     settings = replace(SLIPPING, step=1e-4)
     found = simulate_trajectory(world.chain, trajectory, quasi_static=True, settings=settings, placed=placed)
