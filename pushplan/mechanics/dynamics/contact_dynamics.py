@@ -26,6 +26,7 @@ from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, facet_rows, wrenches_of
+from pushplan.mechanics.directions import by_direction, directions
 from pushplan.mechanics.friction.packed import PackedChain, pack_chain
 from pushplan.mechanics.inertia import (
     InertiaTable,
@@ -167,12 +168,23 @@ class ContactDynamics:
         return tuple(part.rows - margin * part.size[..., None] for part in parts)
 
     def quasi_static(self, twists: FloatArray) -> Wrenches:
-        """Return what the contacts transmit without inertia at body twists (m, 3)."""
+        """Return what the contacts transmit without inertia at body twists (m, 3), none of them zero."""
+        owner, first = directions(twists, self.chain.characteristic_length)
+        if len(first) == len(twists):
+            return self._quasi_static(twists)
+        return Wrenches(*(values[owner] for values in self._quasi_static(twists[first])))
+
+    def _quasi_static(self, twists: FloatArray) -> Wrenches:
         if self.worst_case:
             return Wrenches(*robust_rows_of(self._areas, np.ascontiguousarray(twists)))
         if self.interval is not None:
             return Wrenches(*self._interval_rows.least(twists))
         return self._exactly(wrenches_of(self.packed, twists))
+
+    def _floor_wrenches(self, twists: FloatArray) -> FloatArray:
+        """What the contacts transmit without inertia (m, n, 3) where loads are known."""
+        length = self.chain.characteristic_length
+        return by_direction(lambda v: wrenches_of(self.packed, v), twists, length)
 
     def inertia(self, twists: FloatArray, rates: FloatArray) -> Wrenches:
         """Return what inertia adds to the contacts' wrenches; see `inertia_wrenches`."""
@@ -205,7 +217,7 @@ class ContactDynamics:
                 f"rates have shape {dv.shape}; they must be finite and like twists: {v.shape}"
             )
         if self._exact:
-            return contact_margins_of(self.packed, wrenches_of(self.packed, v) + self.inertia_wrenches(v, dv))
+            return contact_margins_of(self.packed, self._floor_wrenches(v) + self.inertia_wrenches(v, dv))
         floor, inertia = self.quasi_static(v), self.inertia(v, dv)
         size = floor.size + inertia.size
         least = (floor.rows + inertia.rows).min(axis=2)
