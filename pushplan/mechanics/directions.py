@@ -7,7 +7,6 @@ once for all of them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -21,9 +20,7 @@ Rounding stays below 1e-13 in blended trajectories, also where they come to rest
 """
 
 
-def by_direction(
-    values: Callable[[FloatArray], FloatArray], twists: FloatArray, length: float
-) -> FloatArray:
+def by_direction(values: Callable[[FloatArray], FloatArray], twists: FloatArray, length: float) -> FloatArray:
     """Return what `values` returns (m, ...) for twists (m, 3), asked once for neighbours of one direction.
 
     Args:
