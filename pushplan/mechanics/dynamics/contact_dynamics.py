@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, IntArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, facet_rows, wrenches_of
@@ -32,7 +32,7 @@ from pushplan.mechanics.inertia import (
     InertiaTable,
     inertia_per_object,
     inertia_table,
-    summed_over_carried,
+    sum_over_carried,
 )
 from pushplan.mechanics.sphere import checked_twists
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
@@ -127,6 +127,11 @@ class ContactDynamics:
         return inertia_table(self.chain)
 
     @cached_property
+    def _pushers(self) -> IntArray:
+        """(n,) the object that pushes each one, -1 for the plate."""
+        return np.array([contact.pusher for contact in self.chain.contacts], dtype=np.int64)
+
+    @cached_property
     def facets(self) -> FloatArray:
         """(n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length)."""
         return contact_facets(self.chain)
@@ -199,7 +204,9 @@ class ContactDynamics:
             twists: (m, 3) body twists V.
             rates: (m, 3) their time derivatives dV/dt.
         """
-        return summed_over_carried(self.chain, inertia_per_object(self.table, twists, rates))
+        wrenches = inertia_per_object(self.table, twists, rates)
+        sum_over_carried(wrenches, self._pushers)
+        return wrenches
 
     def _exactly(self, wrenches: FloatArray) -> Wrenches:
         """Facet values G . w of transmitted wrenches (m, n, 3), and their sizes."""

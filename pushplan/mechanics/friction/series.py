@@ -28,7 +28,7 @@ ORDER = 10
 REACH = 0.05
 """Largest |omega| radius / |v0| at which the series is used: REACH^(ORDER + 1) is below rounding."""
 NEGLIGIBLE = 1e-17
-"""Powers of |omega| radius / |v0| below this are left out: for straight pushes, all but the first one or two."""
+"""Powers of |omega| radius / |v0| below this are left out, for pushes that are straight or nearly so."""
 _PAIRS = [(m, h) for m in range(ORDER + 1) for h in reversed(range((ORDER - m) // 2 + 1))]
 """Powers m of the direction e, and h of r^2, in the order in which they are added up."""
 TERMS = 2 * len(_PAIRS)
@@ -100,13 +100,13 @@ def series_pair(series: ComplexArray, row: int, vx: float, vy: float, spin: floa
     size = math.fabs(spin) / speed
     square, turned = size * size, math.copysign(size, spin)
     zx, zy = uy * turned, ux * turned  # kappa radius
+    top = 1 if square < NEGLIGIBLE else 4 if square * square * size < NEGLIGIBLE else ORDER
     x = y = u = w = 0.0
-    px, py, scale, term = 1.0, 0.0, 1.0, 0
-    for m in range(ORDER + 1):
-        count = (ORDER - m) // 2 + 1
-        skipped = count - 1 if square < NEGLIGIBLE else 0
+    px, py, end = 1.0, 0.0, 0
+    for m in range(top + 1):
+        end += 2 * ((ORDER - m) // 2 + 1)
         ar = ai = br = bi = cr = ci = dr = di = 0.0  # sum and difference, of either row
-        for k in range(term + 2 * skipped, term + 2 * count, 2):
+        for k in range(end - 2 * ((top - m) // 2 + 1), end, 2):
             a, b, c, d = series[row, k], series[row, k + 1], series[row + 1, k], series[row + 1, k + 1]
             ar, ai, br, bi = (
                 ar * square + a.real,
@@ -122,11 +122,7 @@ def series_pair(series: ComplexArray, row: int, vx: float, vy: float, spin: floa
             )
         x, y = x + px * ar - py * bi, y + px * ai + py * br
         u, w = u + px * cr - py * di, w + px * ci + py * dr
-        scale *= size
-        if scale < NEGLIGIBLE:
-            break
         px, py = px * zx - py * zy, px * zy + py * zx
-        term += 2 * count
     return complex(x * ux - y * uy, x * uy + y * ux), complex(u * ux - w * uy, u * uy + w * ux)
 
 
