@@ -65,6 +65,14 @@ def _binomials(upper: float) -> FloatArray:
     return np.cumprod(np.append(1.0, (upper - k) / (k + 1.0)))
 
 
+_M, _H = np.array(_PAIRS).T
+_FACTORS = np.outer(_binomials(0.5), _binomials(-0.5))
+_AHEAD, _BACK = _FACTORS[_M + _H, _H], np.where(_M > 0, _FACTORS[_H, _M + _H], 0.0)
+_A, _B = np.array(WEIGHTS).T[:, :, None]
+_P, _Q, _P_BACK, _Q_BACK = _M + _H + _A, _H + _B, _H + _A, _M + _H + _B
+"""Coefficients, and powers of z and conj z, of the columns with p - q = m and with p - q = -m."""
+
+
 def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
     """Return the coefficients (5, TERMS) of (kappa radius)^p conj(kappa radius)^q, kappa = i omega / v0.
 
@@ -73,15 +81,9 @@ def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
     about the anchor point.
     """
     moments = complex_moments(outline / radius, ORDER + 2) * radius**2
-    factors = np.outer(_binomials(0.5), _binomials(-0.5))
-    m, h = np.array(_PAIRS).T
-    columns = np.empty((len(WEIGHTS), len(_PAIRS), 2), dtype=np.complex128)
-    for row, (a, b) in zip(columns, WEIGHTS, strict=True):
-        scale = radius ** (a + b)
-        ahead = scale * factors[m + h, h] * moments[m + h + a, h + b]
-        back = np.where(m > 0, scale * factors[h, m + h] * moments[h + a, m + h + b], 0.0)
-        row[:, 0], row[:, 1] = ahead + back, ahead - back
-    return columns.reshape(len(WEIGHTS), TERMS)
+    scale = np.array([radius ** (a + b) for a, b in WEIGHTS])[:, None]
+    ahead, back = scale * _AHEAD * moments[_P, _Q], scale * _BACK * moments[_P_BACK, _Q_BACK]
+    return np.asarray(np.stack([ahead + back, ahead - back], axis=-1).reshape(len(WEIGHTS), TERMS))
 
 
 @no_refcount
