@@ -20,6 +20,10 @@ Rounding stays below 1e-13 in blended trajectories, also where they come to rest
 """
 
 
+WORTHWHILE = 0.7
+"""Share of directions among twists from which on copying takes as long as working out every one."""
+
+
 def by_direction(values: Callable[[FloatArray], FloatArray], twists: FloatArray, length: float) -> FloatArray:
     """Return what `values` returns (m, ...) for twists (m, 3), asked once for neighbours of one direction.
 
@@ -29,7 +33,7 @@ def by_direction(values: Callable[[FloatArray], FloatArray], twists: FloatArray,
         length: By which angular velocities are multiplied to be compared with the others, m.
     """
     owner, first = directions(twists, length)
-    if len(first) == len(twists):
+    if len(first) > WORTHWHILE * len(twists):
         return values(twists)
     return np.asarray(values(twists[first])[owner])
 

@@ -26,7 +26,7 @@ from pushplan.basics.arrays import FloatArray, IntArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, facet_rows, wrenches_of
-from pushplan.mechanics.directions import by_direction, directions
+from pushplan.mechanics.directions import WORTHWHILE, by_direction, directions
 from pushplan.mechanics.friction.packed import PackedChain, pack_chain
 from pushplan.mechanics.inertia import (
     InertiaTable,
@@ -175,7 +175,7 @@ class ContactDynamics:
     def quasi_static(self, twists: FloatArray) -> Wrenches:
         """Return what the contacts transmit without inertia at body twists (m, 3), none of them zero."""
         owner, first = directions(twists, self.chain.characteristic_length)
-        if len(first) == len(twists):
+        if len(first) > WORTHWHILE * len(twists):
             return self._quasi_static(twists)
         return Wrenches(*(values[owner] for values in self._quasi_static(twists[first])))
 
@@ -212,10 +212,15 @@ class ContactDynamics:
         """Facet values G . w of transmitted wrenches (m, n, 3), and their sizes."""
         return Wrenches(*facet_rows(self.facets, wrenches, self.chain.characteristic_length))
 
-    def margins(self, twists: ArrayLike, rates: ArrayLike) -> FloatArray:
+    def margins(self, twists: ArrayLike, rates: ArrayLike, floor: FloatArray | None = None) -> FloatArray:
         """Return the margin (m, n) of each contact while the chain moves and accelerates; see `dynamic_margins`.
 
         Where loads are not known or intervals, it is a lower bound of the margin for all that they may be.
+
+        Args:
+            twists: (m, 3) body twists.
+            rates: (m, 3) their time derivatives.
+            floor: (m, n, 3) what the contacts transmit at the twists without inertia (`contact_state`), if known.
         """
         v = checked_twists(twists)
         dv = np.ascontiguousarray(rates, dtype=np.float64)
@@ -224,10 +229,11 @@ class ContactDynamics:
                 f"rates have shape {dv.shape}; they must be finite and like twists: {v.shape}"
             )
         if self._exact:
-            return contact_margins_of(self.packed, self._floor_wrenches(v) + self.inertia_wrenches(v, dv))
-        floor, inertia = self.quasi_static(v), self.inertia(v, dv)
-        size = floor.size + inertia.size
-        least = (floor.rows + inertia.rows).min(axis=2)
+            wrenches = self._floor_wrenches(v) if floor is None else floor
+            return contact_margins_of(self.packed, wrenches + self.inertia_wrenches(v, dv))
+        static, inertia = self.quasi_static(v), self.inertia(v, dv)
+        size = static.size + inertia.size
+        least = (static.rows + inertia.rows).min(axis=2)
         return np.where(size > 0.0, least / np.where(size > 0.0, size, 1.0), 0.0)
 
 
