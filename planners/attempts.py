@@ -15,7 +15,6 @@ from pushplan.planners.improve.session import Session
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.ompl.search import Factory, search
-from pushplan.planners.ompl.solution import push_path
 from pushplan.planners.problem.objective import make_objective
 from pushplan.planners.problem.posing import Posing, body_reach, sampling_box
 from pushplan.result import ProgressPoint
@@ -146,6 +145,5 @@ class Search:
             session.raise_lower_bound(
                 lower_bound(scenario, self.pose.controls(scenario, self.stable).segments)
             )
-        definition = search(session, self.make, sampling_box(scenario), body_reach(scenario))
-        path = push_path(definition) if definition.hasExactSolution() else None
+        path = search(session, self.make, sampling_box(scenario), body_reach(scenario))
         return Attempt(scenario, session, monitor, path)

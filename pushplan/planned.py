@@ -141,7 +141,8 @@ def planned(scenario: Scenario, means: Means, wanted: Wanted, watch: Stopwatch, 
     except OutOfTimeError as error:
         return _without_search(scenario, means, wanted, seed, time.perf_counter() - began, str(error))
     seconds = time.perf_counter() - began
-    return _checked(attempt, means, wanted, scenario, seed, seconds, watch)
+    with no_collection():
+        return _checked(attempt, means, wanted, scenario, seed, seconds, watch)
 
 
 def _without_search(

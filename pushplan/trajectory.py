@@ -34,24 +34,22 @@ def advance(coefficients: FloatArray, begin: FloatArray, end: FloatArray) -> Flo
         begin: (m,) local times, s.
         end: (m,) local times, s.
     """
+    c = np.ascontiguousarray(coefficients.transpose(1, 2, 0))  # whole columns: NumPy is slow along short rows
     h = end - begin
     middle = 0.5 * (begin + end)
-    v1, v2 = (_polynomial(coefficients, middle + sign * _GAUSS * h) for sign in (-1.0, 1.0))
-    step = 0.5 * h[:, None] * (v1 + v2) + (np.sqrt(3.0) / 12.0) * (h**2)[:, None] * _bracket(v1, v2)
-    return se2.exp(step)
+    v1, v2 = (_polynomial(c, middle + sign * _GAUSS * h) for sign in (-1.0, 1.0))
+    step = 0.5 * h * (v1 + v2) + (np.sqrt(3.0) / 12.0) * h**2 * _bracket(v1, v2)
+    return se2.exp(step.T)
 
 
-def _polynomial(coefficients: FloatArray, tau: FloatArray) -> FloatArray:
-    c0, c1, c2 = coefficients[:, 0], coefficients[:, 1], coefficients[:, 2]
-    tau = tau[:, None]
-    return c0 + tau * (c1 + tau * c2)
+def _polynomial(c: FloatArray, tau: FloatArray) -> FloatArray:
+    """Return c0 + c1 tau + c2 tau^2 (3, m) of coefficients (3, 3, m) at times (m,)."""
+    return np.asarray(c[0] + tau * (c[1] + tau * c[2]))
 
 
 def _bracket(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Lie bracket [a, b] of planar twists."""
-    x = -a[:, 2] * b[:, 1] + b[:, 2] * a[:, 1]
-    y = a[:, 2] * b[:, 0] - b[:, 2] * a[:, 0]
-    return np.stack([x, y, np.zeros_like(x)], axis=1)
+    """Lie bracket [a, b] (3, m) of planar twists (3, m)."""
+    return np.stack([b[2] * a[1] - a[2] * b[1], a[2] * b[0] - b[2] * a[0], np.zeros_like(a[0])])
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +83,11 @@ class Trajectory:
             raise PushplanError(f"rate is {self.rate} Hz; it must be > 0")
         if self.breaks[0] != 0.0 or (np.diff(self.breaks) <= 0.0).any():
             raise PushplanError("breaks of the trajectory must start at 0 and increase")
+
+    @cached_property
+    def _columns(self) -> FloatArray:
+        """(3, 3, q) the coefficients by order, then by component of the twist."""
+        return np.ascontiguousarray(self.coefficients.transpose(1, 2, 0))
 
     @property
     def duration(self) -> float:
@@ -151,7 +154,7 @@ class Trajectory:
         if len(self.coefficients) == 0:
             return np.zeros((*t.shape, 3))
         piece = self.piece_at(t)
-        return _polynomial(self.coefficients[piece], t - self.breaks[piece])
+        return np.ascontiguousarray(_polynomial(self._columns[..., piece], t - self.breaks[piece]).T)
 
     def rates_at(self, t: ArrayLike) -> FloatArray:
         """Return the time derivatives (m, 3) of the commanded twists at times (m,), clipped to the trajectory."""
@@ -159,8 +162,8 @@ class Trajectory:
         if len(self.coefficients) == 0:
             return np.zeros((*t.shape, 3))
         piece = self.piece_at(t)
-        c1, c2 = self.coefficients[piece, 1], self.coefficients[piece, 2]
-        return np.asarray(c1 + 2.0 * (t - self.breaks[piece])[:, None] * c2)
+        _, c1, c2 = self._columns[..., piece]
+        return np.ascontiguousarray((c1 + 2.0 * (t - self.breaks[piece]) * c2).T)
 
     def base_poses_at(self, t: ArrayLike) -> FloatArray:
         """Return the poses (m, 3) of the robot's base in the world at times (m,), clipped to the trajectory."""

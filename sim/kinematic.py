@@ -9,6 +9,7 @@ from pushplan.execution import Execution, StabilityLoss
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.stable_sets.ecof_set import EcofSet
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory, advance
 
@@ -34,22 +35,28 @@ def simulate_rigid(
     """
     poses = integrated(trajectory)
     asked = trajectory.directions
-    margins = deciding = judge.contact_margins(asked)
-    dynamic = None if contacts is None else contacts.margins(asked, trajectory.rates_at(trajectory.t))
+    state = contact_state(judge.chain, asked) if judge.loads_known else None
+    exact = state is not None and isinstance(judge, EcofSet)
+    margins = deciding = state.margins if state is not None and exact else judge.contact_margins(asked)
+    floor = (
+        state.wrenches
+        if state is not None and contacts is not None and contacts.chain is judge.chain
+        else None
+    )
+    dynamic = None if contacts is None else contacts.margins(asked, trajectory.rates_at(trajectory.t), floor)
     if dynamic is not None and inertia_decides:
         deciding = np.minimum(margins, dynamic)
     lost = np.flatnonzero(deciding.min(axis=1) <= 0.0)
     last = int(lost[0]) + 1 if len(lost) else len(poses)
     loss = _loss(trajectory, poses, deciding, last - 1) if len(lost) else None
-    state = contact_state(judge.chain, asked[:last]) if judge.loads_known else None
     return Execution(
         trajectory.t[:last],
         poses[:last],
         trajectory.twists[:last],
         margins[:last],
-        None if state is None else state.friction_margins,
-        None if state is None else state.lambdas,
-        None if state is None else state.forces,
+        None if state is None else state.friction_margins[:last],
+        None if state is None else state.lambdas[:last],
+        None if state is None else state.forces[:last],
         loss,
         se2.pose_error(poses[last - 1], goal),
         None if dynamic is None else dynamic[:last],

@@ -35,6 +35,26 @@ def unstable_times(
     return np.asarray(times[moving][worst][spare[worst] <= 0.0])
 
 
+def off_chords(trajectory: Trajectory, reach: float) -> float:
+    """Return how far (m) a body gets, at most, from the constant twists between the samples of its motion.
+
+    The part of dV/dt along the twist V changes when the body is somewhere, not where it is. The rest takes a point by
+    no more than h^2 / 8 of the acceleration that it has from it, h being the time between samples.
+
+    Args:
+        trajectory: The motion.
+        reach: Distance from the chain frame's origin to the body's farthest point, m.
+    """
+    durations, scale = np.diff(trajectory.breaks)[:, None], np.array([1.0, 1.0, reach])
+    c0, c1, c2 = (trajectory.coefficients[:, k] * scale for k in range(3))
+    twists = np.concatenate([c0, c0 + durations * (c1 + durations * c2)])
+    rates = np.concatenate([c1, c1 + 2.0 * durations * c2])
+    along = (rates * twists).sum(axis=1) / np.maximum((twists * twists).sum(axis=1), RESTING**2)
+    rest = rates - along[:, None] * twists
+    most = np.hypot(rest[:, 0], rest[:, 1]) + np.abs(rest[:, 2])
+    return float(most.max(initial=0.0)) / (8.0 * trajectory.rate**2)
+
+
 def collision_times(scenario: Scenario, trajectory: Trajectory) -> FloatArray:
     """Return the time of the sample nearest to the first collision that the independent checker finds, if any."""
     hit = find_collision(scenario, trajectory.poses)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.path import PushPath
-from pushplan.planners.blending.blend_check import collision_times, unstable_times
+from pushplan.planners.blending.blend_check import collision_times, off_chords, unstable_times
 from pushplan.planners.blending.goal_fit import NoFitError
 from pushplan.planners.blending.joining import (
     corners_of,
@@ -35,6 +35,10 @@ from pushplan.trajectory import Trajectory
 
 NUDGES = 6
 """How often lengths are changed to keep away from what is touched before a stop is made."""
+
+OFF_CHORDS = 0.2
+"""Share of the room between the distances that poses looked at have and that is kept between, which may be used up by
+proving for a motion what its samples, with constant twists between them, keep; the checker is asked otherwise."""
 
 WORTH_A_STOP = 0.5
 """Delay (s) by slowing down a whole section from which on a stop at its worst corner is preferred."""
@@ -142,16 +146,26 @@ class BlendSearch:
 
     def _is_free(self, parts: list[Part], lengths: FloatArray, trajectory: Trajectory) -> bool:
         """Tell whether nothing is touched; if not, keep away from it the next time, or stop near it."""
-        touches = find_touches(self.scene, trajectory, self.reach)
+        scene, proven = self._proving(trajectory)
+        touches = find_touches(scene, trajectory, self.reach)
         times = touches.times[[int(np.argmin(touches.gaps))]] if len(touches.times) else np.zeros(0)
         if len(times) and self.nudging.tries < NUDGES:
             rows = nudges(self.scene, self.path, trajectory, lengths, touches, self.reach)
             self.nudging = self.nudging.further(rows, nearest_corners(parts, lengths, times))
             return False
-        times = times if len(times) else collision_times(self.scenario, trajectory)
+        if not len(times) and not proven:
+            times = collision_times(self.scenario, trajectory)
         if len(times):
             self._stop(nearest_corners(parts, lengths, times))
         return not len(times)
+
+    def _proving(self, trajectory: Trajectory) -> tuple[Scene, bool]:
+        """The scene to prove a motion in, and whether its samples keep then what the checker asks for."""
+        scene = self.scene
+        kept = scene.kept + off_chords(trajectory, self.reach)
+        if kept > scene.kept + OFF_CHORDS * (scene.clearance - scene.kept):
+            return scene, False
+        return scene._replace(kept=kept), True
 
     def _stop(self, corners: frozenset[int]) -> None:
         """Stop at more corners, and see anew what is touched then."""

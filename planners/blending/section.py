@@ -128,9 +128,10 @@ def make_part(path: PushPath, arcs: IntArray, bounds: Bounds) -> Part:
     if np.abs(twists - twists[0]).max() <= SAME:
         return Push(arcs, twists[0], bounds)
     tops = bounds.pace * passing_speeds(twists, lengths, bounds)
-    sections = [_paced(arcs, twists, pace * tops, bounds) for pace in PACES]
-    times = [(lengths / s.speeds).sum() + s.widths[[0, -1]].sum() / 2.0 for s in sections]
-    return sections[int(np.argmin(times))]
+    times = [_least_time(twists, lengths, pace * tops, bounds) for pace in PACES]
+    speeds = PACES[int(np.argmin(times))] * tops
+    levels = _levels(twists, speeds)
+    return Section(arcs, levels, speeds, step_windows(levels, bounds.limits), bounds)
 
 
 def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> FloatArray:
@@ -157,10 +158,17 @@ def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:
     return np.array([_windows(step, spare, limits) for step, spare in zip(steps, room, strict=True)])
 
 
-def _paced(arcs: IntArray, twists: FloatArray, speeds: FloatArray, bounds: Bounds) -> Section:
+def _levels(twists: FloatArray, speeds: FloatArray) -> FloatArray:
+    """The twists of arcs (k, 3) at some speeds (k,), and rest at either end."""
     rest = np.zeros((1, 3))
-    levels = np.concatenate([rest, twists * speeds[:, None], rest])
-    return Section(arcs, levels, speeds, step_windows(levels, bounds.limits), bounds)
+    return np.concatenate([rest, twists * speeds[:, None], rest])
+
+
+def _least_time(twists: FloatArray, lengths: FloatArray, speeds: FloatArray, bounds: Bounds) -> float:
+    """How long arcs take at some speeds with half of the first step before them and of the last one after, s."""
+    levels = _levels(twists, speeds)
+    ends = (step_windows(levels[:2], bounds.limits), step_windows(levels[-2:], bounds.limits))
+    return float((lengths / speeds).sum() + sum(windows.sum() for windows in ends) / 2.0)
 
 
 def _windows(step: FloatArray, room: float, limits: Limits) -> FloatArray:

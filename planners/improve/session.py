@@ -104,6 +104,11 @@ class Session:
         self._lower_bound = max(self._lower_bound, cost)
 
     @property
+    def best_path(self) -> PushPath | None:
+        """The best path, if there is one."""
+        return None if self.best.arcs is None else path_from(self.start, self.best.arcs)
+
+    @property
     def nearest_path(self) -> PushPath:
         """The path that ends nearest to the goal, as long as there is none to it."""
         return path_from(self.start, self.nearest.arcs)

@@ -9,18 +9,19 @@ from typing import Any
 from ompl import base as ob
 from ompl import util as ou
 from pushplan.errors import PlanningError
+from pushplan.path import PushPath
 from pushplan.planners.improve.polish import merged
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.posing import PushInformation, free_word, pose_problem
-from pushplan.planners.ompl.solution import arcs_to_goal, leave_path
+from pushplan.planners.ompl.solution import arcs_to_goal, leave_path, push_path
 from pushplan.planners.problem.posing import Box
 
 Factory = Callable[[Any], Any]
 """Makes an `ompl.base.Planner` from a space information; its class, as a rule."""
 
 
-def search(session: Session, make: Factory, box: Box, heading_length: float) -> Any:
-    """Run a planner until the session is finished; leave its best path in the problem definition that is returned.
+def search(session: Session, make: Factory, box: Box, heading_length: float) -> PushPath | None:
+    """Run a planner until the session is finished; return its best path as it is in OMPL's form, None without any.
 
     A planner whose attribute `optimizing` is true goes on until it is told to stop, and is run once. Another one is
     run again after each of its paths, and cleared after ever more extensions.
@@ -36,22 +37,22 @@ def search(session: Session, make: Factory, box: Box, heading_length: float) -> 
     """
     ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
     ou.RNG.setSeed(session.seed + 1)  # OMPL takes 0 for "no seed"
-    name = "word"
     word = free_word(session, session.start, session.problem.goal)
     if word is not None:
         session.offer(word)
+    if session.finished:  # a free word from the start may be all that was wanted: nothing to pose
+        return session.best_path
     information, definition = pose_problem(session, box, heading_length)
-    if not session.finished:  # a free word from the start may be all that was wanted
-        planner = make(information)
-        if not isinstance(planner, ob.Planner):
-            raise PlanningError(f"a {type(planner).__name__} is no planner; allowed: an ompl.base.Planner")
-        name = planner.getName()
-        planner.setProblemDefinition(definition)
-        planner.setup()
-        _run(planner, definition, information)
-    if session.best.arcs is not None:
-        leave_path(definition, session.best.arcs, name)
-    return definition
+    planner = make(information)
+    if not isinstance(planner, ob.Planner):
+        raise PlanningError(f"a {type(planner).__name__} is no planner; allowed: an ompl.base.Planner")
+    planner.setProblemDefinition(definition)
+    planner.setup()
+    _run(planner, definition, information)
+    if session.best.arcs is None:
+        return None
+    leave_path(definition, session.best.arcs, planner.getName())
+    return push_path(definition)
 
 
 def _run(planner: Any, definition: Any, information: PushInformation) -> None:

@@ -10,6 +10,7 @@ from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import twists_at
 from pushplan.planners.problem.controls import drive_twists
 from pushplan.scenario import Scenario
+from pushplan.stable_sets.boundary.peaks import margin_peaks
 from pushplan.stable_sets.stable_set import StableSet
 
 MOST_MARGIN = 0.05
@@ -23,6 +24,13 @@ MARGIN_SHARE = 0.5
 
 HALVINGS = 5
 """So many times a margin is halved where no path is found with it."""
+
+
+BELOW = 0.05
+"""So much lower than the best twist that was looked at may be where the climb to the largest margin begins.
+
+Over 134 random chains of up to 20 boxes a bound of 0.02 lost nothing either; half of the time is saved.
+"""
 
 
 def margins_to_try(scenario: Scenario, stable: StableSet) -> tuple[float, ...]:
@@ -44,7 +52,18 @@ def _best_margin(stable: StableSet, drive: Drive, enough: float) -> float:
     found = float(stable.margin(most_stable_twist(stable, drive)[None])[0])
     if drive.axle is not None:
         return max(0.0, found)
-    return found if found >= enough else max(found, float(stable.peaks[1].max(initial=0.0)))
+    return found if found >= enough else max(found, _highest_peak(stable, found - BELOW))
+
+
+def _highest_peak(stable: StableSet, least: float) -> float:
+    """Return the largest margin, 0 where nothing is stable, climbing from samples with more than `least` only."""
+
+    def margin(twists: FloatArray, floor: float) -> FloatArray:
+        floor = max(floor, least)
+        found = stable.margin_values(twists, floor)
+        return np.where(found > floor, found, -1.0)
+
+    return float(margin_peaks(margin, stable.chain.characteristic_length)[1].max(initial=0.0))
 
 
 def most_stable_twist(stable: StableSet, drive: Drive) -> FloatArray:

@@ -121,15 +121,17 @@ def contact_limits_of(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -
     free = arc_limits(twists, bounds.limits)
     if bounds.contacts is None:
         return free, np.ones(len(twists), dtype=np.bool_)
-    alpha, beta, gamma, beta_down = bounds.contacts.rows_along(twists, bounds.margin)
+    rows = bounds.contacts.rows_along(twists, bounds.margin)
+    # rows first: NumPy is slow along short axes
+    alpha, beta, gamma, beta_down = (values.reshape(len(twists), -1).T[:, :, None] for values in rows)
     falling = np.where(gamma < 0.0, -gamma, 0.0)
-    steady = np.sqrt(_ratio(np.maximum(alpha, 0.0), falling).min(axis=(1, 2)))
+    steady = np.sqrt(_ratio(np.maximum(alpha, 0.0), falling).min(axis=0)[:, 0])
     top = np.minimum(free.speed, math.sqrt(ROOM) * steady)
     tried = arc_limits(twists[:, None], bounds.limits, SHARES * top[:, None])
-    left = ROOM * alpha[:, None] - falling[:, None] * tried.speed[..., None, None] ** 2
+    left = ROOM * alpha - falling * tried.speed**2
     tried = tried._replace(
-        acceleration=np.minimum(tried.acceleration, _bearable(left, -beta[:, None])),
-        deceleration=np.minimum(tried.deceleration, _bearable(left, -beta_down[:, None])),
+        acceleration=np.minimum(tried.acceleration, _bearable(left, -beta)),
+        deceleration=np.minimum(tried.deceleration, _bearable(left, -beta_down)),
     )
     times = np.where(
         np.minimum(tried.acceleration, tried.deceleration) > LEAST, _times(lengths[:, None], tried), np.inf
@@ -158,9 +160,9 @@ def _rise(speed: FloatArray, acceleration: FloatArray, jerk: FloatArray) -> Floa
 
 
 def _bearable(left: FloatArray, cost: FloatArray) -> FloatArray:
-    """Largest x (...) with cost x <= left for every row (..., n, 4)."""
-    most = _ratio(np.maximum(left, 0.0), np.maximum(cost, 0.0)).min(axis=(-2, -1))
-    return np.where((left >= 0.0).all(axis=(-2, -1)), most, 0.0)
+    """Largest x (...) with cost x <= left for every row (r, ...)."""
+    most = _ratio(np.maximum(left, 0.0), np.maximum(cost, 0.0)).min(axis=0)
+    return np.where((left >= 0.0).all(axis=0), most, 0.0)
 
 
 def _ratio(limit: float | FloatArray, rate: FloatArray) -> FloatArray:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 from pushplan.basics.names import KNOWN_LOAD_SETS, STABLE_SETS
-from pushplan.mechanics.chain import Limits
+from pushplan.mechanics.chain import Chain, Limits
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
 
@@ -53,4 +55,10 @@ def contact_dynamics(scenario: Scenario, set_name: str) -> ContactDynamics:
     """
     own = set_name not in STABLE_SETS
     all_pressures = not scenario.chain.loads_known if own else set_name not in KNOWN_LOAD_SETS
-    return ContactDynamics(scenario.chain, all_pressures, scenario.interval)
+    return _dynamics(scenario.chain, all_pressures, scenario.interval)
+
+
+@lru_cache(maxsize=8)
+def _dynamics(chain: Chain, worst_case: bool, interval: IntervalChain | None) -> ContactDynamics:
+    """What timing and execution of the plans of a chain all ask for."""
+    return ContactDynamics(chain, worst_case, interval)

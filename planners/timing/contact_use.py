@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.compiled import compiled
 from pushplan.planners.timing.arc_limits import ROOM
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.motion_bounds import limit_use
@@ -27,21 +27,46 @@ def bounds_use(pieces: Pieces, bounds: Bounds) -> FloatArray:
     pusher = limit_use(pieces.durations, pieces.coefficients, bounds.limits)
     held = np.zeros(len(pusher))
     if bounds.contacts is not None:
-        uses = [_contact_use(pieces, bounds.contacts, bounds.margin, place) for place in (0.0, 0.5)]
-        held = np.max(uses, axis=0)
+        twists, rates, piece = _instants(pieces.durations, pieces.coefficients)
+        floor, inertia = bounds.contacts.quasi_static(twists), bounds.contacts.inertia(twists, rates)
+        _note_shares(*floor, *inertia, bounds.margin, piece, held)
     return np.column_stack([pusher, held])
 
 
-def _contact_use(pieces: Pieces, contacts: ContactDynamics, margin: float, place: float) -> FloatArray:
-    """Share (q,) that is used at one place of every piece, 0 where the pusher rests."""
-    time = place * pieces.durations[:, None]
-    c0, c1, c2 = (pieces.coefficients[:, j] for j in range(3))
-    twists, rates = c0 + time * (c1 + time * c2), c1 + 2.0 * time * c2
-    moving = np.abs(twists).max(axis=1) > 0.0
-    floor, inertia = contacts.quasi_static(twists[moving]), contacts.inertia(twists[moving], rates[moving])
-    room: FloatArray = ROOM * (floor.rows - margin * floor.size[..., None])
-    spent = margin * inertia.size[..., None] - inertia.rows
-    shares = np.where(spent > 0.0, spent / np.maximum(room, TINY), 0.0)
-    used = np.zeros(len(twists))
-    used[moving] = np.max(shares, axis=(1, 2))
-    return used
+@compiled
+def _instants(durations: FloatArray, coefficients: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return twists and their rates (k, 3) where pieces (k,) begin and half-way, unless at rest."""
+    twists, rates = np.empty((2 * len(durations), 3)), np.empty((2 * len(durations), 3))
+    piece, k = np.empty(2 * len(durations), np.int64), 0
+    for i in range(len(durations)):
+        c = coefficients[i]
+        for time in (0.0, 0.5 * durations[i]):
+            moving = False
+            for j in range(3):
+                twists[k, j] = c[0, j] + time * (c[1, j] + time * c[2, j])
+                rates[k, j] = c[1, j] + 2.0 * time * c[2, j]
+                moving = moving or twists[k, j] != 0.0
+            piece[k] = i
+            k += int(moving)
+    return twists[:k], rates[:k], piece[:k]
+
+
+@compiled
+def _note_shares(
+    floor: FloatArray,
+    floor_size: FloatArray,
+    inertia: FloatArray,
+    inertia_size: FloatArray,
+    margin: float,
+    piece: IntArray,
+    used: FloatArray,
+) -> None:
+    """Raise the shares (q,) of pieces to those of their instants (k,), from the rows and sizes of `Wrenches`."""
+    for i in range(len(piece)):
+        share = used[piece[i]]
+        for n in range(floor.shape[1]):
+            room, extra = margin * floor_size[i, n], margin * inertia_size[i, n]
+            for j in range(4):
+                spent = extra - inertia[i, n, j]
+                share = max(share, spent / max(ROOM * (floor[i, n, j] - room), TINY))
+        used[piece[i]] = share

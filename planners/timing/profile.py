@@ -89,6 +89,8 @@ def split(profile: Profile, at: FloatArray) -> tuple[Profile, IntArray]:
     Returns:
         The profile with phases that begin there, and (q,) how many of the values come before each phase.
     """
+    if not len(at):
+        return profile, np.zeros(len(profile.durations), dtype=np.int64)
     durations: list[float] = []
     rates: list[FloatArray] = []
     passed: list[int] = []

@@ -12,6 +12,7 @@ contains V.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -46,10 +47,16 @@ class Pieces(NamedTuple):
         return np.asarray(poses_after(np.zeros(3), self.coefficients, self.durations)[-1])
 
 
+@compiled
 def ordered_widths(centers: FloatArray, widths: FloatArray) -> FloatArray:
     """Return the smallest widths (m, 2), none below `widths`, whose steps keep the levels' weights positive."""
-    apart = np.abs(centers[:, None] - centers[None, :])
-    return np.asarray(np.max(widths[None] - apart[:, :, None], axis=1))
+    found = widths.copy()
+    for i in range(len(centers)):
+        for j in range(len(centers)):
+            apart = abs(centers[i] - centers[j])
+            for k in range(2):
+                found[i, k] = max(found[i, k], widths[j, k] - apart)
+    return found
 
 
 def step_sum(levels: FloatArray, centers: FloatArray, widths: FloatArray) -> Pieces:
@@ -60,27 +67,66 @@ def step_sum(levels: FloatArray, centers: FloatArray, widths: FloatArray) -> Pie
         centers: (m,) times of the steps between them, never decreasing, s.
         widths: (m, 2) their long and short windows, s; those of a step between equal levels do not matter.
     """
-    moving = np.abs(np.diff(levels, axis=0)).max(axis=1) > 0.0
-    widths = np.where(moving[:, None], widths, 0.0)
-    begin, end = centers - widths.sum(axis=1) / 2.0, centers + widths.sum(axis=1) / 2.0
+    return Pieces(*_step_sum(levels, centers, widths))
+
+
+@compiled
+def _step_sum(
+    levels: FloatArray, centers: FloatArray, widths: FloatArray
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    begin, end, widths = centers.copy(), centers.copy(), widths.copy()
+    for j in range(len(centers)):
+        if (levels[j + 1] == levels[j]).all():
+            widths[j] = 0.0
+        half = (widths[j, 0] + widths[j, 1]) / 2.0
+        begin[j], end[j] = centers[j] - half, centers[j] + half
     breaks = _breaks(begin, end, widths)
-    coefficients = np.empty((len(breaks) - 1, 3, 3))
+    coefficients, level = np.empty((len(breaks) - 1, 3, 3)), np.zeros(len(breaks) - 1, np.int64)
     _add_steps(levels, begin, widths, breaks, coefficients)
-    level = (0.5 * (breaks[:-1] + breaks[1:])[:, None] > end).sum(axis=1)
-    return Pieces(np.diff(breaks), coefficients, level)
+    for i in range(len(level)):
+        for j in range(len(end)):
+            level[i] += int(0.5 * (breaks[i] + breaks[i + 1]) > end[j])
+    return np.diff(breaks), coefficients, level
 
 
+@compiled
 def _breaks(begin: FloatArray, end: FloatArray, widths: FloatArray) -> FloatArray:
     """Times at which a phase begins or ends, and finer ones in between wherever a step is under way."""
-    short = widths[:, 1]
-    phases = np.unique(np.concatenate([begin, begin + short, end - short, end]))
-    phases = phases[np.concatenate([[True], np.diff(phases) > SAME_TIME])]
-    middle = 0.5 * (phases[:-1] + phases[1:])
-    busy = ((begin < middle[:, None]) & (middle[:, None] < end)).any(axis=1)
-    counts = np.where(busy, np.ceil(np.diff(phases) / FINEST), 1.0).astype(int)
-    owner = np.repeat(np.arange(len(counts)), counts)
-    share = (np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[owner]
-    return np.append(phases[owner] + share * np.diff(phases)[owner], phases[-1])
+    phases = _phases(begin, end, widths)
+    counts = np.ones(len(phases) - 1, np.int64)
+    for i in range(len(counts)):
+        middle = 0.5 * (phases[i] + phases[i + 1])
+        if ((begin < middle) & (middle < end)).any():
+            counts[i] = math.ceil((phases[i + 1] - phases[i]) / FINEST)
+    breaks, q = np.empty(counts.sum() + 1), 0
+    for i in range(len(counts)):
+        for k in range(counts[i]):
+            breaks[q] = phases[i] + k / counts[i] * (phases[i + 1] - phases[i])
+            q += 1
+    breaks[q] = phases[-1]
+    return breaks
+
+
+@compiled
+def _phases(begin: FloatArray, end: FloatArray, widths: FloatArray) -> FloatArray:
+    """Times at which a phase of a step begins or ends, increasing by more than `SAME_TIME`."""
+    times, count = np.empty(4 * len(begin)), 0
+    for j in range(len(begin)):
+        short = widths[j, 1]
+        for time in (begin[j], begin[j] + short, end[j] - short, end[j]):
+            k = count
+            while k > 0 and times[k - 1] > time:  # in order nearly: neighbours overlap at most
+                times[k] = times[k - 1]
+                k -= 1
+            times[k] = time
+            count += 1
+    kept, last = 1, times[0]
+    for k in range(1, count):
+        if times[k] - last > SAME_TIME:
+            times[kept] = times[k]
+            kept += 1
+        last = times[k]
+    return times[:kept]
 
 
 @compiled

@@ -22,8 +22,7 @@ def excess(trajectory: Trajectory, limits: Limits) -> str:
         return ""
     t = np.linspace(0.0, trajectory.duration, count)
     h = t[1]
-    poses = trajectory.poses_at(t)
-    poses[:, 2] = np.unwrap(poses[:, 2])
+    poses = trajectory.poses_at(t)  # angles run on
     rates = np.diff(poses, axis=0) / h
     changes = np.diff(rates, axis=0) / h
     heading = poses[:-1, 2]

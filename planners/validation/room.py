@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -64,12 +65,22 @@ class Room:
             self, names=tuple(self.names[i] for i in bodies), corners=self.corners[kept], body=body
         )
 
+    @cached_property
+    def _circles(self) -> tuple[FloatArray, FloatArray]:
+        """Middles (b, 2) and radii (b,) of circles around the bodies, chain frame, m."""
+        outlines = [self.corners[self.body == k] for k in range(len(self.names))]
+        middles = np.array([0.5 * (outline.min(axis=0) + outline.max(axis=0)) for outline in outlines])
+        away = np.hypot(*(self.corners - middles[self.body]).T)
+        return middles, np.array([away[self.body == k].max() for k in range(len(self.names))])
+
     def gaps(self, poses: FloatArray, enough: float) -> FloatArray:
         """Return the distances (m,) of the bodies at poses (m, 3) from everything, m: 0 on overlap, capped."""
-        bodies, corners = self._placed(poses)
+        corners = self._corners(poses)
         gaps = self._wall_gaps(corners).min(axis=1, initial=enough)
-        pairs = self.tree.query(bodies, predicate="dwithin", distance=enough)
-        np.minimum.at(gaps, pairs[0] // len(self.names), self._apart(bodies, pairs))
+        pairs = self._near(poses, enough)
+        near, which = np.unique(pairs[0], return_inverse=True)  # few as a rule: polygons take long to make
+        bodies = self._bodies(corners, near)
+        np.minimum.at(gaps, pairs[0] // len(self.names), self._apart(bodies, np.stack([which, pairs[1]])))
         return np.asarray(np.maximum(gaps, 0.0))
 
     def nearest(self, pose: FloatArray, within: float) -> tuple[float, str, int | None]:
@@ -77,7 +88,8 @@ class Room:
 
         Something has to be nearer than `within`, m.
         """
-        bodies, corners = self._placed(pose[None])
+        corners = self._corners(pose[None])
+        bodies = self._bodies(corners, np.arange(len(self.names)))
         walls = self._wall_gaps(corners)[0]
         pairs = self.tree.query(bodies, predicate="dwithin", distance=within)
         gaps = np.concatenate([self._apart(bodies, pairs), walls])
@@ -86,12 +98,26 @@ class Room:
             return float(gaps[i]), self.names[pairs[0, i]], int(pairs[1, i])
         return max(float(gaps[i]), 0.0), self.names[self.body[i - len(pairs[0])]], None
 
-    def _placed(self, poses: FloatArray) -> tuple[ObjectArray, FloatArray]:
-        """The bodies (m b,) at poses (m, 3), pose by pose, and their corners (m, v, 2)."""
-        corners = poses[:, None, :2] + se2.rotate(poses[:, 2:3], self.corners[None])
-        ring = np.arange(len(poses))[:, None] * len(self.names) + self.body
-        rings = shapely.linearrings(corners.reshape(-1, 2), indices=ring.ravel())
-        return np.asarray(shapely.polygons(rings)), corners
+    def _corners(self, poses: FloatArray) -> FloatArray:
+        """The corners (m, v, 2) of the bodies at poses (m, 3)."""
+        return np.asarray(poses[:, None, :2] + se2.rotate(poses[:, 2:3], self.corners[None]))
+
+    def _near(self, poses: FloatArray, within: float) -> IntArray:
+        """Pairs (2, k) of bodies at poses (m, 3), counted on from pose to pose, and obstacles that may be so near."""
+        middles, radii = self._circles
+        places = poses[:, None, :2] + se2.rotate(poses[:, 2:3], middles[None])
+        points, far = shapely.points(places.reshape(-1, 2)), np.tile(within + radii, len(poses))
+        return np.asarray(self.tree.query(points, predicate="dwithin", distance=far))
+
+    def _bodies(self, corners: FloatArray, chosen: IntArray) -> ObjectArray:
+        """The polygons (k,) of some bodies at poses, counted on from pose to pose, from all corners (m, v, 2)."""
+        ring = np.arange(len(corners))[:, None] * len(self.names) + self.body
+        number = np.full(len(corners) * len(self.names), -1)
+        number[chosen] = np.arange(len(chosen))
+        owner = number[ring]
+        order = np.argsort(owner[owner >= 0], kind="stable")
+        rings = shapely.linearrings(corners[owner >= 0][order], indices=owner[owner >= 0][order])
+        return np.asarray(shapely.polygons(rings))
 
     def _apart(self, bodies: ObjectArray, pairs: IntArray) -> FloatArray:
         """Distances (k,) of bodies from obstacles, by their indices (2, k), m."""

@@ -28,9 +28,10 @@ def rotate(angle: ArrayLike, vectors: ArrayLike) -> FloatArray:
     """Turn (..., 2) `vectors` counter-clockwise by `angle` (...), rad."""
     vectors = np.asarray(vectors, dtype=np.float64)
     c, s = np.cos(angle), np.sin(angle)
-    return np.stack(
-        [c * vectors[..., 0] - s * vectors[..., 1], s * vectors[..., 0] + c * vectors[..., 1]], axis=-1
-    )
+    x, y = c * vectors[..., 0] - s * vectors[..., 1], s * vectors[..., 0] + c * vectors[..., 1]
+    turned = np.empty((*x.shape, 2))
+    turned[..., 0], turned[..., 1] = x, y
+    return turned
 
 
 def transform_points(pose_a_b: ArrayLike, points_b: ArrayLike) -> FloatArray:
@@ -42,8 +43,11 @@ def transform_points(pose_a_b: ArrayLike, points_b: ArrayLike) -> FloatArray:
 def compose(pose_a_b: ArrayLike, pose_b_c: ArrayLike) -> FloatArray:
     """Return the pose(s) (..., 3) of c in a, from b in a and c in b."""
     first, second = np.asarray(pose_a_b, dtype=np.float64), np.asarray(pose_b_c, dtype=np.float64)
-    position = first[..., :2] + rotate(first[..., 2], second[..., :2])
-    return np.concatenate([position, (first[..., 2] + second[..., 2])[..., None]], axis=-1)
+    turned, angle = rotate(first[..., 2], second[..., :2]), first[..., 2] + second[..., 2]
+    pose = np.empty((*angle.shape, 3))
+    np.add(first[..., :2], turned, out=pose[..., :2])
+    pose[..., 2] = angle
+    return pose
 
 
 def inverse(pose_a_b: ArrayLike) -> FloatArray:
@@ -78,10 +82,15 @@ def exp(twist: ArrayLike) -> FloatArray:
     The angle is not wrapped. With phi = omega: x = (sin phi / phi) vx - ((1 - cos phi) / phi) vy, and likewise y.
     """
     v = np.asarray(twist, dtype=np.float64)
-    phi = v[..., 2]
-    half = np.sinc(phi / (2.0 * np.pi))  # sin(phi/2) / (phi/2), exact through 0
-    a, b = half * np.cos(phi / 2.0), half * np.sin(phi / 2.0)
-    return np.stack([a * v[..., 0] - b * v[..., 1], b * v[..., 0] + a * v[..., 1], phi], axis=-1)
+    half = 0.5 * v[..., 2]
+    sine = np.sin(half)
+    chord = np.where(half == 0.0, 1.0, sine / np.where(half == 0.0, 1.0, half))  # sin(phi/2) / (phi/2)
+    a, b = chord * np.cos(half), chord * sine
+    pose = np.empty(v.shape)
+    pose[..., 0] = a * v[..., 0] - b * v[..., 1]
+    pose[..., 1] = b * v[..., 0] + a * v[..., 1]
+    pose[..., 2] = v[..., 2]
+    return pose
 
 
 def log(pose: ArrayLike) -> FloatArray:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import compiled
 from pushplan.geometry.polygon import area_moments
 from pushplan.geometry.se2 import transform_points
@@ -80,11 +80,16 @@ def _inertia_per_object(
     return out
 
 
-def summed_over_carried(chain: Chain, per_object: FloatArray) -> FloatArray:
-    """Return, for each contact (m, n, ...), the sum over the objects that it carries."""
-    carried = per_object.copy()
-    for k in reversed(range(len(chain.contacts))):
-        pusher = chain.contacts[k].pusher
-        if pusher >= 0:
-            carried[:, pusher] += carried[:, k]
-    return carried
+@compiled
+def sum_over_carried(per_object: FloatArray, pushers: IntArray) -> None:
+    """Add to what each object has (m, n, 3) that of all objects that its contact carries.
+
+    Args:
+        per_object: Changed in place.
+        pushers: (n,) the object that pushes each one, -1 for the plate.
+    """
+    for i in range(len(per_object)):
+        for k in range(len(pushers) - 1, -1, -1):
+            if pushers[k] >= 0:
+                for j in range(3):
+                    per_object[i, pushers[k], j] += per_object[i, k, j]

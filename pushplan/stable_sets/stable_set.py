@@ -7,6 +7,7 @@ sphere, COR regions, cones, radii) follows from it by root finding.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike
 from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.directions import by_direction
 from pushplan.mechanics.sphere import Meridians, TurningRadii, checked_twists
 from pushplan.stable_sets.boundary.asked import Asked
 from pushplan.stable_sets.boundary.meridians import RefinedMeridians, find_meridians, refine_meridians
@@ -62,7 +64,7 @@ class StableSet(ABC):
         Raises:
             PushplanError: On twists that are zero, not finite or not (k, 3).
         """
-        return self.margin_values(checked_twists(twists))
+        return self._by_direction(self.margin_values, twists)
 
     def contains(self, twists: ArrayLike) -> BoolArray:
         """Return (k,) whether body twists (k, 3) in the chain frame are strictly stable."""
@@ -70,7 +72,10 @@ class StableSet(ABC):
 
     def contact_margins(self, twists: ArrayLike) -> FloatArray:
         """Return the margin (k, n) of each contact at body twists (k, 3) in the chain frame."""
-        return self.contact_margin_values(checked_twists(twists))
+        return self._by_direction(self.contact_margin_values, twists)
+
+    def _by_direction(self, values: Callable[[FloatArray], FloatArray], twists: ArrayLike) -> FloatArray:
+        return by_direction(values, checked_twists(twists), self.chain.characteristic_length)
 
     def meridians(self, minimum_margin: float = 0.0, count: int = 512) -> Meridians:
         """Return the stable intervals of latitude on `count` equally spaced meridians of the twist sphere.

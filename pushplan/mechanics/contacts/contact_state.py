@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, wrenches_of
+from pushplan.mechanics.directions import directions
 from pushplan.mechanics.friction.packed import PackedChain, pack_chain
 from pushplan.mechanics.sphere import checked_twists
 
@@ -48,7 +49,9 @@ def contact_state(chain: Chain, twists: ArrayLike, packed: PackedChain | None = 
         SupportError: When a load is not known.
     """
     arrays = pack_chain(chain) if packed is None else packed
-    wrenches = wrenches_of(arrays, checked_twists(twists))
+    checked = checked_twists(twists)
+    owner, first = directions(checked, chain.characteristic_length)
+    wrenches = wrenches_of(arrays, checked[first])
     force, moment = wrenches[..., :2], wrenches[..., 2]
     normal = np.array([contact.normal for contact in chain.contacts])
     tangent = np.array([contact.tangent for contact in chain.contacts])
@@ -60,14 +63,9 @@ def contact_state(chain: Chain, twists: ArrayLike, packed: PackedChain | None = 
     angle = np.where(np.hypot(f_n, f_t) > 0.0, np.abs(np.arctan2(f_t, f_n)), 2.0 * np.arctan(mu))
     with np.errstate(divide="ignore", invalid="ignore"):
         lambdas = np.where(f_n != 0.0, -about_right / (f_n * length), np.inf)
-    shape = (None, len(chain.contacts))
-    return ContactState(
-        margins=frozen(contact_margins_of(arrays, wrenches), shape, "margins"),
-        friction_margins=frozen(np.arctan(mu) - angle, shape, "friction margins"),
-        lambdas=_read_only(lambdas),
-        forces=frozen(force, (*shape, 2), "forces"),
-        wrenches=frozen(wrenches, (*shape, 3), "wrenches"),
-    )
+    friction_margins = np.arctan(mu) - angle
+    found = (contact_margins_of(arrays, wrenches), friction_margins, lambdas, force, wrenches)
+    return ContactState(*(_read_only(values[owner]) for values in found))
 
 
 def _read_only(values: FloatArray) -> FloatArray:

@@ -22,16 +22,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, IntArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, facet_rows, wrenches_of
+from pushplan.mechanics.directions import WORTHWHILE, by_direction, directions
 from pushplan.mechanics.friction.packed import PackedChain, pack_chain
 from pushplan.mechanics.inertia import (
     InertiaTable,
     inertia_per_object,
     inertia_table,
-    summed_over_carried,
+    sum_over_carried,
 )
 from pushplan.mechanics.sphere import checked_twists
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
@@ -126,6 +127,11 @@ class ContactDynamics:
         return inertia_table(self.chain)
 
     @cached_property
+    def _pushers(self) -> IntArray:
+        """(n,) the object that pushes each one, -1 for the plate."""
+        return np.array([contact.pusher for contact in self.chain.contacts], dtype=np.int64)
+
+    @cached_property
     def facets(self) -> FloatArray:
         """(n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length)."""
         return contact_facets(self.chain)
@@ -167,12 +173,23 @@ class ContactDynamics:
         return tuple(part.rows - margin * part.size[..., None] for part in parts)
 
     def quasi_static(self, twists: FloatArray) -> Wrenches:
-        """Return what the contacts transmit without inertia at body twists (m, 3)."""
+        """Return what the contacts transmit without inertia at body twists (m, 3), none of them zero."""
+        owner, first = directions(twists, self.chain.characteristic_length)
+        if len(first) > WORTHWHILE * len(twists):
+            return self._quasi_static(twists)
+        return Wrenches(*(values[owner] for values in self._quasi_static(twists[first])))
+
+    def _quasi_static(self, twists: FloatArray) -> Wrenches:
         if self.worst_case:
             return Wrenches(*robust_rows_of(self._areas, np.ascontiguousarray(twists)))
         if self.interval is not None:
             return Wrenches(*self._interval_rows.least(twists))
         return self._exactly(wrenches_of(self.packed, twists))
+
+    def _floor_wrenches(self, twists: FloatArray) -> FloatArray:
+        """What the contacts transmit without inertia (m, n, 3) where loads are known."""
+        length = self.chain.characteristic_length
+        return by_direction(lambda v: wrenches_of(self.packed, v), twists, length)
 
     def inertia(self, twists: FloatArray, rates: FloatArray) -> Wrenches:
         """Return what inertia adds to the contacts' wrenches; see `inertia_wrenches`."""
@@ -187,16 +204,23 @@ class ContactDynamics:
             twists: (m, 3) body twists V.
             rates: (m, 3) their time derivatives dV/dt.
         """
-        return summed_over_carried(self.chain, inertia_per_object(self.table, twists, rates))
+        wrenches = inertia_per_object(self.table, twists, rates)
+        sum_over_carried(wrenches, self._pushers)
+        return wrenches
 
     def _exactly(self, wrenches: FloatArray) -> Wrenches:
         """Facet values G . w of transmitted wrenches (m, n, 3), and their sizes."""
         return Wrenches(*facet_rows(self.facets, wrenches, self.chain.characteristic_length))
 
-    def margins(self, twists: ArrayLike, rates: ArrayLike) -> FloatArray:
+    def margins(self, twists: ArrayLike, rates: ArrayLike, floor: FloatArray | None = None) -> FloatArray:
         """Return the margin (m, n) of each contact while the chain moves and accelerates; see `dynamic_margins`.
 
         Where loads are not known or intervals, it is a lower bound of the margin for all that they may be.
+
+        Args:
+            twists: (m, 3) body twists.
+            rates: (m, 3) their time derivatives.
+            floor: (m, n, 3) what the contacts transmit at the twists without inertia (`contact_state`), if known.
         """
         v = checked_twists(twists)
         dv = np.ascontiguousarray(rates, dtype=np.float64)
@@ -205,10 +229,11 @@ class ContactDynamics:
                 f"rates have shape {dv.shape}; they must be finite and like twists: {v.shape}"
             )
         if self._exact:
-            return contact_margins_of(self.packed, wrenches_of(self.packed, v) + self.inertia_wrenches(v, dv))
-        floor, inertia = self.quasi_static(v), self.inertia(v, dv)
-        size = floor.size + inertia.size
-        least = (floor.rows + inertia.rows).min(axis=2)
+            wrenches = self._floor_wrenches(v) if floor is None else floor
+            return contact_margins_of(self.packed, wrenches + self.inertia_wrenches(v, dv))
+        static, inertia = self.quasi_static(v), self.inertia(v, dv)
+        size = static.size + inertia.size
+        least = (static.rows + inertia.rows).min(axis=2)
         return np.where(size > 0.0, least / np.where(size > 0.0, size, 1.0), 0.0)
 
 
