@@ -16,7 +16,7 @@ SOURCE = "from pushplan.compiled import {0}\n\n\n@{0}\ndef twice(x):\n    return
 
 
 @pytest.mark.parametrize(
-    "decorator", ["compiled", "no_refcount", "inlined", "inner", "inner_no_refcount", "intrinsic", "overload"]
+    "decorator", ["compiled", "no_refcount", "inlined", "inner", "intrinsic", "overload"]
 )
 def test_another_source_of_compiled_code_gives_another_digest(decorator: str, tmp_path: Path) -> None:
     source = tmp_path / "kernel.py"
