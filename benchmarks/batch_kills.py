@@ -56,7 +56,7 @@ class Batch:
         self.folder = folder
         suite = folder / "suite.yaml"
         suite.write_text(planted_runs.suite_text(COUNT))
-        script = str(PLANTED / "planted_runs.py")
+        script = str(PLANTED / "planted_batch.py")
         self._command = [sys.executable, script, str(folder / "results"), str(suite), "planted"]
         self._command += [address] if address else []
         self.runner = self._started()

@@ -9,14 +9,16 @@ from types import ModuleType
 import numba
 import pytest
 
-from pushplan.compiled import private
+from pushplan.compiled import compiled, inner, private
 from pushplan.compiled.cache import digest_of
 
 SOURCE = "from pushplan.compiled import {0}\n\n\n@{0}\ndef twice(x):\n    return {1} * x\n"
 
 
-@pytest.mark.parametrize("decorator", ["compiled", "no_refcount", "inlined", "intrinsic", "overload"])
-def test_another_source_of_compiled_code_gives_anotherdigest_of(decorator: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "decorator", ["compiled", "no_refcount", "inlined", "inner", "intrinsic", "overload"]
+)
+def test_another_source_of_compiled_code_gives_another_digest(decorator: str, tmp_path: Path) -> None:
     source = tmp_path / "kernel.py"
     source.write_text(SOURCE.format(decorator, 2))
     before = digest_of([tmp_path])
@@ -29,6 +31,23 @@ def test_sources_without_compiled_code_do_not_count(tmp_path: Path) -> None:
     before = digest_of([tmp_path])
     (tmp_path / "plain.py").write_text("def twice(x):\n    return 2 * x\n")
     assert digest_of([tmp_path]) == before
+
+
+@inner
+def _half(x: float) -> float:
+    return x / 2.0
+
+
+@compiled
+def _quarter(x: float) -> float:
+    return _half(_half(x))
+
+
+def test_inner_functions_are_called_by_compiled_ones_and_refuse_calls_from_python() -> None:
+    assert _quarter(2.0) == 0.5
+    if private.USED:
+        with pytest.raises(TypeError, match="_half has no wrapper for calls from Python"):
+            _half(2.0)
 
 
 @pytest.fixture
@@ -49,7 +68,8 @@ def test_the_private_parts_are_used_with_this_version() -> None:
 
 def test_an_untried_version_gets_the_plain_way(plain: ModuleType) -> None:
     assert not plain.USED
-    assert plain.NO_REFCOUNT == {}
+    assert plain.NO_REFCOUNT == plain.NO_WRAPPER == {}
+    assert plain.inner_of(numba.njit(lambda x: x + 1))(1) == 2
     scratch, integers = plain.scratch, plain.scratch_integers
 
     def total(size: float) -> float:

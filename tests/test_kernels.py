@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 
@@ -9,8 +10,13 @@ import pytest
 
 from pushplan.basics.names import PLANNERS
 
+CASES = [
+    *((planner, "ecof", "") for planner in PLANNERS),
+    ("auto", "robust", ""),
+    ("auto", "ecof", "\nuncertainty: {floor_friction: 20 %, load: 10 %}\n"),
+]
 SCRIPT = """
-import sys
+import json, os, sys
 from numba.core.registry import CPUDispatcher
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
@@ -22,26 +28,34 @@ def ready():
     functions = {value for module in modules for value in vars(module).values() if isinstance(value, CPUDispatcher)}
     return {(function.__module__, function.__name__, len(function.signatures)) for function in functions}
 
-name, stable, uncertainty = sys.argv[1:]
-scenario = scenario_from_text(example_text("free-space") + uncertainty)
-warm_up(name, stable=stable, intervals=bool(uncertainty))
-before, late = ready(), []
-result = plan(scenario, planner=name, stable_set=stable, first=True, progress=lambda _: late.extend(ready() - before))
-print(result.solved, sorted(late))
+def look(name, stable, uncertainty):
+    scenario = scenario_from_text(example_text("free-space") + uncertainty)
+    warm_up(name, stable=stable, intervals=bool(uncertainty))
+    before, late = ready(), []
+    compare = lambda _: late.extend(ready() - before)
+    result = plan(scenario, planner=name, stable_set=stable, first=True, progress=compare)
+    print(json.dumps([[name, stable, uncertainty], result.solved, sorted(late)]), flush=True)
+
+for case in json.loads(sys.argv[1]):
+    if not os.fork():  # a process in which nothing is loaded yet
+        try:
+            look(*case)
+        finally:
+            os._exit(0)
+    os.wait()
 """
 
 
-@pytest.mark.parametrize(
-    ("planner", "stable", "uncertainty"),
-    [
-        *((planner, "ecof", "") for planner in PLANNERS),
-        ("auto", "robust", ""),
-        ("auto", "ecof", "\nuncertainty: {floor_friction: 20 %, load: 10 %}\n"),
-    ],
-)
-def test_nothing_is_compiled_or_loaded_before_the_first_path(
-    planner: str, stable: str, uncertainty: str
-) -> None:
-    words = [sys.executable, "-c", SCRIPT, planner, stable, uncertainty]
+@pytest.fixture(scope="module")
+def answers() -> dict[tuple[str, ...], list[object]]:
+    """Return whether each case was solved, and what became ready too late."""
+    words = [sys.executable, "-c", SCRIPT, json.dumps(CASES)]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[0] == "True []"
+    return {tuple(case): answer for case, *answer in map(json.loads, done.stdout.splitlines())}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_nothing_is_compiled_or_loaded_before_the_first_path(
+    case: tuple[str, ...], answers: dict[tuple[str, ...], list[object]]
+) -> None:
+    assert answers[case] == [True, []]

@@ -44,6 +44,9 @@ def _first_path(scenario: Scenario, problem: Problem, seed: int) -> FloatArray:
     return session.best.arcs
 
 
+# Kernels get copies of the start, as from a session: for read-only arrays they would all be compiled anew.
+
+
 def _random(seed: int) -> np.ndarray:
     return np.array([seed], dtype=np.uint64)
 
@@ -54,7 +57,7 @@ def test_changed_paths_reach_the_goal_free_stable_and_never_dearer(name: str) ->
     path, state, normals = _first_path(scenario, problem, 3), _random(5), normals_of(problem.segments)
     before, kept = objective_value(problem.objective, path), 0
     for _ in range(2000):
-        new = vary(problem, normals, scenario.start, path, state)
+        new = vary(problem, normals, np.array(scenario.start), path, state)
         now = objective_value(problem.objective, new)
         assert now <= before
         kept += now < before
@@ -78,7 +81,7 @@ def test_arcs_that_are_not_needed_are_left_out_and_the_path_stays_exact_free_and
     now = cut
     left_out = 0
     for _ in range(3000):
-        new = vary(problem, normals, scenario.start, now, state)
+        new = vary(problem, normals, np.array(scenario.start), now, state)
         assert len(new) >= len(now) - 1
         if len(new) < len(now):
             left_out += 1
@@ -98,7 +101,9 @@ def test_arcs_that_are_not_needed_are_left_out_and_the_path_stays_exact_free_and
 def test_shortening_finds_the_optimum_of_the_free_space() -> None:
     scenario, problem = _posed("free-space")
     costs = [
-        shorten(problem, scenario.start, _first_path(scenario, problem, seed), _random(seed), 40_000)
+        shorten(
+            problem, np.array(scenario.start), _first_path(scenario, problem, seed), _random(seed), 40_000
+        )
         for seed in (1, 2, 3)
     ]
     values = [objective_value(problem.objective, path) for path in costs]

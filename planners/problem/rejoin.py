@@ -38,9 +38,10 @@ def rejoin(
         start: (3,) pose of the chain frame in the world.
         goal: Likewise.
     """
+    start = np.array(start, dtype=np.float64)  # a copy: for one that is read-only all would be compiled anew
     s = np.unique(np.append(np.linspace(0.0, path.cost, 24), np.cumsum(path.lengths)))
     onto = compose(goal, relative(path.end, path.poses_at(s)))
-    words = reach(scene, families, np.asarray(start, dtype=np.float64)[None], onto, clearance)[0]
+    words = reach(scene, families, start[None], onto, clearance)[0]
     between = scene_between(scene, clearance, start, goal)
     for k in np.argsort(words + path.cost - s)[:4]:  # so few are swept, cheapest first
         if words[k] == math.inf:

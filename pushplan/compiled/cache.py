@@ -14,7 +14,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
 STAMP = "sources.sha256"
-MARKS = (b"@compiled", b"@in_threads", b"@no_refcount", b"@inlined", b"@intrinsic", b"@overload")
+MARKS = (b"@compiled", b"@in_threads", b"@no_refcount", b"@inlined", b"@inner", b"@intrinsic", b"@overload")
 """What stands above code that ends up in compiled functions."""
 
 

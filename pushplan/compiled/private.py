@@ -28,6 +28,9 @@ USED = COMPILES and numba.__version__.rpartition(".")[0] in TRIED
 NO_REFCOUNT: dict[str, bool] = {"_nrt": False} if USED else {}
 """Option of `njit` that leaves the counting of references out."""
 
+NO_WRAPPER: dict[str, bool] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True} if USED else {}
+"""Options of `njit` that leave out what calls from Python and from C need."""
+
 BYTES = 8
 """Of a number."""
 
@@ -85,6 +88,25 @@ if USED:
 
 else:
     scratch, scratch_integers = numba.njit(_scratch), numba.njit(_scratch_integers)
+
+
+if USED:
+    from numba.core.registry import CPUDispatcher
+
+    class _Inner(CPUDispatcher):
+        """Refuses calls from Python: without a wrapper they would end the process."""
+
+        def __call__(self, *arguments: object) -> None:
+            raise TypeError(
+                f"{self.py_func.__name__} has no wrapper for calls from Python: it is declared as inner"
+            )
+
+
+def inner_of(function: Any) -> Any:
+    """Return a function that was made with `NO_WRAPPER` such that calls from Python are refused."""
+    if USED:
+        function.__class__ = _Inner
+    return function
 
 
 def entry_point(function: Any, kinds: tuple[Any, ...]) -> Any:

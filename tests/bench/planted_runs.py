@@ -1,4 +1,7 @@
-"""Runs that go wrong on purpose, each in the way that its seed says; and a batch of them as a program of its own."""
+"""Runs that go wrong on purpose, each as its seed says, and runs that wait until they are told to go on.
+
+Servers load this module before they fork, so it imports no planner: `planted_batch` is the program.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.bench.batch import Choice, run_suite
-from pushplan.bench.processes import fork_server
-from pushplan.bench.processes.cluster import cluster_outcomes
-from pushplan.bench.processes.local import local_outcomes
-from pushplan.bench.processes.machine import package_version
 from pushplan.bench.processes.outcome import Figures, Task
-from pushplan.bench.processes.work import perform
-from pushplan.bench.storage.folder import ResultsFolder
-from pushplan.bench.suites.file import load_suite
 
 FATES = (
     "fine",
@@ -94,6 +89,30 @@ def meet(task: Task, folder: Path) -> Figures:
     return _figures(task.seed, "fine")
 
 
+def _wait_to_go(folder: Path) -> None:
+    (folder.parent / f"waits-{os.getpid()}").touch()
+    while not (folder.parent / "go").exists():
+        time.sleep(0.01)
+
+
+def end_well(task: Task, folder: Path) -> Figures:
+    """End well as soon as the test says so."""
+    _wait_to_go(folder)
+    return Figures(found=True, valid=True, path_cost=float(task.seed))
+
+
+def end_badly(task: Task, folder: Path) -> Figures:
+    """End without a word as soon as the test says so."""
+    _wait_to_go(folder)
+    os._exit(task.seed)
+
+
+def end_server(task: Task, folder: Path) -> Figures:
+    """Take the server along."""
+    os.kill(os.getppid(), signal.SIGKILL)
+    os._exit(1)
+
+
 def _figures(seed: int, fate: str) -> Figures:
     if fate == "no plan":
         return Figures(reason="there is none")
@@ -149,30 +168,3 @@ def suite_text(seeds: int, first: int = 0) -> str:
         "format: pushplan-suite/1\nname: planted\nproblems: [one-box]\n"
         f"seeds: {list(range(first, first + seeds))}\nlimits: {{run: {SECONDS} s, memory: 100 MB}}\n"
     )
-
-
-def main(folder: str, suite: str, kind: str, address: str = "") -> None:
-    """Do the runs of a suite file, planted or real, here or on a cluster, or go on with them; say so run by run."""
-    if kind == "planted":
-        fork_server.PRELOAD = "planted_runs"  # no planner is needed here
-    results = ResultsFolder(Path(folder))
-    does = work if kind == "planted" else perform
-    with results.locked():
-        run_suite(
-            load_suite(Path(suite)),
-            results,
-            lambda tasks: (
-                cluster_outcomes(tasks, address, does)
-                if address
-                else local_outcomes(tasks, 2, results.scratch, does)
-            ),
-            Choice(resume=True),
-            tell=lambda tally: print(tally.done, flush=True),
-            version=package_version() if address else "test",  # workers look at it
-        )
-
-
-if __name__ == "__main__":
-    import planted_runs  # type: ignore[import-not-found]  # the processes find the work by the module's name, not as part of the main program
-
-    planted_runs.main(*sys.argv[1:])

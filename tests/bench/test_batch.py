@@ -86,7 +86,13 @@ def test_a_batch_killed_at_random_and_resumed_has_the_same_rows(
     text = planted.suite_text(count) if kind == "planted" else REAL
     (tmp_path / "suite.yaml").write_text(text)
     folder, rng = tmp_path / "results", random.Random(1)
-    command = [sys.executable, str(HERE / "planted_runs.py"), str(folder), str(tmp_path / "suite.yaml"), kind]
+    command = [
+        sys.executable,
+        str(HERE / "planted_batch.py"),
+        str(folder),
+        str(tmp_path / "suite.yaml"),
+        kind,
+    ]
     environment = {**os.environ, "PYTHONPATH": str(HERE)}
     for sign in (signal.SIGKILL, signal.SIGTERM) if kind == "planted" else (signal.SIGKILL,):
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as program:

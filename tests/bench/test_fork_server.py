@@ -18,7 +18,7 @@ from pushplan.bench.processes import fork_server
 from pushplan.bench.processes.fork_server import ForkServer, ForkServerError, Supervisor
 from pushplan.bench.processes.isolation import ATTEMPTS, IsolatedRun
 from pushplan.bench.processes.local import local_outcomes
-from pushplan.bench.processes.outcome import Figures, Outcome, Task
+from pushplan.bench.processes.outcome import Outcome, Task
 
 MakeTask = Callable[..., Task]
 
@@ -59,40 +59,22 @@ def _go(run: Path) -> None:
     (run.parent / "go").touch()
 
 
-def _wait_to_go(folder: Path) -> None:
-    (folder.parent / f"waits-{os.getpid()}").touch()
-    while not (folder.parent / "go").exists():
-        time.sleep(0.01)
-
-
-def end_well(task: Task, folder: Path) -> Figures:
-    """End well as soon as the test says so."""
-    _wait_to_go(folder)
-    return Figures(found=True, valid=True, path_cost=float(task.seed))
-
-
-def end_badly(task: Task, folder: Path) -> Figures:
-    """End without a word as soon as the test says so."""
-    _wait_to_go(folder)
-    os._exit(task.seed)
-
-
-def end_server(task: Task, folder: Path) -> Figures:
-    """Take the server along."""
-    os.kill(os.getppid(), signal.SIGKILL)
-    os._exit(1)
-
-
 @pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP])
 @pytest.mark.parametrize("moment", ["before", "while it goes on", "before it dies"])
 def test_a_run_ends_as_it_would_have_when_its_server_is_lost(
-    sign: signal.Signals, moment: str, server: Callable[[], ForkServer], make_task: MakeTask, tmp_path: Path
+    sign: signal.Signals,
+    moment: str,
+    server: Callable[[], ForkServer],
+    planted: Any,
+    make_task: MakeTask,
+    tmp_path: Path,
 ) -> None:
     """A run that ends well keeps its process; one whose exit code nobody knows is begun anew."""
     first = server().process
     if moment == "before":
         first.send_signal(sign)
-    run = IsolatedRun(make_task(7), tmp_path, end_badly if moment == "before it dies" else end_well)
+    work = planted.end_badly if moment == "before it dies" else planted.end_well
+    run = IsolatedRun(make_task(7), tmp_path, work)
     _until(run, lambda: list(tmp_path.glob("waits-*")))
     before = run.process
     if moment != "before":
@@ -110,9 +92,13 @@ def test_a_run_ends_as_it_would_have_when_its_server_is_lost(
 
 @pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_run_beyond_its_time_is_killed_without_its_server(
-    sign: signal.Signals, server: Callable[[], ForkServer], make_task: MakeTask, tmp_path: Path
+    sign: signal.Signals,
+    server: Callable[[], ForkServer],
+    planted: Any,
+    make_task: MakeTask,
+    tmp_path: Path,
 ) -> None:
-    run = IsolatedRun(make_task(1, seconds=1.0), tmp_path, end_well)
+    run = IsolatedRun(make_task(1, seconds=1.0), tmp_path, planted.end_well)
     _until(run, lambda: run.process is not None)
     server().process.send_signal(sign)
     number = run.process
@@ -131,10 +117,10 @@ def _lives(number: int | None) -> bool:
 
 
 def test_a_run_that_ends_its_servers_is_a_crash(
-    server: Callable[[], ForkServer], make_task: MakeTask, tmp_path: Path
+    server: Callable[[], ForkServer], planted: Any, make_task: MakeTask, tmp_path: Path
 ) -> None:
     first = server()
-    outcome = _to_end(IsolatedRun(make_task(1), tmp_path, end_server))
+    outcome = _to_end(IsolatedRun(make_task(1), tmp_path, planted.end_server))
     assert outcome.status == "crash"
     assert (
         outcome.message == f"the process from which runs are forked was lost {ATTEMPTS} times during this run"

@@ -9,6 +9,7 @@ import importlib.util
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -31,14 +32,25 @@ def _load(name: str) -> ModuleType:
 bombs: Any = _load("bombs")
 
 
+@pytest.fixture(scope="module")
+def reader() -> Iterator[subprocess.Popen[str]]:
+    """Return a process that reads the files whose names it is sent."""
+    command = [sys.executable, str(HERE / "read_many.py")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        yield process
+
+
 @pytest.mark.parametrize("name", bombs.BOMBS)
-def test_a_bomb_takes_little(name: str, whole_log: bytes, tmp_path: Path) -> None:
+def test_a_bomb_takes_little(
+    name: str, reader: subprocess.Popen[str], whole_log: bytes, tmp_path: Path
+) -> None:
     path = tmp_path / "bomb.mcap"
     path.write_bytes(bombs.BOMBS[name](whole_log))
-    command = [sys.executable, str(HERE / "read_many.py"), str(tmp_path)]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert reader.stdin is not None
+    assert reader.stdout is not None
+    print(path, file=reader.stdin, flush=True)
+    verdicts = [json.loads(reader.stdout.readline()) for _ in range(2)]
     path.unlink()
-    verdicts = [json.loads(line) for line in done.stdout.splitlines()]
     assert [verdict["recover"] for verdict in verdicts] == [False, True]
     for verdict in verdicts:
         assert verdict["kind"] in ("read", "RunLogError"), verdict

@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.compiled import no_refcount
+from pushplan.compiled import inner
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 
 
-@no_refcount
+@inner
 def floor_terms(packed: PackedWorld, work: Work, eps: float) -> None:
     """Fill gradient, secant and curvature at the twists U."""
     for i in range(len(packed.loads)):
@@ -31,7 +31,7 @@ def floor_terms(packed: PackedWorld, work: Work, eps: float) -> None:
         )
 
 
-@no_refcount
+@inner
 def _terms_of(
     feet: FloatArray,
     first: int,
@@ -71,7 +71,7 @@ def _terms_of(
     curvature[3], curvature[4], curvature[5] = kxx - hyy, kyw - hyw, kww - hww
 
 
-@no_refcount
+@inner
 def invert_symmetric(a: FloatArray, out: FloatArray) -> None:
     """Fill `out` (6,) with the inverse of a positive definite matrix (6,), as xx, xy, xw, yy, yw, ww."""
     xx, xy, xw, yy, yw, ww = a[0], a[1], a[2], a[3], a[4], a[5]

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.compiled import no_refcount
+from pushplan.compiled import inner, no_refcount
 from pushplan.sim.slip.kernels.floor import floor_terms
 from pushplan.sim.slip.kernels.multipliers import (
     balance_residual,
@@ -33,7 +33,7 @@ SOLVED, RAY, LOST = 0, 1, 2
 _TINY = 1e-13
 
 
-@no_refcount
+@inner
 def reweighted(
     packed: PackedWorld,
     work: Work,
@@ -82,7 +82,7 @@ def reweighted(
     return SOLVED
 
 
-@no_refcount
+@inner
 def _mark_pressed(work: Work, count: int) -> None:
     """Set the modes of contacts that press, as `link` asks for them."""
     for c in range(count):
@@ -91,7 +91,7 @@ def _mark_pressed(work: Work, count: int) -> None:
         work.modes[c, 2] = 1 if work.modes[c, 0] + work.modes[c, 1] > 0 else 0
 
 
-@no_refcount
+@inner
 def _width(work: Work, c: int) -> int:
     """Return how many unknowns a manifold has: its normals, b+, b-, s."""
     return int(work.who[c, 3]) + 3
@@ -106,7 +106,7 @@ def _unknown(work: Work, c: int, j: int) -> tuple[int, float]:
     return (2, 1.0) if j == points else (2, -1.0) if j == points + 1 else (-1, 0.0)
 
 
-@no_refcount
+@inner
 def _fill_tableau(work: Work, count: int, force: float, step: float) -> int:
     """Fill [I, -A, -1, q] of w = A z + q, displacements over `step`, forces over `force`; return its height."""
     size = 0
@@ -132,7 +132,7 @@ def _fill_tableau(work: Work, count: int, force: float, step: float) -> int:
     return size
 
 
-@no_refcount
+@inner
 def _fill_responses(work: Work, count: int, size: int, scale: float) -> None:
     """Fill -A: what every unknown displaces at every other one, and the friction cones."""
     column = size
@@ -152,7 +152,7 @@ def _fill_responses(work: Work, count: int, size: int, scale: float) -> None:
         start += _width(work, c)
 
 
-@no_refcount
+@inner
 def _respond(work: Work, count: int, c: int, k: int, scale: float, column: int) -> None:
     """Fill what a unit of row k of manifold c, times `scale`, displaces."""
     n = len(work.gradient)
@@ -176,7 +176,7 @@ def _respond(work: Work, count: int, c: int, k: int, scale: float, column: int) 
             line += 1
 
 
-@no_refcount
+@inner
 def _lemke(tableau: FloatArray, basis: IntArray, size: int) -> int:
     """Pivot w = A z + q to a complementary solution; q becomes the basic variables' values."""
     last = 2 * size + 1
@@ -201,7 +201,7 @@ def _lemke(tableau: FloatArray, basis: IntArray, size: int) -> int:
     return LOST
 
 
-@no_refcount
+@inner
 def _leaving(tableau: FloatArray, basis: IntArray, size: int, entering: int) -> int:
     """Return the line whose variable reaches 0 first, or -1; the artificial variable goes first among equals."""
     last = 2 * size + 1
@@ -217,7 +217,7 @@ def _leaving(tableau: FloatArray, basis: IntArray, size: int, entering: int) -> 
     return line
 
 
-@no_refcount
+@inner
 def _pivot(tableau: FloatArray, size: int, line: int, column: int) -> None:
     width = 2 * size + 2
     inverse = 1.0 / tableau[line, column]
@@ -230,7 +230,7 @@ def _pivot(tableau: FloatArray, size: int, line: int, column: int) -> None:
                 tableau[i, j] -= factor * tableau[line, j]
 
 
-@no_refcount
+@inner
 def _take_solution(work: Work, count: int, size: int, force: float) -> None:
     """Read the multipliers out of the tableau, and move the bodies by what they displace."""
     n = len(work.gradient)

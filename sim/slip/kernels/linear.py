@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.compiled import no_refcount
+from pushplan.compiled import inner
 from pushplan.sim.slip.kernels.multipliers import acts, push_bodies, relative_motion, release, times_inverse
 from pushplan.sim.slip.kernels.packed import Work
 
 
-@no_refcount
+@inner
 def solve_linear(work: Work, count: int) -> bool:
     """Solve the balance linearised at U for the multipliers of the guessed modes; update U and multipliers."""
     n = len(work.gradient)
@@ -22,7 +22,7 @@ def solve_linear(work: Work, count: int) -> bool:
     return True
 
 
-@no_refcount
+@inner
 def _force_row(work: Work, c: int, k: int) -> tuple[float, float, float]:
     """Return the wrench of a unit of multiplier k on body b: a slipping normal force brings its friction along."""
     row = work.rows[c, k]
@@ -35,7 +35,7 @@ def _force_row(work: Work, c: int, k: int) -> tuple[float, float, float]:
     return row[0] + friction * along[0], row[1] + friction * along[1], row[2] + friction * along[2]
 
 
-@no_refcount
+@inner
 def _assemble(work: Work, count: int) -> int:
     """Fill the system A lambda = rhs of all equations that act; return their number."""
     size = 0
@@ -52,7 +52,7 @@ def _assemble(work: Work, count: int) -> int:
     return size
 
 
-@no_refcount
+@inner
 def _fill_column(work: Work, count: int, c: int, k: int, column: int) -> None:
     """Fill in what a unit of multiplier k of manifold c displaces at every equation."""
     n = len(work.gradient)
@@ -76,7 +76,7 @@ def _fill_column(work: Work, count: int, c: int, k: int, column: int) -> None:
                 line += 1
 
 
-@no_refcount
+@inner
 def _eliminate(matrix: FloatArray, size: int) -> bool:
     """Solve in place by elimination with partial pivoting; the last column becomes the solution."""
     trace = 0.0
@@ -108,7 +108,7 @@ def _eliminate(matrix: FloatArray, size: int) -> bool:
     return True
 
 
-@no_refcount
+@inner
 def _take_forces(work: Work, count: int, size: int) -> None:
     """Read the multipliers out of the solved system."""
     line = 0

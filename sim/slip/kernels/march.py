@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.compiled import in_threads, no_refcount
+from pushplan.compiled import in_threads, inner
 from pushplan.sim.slip.kernels.multipliers import contact_wrench
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 from pushplan.sim.slip.kernels.placing import copy_rows
@@ -41,7 +41,7 @@ def march(packed: PackedWorld, work: Work, state: State, twists: FloatArray, tra
     return len(twists)
 
 
-@no_refcount
+@inner
 def _note_contacts(packed: PackedWorld, work: Work, count: int, trace: Trace, m: int) -> None:
     """Write down what the contacts do in step m."""
     n = len(packed.loads)
@@ -59,7 +59,7 @@ def _note_contacts(packed: PackedWorld, work: Work, count: int, trace: Trace, m:
                     trace.others[m, work.who[c, side]] += 1
 
 
-@no_refcount
+@inner
 def _note_wrench(packed: PackedWorld, work: Work, count: int, out: FloatArray) -> None:
     """Write down the wrench with which the plate pushes, in its own frame where the step was solved.
 
@@ -77,7 +77,7 @@ def _note_wrench(packed: PackedWorld, work: Work, count: int, out: FloatArray) -
     out[2] = torque - (there[0] * fy - there[1] * fx)
 
 
-@no_refcount
+@inner
 def _mode_of(work: Work, c: int) -> int:
     ends = work.modes[c, 0] + (work.modes[c, 1] if work.who[c, 3] == 2 else 0)
     if ends == 0:

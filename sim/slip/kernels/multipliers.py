@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from pushplan.compiled import no_refcount
+from pushplan.compiled import inner, no_refcount
 from pushplan.sim.slip.kernels.packed import Work
 
 
-@no_refcount
+@inner
 def relative_motion(work: Work, c: int, k: int) -> float:
     """Return row k of manifold c times U_b - U_a."""
     a, b, row = work.twists[work.who[c, 0]], work.twists[work.who[c, 1]], work.rows[c, k]
     return float(row[0] * (b[0] - a[0]) + row[1] * (b[1] - a[1]) + row[2] * (b[2] - a[2]))
 
 
-@no_refcount
+@inner
 def acts(work: Work, c: int, k: int) -> bool:
     """Tell whether row k of manifold c is an equation of the guessed modes."""
     if k == 2:
@@ -21,7 +21,7 @@ def acts(work: Work, c: int, k: int) -> bool:
     return bool(k < work.who[c, 3] and work.modes[c, k] == 1)
 
 
-@no_refcount
+@inner
 def contact_wrench(work: Work, c: int) -> tuple[float, float, float]:
     """Return the wrench of manifold c on body b."""
     rows, forces = work.rows[c], work.forces[c]
@@ -31,7 +31,7 @@ def contact_wrench(work: Work, c: int) -> tuple[float, float, float]:
     return x, y, w
 
 
-@no_refcount
+@inner
 def times_inverse(work: Work, i: int, x: float, y: float, w: float) -> tuple[float, float, float]:
     """Return M_i^-1 (x, y, w)."""
     m = work.inverse[i]
@@ -51,7 +51,7 @@ def release(work: Work) -> None:
         u[0], u[1], u[2] = u[0] - x, u[1] - y, u[2] - w
 
 
-@no_refcount
+@inner
 def push_bodies(work: Work, c: int, n: int) -> None:
     """Add to U what the force of manifold c displaces."""
     x, y, w = contact_wrench(work, c)
@@ -64,7 +64,7 @@ def push_bodies(work: Work, c: int, n: int) -> None:
             u[0], u[1], u[2] = u[0] + sign * dx, u[1] + sign * dy, u[2] + sign * dw
 
 
-@no_refcount
+@inner
 def balance_residual(work: Work, count: int) -> float:
     """Return the largest component of what is left of an object's balance, N."""
     n = len(work.gradient)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from pushplan.compiled import no_refcount
+from pushplan.compiled import inner, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.sim.slip.kernels.floor import floor_terms, invert_symmetric
 from pushplan.sim.slip.kernels.linear import solve_linear
@@ -31,7 +31,7 @@ _SMALL = 1e-9
 """Of the trace of K, added to the diagonal of M."""
 
 
-@no_refcount
+@inner
 def newton(packed: PackedWorld, work: Work, count: int, eps: float, stiffness: float, wanted: float) -> float:
     """Solve a step from U and the multipliers in `work`; return the residual (N), infinite if it did not converge.
 
@@ -63,7 +63,7 @@ def newton(packed: PackedWorld, work: Work, count: int, eps: float, stiffness: f
     return math.inf
 
 
-@no_refcount
+@inner
 def _set_modes(work: Work, count: int, stiffness: float) -> bool:
     """Guess every mode from forces and displacements; tell whether any changed."""
     changed = False
@@ -82,7 +82,7 @@ def _set_modes(work: Work, count: int, stiffness: float) -> bool:
     return changed
 
 
-@no_refcount
+@inner
 def _tangent_mode(work: Work, c: int, pressed: float, stiffness: float) -> int:
     if work.modes[c, 0] == 0 and (work.who[c, 3] == 1 or work.modes[c, 1] == 0):
         return 0
@@ -93,7 +93,7 @@ def _tangent_mode(work: Work, c: int, pressed: float, stiffness: float) -> int:
     return 2 if wish > 0.0 else -2
 
 
-@no_refcount
+@inner
 def _violation(work: Work, count: int) -> float:
     """Return by how much the motion misses what active normals and sticking tangents demand, m."""
     worst = 0.0
@@ -105,7 +105,7 @@ def _violation(work: Work, count: int) -> float:
     return worst
 
 
-@no_refcount
+@inner
 def _hold_together(work: Work, count: int, length: float) -> None:
     """Give bodies that stick at both ends of a closed contact the same motion to the last bit: no drift adds up.
 
@@ -138,7 +138,7 @@ def link(work: Work, count: int) -> None:
         work.linked[pusher + 1] = 0
 
 
-@no_refcount
+@inner
 def matrices(work: Work, tau: float) -> None:
     """Fill the inverses of M; of K where nothing links an object with the pusher, which ends its motion at once."""
     m = scratch(1, 6)[0]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.compiled import no_refcount
+from pushplan.compiled import inner, no_refcount
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 from pushplan.sim.slip.kernels.state import State
 
 
-@no_refcount
+@inner
 def copy_rows(source: FloatArray, target: FloatArray, rows: int) -> None:
     """Copy the first rows (., 3); assigning slices would need an array on the heap."""
     for i in range(rows):
@@ -32,12 +32,12 @@ def place(packed: PackedWorld, work: Work, state: State) -> None:
         place_feet(packed, work, state, i)
 
 
-@no_refcount
+@inner
 def _set_place(row: FloatArray, x: float, y: float, cosine: float, sine: float) -> None:
     row[0], row[1], row[2], row[3] = x, y, cosine, sine
 
 
-@no_refcount
+@inner
 def place_feet(packed: PackedWorld, work: Work, state: State, i: int) -> None:
     """Place the feet of an object; a push above the floor shifts its load by h mu drag, as in the last step."""
     there, load = work.place[i], packed.loads[i]

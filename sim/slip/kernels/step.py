@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.compiled import no_refcount
+from pushplan.compiled import inner, no_refcount
 from pushplan.sim.slip.kernels.floor import floor_terms
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 from pushplan.sim.slip.kernels.placing import command, copy_rows, move, place, place_feet
@@ -84,7 +84,7 @@ def _friction(packed: PackedWorld) -> float:
     return force
 
 
-@no_refcount
+@inner
 def _solve_here(
     packed: PackedWorld, work: Work, state: State, size: float, force: float, left: float
 ) -> tuple[float, int, int]:
@@ -111,7 +111,7 @@ def _solve_here(
     return residual, end, count
 
 
-@no_refcount
+@inner
 def _solve_midway(
     packed: PackedWorld, work: Work, state: State, size: float, force: float
 ) -> tuple[float, int, int]:
@@ -130,7 +130,7 @@ def _solve_midway(
     return _solve_here(packed, work, state, size, force, 1.0)
 
 
-@no_refcount
+@inner
 def _all_stick(work: Work, count: int) -> bool:
     """Tell whether every contact that presses sticks at both ends."""
     for c in range(count):
@@ -142,7 +142,7 @@ def _all_stick(work: Work, count: int) -> bool:
     return True
 
 
-@no_refcount
+@inner
 def _begin_drag(packed: PackedWorld, work: Work, state: State, size: float) -> None:
     """Find the friction forces, on which loads depend that a push above the floor shifts, of one rigid body."""
     predict(work, state, size, True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.compiled import no_refcount
+from pushplan.compiled import inner, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 
@@ -23,7 +23,7 @@ _FLUSH = 1e-6
 """Sine of the angle, and share of L, up to which two manifolds of two bodies lie on one line."""
 
 
-@no_refcount
+@inner
 def place_corners(packed: PackedWorld, work: Work) -> None:
     """Bring all corners of bodies to where these are."""
     for p in range(len(packed.parts)):
@@ -40,7 +40,7 @@ def place_corners(packed: PackedWorld, work: Work) -> None:
             work.corners[k, 2], work.corners[k, 3] = c * nx - s * ny, s * nx + c * ny
 
 
-@no_refcount
+@inner
 def find_manifolds(packed: PackedWorld, work: Work, reach: float) -> int:
     """Fill in all manifolds with a gap below `reach` (m); return their number, or -1 if there are too many."""
     found = 0
@@ -80,7 +80,7 @@ def _apart(packed: PackedWorld, work: Work, a: int, b: int, reach: float) -> boo
     return bool(dx * dx + dy * dy > most * most)
 
 
-@no_refcount
+@inner
 def _best_face(corners: FloatArray, first: int, last: int, begin: int, end: int) -> tuple[float, int]:
     """Return how far the best face of one piece parts it from another (< 0: overlap), and which corner begins it."""
     best, face = -math.inf, -1
@@ -97,7 +97,7 @@ def _best_face(corners: FloatArray, first: int, last: int, begin: int, end: int)
     return best, face
 
 
-@no_refcount
+@inner
 def _manifold(packed: PackedWorld, work: Work, a: int, b: int, reach: float, out: FloatArray) -> bool:
     """Fill `out` (9,): normal from a into b, right point, left point, gaps there (infinite: no such point), count."""
     a0, a1, b0, b1 = packed.parts[a, 1], packed.parts[a, 2], packed.parts[b, 1], packed.parts[b, 2]
@@ -182,7 +182,7 @@ def _clip(
     return True
 
 
-@no_refcount
+@inner
 def _corner_pair(
     corners: FloatArray, one: int, other: int, inset: float, rounding: float, reach: float, out: FloatArray
 ) -> bool:
@@ -200,7 +200,7 @@ def _corner_pair(
     return True
 
 
-@no_refcount
+@inner
 def _turned_round(out: FloatArray) -> bool:
     """Make the normal point the other way; right and left change places."""
     out[0], out[1] = -out[0], -out[1]
@@ -224,7 +224,7 @@ def _enter(work: Work, c: int, found: FloatArray) -> None:
     work.who[c, 3] = count
 
 
-@no_refcount
+@inner
 def _merged(work: Work, found: int, a: int, b: int, new: FloatArray, length: float) -> int:
     """Add the points to an earlier manifold of the same bodies on the same line; return its number, or -1."""
     for c in range(found):
@@ -245,7 +245,7 @@ def _merged(work: Work, found: int, a: int, b: int, new: FloatArray, length: flo
     return -1
 
 
-@no_refcount
+@inner
 def _widen(work: Work, c: int, x: float, y: float, gap: float) -> None:
     """Keep the outermost two of a manifold's points and a new one."""
     tx, ty = work.frame[c, 2], work.frame[c, 3]
@@ -271,7 +271,7 @@ def _widen(work: Work, c: int, x: float, y: float, gap: float) -> None:
     work.spots[c, 2 * k], work.spots[c, 2 * k + 1], work.gaps[c, k] = x, y, gap
 
 
-@no_refcount
+@inner
 def _set_rows(work: Work, c: int, length: float) -> None:
     """Fill the rows of a manifold: n and t as wrenches about O, moments over L."""
     nx, ny, tx, ty = work.frame[c, 0], work.frame[c, 1], work.frame[c, 2], work.frame[c, 3]

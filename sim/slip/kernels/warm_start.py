@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from pushplan.basics.arrays import FloatArray
-from pushplan.compiled import no_refcount
+from pushplan.compiled import inner, no_refcount
 from pushplan.sim.slip.kernels.packed import Work
 from pushplan.sim.slip.kernels.state import State
 
@@ -16,7 +16,7 @@ _SAME_COMMAND = 0.01
 """Change of the plate's motion, over its size, up to which it goes on as before."""
 
 
-@no_refcount
+@inner
 def predict(work: Work, state: State, size: float, rigid: bool) -> None:
     """Set U as in the last step, or that of one rigid body with the plate."""
     n = len(work.gradient)
@@ -33,7 +33,7 @@ def predict(work: Work, state: State, size: float, rigid: bool) -> None:
             u[0], u[1], u[2] = work.twists[n, 0], work.twists[n, 1], work.twists[n, 2]
 
 
-@no_refcount
+@inner
 def recall_forces(work: Work, count: int, fresh: bool, force: float, length: float) -> None:
     """Begin with the last forces; at the very first with some on everything that touches."""
     for c in range(count):
@@ -50,7 +50,7 @@ def recall_forces(work: Work, count: int, fresh: bool, force: float, length: flo
             work.forces[c, 1] = 0.0
 
 
-@no_refcount
+@inner
 def _recall(memory: FloatArray, forces: FloatArray, points: int) -> None:
     """Begin with the forces of the last step, spread evenly where a manifold has another number of points now."""
     forces[0], forces[1], forces[2] = memory[0], memory[1], memory[2]
@@ -58,7 +58,7 @@ def _recall(memory: FloatArray, forces: FloatArray, points: int) -> None:
         forces[0] = forces[1] = (memory[0] + memory[1]) / points
 
 
-@no_refcount
+@inner
 def keep_forces(work: Work) -> None:
     """Keep the forces of all pairs."""
     for q in range(len(work.found)):
@@ -69,7 +69,7 @@ def keep_forces(work: Work) -> None:
             memory[3] = work.who[m, 3]
 
 
-@no_refcount
+@inner
 def keep_motion(work: Work, state: State, size: float, length: float, twist: FloatArray) -> None:
     """Keep the motion and the objects' friction forces."""
     n = len(work.gradient)
@@ -83,7 +83,7 @@ def keep_motion(work: Work, state: State, size: float, length: float, twist: Flo
     state.steps[0] += 1
 
 
-@no_refcount
+@inner
 def keep_drag(work: Work, state: State) -> None:
     """Keep every object's friction force, in its own axes, for the shift of its load."""
     for i in range(len(work.gradient)):
@@ -91,7 +91,7 @@ def keep_drag(work: Work, state: State) -> None:
         state.drag[i, 0], state.drag[i, 1] = c * g[0] + s * g[1], c * g[1] - s * g[0]
 
 
-@no_refcount
+@inner
 def closes(work: Work, count: int) -> bool:
     """Tell whether a point presses that did not in what is kept."""
     for m in range(count):
