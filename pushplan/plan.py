@@ -23,15 +23,6 @@ from pushplan.several.warm import warm_up_several
 from pushplan.stable_sets.named import add_set
 from pushplan.stable_sets.stable_set import StableSet
 
-ROUNDING = 1e-9
-"""Share of the lower bound by which an optimal path's cost may exceed it."""
-
-STALL = 42_000
-"""Iterations without a better path after which planning ends, for a time limit of 1 s; they grow with its root.
-
-Planning is done in a fraction of the limit as a rule, and then the same seed gives the same plan on any machine.
-"""
-
 
 class PlanOptions(TypedDict, total=False):
     """The keywords of `plan` that whatever plans hands on; see there."""
