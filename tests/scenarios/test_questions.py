@@ -8,6 +8,7 @@ import pytest
 
 from pushplan.cli import main
 from pushplan.errors import ScenarioError
+from pushplan.examples import example_text
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.reading.scenario_questions import questions
 from pushplan.reading.yaml.tree import read_document
@@ -96,7 +97,7 @@ def test_speeds_and_axles_are_asked_about(pusher: str, question: str) -> None:
 
 def test_what_loads_is_asked_about_and_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "turned.yaml"
-    text = (Path(__file__).parents[2] / "pushplan" / "scenarios" / "free-space.yaml").read_text()
+    text = example_text("free-space")
     file.write_text(text.replace("start: [0.0, 0.0, 0.0]", "start: [0.0, 0.0, 6.2]"))
     assert "6.2" in file.read_text()
     assert main(["check", str(file)]) == 0
