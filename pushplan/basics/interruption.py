@@ -9,8 +9,10 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
+from typing import ClassVar
 
 INTERRUPTED = 130
 """Exit code, as shells report it."""
@@ -32,6 +34,8 @@ class Interruption:
         requested: That is so.
     """
 
+    _raised: ClassVar[bool] = False
+
     def __init__(self) -> None:
         self.requested = False
 
@@ -48,6 +52,8 @@ class Interruption:
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
         """Take the first Ctrl-C as a wish, and leave at the second one; elsewhere Ctrl-C does what it did."""
+        # A library in C that was called back may have dropped the exception, not the wish.
+        self.requested = self.requested or Interruption._raised
         with _handling(self._note):
             yield
 
@@ -56,11 +62,18 @@ class Interruption:
         """Note a Ctrl-C and raise KeyboardInterrupt, which what is being imported may turn into another error."""
 
         def note(*_: object) -> None:
-            self.requested = True
+            self.requested = Interruption._raised = True
             raise KeyboardInterrupt
 
-        with _handling(note):
-            yield
+        told = sys.unraisablehook
+        sys.unraisablehook = lambda what: None if what.exc_type is KeyboardInterrupt else told(what)
+        try:
+            with _handling(note):
+                yield
+        finally:
+            sys.unraisablehook, Interruption._raised = told, False
+        if self.requested:  # what was raised was dropped on its way
+            raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

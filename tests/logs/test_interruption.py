@@ -269,6 +269,38 @@ def test_ctrl_c_while_the_program_loads_leaves_no_traceback(delay: float, tmp_pa
     assert "Traceback" not in error
 
 
+class Dropping:
+    """What a library in C does with an exception of a callback: it says "Exception ignored in ..." and goes on."""
+
+    def __del__(self) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(1.0)
+
+
+def test_a_ctrl_c_that_a_library_drops_is_not_lost(capsys: pytest.CaptureFixture[str]) -> None:
+    before, outer, search = signal.getsignal(signal.SIGINT), Interruption(), Interruption()
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # these tests may run in the background of a shell
+
+    def command() -> None:
+        with outer.raising():
+            Dropping()
+            with search.listening():
+                assert search()
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            command()
+        later = Interruption()
+        with later.listening():
+            assert not later()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert search()
+    assert capsys.readouterr().err == ""
+
+
 def test_a_full_disk_keeps_the_summary_and_names_the_partial_file(tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     words = ("two-crates", "--iterations", "20000", "-o", str(log), "--json")
