@@ -34,7 +34,7 @@ class Interruption:
         requested: That is so.
     """
 
-    _raised: ClassVar[bool] = False
+    _dropped: ClassVar[bool] = False
 
     def __init__(self) -> None:
         self.requested = False
@@ -53,7 +53,7 @@ class Interruption:
     def listening(self) -> Iterator[None]:
         """Take the first Ctrl-C as a wish, and leave at the second one; elsewhere Ctrl-C does what it did."""
         # A library in C that was called back may have dropped the exception, not the wish.
-        self.requested = self.requested or Interruption._raised
+        self.requested = self.requested or Interruption._dropped
         with _handling(self._note):
             yield
 
@@ -62,18 +62,23 @@ class Interruption:
         """Note a Ctrl-C and raise KeyboardInterrupt, which what is being imported may turn into another error."""
 
         def note(*_: object) -> None:
-            self.requested = Interruption._raised = True
+            self.requested = True
             raise KeyboardInterrupt
 
-        told = sys.unraisablehook
-        sys.unraisablehook = lambda what: None if what.exc_type is KeyboardInterrupt else told(what)
+        def drop(what: sys.UnraisableHookArgs) -> None:
+            if what.exc_type is KeyboardInterrupt:
+                Interruption._dropped = True
+            else:
+                told(what)
+
+        told, sys.unraisablehook = sys.unraisablehook, drop
         try:
             with _handling(note):
                 yield
+            if Interruption._dropped:
+                raise KeyboardInterrupt
         finally:
-            sys.unraisablehook, Interruption._raised = told, False
-        if self.requested:  # what was raised was dropped on its way
-            raise KeyboardInterrupt
+            sys.unraisablehook, Interruption._dropped = told, False
 
 
 @contextlib.contextmanager
