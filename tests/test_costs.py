@@ -200,9 +200,10 @@ def test_the_dearer_an_arc_the_fewer_there_are() -> None:
         for name in ("two-crates", "narrow-gap", "three-boxes-clutter"):
             scenario = load_plain(name)
             dear = replace(scenario, planner=replace(scenario.planner, arc_price=price_of_one))
-            path = plan(dear, time_limit=120.0, iterations=15_000).path
-            assert path is not None
-            few.append(len(path.lengths))
+            # Which of two paths with as many arcs but one is found is a matter of luck: four seeds together count.
+            paths = [plan(dear, seed=seed, time_limit=120.0, iterations=15_000).path for seed in range(1, 5)]
+            assert None not in paths
+            few.append(np.mean([len(path.lengths) for path in paths if path is not None]))
         counts.append(few)
     least = np.array(counts)
     assert (least[2] <= least[1]).all()
