@@ -21,6 +21,7 @@ from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.auto import Auto
 from pushplan.planners.ompl.search import search
+from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
 from pushplan.reading.scenario_file import load_scenario
 
@@ -40,7 +41,9 @@ def long_search(name: str, seconds: float) -> None:
     """Search for a while in this process, telling its peak memory (MB) at every quarter."""
     scenario = load_scenario(name)
     warm_up("auto")
-    problem = build_problem(scenario, scenario.stable_set())
+    stable = scenario.stable_set()
+    scenario = scenario.with_margin(margins_to_try(scenario, stable)[0])
+    problem = build_problem(scenario, stable)
     session = Session(problem, scenario.start, Budget(0.25 * seconds, stall=NEVER), seed=1)
     for quarter in range(1, 5):
         session.budget = Budget(0.25 * quarter * seconds, stall=NEVER)
