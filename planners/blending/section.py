@@ -88,16 +88,20 @@ class Section:
         section, worst = self, np.inf
         for _ in range(WIDENINGS):
             pieces = section.pieces(lengths)
-            excess = np.max(bounds_use(pieces, self.bounds) ** WIDTH_POWERS, axis=1)
+            use = bounds_use(pieces, self.bounds)
+            excess = np.max(use.shares**WIDTH_POWERS, axis=1)
             if excess.max() <= USED_UP or excess.max() > HELPING * worst:
                 break
-            section, worst = section._widened(lengths, pieces.durations, excess), float(excess.max())
+            section = section._widened(lengths, pieces.durations, np.maximum(excess, use.slowing))
+            worst = float(excess.max())
+            if HELPING * worst <= 1.0:  # whatever is seen next ends this
+                break
         return section
 
     def slowed(self, lengths: FloatArray) -> tuple[Section, float]:
         """Return the section slowed down until no limit is exceeded, and when the most was."""
         pieces = self.pieces(lengths)
-        use = np.max(bounds_use(pieces, self.bounds) ** (1.0 / ORDERS), axis=1)
+        use = np.max(bounds_use(pieces, self.bounds).shares ** (1.0 / ORDERS), axis=1)
         factor = float(use.max())
         at = float(pieces.durations[: int(np.argmax(use))].sum()) * factor
         return (self if factor <= USED_UP else replace(self, slower=self.slower * factor)), at
