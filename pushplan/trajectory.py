@@ -126,10 +126,7 @@ class Trajectory:
         """(q + 1, 3) poses of the chain frame in the world at `breaks`."""
         durations = np.diff(self.breaks)
         steps = advance(self.coefficients, np.zeros(len(durations)), durations)
-        headings = self.start[2] + np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-        moved = self.start[:2] + np.cumsum(se2.rotate(headings[:-1], steps[:, :2]), axis=0)
-        poses = np.column_stack([np.vstack([self.start[:2], moved]), headings])
-        return frozen(poses, (None, 3), "break poses")
+        return frozen(se2.chained(self.start, steps), (None, 3), "break poses")
 
     @cached_property
     def directions(self) -> FloatArray:

@@ -69,11 +69,7 @@ def integrated(trajectory: Trajectory) -> FloatArray:
     piece = trajectory.piece_at(ticks[:-1])
     begin = ticks[:-1] - trajectory.breaks[piece]
     steps = advance(trajectory.coefficients[piece], begin, begin + np.diff(ticks))
-    theta = trajectory.start[2] + np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-    moves = se2.rotate(theta[:-1], steps[:, :2])
-    xy = trajectory.start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)])
-    poses = np.column_stack([xy, theta])
-    return poses[np.searchsorted(ticks, trajectory.t)]
+    return se2.chained(trajectory.start, steps)[np.searchsorted(ticks, trajectory.t)]
 
 
 def _loss(trajectory: Trajectory, poses: FloatArray, margins: FloatArray, i: int) -> StabilityLoss:
