@@ -68,7 +68,7 @@ def integrated(trajectory: Trajectory) -> FloatArray:
     ticks = np.union1d(trajectory.t, trajectory.breaks)
     piece = trajectory.piece_at(ticks[:-1])
     begin = ticks[:-1] - trajectory.breaks[piece]
-    steps = advance(trajectory.coefficients[piece], begin, begin + np.diff(ticks))
+    steps = advance(trajectory.columns.take(piece, axis=2), begin, begin + np.diff(ticks))
     return se2.chained(trajectory.start, steps)[np.searchsorted(ticks, trajectory.t)]
 
 

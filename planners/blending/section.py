@@ -1,7 +1,7 @@
 """Arcs of several twists driven from rest to rest without a stop in between.
 
 Every arc has a speed; the twist moves from one arc's to the next on a jerk-limited step around the time at
-which the arc's length is spent. Each step is the fastest that the limits allow (Ruckig's velocity interface);
+which the arc's length is spent. Each step is the fastest that the limits allow;
 where the sum of overlapping steps exceeds a limit, the steps there are widened.
 """
 
@@ -159,7 +159,11 @@ def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:
     most = np.where(resting[:-1], gaining, np.where(resting[1:], braking, min(braking, gaining)))
     room = most - np.maximum(turning[:-1], turning[1:])
     steps = np.diff(levels, axis=0)
-    return np.array([_windows(step, spare, limits) for step, spare in zip(steps, room, strict=True)])
+    linear, angular = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    rightward, leftward = limits.both("angular_acceleration")
+    turn = np.where(steps[:, 2] > 0.0, leftward, rightward)
+    rise = np.maximum(linear / room, angular / turn)
+    return step_widths(rise, np.maximum(linear / limits.jerk, angular / limits.angular_jerk))
 
 
 def _levels(twists: FloatArray, speeds: FloatArray) -> FloatArray:
@@ -173,13 +177,3 @@ def _least_time(twists: FloatArray, lengths: FloatArray, speeds: FloatArray, bou
     levels = _levels(twists, speeds)
     ends = (step_windows(levels[:2], bounds.limits), step_windows(levels[-2:], bounds.limits))
     return float((lengths / speeds).sum() + sum(windows.sum() for windows in ends) / 2.0)
-
-
-def _windows(step: FloatArray, room: float, limits: Limits) -> FloatArray:
-    """Windows (2,) of the fastest step of the twist by `step` that accelerates by no more than `room`."""
-    linear, angular = float(np.hypot(step[0], step[1])), abs(float(step[2]))
-    slowest = max(linear / room, angular / limits.both("angular_acceleration")[int(step[2] > 0.0)])
-    softest = max(linear / limits.jerk, angular / limits.angular_jerk)
-    if slowest == 0.0:
-        return np.zeros(2)
-    return np.array(step_widths(1.0 / slowest, 1.0 / softest))
