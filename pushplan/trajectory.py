@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, columns_of, frozen
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 
@@ -30,7 +30,7 @@ def advance(columns: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArr
     Fourth-order Magnus expansion with two Gauss points; exact where the direction of the twist is constant.
 
     Args:
-        columns: (3, 3, m) polynomial coefficients, lowest first: [j] multiplies tau^j; NumPy is slow along short rows.
+        columns: (3, 3, m) polynomial coefficients, lowest first: [j] multiplies tau^j.
         begin: (m,) local times, s.
         end: (m,) local times, s.
     """
@@ -135,7 +135,7 @@ class Trajectory:
     def directions_at(self, t: FloatArray) -> FloatArray:
         """Return the twists (m, 3) at times (m,); where the pusher rests, the next one (at the end: the last)."""
         twists = self.twists_at(t)
-        resting = (np.abs(twists) < RESTING).all(axis=1)
+        resting = (np.abs(columns_of(twists)) < RESTING).all(axis=0)
         still = t[resting]
         twists[resting] = self.twists_at(still + np.where(still + NUDGE < self.duration, NUDGE, -NUDGE))
         return twists

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray, columns_of
 from pushplan.execution import Execution, StabilityLoss
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts.contact_state import contact_state
@@ -46,7 +46,7 @@ def simulate_rigid(
     dynamic = None if contacts is None else contacts.margins(asked, trajectory.rates_at(trajectory.t), floor)
     if dynamic is not None and inertia_decides:
         deciding = np.minimum(margins, dynamic)
-    lost = np.flatnonzero(deciding.min(axis=1) <= 0.0)
+    lost = np.flatnonzero(columns_of(deciding).min(axis=0) <= 0.0)
     last = int(lost[0]) + 1 if len(lost) else len(poses)
     loss = _loss(trajectory, poses, deciding, last - 1) if len(lost) else None
     return Execution(

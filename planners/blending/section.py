@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray, columns_of
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
 from pushplan.planners.blending.part import Part, Push
@@ -89,7 +89,7 @@ class Section:
         for _ in range(WIDENINGS):
             pieces = section.pieces(lengths)
             use = bounds_use(pieces, self.bounds)
-            excess = np.max(use.shares**WIDTH_POWERS, axis=1)
+            excess = columns_of(use.shares**WIDTH_POWERS).max(axis=0)
             if excess.max() <= USED_UP or excess.max() > HELPING * worst:
                 break
             section = section._widened(lengths, pieces.durations, np.maximum(excess, use.slowing))
@@ -101,7 +101,7 @@ class Section:
     def slowed(self, lengths: FloatArray) -> tuple[Section, float]:
         """Return the section slowed down until no limit is exceeded, and when the most was."""
         pieces = self.pieces(lengths)
-        use = np.max(bounds_use(pieces, self.bounds).shares ** (1.0 / ORDERS), axis=1)
+        use = columns_of(bounds_use(pieces, self.bounds).shares ** (1.0 / ORDERS)).max(axis=0)
         factor = float(use.max())
         at = float(pieces.durations[: int(np.argmax(use))].sum()) * factor
         return (self if factor <= USED_UP else replace(self, slower=self.slower * factor)), at

@@ -146,7 +146,8 @@ class Room:
         if self.walls is None:
             return np.full(points.shape[:-1], np.inf)
         low, high = (self.walls.xmin, self.walls.ymin), (self.walls.xmax, self.walls.ymax)
-        return np.asarray(np.minimum(points - low, high - points).min(axis=-1))
+        near = np.minimum(points - low, high - points)
+        return np.asarray(np.minimum(near[..., 0], near[..., 1]))
 
 
 def _circle(points: FloatArray) -> tuple[FloatArray, float]:
