@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,6 +20,15 @@ from pushplan.planners.problem.posing import Posing, body_reach, sampling_box
 from pushplan.result import ProgressPoint
 from pushplan.scenario import Scenario
 from pushplan.stable_sets.stable_set import StableSet
+
+GLANCE = 0.125
+"""Share of the budget that the largest margins have at first where the first path is all that is wanted.
+
+Where one of them allows no path, half of the budget need not go by before that is taken for granted.
+"""
+
+GLANCES = 3
+"""So many margins have it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,22 +86,33 @@ class Search:
         Raises:
             EmptyStableSetError: When no twist that the drive can make has the first margin.
         """
-        share, attempt = 0.0, None
-        for k, margin in enumerate(margins):
-            # Half of what is left of the budget may go by without a path before a lower margin is tried.
-            share = 1.0 if k == len(margins) - 1 else 0.5 * (1.0 + share)
+        attempt = None
+        for seed, margin, share in self._turns(margins):
             budget = replace(self.budget, patience=share)
-            attempt = self._attempt(scenario.with_margin(margin), budget, attempt)
-            if attempt.path is not None or self._is_over(attempt):
+            attempt = replace(self, seed=seed)._attempt(scenario.with_margin(margin), budget, attempt)
+            if attempt.path is not None or self._is_over(attempt, margin == margins[-1]):
                 break
         assert attempt is not None
         return attempt
 
-    def _is_over(self, attempt: Attempt) -> bool:
-        """Whether no lower margin has time left, or could help."""
+    def _turns(self, margins: Sequence[float]) -> Iterator[tuple[int, float, float]]:
+        """Yield seeds and margins with the share of the budget after which a search without a path gives way."""
+        share, seed = 0.0, self.seed
+        if self.budget.first and len(margins) > 1:
+            for margin in margins[:GLANCES]:
+                share += GLANCE
+                yield seed, margin, share
+            seed += 1
+        for k, margin in enumerate(margins):
+            # Half of what is left of the budget may go by without a path before a lower margin is tried.
+            share = 1.0 if k == len(margins) - 1 else 0.5 * (1.0 + share)
+            yield seed, margin, share
+
+    def _is_over(self, attempt: Attempt, lowest: bool) -> bool:
+        """Whether no other margin has time left, or could help; what is proven with the lowest holds with all."""
         session = attempt.session
         # Of all that can be proven, only a passage that is too narrow stands in the way with every margin.
-        proven = any(fault.cause == "gap" for fault in attempt.monitor.proven)
+        proven = any(lowest or fault.cause == "gap" for fault in attempt.monitor.proven)
         return proven or self.budget.is_used_up(time.perf_counter() - self.began, session.iterations)
 
     def _attempt(self, scenario: Scenario, budget: Budget, before: Attempt | None) -> Attempt:

@@ -54,10 +54,8 @@ class PushPath:
     @cached_property
     def knots(self) -> FloatArray:
         """(k + 1, 3) poses in the world at the ends of the arcs; the angle runs on, it is not wrapped."""
-        poses = [self.start]
-        for twist, length in zip(self.twists, self.lengths, strict=True):
-            poses.append(se2.compose(poses[-1], se2.exp(twist * length)))
-        return frozen(poses, (None, 3), "knots of the path")
+        steps = se2.exp(self.twists * self.lengths[:, None])
+        return frozen(se2.chained(self.start, steps), (None, 3), "knots of the path")
 
     @property
     def end(self) -> FloatArray:

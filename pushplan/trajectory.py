@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, columns_of, frozen
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 
@@ -24,20 +24,19 @@ NUDGE = 1e-4
 _GAUSS = np.sqrt(3.0) / 6.0
 
 
-def advance(coefficients: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
+def advance(columns: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
     """Return the motion (m, 3) in the body frame under twists c0 + c1 tau + c2 tau^2 from `begin` to `end`.
 
     Fourth-order Magnus expansion with two Gauss points; exact where the direction of the twist is constant.
 
     Args:
-        coefficients: (m, 3, 3) polynomial coefficients, lowest first: [j] multiplies tau^j.
+        columns: (3, 3, m) polynomial coefficients, lowest first: [j] multiplies tau^j.
         begin: (m,) local times, s.
         end: (m,) local times, s.
     """
-    c = np.ascontiguousarray(coefficients.transpose(1, 2, 0))  # whole columns: NumPy is slow along short rows
     h = end - begin
     middle = 0.5 * (begin + end)
-    v1, v2 = (_polynomial(c, middle + sign * _GAUSS * h) for sign in (-1.0, 1.0))
+    v1, v2 = (_polynomial(columns, middle + sign * _GAUSS * h) for sign in (-1.0, 1.0))
     step = 0.5 * h * (v1 + v2) + (np.sqrt(3.0) / 12.0) * h**2 * _bracket(v1, v2)
     return se2.exp(step.T)
 
@@ -85,7 +84,7 @@ class Trajectory:
             raise PushplanError("breaks of the trajectory must start at 0 and increase")
 
     @cached_property
-    def _columns(self) -> FloatArray:
+    def columns(self) -> FloatArray:
         """(3, 3, q) the coefficients by order, then by component of the twist."""
         return np.ascontiguousarray(self.coefficients.transpose(1, 2, 0))
 
@@ -125,11 +124,8 @@ class Trajectory:
     def break_poses(self) -> FloatArray:
         """(q + 1, 3) poses of the chain frame in the world at `breaks`."""
         durations = np.diff(self.breaks)
-        steps = advance(self.coefficients, np.zeros(len(durations)), durations)
-        headings = self.start[2] + np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-        moved = self.start[:2] + np.cumsum(se2.rotate(headings[:-1], steps[:, :2]), axis=0)
-        poses = np.column_stack([np.vstack([self.start[:2], moved]), headings])
-        return frozen(poses, (None, 3), "break poses")
+        steps = advance(self.columns, np.zeros(len(durations)), durations)
+        return frozen(se2.chained(self.start, steps), (None, 3), "break poses")
 
     @cached_property
     def directions(self) -> FloatArray:
@@ -138,10 +134,11 @@ class Trajectory:
 
     def directions_at(self, t: FloatArray) -> FloatArray:
         """Return the twists (m, 3) at times (m,); where the pusher rests, the next one (at the end: the last)."""
-        nudged = t + np.where(t + NUDGE < self.duration, NUDGE, -NUDGE)
         twists = self.twists_at(t)
-        resting = np.abs(twists).max(axis=1, initial=0.0) < RESTING
-        return np.where(resting[:, None], self.twists_at(nudged), twists)
+        resting = (np.abs(columns_of(twists)) < RESTING).all(axis=0)
+        still = t[resting]
+        twists[resting] = self.twists_at(still + np.where(still + NUDGE < self.duration, NUDGE, -NUDGE))
+        return twists
 
     def piece_at(self, t: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
         """Return the index of the piece at each time (m,)."""
@@ -154,7 +151,7 @@ class Trajectory:
         if len(self.coefficients) == 0:
             return np.zeros((*t.shape, 3))
         piece = self.piece_at(t)
-        return np.ascontiguousarray(_polynomial(self._columns[..., piece], t - self.breaks[piece]).T)
+        return np.ascontiguousarray(_polynomial(self.columns.take(piece, axis=2), t - self.breaks[piece]).T)
 
     def rates_at(self, t: ArrayLike) -> FloatArray:
         """Return the time derivatives (m, 3) of the commanded twists at times (m,), clipped to the trajectory."""
@@ -162,7 +159,7 @@ class Trajectory:
         if len(self.coefficients) == 0:
             return np.zeros((*t.shape, 3))
         piece = self.piece_at(t)
-        _, c1, c2 = self._columns[..., piece]
+        _, c1, c2 = self.columns.take(piece, axis=2)
         return np.ascontiguousarray((c1 + 2.0 * (t - self.breaks[piece]) * c2).T)
 
     def base_poses_at(self, t: ArrayLike) -> FloatArray:
@@ -189,5 +186,5 @@ class Trajectory:
         piece = self.piece_at(t)
         tau = t - self.breaks[piece]
         return se2.compose(
-            self.break_poses[piece], advance(self.coefficients[piece], np.zeros_like(tau), tau)
+            self.break_poses[piece], advance(self.columns.take(piece, axis=2), np.zeros_like(tau), tau)
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray, columns_of
 from pushplan.execution import Execution, StabilityLoss
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts.contact_state import contact_state
@@ -46,7 +46,7 @@ def simulate_rigid(
     dynamic = None if contacts is None else contacts.margins(asked, trajectory.rates_at(trajectory.t), floor)
     if dynamic is not None and inertia_decides:
         deciding = np.minimum(margins, dynamic)
-    lost = np.flatnonzero(deciding.min(axis=1) <= 0.0)
+    lost = np.flatnonzero(columns_of(deciding).min(axis=0) <= 0.0)
     last = int(lost[0]) + 1 if len(lost) else len(poses)
     loss = _loss(trajectory, poses, deciding, last - 1) if len(lost) else None
     return Execution(
@@ -68,12 +68,8 @@ def integrated(trajectory: Trajectory) -> FloatArray:
     ticks = np.union1d(trajectory.t, trajectory.breaks)
     piece = trajectory.piece_at(ticks[:-1])
     begin = ticks[:-1] - trajectory.breaks[piece]
-    steps = advance(trajectory.coefficients[piece], begin, begin + np.diff(ticks))
-    theta = trajectory.start[2] + np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-    moves = se2.rotate(theta[:-1], steps[:, :2])
-    xy = trajectory.start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)])
-    poses = np.column_stack([xy, theta])
-    return poses[np.searchsorted(ticks, trajectory.t)]
+    steps = advance(trajectory.columns.take(piece, axis=2), begin, begin + np.diff(ticks))
+    return se2.chained(trajectory.start, steps)[np.searchsorted(ticks, trajectory.t)]
 
 
 def _loss(trajectory: Trajectory, poses: FloatArray, margins: FloatArray, i: int) -> StabilityLoss:

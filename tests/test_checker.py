@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.geometry import se2
 from pushplan.planners.validation.checker import SPACING, find_collision
 from pushplan.planners.validation.motion import Motion, densify
 from pushplan.planners.validation.room import Room
-from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.reading.scenario_file import load_scenario, scenario_from_text
 from pushplan.scenario import CircleObstacle, Scenario
 
 TEXT = """
@@ -124,3 +125,30 @@ def test_few_poses_find_what_many_do(lane: Scenario) -> None:
             assert travel[near[0]] - 1e-3 <= at <= travel[near[0]] + SPACING + 1e-3
             blocked += 1
     assert min(free, blocked) > 10
+
+
+@pytest.mark.parametrize("name", ["three-boxes-clutter", "asymmetric", "carts", "hook"])
+@pytest.mark.parametrize("enough", [0.01, 0.3, 5.0])
+def test_gaps_are_the_distances_of_every_body_from_everything_up_to_what_is_enough(
+    name: str, enough: float
+) -> None:
+    scenario = load_scenario(name)
+    walls = scenario.workspace
+    assert walls is not None
+    rng = np.random.default_rng(2)
+    poses = rng.uniform([walls.xmin, walls.ymin, -4.0], [walls.xmax, walls.ymax, 4.0], (40, 3))
+    found = Room.of(scenario).gaps(poses, enough)
+    for pose, gap in zip(poses, found, strict=True):
+        outlines = [se2.transform_points(pose, body.outline) for body in scenario.chain.bodies]
+        corners = np.concatenate(outlines)
+        away = [corners[:, 0] - walls.xmin, walls.xmax - corners[:, 0]]
+        away += [corners[:, 1] - walls.ymin, walls.ymax - corners[:, 1]]
+        apart = [float(np.min(away)), enough]
+        for outline in outlines:
+            for obstacle in scenario.obstacles:
+                if isinstance(obstacle, CircleObstacle):
+                    middle = shapely.Point(obstacle.center)
+                    apart.append(shapely.Polygon(outline).distance(middle) - obstacle.radius)
+                else:
+                    apart.append(shapely.Polygon(outline).distance(shapely.Polygon(obstacle.outline)))
+        assert gap == pytest.approx(max(min(apart), 0.0), abs=1e-12)

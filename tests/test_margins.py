@@ -134,6 +134,21 @@ def test_the_margin_is_lowered_in_halvings_until_there_is_a_path() -> None:
     )
 
 
+def test_a_first_path_need_not_wait_for_a_lower_margin() -> None:
+    """Half of the iterations would go by with the margin that is asked for alone, as they do in a whole plan."""
+    first = plan(u_turn(), time_limit=60.0, iterations=ITERATIONS, first=True)
+    assert first.solved, first.reason
+    assert first.margin is not None
+    assert first.margin <= 0.5 * (first.margin_asked or 0.0)
+    assert first.progress[0].iterations < 0.5 * ITERATIONS < turned().progress[0].iterations
+
+
+def test_a_first_path_keeps_the_margin_that_is_found_in_time() -> None:
+    for name in ("three-boxes-clutter", "two-crates", "hook"):
+        result = plan(load_scenario(name), time_limit=60.0, first=True)
+        assert (result.solved, result.lowered) == (True, "")
+
+
 def test_a_stated_margin_is_never_lowered() -> None:
     asked = turned().margin_asked
     assert asked is not None

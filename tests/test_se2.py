@@ -50,3 +50,12 @@ def test_logarithm_undoes_the_exponential(pose: FloatArray) -> None:
 )
 def test_angles_wrap_into_a_half_open_turn(angle: float, wrapped: float) -> None:
     assert se2.wrap_angle(angle) == pytest.approx(wrapped, abs=1e-15)
+
+
+@settings(max_examples=50, deadline=None)
+@given(poses, st.lists(poses, max_size=4))
+def test_a_chain_of_poses_is_composed_pose_by_pose(start: FloatArray, steps: list[FloatArray]) -> None:
+    expected = [start]
+    for step in steps:
+        expected.append(se2.compose(expected[-1], step))
+    np.testing.assert_allclose(se2.chained(start, np.array(steps).reshape(-1, 3)), expected, atol=1e-12)

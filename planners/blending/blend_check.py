@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.basics.arrays import FloatArray, columns_of
+from pushplan.mechanics.contacts.contact_kernel import contact_margins_of
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.validation.checker import find_collision
 from pushplan.scenario import Scenario
+from pushplan.stable_sets.ecof_set import EcofSet
 from pushplan.stable_sets.stable_set import StableSet
 from pushplan.trajectory import Trajectory
 
@@ -25,14 +27,25 @@ def unstable_times(
     breaks = trajectory.breaks
     times = np.unique(np.concatenate([trajectory.t, breaks, 0.5 * (breaks[:-1] + breaks[1:])]))
     twists = trajectory.twists_at(times)
-    moving = np.abs(twists).max(axis=1) > RESTING
-    spare = stable.margin(twists[moving]) - scenario.required_margin
-    if bounds.contacts is not None:
-        rates = trajectory.rates_at(times[moving])
-        with_inertia = bounds.contacts.margins(twists[moving], rates).min(axis=1)
-        spare = np.minimum(spare, with_inertia - bounds.margin)
+    moving = np.abs(columns_of(twists)).max(axis=0) > RESTING
+    times, twists = times[moving], twists[moving]
+    if bounds.contacts is None:
+        spare = stable.margin(twists) - scenario.required_margin
+    else:
+        floor = None
+        if (
+            isinstance(stable, EcofSet) and stable.chain is bounds.contacts.chain
+        ):  # it asks for the same wrenches
+            floor = bounds.contacts.floor_wrenches(twists)
+            without = columns_of(contact_margins_of(stable.packed, floor)).min(axis=0)
+        else:
+            without = stable.margin(twists)
+        with_inertia = columns_of(bounds.contacts.margins(twists, trajectory.rates_at(times), floor)).min(
+            axis=0
+        )
+        spare = np.minimum(without - scenario.required_margin, with_inertia - bounds.margin)
     worst = np.argsort(spare, kind="stable")
-    return np.asarray(times[moving][worst][spare[worst] <= 0.0])
+    return np.asarray(times[worst][spare[worst] <= 0.0])
 
 
 def off_chords(trajectory: Trajectory, reach: float) -> float:

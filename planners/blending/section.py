@@ -1,7 +1,7 @@
 """Arcs of several twists driven from rest to rest without a stop in between.
 
 Every arc has a speed; the twist moves from one arc's to the next on a jerk-limited step around the time at
-which the arc's length is spent. Each step is the fastest that the limits allow (Ruckig's velocity interface);
+which the arc's length is spent. Each step is the fastest that the limits allow;
 where the sum of overlapping steps exceeds a limit, the steps there are widened.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.basics.arrays import FloatArray, IntArray, columns_of
 from pushplan.mechanics.chain import Limits
 from pushplan.path import PushPath
 from pushplan.planners.blending.part import Part, Push
@@ -88,16 +88,20 @@ class Section:
         section, worst = self, np.inf
         for _ in range(WIDENINGS):
             pieces = section.pieces(lengths)
-            excess = np.max(bounds_use(pieces, self.bounds) ** WIDTH_POWERS, axis=1)
+            use = bounds_use(pieces, self.bounds)
+            excess = columns_of(use.shares**WIDTH_POWERS).max(axis=0)
             if excess.max() <= USED_UP or excess.max() > HELPING * worst:
                 break
-            section, worst = section._widened(lengths, pieces.durations, excess), float(excess.max())
+            section = section._widened(lengths, pieces.durations, np.maximum(excess, use.slowing))
+            worst = float(excess.max())
+            if HELPING * worst <= 1.0:  # whatever is seen next ends this
+                break
         return section
 
     def slowed(self, lengths: FloatArray) -> tuple[Section, float]:
         """Return the section slowed down until no limit is exceeded, and when the most was."""
         pieces = self.pieces(lengths)
-        use = np.max(bounds_use(pieces, self.bounds) ** (1.0 / ORDERS), axis=1)
+        use = columns_of(bounds_use(pieces, self.bounds).shares ** (1.0 / ORDERS)).max(axis=0)
         factor = float(use.max())
         at = float(pieces.durations[: int(np.argmax(use))].sum()) * factor
         return (self if factor <= USED_UP else replace(self, slower=self.slower * factor)), at
@@ -155,7 +159,11 @@ def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:
     most = np.where(resting[:-1], gaining, np.where(resting[1:], braking, min(braking, gaining)))
     room = most - np.maximum(turning[:-1], turning[1:])
     steps = np.diff(levels, axis=0)
-    return np.array([_windows(step, spare, limits) for step, spare in zip(steps, room, strict=True)])
+    linear, angular = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    rightward, leftward = limits.both("angular_acceleration")
+    turn = np.where(steps[:, 2] > 0.0, leftward, rightward)
+    rise = np.maximum(linear / room, angular / turn)
+    return step_widths(rise, np.maximum(linear / limits.jerk, angular / limits.angular_jerk))
 
 
 def _levels(twists: FloatArray, speeds: FloatArray) -> FloatArray:
@@ -169,13 +177,3 @@ def _least_time(twists: FloatArray, lengths: FloatArray, speeds: FloatArray, bou
     levels = _levels(twists, speeds)
     ends = (step_windows(levels[:2], bounds.limits), step_windows(levels[-2:], bounds.limits))
     return float((lengths / speeds).sum() + sum(windows.sum() for windows in ends) / 2.0)
-
-
-def _windows(step: FloatArray, room: float, limits: Limits) -> FloatArray:
-    """Windows (2,) of the fastest step of the twist by `step` that accelerates by no more than `room`."""
-    linear, angular = float(np.hypot(step[0], step[1])), abs(float(step[2]))
-    slowest = max(linear / room, angular / limits.both("angular_acceleration")[int(step[2] > 0.0)])
-    softest = max(linear / limits.jerk, angular / limits.angular_jerk)
-    if slowest == 0.0:
-        return np.zeros(2)
-    return np.array(step_widths(1.0 / slowest, 1.0 / softest))

@@ -53,7 +53,7 @@ class InfeasibilityMonitor:
     ) -> None:
         self.reasons: list[Diagnosis] = []
         self._stages = {
-            "passage": passage_faults(scenario, straight_pushes(problem.segments)),
+            "passage": _passages(scenario, problem),
             "pockets": _turns_and_pockets(scenario, stable, problem),
         }
         self._limit, self._due, self._spent = limit, FIRST_STEP, 0.0
@@ -102,6 +102,10 @@ class InfeasibilityMonitor:
         self._expected = GROWTH[stage] * took
         known = [(item.cause, item.proven) for item in found]
         self.reasons = [item for item in self.reasons if (item.cause, item.proven) not in known] + found
+
+
+def _passages(scenario: Scenario, problem: Problem) -> Iterator[list[Diagnosis]]:
+    yield from passage_faults(scenario, straight_pushes(problem.segments))
 
 
 def _turns_and_pockets(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:

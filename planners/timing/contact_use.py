@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from pushplan.basics.arrays import FloatArray, IntArray
@@ -18,19 +20,32 @@ TINY = 1e-12
 """Room (N) that a contact condition counts with at least, so that none left is much used and not a division by 0."""
 
 
-def bounds_use(pieces: Pieces, bounds: Bounds) -> FloatArray:
-    """Return the share (q, 4) of its limits that each piece uses: speed, acceleration, jerk, contacts.
+class Use(NamedTuple):
+    """What the pieces of a motion use of its limits.
 
-    The first three bound the whole piece. The last one looks at its beginning and its middle, how much inertia
+    Attributes:
+        shares: (q, 4) of speed, acceleration, jerk and contact conditions; a limit is kept up to 1.
+        slowing: (q,) factor by which the same twists have to change more slowly for the contacts to hold.
+    """
+
+    shares: FloatArray
+    slowing: FloatArray
+
+
+def bounds_use(pieces: Pieces, bounds: Bounds) -> Use:
+    """Return what each piece uses of its limits.
+
+    The first three shares bound the whole piece. The last one looks at its beginning and its middle, how much inertia
     uses up of what the contacts have to spare above the margin to keep (`arc_limits.ROOM` of it).
     """
     pusher = limit_use(pieces.durations, pieces.coefficients, bounds.limits)
-    held = np.zeros(len(pusher))
+    held, slowing = np.zeros(len(pusher)), np.ones(len(pusher))
     if bounds.contacts is not None:
         twists, rates, piece = _instants(pieces.durations, pieces.coefficients)
         floor, inertia = bounds.contacts.quasi_static(twists), bounds.contacts.inertia(twists, rates)
-        _note_shares(*floor, *inertia, bounds.margin, piece, held)
-    return np.column_stack([pusher, held])
+        steady = bounds.contacts.inertia(twists, np.zeros_like(rates))
+        _note_shares(*floor, *inertia, *steady, bounds.margin, piece, held, slowing)
+    return Use(np.column_stack([pusher, held]), slowing)
 
 
 @compiled
@@ -57,16 +72,25 @@ def _note_shares(
     floor_size: FloatArray,
     inertia: FloatArray,
     inertia_size: FloatArray,
+    steady: FloatArray,
+    steady_size: FloatArray,
     margin: float,
     piece: IntArray,
     used: FloatArray,
+    slowing: FloatArray,
 ) -> None:
-    """Raise the shares (q,) of pieces to those of their instants (k,), from the rows and sizes of `Wrenches`."""
+    """Raise shares and slowing (q,) of pieces to those of their instants (k,), from the rows and sizes of `Wrenches`.
+
+    What inertia asks for at a steady twist stays when the twist changes more slowly; the rest shrinks in proportion.
+    """
     for i in range(len(piece)):
-        share = used[piece[i]]
+        share, factor = used[piece[i]], slowing[piece[i]]
         for n in range(floor.shape[1]):
-            room, extra = margin * floor_size[i, n], margin * inertia_size[i, n]
             for j in range(4):
-                spent = extra - inertia[i, n, j]
-                share = max(share, spent / max(ROOM * (floor[i, n, j] - room), TINY))
-        used[piece[i]] = share
+                room = max(ROOM * (floor[i, n, j] - margin * floor_size[i, n]), TINY)
+                spent = margin * inertia_size[i, n] - inertia[i, n, j]
+                share = max(share, spent / room)
+                if spent > room:
+                    kept = margin * steady_size[i, n] - steady[i, n, j]
+                    factor = max(factor, (spent - kept) / max(room - kept, TINY))
+        used[piece[i]], slowing[piece[i]] = share, factor

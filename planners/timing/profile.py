@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError
+from ruckig import InputParameter, Result, Ruckig, RuckigError
 from ruckig import Trajectory as RuckigTrajectory
 
 from pushplan.basics.arrays import FloatArray, IntArray
@@ -41,16 +41,6 @@ class Profile(NamedTuple):
         return float(self.durations.sum())
 
 
-class StepWidths(NamedTuple):
-    """The smooth step from 0 to 1 as a jump averaged over two windows of time, one after the other, s.
-
-    Its rate is a trapezoid that rises for `short`, stays for `long` - `short` and falls for `short`.
-    """
-
-    long: float
-    short: float
-
-
 def rest_to_rest(length: float, limits: ArcLimits) -> Profile:
     """Return the time-optimal profile over `length`, starting and ending at rest.
 
@@ -68,19 +58,21 @@ def rest_to_rest(length: float, limits: ArcLimits) -> Profile:
     return Profile(durations[kept], np.stack([speed, rate, 0.5 * jerk], axis=1)[kept])
 
 
-def step_widths(acceleration: float, jerk: float) -> StepWidths:
-    """Return the fastest smooth step from 0 to 1 whose first two derivatives stay within bounds.
+def step_widths(rise: FloatArray, bend: FloatArray) -> FloatArray:
+    """Return the fastest smooth steps from 0 to 1 whose first two derivatives stay within bounds.
 
-    Raises:
-        TimingError: When Ruckig finds no profile.
+    A step is a jump averaged over both windows of time, one after the other: its rate is a trapezoid that rises for
+    `short`, stays for `long` - `short` and falls for `short`.
+
+    Args:
+        rise: (m,) inverse of the bound on the first derivative, s.
+        bend: (m,) inverse of the bound on the second derivative, s^2.
+
+    Returns:
+        (m, 2) windows long and short, s.
     """
-    request = InputParameter(1)
-    request.control_interface = ControlInterface.Velocity
-    request.target_velocity = [1.0]
-    request.max_acceleration = [acceleration]
-    request.max_jerk = [jerk]
-    durations, *_ = _phases(request, f"a step within {acceleration} 1/s and {jerk} 1/s^2")
-    return StepWidths(float(durations[0] + durations[1]), float(durations[0]))
+    long = np.maximum(rise, np.sqrt(bend))
+    return np.stack([long, bend / np.where(long > 0.0, long, 1.0)], axis=1)
 
 
 def split(profile: Profile, at: FloatArray) -> tuple[Profile, IntArray]:

@@ -68,19 +68,44 @@ class Room:
     @cached_property
     def _circles(self) -> tuple[FloatArray, FloatArray]:
         """Middles (b, 2) and radii (b,) of circles around the bodies, chain frame, m."""
-        outlines = [self.corners[self.body == k] for k in range(len(self.names))]
-        middles = np.array([0.5 * (outline.min(axis=0) + outline.max(axis=0)) for outline in outlines])
-        away = np.hypot(*(self.corners - middles[self.body]).T)
-        return middles, np.array([away[self.body == k].max() for k in range(len(self.names))])
+        circles = [_circle(self.corners[self.body == k]) for k in range(len(self.names))]
+        return np.array([middle for middle, _ in circles]), np.array([radius for _, radius in circles])
+
+    @cached_property
+    def _circle(self) -> tuple[FloatArray, float]:
+        """Middle (2,) and radius of a circle around all of them."""
+        return _circle(self.corners)
+
+    @cached_property
+    def _rings(self) -> tuple[IntArray, IntArray]:
+        """First corners (b,) of the bodies, and how many they have (b,)."""
+        counts = np.bincount(self.body, minlength=len(self.names))
+        return np.cumsum(counts) - counts, counts
 
     def gaps(self, poses: FloatArray, enough: float) -> FloatArray:
         """Return the distances (m,) of the bodies at poses (m, 3) from everything, m: 0 on overlap, capped."""
-        corners = self._corners(poses)
-        gaps = self._wall_gaps(corners).min(axis=1, initial=enough)
-        pairs = self._near(poses, enough)
-        near, which = np.unique(pairs[0], return_inverse=True)  # few as a rule: polygons take long to make
-        bodies = self._bodies(corners, near)
-        np.minimum.at(gaps, pairs[0] // len(self.names), self._apart(bodies, np.stack([which, pairs[1]])))
+        middle, radius = self._circle
+        places, far = poses[:, :2] + se2.rotate(poses[:, 2], middle), enough + radius
+        close = self._wall_gaps(places) < far
+        close[self.tree.query(shapely.points(places), predicate="dwithin", distance=far)[0]] = True
+        gaps = np.full(len(poses), enough)
+        if close.any():
+            gaps[close] = self._close_gaps(poses[close], enough)
+        return gaps
+
+    def _close_gaps(self, poses: FloatArray, enough: float) -> FloatArray:
+        """Return `gaps`, body by body."""
+        middles, radii = self._circles
+        places = poses[:, None, :2] + se2.rotate(poses[:, 2:3], middles)
+        gaps = np.full(len(poses), enough)
+        beside = (self._wall_gaps(places) - radii).min(axis=1) < enough  # few, as are bodies near obstacles
+        corners = self._corners(poses[beside])
+        gaps[beside] = self._wall_gaps(corners).min(axis=1, initial=enough)
+        far = np.broadcast_to(enough + radii, places.shape[:2]).ravel()
+        pairs = self.tree.query(shapely.points(places.reshape(-1, 2)), predicate="dwithin", distance=far)
+        near, which = np.unique(pairs[0], return_inverse=True)
+        apart = self._apart(self._bodies(poses, near), np.stack([which, pairs[1]]))
+        np.minimum.at(gaps, pairs[0] // len(self.names), apart)
         return np.asarray(np.maximum(gaps, 0.0))
 
     def nearest(self, pose: FloatArray, within: float) -> tuple[float, str, int | None]:
@@ -88,9 +113,8 @@ class Room:
 
         Something has to be nearer than `within`, m.
         """
-        corners = self._corners(pose[None])
-        bodies = self._bodies(corners, np.arange(len(self.names)))
-        walls = self._wall_gaps(corners)[0]
+        walls = self._wall_gaps(self._corners(pose[None]))[0]
+        bodies = self._bodies(pose[None], np.arange(len(self.names)))
         pairs = self.tree.query(bodies, predicate="dwithin", distance=within)
         gaps = np.concatenate([self._apart(bodies, pairs), walls])
         i = int(np.argmin(gaps))
@@ -102,21 +126,14 @@ class Room:
         """The corners (m, v, 2) of the bodies at poses (m, 3)."""
         return np.asarray(poses[:, None, :2] + se2.rotate(poses[:, 2:3], self.corners[None]))
 
-    def _near(self, poses: FloatArray, within: float) -> IntArray:
-        """Pairs (2, k) of bodies at poses (m, 3), counted on from pose to pose, and obstacles that may be so near."""
-        middles, radii = self._circles
-        places = poses[:, None, :2] + se2.rotate(poses[:, 2:3], middles[None])
-        points, far = shapely.points(places.reshape(-1, 2)), np.tile(within + radii, len(poses))
-        return np.asarray(self.tree.query(points, predicate="dwithin", distance=far))
-
-    def _bodies(self, corners: FloatArray, chosen: IntArray) -> ObjectArray:
-        """The polygons (k,) of some bodies at poses, counted on from pose to pose, from all corners (m, v, 2)."""
-        ring = np.arange(len(corners))[:, None] * len(self.names) + self.body
-        number = np.full(len(corners) * len(self.names), -1)
-        number[chosen] = np.arange(len(chosen))
-        owner = number[ring]
-        order = np.argsort(owner[owner >= 0], kind="stable")
-        rings = shapely.linearrings(corners[owner >= 0][order], indices=owner[owner >= 0][order])
+    def _bodies(self, poses: FloatArray, chosen: IntArray) -> ObjectArray:
+        """The polygons (k,) of some bodies at poses (m, 3), counted on from pose to pose."""
+        pose, body = np.divmod(chosen, len(self.names))
+        firsts, counts = (each[body] for each in self._rings)
+        owner = np.repeat(np.arange(len(chosen)), counts)
+        corners = self.corners[np.arange(len(owner)) + np.repeat(firsts + counts - np.cumsum(counts), counts)]
+        placed = poses[pose[owner]]
+        rings = shapely.linearrings(placed[:, :2] + se2.rotate(placed[:, 2], corners), indices=owner)
         return np.asarray(shapely.polygons(rings))
 
     def _apart(self, bodies: ObjectArray, pairs: IntArray) -> FloatArray:
@@ -124,12 +141,19 @@ class Room:
         away = shapely.distance(bodies[pairs[0]], self.shapes[pairs[1]])
         return np.asarray(np.maximum(away - self.radii[pairs[1]], 0.0))
 
-    def _wall_gaps(self, corners: FloatArray) -> FloatArray:
-        """Distances (m, v) of corners (m, v, 2) from the walls, m; negative beyond, infinite where there are none."""
+    def _wall_gaps(self, points: FloatArray) -> FloatArray:
+        """Distances (...) of points (..., 2) from the walls, m; negative beyond, infinite where there are none."""
         if self.walls is None:
-            return np.full(corners.shape[:2], np.inf)
+            return np.full(points.shape[:-1], np.inf)
         low, high = (self.walls.xmin, self.walls.ymin), (self.walls.xmax, self.walls.ymax)
-        return np.asarray(np.minimum(corners - low, high - corners).min(axis=2))
+        near = np.minimum(points - low, high - points)
+        return np.asarray(np.minimum(near[..., 0], near[..., 1]))
+
+
+def _circle(points: FloatArray) -> tuple[FloatArray, float]:
+    """Middle (2,) and radius of a circle around points (k, 2), m."""
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return middle, float(np.hypot(*(points - middle).T).max())
 
 
 def _shapes(obstacles: Sequence[Obstacle]) -> tuple[ObjectArray, FloatArray]:

@@ -38,3 +38,8 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], name: str) -> FloatAr
         raise PushplanError(f"{name} holds a number that is not finite")
     array.setflags(write=False)
     return array
+
+
+def columns_of(rows: FloatArray) -> FloatArray:
+    """Return the columns of an array (m, n), each in one piece (n, m): NumPy is slow along short rows."""
+    return np.ascontiguousarray(rows.T)

@@ -50,6 +50,16 @@ def compose(pose_a_b: ArrayLike, pose_b_c: ArrayLike) -> FloatArray:
     return pose
 
 
+def chained(start: FloatArray, steps: FloatArray) -> FloatArray:
+    """Return the poses (m + 1, 3) from `start` (3,) on, each in the frame of the one before it at steps (m, 3)."""
+    poses = np.empty((len(steps) + 1, 3))
+    poses[0], poses[1:, 2] = start, steps[:, 2]
+    np.cumsum(poses[:, 2], out=poses[:, 2])
+    poses[1:, :2] = rotate(poses[:-1, 2], steps[:, :2])
+    np.cumsum(poses[:, :2], axis=0, out=poses[:, :2])
+    return poses
+
+
 def inverse(pose_a_b: ArrayLike) -> FloatArray:
     """Return the pose(s) (..., 3) of a in b, from the pose of b in a."""
     pose = np.asarray(pose_a_b, dtype=np.float64)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
+from pushplan.basics.arrays import FloatArray, columns_of, frozen
 from pushplan.errors import PushplanError
 
 POLE = np.pi / 2.0
@@ -92,7 +92,7 @@ def checked_twists(twists: ArrayLike) -> FloatArray:
         raise PushplanError(f"twists have shape {v.shape}; it must be (k, 3): vx, vy, omega")
     if not np.isfinite(v).all():
         raise PushplanError("a twist holds a number that is not finite")
-    resting = ~v.any(axis=1)
+    resting = ~columns_of(v).any(axis=0)
     if resting.any():
         raise PushplanError(
             f"twist {int(resting.argmax())} is zero; only the direction of a motion is stable or not"

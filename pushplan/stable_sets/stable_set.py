@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import BoolArray, FloatArray
+from pushplan.basics.arrays import BoolArray, FloatArray, columns_of
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.directions import by_direction
@@ -56,7 +56,7 @@ class StableSet(ABC):
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
         del floor
-        return np.asarray(self.contact_margin_values(twists).min(axis=1), dtype=np.float64)
+        return np.asarray(columns_of(self.contact_margin_values(twists)).min(axis=0), dtype=np.float64)
 
     def margin(self, twists: ArrayLike) -> FloatArray:
         """Return the margins (k,) of body twists (k, 3) in the chain frame, in [-1, 1]; stable where > 0.

@@ -59,7 +59,8 @@ def test_a_step_is_the_one_of_the_textbook(
     acceleration: float, jerk: float, long: float, short: float
 ) -> None:
     """1/a and a/j when the rate is reached, sqrt(1/j) twice when it is not."""
-    assert step_widths(acceleration, jerk) == pytest.approx((long, short))
+    found = step_widths(np.array([1.0 / acceleration]), np.array([1.0 / jerk]))
+    np.testing.assert_allclose(found, [[long, short]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("limits", [LIMITS._replace(deceleration=0.0), LIMITS._replace(speed=float("nan"))])

@@ -58,7 +58,7 @@ def contact_state(chain: Chain, twists: ArrayLike, packed: PackedChain | None = 
     right = np.array([contact.right for contact in chain.contacts])
     length = np.array([contact.length for contact in chain.contacts])
     mu = np.array([contact.friction for contact in chain.contacts])
-    f_n, f_t = (force * normal).sum(axis=-1), (force * tangent).sum(axis=-1)
+    f_n, f_t = (force[..., 0] * along[:, 0] + force[..., 1] * along[:, 1] for along in (normal, tangent))
     about_right = moment - (right[:, 0] * force[..., 1] - right[:, 1] * force[..., 0])
     angle = np.where(np.hypot(f_n, f_t) > 0.0, np.abs(np.arctan2(f_t, f_n)), 2.0 * np.arctan(mu))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -186,8 +186,8 @@ class ContactDynamics:
             return Wrenches(*self._interval_rows.least(twists))
         return self._exactly(wrenches_of(self.packed, twists))
 
-    def _floor_wrenches(self, twists: FloatArray) -> FloatArray:
-        """What the contacts transmit without inertia (m, n, 3) where loads are known."""
+    def floor_wrenches(self, twists: FloatArray) -> FloatArray:
+        """Return what the contacts transmit without inertia (m, n, 3) at twists (m, 3) where loads are known."""
         length = self.chain.characteristic_length
         return by_direction(lambda v: wrenches_of(self.packed, v), twists, length)
 
@@ -229,7 +229,7 @@ class ContactDynamics:
                 f"rates have shape {dv.shape}; they must be finite and like twists: {v.shape}"
             )
         if self._exact:
-            wrenches = self._floor_wrenches(v) if floor is None else floor
+            wrenches = self.floor_wrenches(v) if floor is None else floor
             return contact_margins_of(self.packed, wrenches + self.inertia_wrenches(v, dv))
         static, inertia = self.quasi_static(v), self.inertia(v, dv)
         size = static.size + inertia.size
