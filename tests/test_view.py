@@ -16,6 +16,7 @@ from pathlib import Path
 import boxes
 import numpy as np
 import pytest
+from interrupts import heed_interrupts
 
 import pushplan
 from pushplan.basics.arrays import FloatArray
@@ -208,7 +209,9 @@ def test_the_command_says_where_it_is_in_json_and_ends_quietly_with_ctrl_c() -> 
         "--port",
         str(port),
     ]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
+    ) as process:
         assert process.stdout is not None
         told = json.loads(process.stdout.readline())
         process.send_signal(signal.SIGINT)
