@@ -97,7 +97,7 @@ def test_examples_are_listed_with_their_first_line_and_printed_whole(capsys: Cap
 def test_a_printed_example_can_be_planned_from_its_file(tmp_path: Path, capsys: Captured) -> None:
     main(["examples", "free-space"])
     (tmp_path / "mine.yaml").write_text(capsys.readouterr().out)
-    assert main(["plan", str(tmp_path / "mine.yaml"), "--time-limit", "0.1"]) == 0
+    assert main(["plan", str(tmp_path / "mine.yaml"), "--first"]) == 0
 
 
 def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captured) -> None:
