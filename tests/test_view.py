@@ -31,6 +31,15 @@ from pushplan.viewing.draft import Draft
 from pushplan.viewing.worker import Worker
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _patience() -> Iterator[None]:
+    """Let a machine that is a few times slower find and polish a plan, too."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pushplan.viewing.answers.SEARCH", 2.0)
+        patch.setattr("pushplan.viewing.answers.POLISHING", 6.0)
+        yield
+
+
 @pytest.fixture(scope="module")
 def scenario() -> Scenario:
     return pushplan.load_scenario("two-crates")
