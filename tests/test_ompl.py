@@ -210,6 +210,14 @@ def test_the_names_are_those_of_the_package() -> None:
     assert set(PLACES) == set(PLANNERS)
 
 
-def test_the_search_of_a_planner_that_is_none_is_refused(scenario: Scenario) -> None:
+@pytest.mark.parametrize("first", [False, True])
+@pytest.mark.parametrize("name", ["two-crates", "free-space"])
+def test_the_search_of_a_planner_that_is_none_is_refused(name: str, first: bool) -> None:
+    """Also in free space, where a word of three arcs is a path before any planner is asked."""
+    scenario = pushplan.load_scenario(name)
     with pytest.raises(PlanningError, match=r"a list is no planner; allowed: an ompl\.base\.Planner"):
-        pushplan.plan(scenario, planner=lambda information: [information.getStateDimension()])
+        pushplan.plan(scenario, planner=lambda information: [information.getStateDimension()], first=first)
+    with pytest.raises(
+        PlanningError, match=r"the planner cannot be made: ZeroDivisionError: division by zero"
+    ):
+        pushplan.plan(scenario, planner=lambda information: 1 / 0, first=first)
