@@ -133,7 +133,9 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
             "'soon' is no time; allowed: seconds, or a number with one of s, ms, min, h",
         ),
         (["plan", "two-crates", "--seed", "-1"], "-1 is no seed"),
-        (["plan", "two-crates", "--iterations", "0"], "0 is no number of iterations"),
+        (["plan", "two-crates", "--iterations", "0"], "0 is too few; it must be at least 1"),
+        (["replay", "@first"], "@first is neither a file nor a recorded run; the last run is @1"),
+        (["trial", "two-crates", "--samples", "0"], "0 is too few; it must be at least 1"),
         (["plan", "two-crates", "--see", "1"], "unknown option --see; did you mean '--seed'?"),
         (
             ["plan", "two-crates", "--time-limit", "1x"],

@@ -202,3 +202,15 @@ def test_people_see_a_table_without_json(capsys: Captured) -> None:
     for label in ("path cost", "duration", "planning", "goal error", "smallest margin"):
         assert f"\n  {label}" in out
     assert "\x1b" not in out
+
+
+def test_a_log_is_no_scenario_and_replaces_none(
+    planned: Mapping[str, Any], tmp_path: Path, capsys: Captured
+) -> None:
+    assert main(["plan", str(planned["log"])]) == 2
+    assert "run.mcap:1:1: this is a run log; `pushplan replay` reads it" in capsys.readouterr().err
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(example_text("one-box"))
+    assert main(["plan", "two-crates", "-o", str(mine)]) == 2
+    assert "mine.yaml: this file exists and is no run log" in capsys.readouterr().err
+    assert mine.read_text() == example_text("one-box")

@@ -33,7 +33,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
     if args.into is not None and args.output is None:
         raise PushplanError("--into needs --output: where the scenario with what was learned goes")
-    check_outputs(args.logs[0], None, args.output)
+    check_outputs([*args.logs, *([args.into] if args.into else [])], None, args.output)
     with console.computing(f"learning from {len(args.logs)} logs") as progress:
         from pushplan.identify import identify
 

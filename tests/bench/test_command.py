@@ -133,6 +133,12 @@ def test_wrong_words_end_with_exit_code_2(
     assert message in capsys.readouterr().err
 
 
+def test_a_filter_that_fits_nothing_leaves_no_folder(tmp_path: Path, capsys: Captured) -> None:
+    assert main(["bench", "smoke", "-o", str(tmp_path / "a" / "results"), "--filter", "seed=99"]) == 2
+    assert "no run fits seed=99" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
+
+
 def test_a_wrong_suite_is_told_with_its_places(tmp_path: Path, capsys: Captured) -> None:
     (tmp_path / "wrong.yaml").write_text("format: pushplan-suite/1\nproblem: [one-box]\n")
     assert main(["bench", str(tmp_path / "wrong.yaml"), "-o", str(tmp_path / "x")]) == 2
