@@ -134,6 +134,12 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
         ),
         (["plan", "two-crates", "--seed", "-1"], "-1 is no seed"),
         (["plan", "two-crates", "--iterations", "0"], "0 is too few; it must be at least 1"),
+        (["plan", ""], "there is an empty word, which names nothing"),
+        (["bench", "smoke", "-o", ""], "there is an empty word, which names nothing"),
+        (
+            ["identify", "none.mcap", "--into", "none", "-o", "l.yaml"],
+            "none: cannot read the file: No such file",
+        ),
         (["replay", "@first"], "@first is neither a file nor a recorded run; the last run is @1"),
         (["trial", "two-crates", "--samples", "0"], "0 is too few; it must be at least 1"),
         (["plan", "two-crates", "--see", "1"], "unknown option --see; did you mean '--seed'?"),

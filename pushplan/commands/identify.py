@@ -33,6 +33,10 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
     if args.into is not None and args.output is None:
         raise PushplanError("--into needs --output: where the scenario with what was learned goes")
+    if args.into is not None:
+        from pushplan.reading.scenario_file import load_scenario
+
+        load_scenario(args.into)  # before the work, which is lost if it cannot be read
     check_outputs([*args.logs, *([args.into] if args.into else [])], None, args.output)
     with console.computing(f"learning from {len(args.logs)} logs") as progress:
         from pushplan.identify import identify
