@@ -82,6 +82,8 @@ def main(argv: Sequence[str]) -> int:
         parser().print_help(sys.stderr)
         return WRONG_INPUT
     try:
+        if "" in argv:  # of a variable of the shell that is not set: as a path it would be the present folder
+            parser().error("there is an empty word, which names nothing; is a variable of the shell not set?")
         args = parser().parse_every(argv)
     except SystemExit as stop:  # argparse has written its help or what is wrong
         return int(stop.code or 0)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.basics.stopwatch import Stopwatch
+from pushplan.compiled.announcement import announced
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.path import PushPath
@@ -58,6 +59,7 @@ class Queries:
         meridians: int = MERIDIANS,
         rate: float = SAMPLE_RATE,
     ) -> None:
+        self._tell = tell
         warm_up(Auto.name, tell, scenario.stability.set, scenario.interval is not None)
         self.scenario = settled(scenario, None, margin)
         means = means_for(self.scenario, pose=Posing(meridians=meridians))
@@ -114,7 +116,8 @@ class Queries:
             PlanningError: When poses are not finite or not (k, 3).
         """
         both = (_poses(starts, "starts"), _poses(goals, "goals"))
-        return np.asarray(costs_of_words(self._scene, self._families, *both, self.scenario.clearance))
+        with announced(self._tell):  # plans do without: it is compiled by the first who asks for it
+            return np.asarray(costs_of_words(self._scene, self._families, *both, self.scenario.clearance))
 
     connect = reach
     """The same, by the word of those who build roadmaps."""
@@ -122,6 +125,7 @@ class Queries:
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Queries:
         """Return queries with other obstacles; the stable set and its controls are kept."""
         other: Queries = object.__new__(Queries)
+        other._tell = self._tell
         other.scenario = replace(self.scenario, obstacles=tuple(obstacles))
         pose = self._means.pose.in_room(open_scene(other.scenario))
         other._keep(replace(self._means, room=Room.of(other.scenario), pose=pose))
@@ -146,15 +150,16 @@ class Queries:
     def _rest(self, previous: PushPath, asked: Scenario) -> FloatArray | None:
         """Return the arcs of a way onto an earlier path and along its rest, None where none is free and stable."""
         stable, least = self._means.stable, self._means.margins[0]
-        return rejoin(
-            self._scene,
-            self._families,
-            asked.clearance,
-            lambda twists: stable.margin(twists) > least,
-            previous,
-            asked.start,
-            asked.goal.pose_chain,
-        )
+        with announced(self._tell):  # like `reach`
+            return rejoin(
+                self._scene,
+                self._families,
+                asked.clearance,
+                lambda twists: stable.margin(twists) > least,
+                previous,
+                asked.start,
+                asked.goal.pose_chain,
+            )
 
     def _keep(self, means: Means) -> None:
         """Take over what planning rests on, and make what the first margin needs."""

@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import rotate, transform_points
@@ -22,6 +23,11 @@ from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 
 _exit_code = pytest.StashKey[int]()
+
+# Hypothesis has a test fail when an example takes longer than 0.2 s, or when making them takes long; the first one
+# pays for imports, and machines that test are often busy.
+settings.register_profile("patient", settings(), deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -26,7 +26,7 @@ obstacles: [{polygon: [[1.2, -1.0], [1.4, -1.0], [1.4, 1.0], [1.2, 1.0]]}]
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_a_search_leaves_branches(planner: str) -> None:
     scenario = load_plain("narrow-gap")
-    tree = pushplan.plan(scenario, planner=planner, iterations=60, time_limit=20.0, seed=3).tree
+    tree = pushplan.plan(scenario, planner=planner, iterations=60, time_limit=60.0, seed=3).tree
     assert 0 < len(tree) <= MOST_BRANCHES
     assert np.isfinite(tree).all()
     apart = np.abs(np.diff(tree[:, :, :2], axis=1)).max(axis=(1, 2))
@@ -37,7 +37,7 @@ def test_a_search_leaves_branches(planner: str) -> None:
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_a_search_without_a_path_keeps_the_nearest_way(planner: str) -> None:
-    done = pushplan.plan(scenario_from_text(WALLED), planner=planner, iterations=300, time_limit=20.0, seed=3)
+    done = pushplan.plan(scenario_from_text(WALLED), planner=planner, iterations=300, time_limit=60.0, seed=3)
     assert not done.solved
     assert done.approximate_path is not None
     assert done.approximate_error is not None

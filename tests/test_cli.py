@@ -97,7 +97,7 @@ def test_examples_are_listed_with_their_first_line_and_printed_whole(capsys: Cap
 def test_a_printed_example_can_be_planned_from_its_file(tmp_path: Path, capsys: Captured) -> None:
     main(["examples", "free-space"])
     (tmp_path / "mine.yaml").write_text(capsys.readouterr().out)
-    assert main(["plan", str(tmp_path / "mine.yaml"), "--time-limit", "0.1"]) == 0
+    assert main(["plan", str(tmp_path / "mine.yaml"), "--first"]) == 0
 
 
 def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captured) -> None:
@@ -133,7 +133,15 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
             "'soon' is no time; allowed: seconds, or a number with one of s, ms, min, h",
         ),
         (["plan", "two-crates", "--seed", "-1"], "-1 is no seed"),
-        (["plan", "two-crates", "--iterations", "0"], "0 is no number of iterations"),
+        (["plan", "two-crates", "--iterations", "0"], "0 is too few; it must be at least 1"),
+        (["plan", ""], "there is an empty word, which names nothing"),
+        (["bench", "smoke", "-o", ""], "there is an empty word, which names nothing"),
+        (
+            ["identify", "none.mcap", "--into", "none", "-o", "l.yaml"],
+            "none: cannot read the file: No such file",
+        ),
+        (["replay", "@first"], "@first is neither a file nor a recorded run; the last run is @1"),
+        (["trial", "two-crates", "--samples", "0"], "0 is too few; it must be at least 1"),
         (["plan", "two-crates", "--see", "1"], "unknown option --see; did you mean '--seed'?"),
         (
             ["plan", "two-crates", "--time-limit", "1x"],

@@ -16,12 +16,16 @@ import pytest
 from pushplan.cli import main
 from pushplan.examples import example_text
 from pushplan.execution import Execution
+from pushplan.logging.reader import read_run
 from pushplan.logging.several_again import execute_again
 from pushplan.path import cost_rate
 from pushplan.reading.scenario_file import load_scenario
 from pushplan.stable_sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]
+
+REPEATED = ("--time-limit", "60", "--iterations", "20000")
+"""Ends a search at the same place on every machine."""
 
 WALLS = """
 obstacles:
@@ -38,7 +42,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Any]:
     """The JSON object of one plan, with its log, picture and page."""
     folder = tmp_path_factory.mktemp("plan")
     files = {"log": folder / "run.mcap", "plot": folder / "run.svg", "html": folder / "run.html"}
-    words = ["plan", "two-crates", "--time-limit", "0.5", "--seed", "3", "--json", "-o", str(files["log"])]
+    words = ["plan", "two-crates", *REPEATED, "--seed", "3", "--json", "-o", str(files["log"])]
     words += ["--plot", str(files["plot"]), "--html", str(files["html"])]
     done = subprocess.run(
         [sys.executable, "-m", "pushplan", *words], capture_output=True, text=True, timeout=120, check=False
@@ -62,7 +66,7 @@ def test_plan_tells_all_numbers_and_they_fit_together(planned: Mapping[str, Any]
     assert found["solved"] is True
     settings = load_scenario("two-crates").planner.name, "ecof", 3
     assert (found["planner"], found["set"], found["seed"]) == settings
-    assert 0.0 < found["first_solution_s"] <= found["planning_s"] < 2.0
+    assert 0.0 < found["first_solution_s"] <= found["planning_s"]
     assert sum(arc["length"] for arc in found["arcs"]) == pytest.approx(found["path_cost"])
     assert np.allclose(cost_rate([arc["twist"] for arc in found["arcs"]]), 1.0)
     assert 0.0 <= found["goal_error"]["position"] <= 1e-6
@@ -147,14 +151,14 @@ def test_replay_shows_what_a_cut_off_log_still_has(
 
 @pytest.mark.parametrize(("text", "reason"), [
     (example_text("free-space") + WALLS, "obstacles and walls separate the start from the goal: "),
-    (example_text("narrow-gap").replace("1.33", "1.26"), "no path found within the time limit of 0.2 s: "),
+    (example_text("narrow-gap").replace("1.33", "1.26"), "no path found within the time limit of 1 s: "),
 ])  # fmt: skip
 def test_a_plan_not_found_is_logged_all_the_same(
     text: str, reason: str, tmp_path: Path, capsys: Captured
 ) -> None:
     file, log = tmp_path / "blocked.yaml", tmp_path / "run.mcap"
     file.write_text(text)
-    words = ["plan", str(file), "--time-limit", "0.2", "-o", str(log), "--json"]
+    words = ["plan", str(file), "--time-limit", "1", "-o", str(log), "--json"]
     assert main(words) == 3
     found = json.loads(capsys.readouterr().out)
     assert found["solved"] is False
@@ -167,16 +171,15 @@ def test_a_plan_not_found_is_logged_all_the_same(
 
 
 def test_the_words_override_the_scenario(capsys: Captured) -> None:
-    assert (
-        main(["plan", "free-space", "--planner", "est", "--seed", "7", "--time-limit", "0.1", "--json"]) == 0
-    )
+    words = ["--planner", "est", "--seed", "7", "--time-limit", "61"]
+    assert main(["plan", "free-space", *words, "--first", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["planner"], found["seed"]) == ("est", 7)
-    assert found["planning_s"] < 0.5
+    assert read_run(found["log"]).words["pushplan.run"]["time_limit"] == "61.0"
 
 
 def test_iterations_make_the_plan_repeat(capsys: Captured) -> None:
-    words = ["plan", "two-crates", "--time-limit", "20", "--iterations", "300", "--json"]
+    words = ["plan", "two-crates", "--time-limit", "60", "--iterations", "300", "--json"]
     found = []
     for _ in range(2):
         assert main(words) == 0
@@ -188,14 +191,26 @@ def test_iterations_make_the_plan_repeat(capsys: Captured) -> None:
 def test_first_stops_at_the_first_path(capsys: Captured) -> None:
     costs = []
     for words in (["--first"], []):
-        assert main(["plan", "narrow-gap", "--time-limit", "0.5", "--json", *words]) == 0
+        assert main(["plan", "narrow-gap", *REPEATED, "--json", *words]) == 0
         costs.append(json.loads(capsys.readouterr().out)["path_cost"])
     assert costs[0] > costs[1]
 
 
 def test_people_see_a_table_without_json(capsys: Captured) -> None:
-    assert main(["plan", "free-space", "--time-limit", "0.1"]) == 0
+    assert main(["plan", "free-space", "--first"]) == 0
     out = capsys.readouterr().out
     for label in ("path cost", "duration", "planning", "goal error", "smallest margin"):
         assert f"\n  {label}" in out
     assert "\x1b" not in out
+
+
+def test_a_log_is_no_scenario_and_replaces_none(
+    planned: Mapping[str, Any], tmp_path: Path, capsys: Captured
+) -> None:
+    assert main(["plan", str(planned["log"])]) == 2
+    assert "run.mcap:1:1: this is a run log; `pushplan replay` reads it" in capsys.readouterr().err
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(example_text("one-box"))
+    assert main(["plan", "two-crates", "-o", str(mine)]) == 2
+    assert "mine.yaml: this file exists and is no run log" in capsys.readouterr().err
+    assert mine.read_text() == example_text("one-box")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable
+from threading import Event
 
 import pytest
 from numba import njit
@@ -12,40 +13,73 @@ from pushplan.compiled import announcement
 from pushplan.compiled.announcement import ANNOUNCEMENT, announced
 
 
-@pytest.fixture(autouse=True)
-def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(announcement, "PATIENCE", 0.1)
+class Timer:
+    """Stands for `threading.Timer`, whose time is over when the test says so."""
+
+    last: Timer
+
+    def __init__(self, seconds: float, tell: Callable[[str], None], words: list[str]) -> None:
+        Timer.last = self
+        self.seconds, self.ident, self.daemon, self._tell, self._words = seconds, 0, False, tell, words
+        self._cancelled = False
+
+    def start(self) -> None:
+        assert not self.ident
+        self.ident = 1
+
+    def cancel(self) -> None:
+        self._cancelled = True
+
+    def end(self) -> None:
+        if self.ident and not self._cancelled:
+            self._tell(*self._words)
 
 
+@pytest.fixture
+def timer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("threading.Timer", Timer)
+
+
+@pytest.mark.usefixtures("timer")
 def test_compiling_for_long_is_told_once() -> None:
     told: list[str] = []
     with announced(told.append), trigger_event("numba:compile"), trigger_event("numba:compile"):
-        time.sleep(0.3)
+        assert Timer.last.seconds == announcement.PATIENCE
+        Timer.last.end()
     assert told == [ANNOUNCEMENT]
 
 
+@pytest.mark.usefixtures("timer")
 def test_what_takes_long_without_compiling_is_not_told() -> None:
     told: list[str] = []
     with announced(told.append):
-        time.sleep(0.3)
+        Timer.last.end()
     with trigger_event("numba:compile"):
-        time.sleep(0.3)
+        Timer.last.end()
     assert not told
 
 
+@pytest.mark.usefixtures("timer")
 def test_a_short_compilation_is_not_told() -> None:
     told: list[str] = []
     with announced(told.append), trigger_event("numba:compile"):
         pass
-    time.sleep(0.3)
+    Timer.last.end()
     assert not told
 
 
 def test_a_real_function_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(announcement, "PATIENCE", 0.0)
     told: list[str] = []
-    with announced(told.append):
+    heard = Event()
+
+    def hear(sentence: str) -> None:
+        told.append(sentence)
+        heard.set()
+
+    with announced(hear):
         assert njit(lambda x: x + 1)(1) == 2
+        assert heard.wait(60.0)
     assert told == [ANNOUNCEMENT]
 
 

@@ -211,9 +211,9 @@ def test_a_search_cut_short_says_how_far_it_came_and_claims_nothing() -> None:
 @pytest.mark.parametrize("planner", [*PLANNERS])
 def test_a_search_ends_when_it_is_proven_that_there_is_no_path(planner: str) -> None:
     """The limit is there to end the test if that fails."""
-    result = plan(WALLED_IN, planner=planner, time_limit=60.0)
+    result = plan(WALLED_IN, planner=planner, time_limit=600.0)
     assert [item.cause for item in result.diagnosis] == ["gap"]
-    assert result.planning_s < 30.0
+    assert result.planning_s < 300.0
 
 
 def test_iterations_end_a_search_that_has_no_path_at_the_same_place() -> None:
@@ -342,7 +342,7 @@ def test_the_command_tells_reason_and_nearest_path(
 def test_an_empty_set_tells_the_contact_that_empties_it_and_what_would_help() -> None:
     text = example_text("narrow-gap").replace("contacts: {friction: 0.35}", "contacts: {friction: 0.0}")
     with pytest.raises(EmptyStableSetError) as caught:
-        plan(scenario_from_text(text, "slippery.yaml"), time_limit=0.1)
+        plan(scenario_from_text(text, "slippery.yaml"))
     assert str(caught.value).startswith(
         "the stable set is empty: no push keeps 'far' on 'near' together with the rest"
     )
@@ -352,7 +352,7 @@ def test_an_empty_set_tells_the_contact_that_empties_it_and_what_would_help() ->
 def test_a_margin_that_no_push_has_is_told_with_the_largest() -> None:
     scenario = load_plain("narrow-gap")
     with pytest.raises(EmptyStableSetError) as caught:
-        plan(replace(scenario, stability=replace(scenario.stability, margin=0.9)), time_limit=0.1)
+        plan(replace(scenario, stability=replace(scenario.stability, margin=0.9)))
     assert str(caught.value).startswith("no push has a margin above 0.9; the largest is 0.")
 
 
@@ -361,6 +361,6 @@ def test_a_drive_that_cannot_push_the_chain_is_told_which_contact_slips() -> Non
         "friction: 0.55}", "friction: 0.55, drive: {differential: {axle: [-0.1, 0.0, 90 deg]}}}"
     )
     with pytest.raises(EmptyStableSetError) as caught:
-        plan(scenario_from_text(text, "sideways.yaml"), time_limit=0.1)
+        plan(scenario_from_text(text, "sideways.yaml"))
     assert str(caught.value).startswith("the differential cannot push the chain: its best push keeps '")
     assert "it must be above 0; an omnidirectional pusher could" in str(caught.value)

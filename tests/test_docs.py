@@ -57,7 +57,7 @@ def _run(line: str) -> None:
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run that pages may speak of before they have made one."""
     log = tmp_path_factory.mktemp("recorded") / "run.mcap"
-    pushplan.run(load_scenario("free-space"), log=log, time_limit=0.1)
+    pushplan.run(load_scenario("free-space"), log=log, first=True)
     return log
 
 

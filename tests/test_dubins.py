@@ -97,7 +97,7 @@ def test_only_the_turns_and_the_push_of_the_car_are_used_before_polishing(
         "pushplan.planners.improve.session.cut_short", lambda _problem, _start, arcs, _per_arc: arcs
     )
     scenario = load_plain("two-crates")
-    result = plan(scenario, planner=planner, time_limit=30.0, first=True)
+    result = plan(scenario, planner=planner, time_limit=60.0, first=True)
     assert result.path is not None
     stable = stable_set(scenario.chain)
     car = Car.from_families(steering_families(control_segments(stable, scenario.chain.pusher.drive, 1e-6)))
@@ -126,7 +126,7 @@ def test_turns_whose_straight_push_is_not_stable_are_refused(stable: StableSet) 
 
 def test_the_same_seed_gives_the_same_path_and_another_one_another() -> None:
     scenario = load_plain("narrow-gap")
-    results = [plan(scenario, planner="rrt-dubins", seed=s, time_limit=30.0, first=True) for s in (1, 1, 2)]
+    results = [plan(scenario, planner="rrt-dubins", seed=s, time_limit=60.0, first=True) for s in (1, 1, 2)]
     paths = [result.path for result in results]
     assert paths[0] is not None
     assert paths[1] is not None

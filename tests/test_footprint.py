@@ -147,8 +147,8 @@ def test_plans_keep_the_robot_clear_where_the_plate_alone_would_cut_a_corner() -
     scenario = scenario_from_text(text, "tail.yaml")
     body = shapely.union_all([shapely.Polygon(each.outline) for each in scenario.chain.bodies])
     post = shapely.Point(0.18, 0.26).buffer(0.03, quad_segs=64)
-    without = plan(bare(scenario), seed=1, time_limit=20.0, iterations=3000)
-    with_robot = plan(scenario, seed=1, time_limit=20.0, iterations=3000)
+    without = plan(bare(scenario), seed=1, time_limit=60.0, iterations=3000)
+    with_robot = plan(scenario, seed=1, time_limit=60.0, iterations=3000)
     assert without.path is not None
     assert with_robot.path is not None
     assert with_robot.solved

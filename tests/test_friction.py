@@ -334,7 +334,7 @@ def test_wrong_twists_are_refused(make_chain: ChainMaker, twists: object, text: 
         friction_wrench(make_chain.boxes(1).objects[0], twists)  # type: ignore[arg-type]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 10**6), size=st.floats(-200.0, 200.0))
 def test_only_the_direction_of_a_twist_matters(seed: int, size: float) -> None:
     """Also for sizes near the ends of the floating-point range."""

@@ -208,7 +208,7 @@ def test_a_map_that_cannot_be_read_is_told(old: str, new: str, what: str, tmp_pa
 
 
 @given(seed=st.integers(0, 10_000), share=st.floats(0.05, 0.7))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_region_is_covered_by_polygons_without_holes(seed: int, share: float) -> None:
     rows, columns = np.nonzero(np.random.default_rng(seed).random((14, 14)) < share)
     region = shapely.union_all(shapely.box(columns, rows, columns + 1, rows + 1))

@@ -21,7 +21,7 @@ from pushplan.stable_sets.named import stable_set
 
 @cache
 def good() -> tuple[Scenario, PlanResult, Execution]:
-    run = pushplan.run(pushplan.load_scenario("free-space"), time_limit=5.0, first=True)
+    run = pushplan.run(pushplan.load_scenario("free-space"), time_limit=60.0, first=True)
     assert run.plan.solved
     assert run.execution is not None
     assert run.plan.margin is not None

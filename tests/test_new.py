@@ -51,7 +51,7 @@ def test_names_that_yaml_would_take_for_something_else_stay_names(name: str) -> 
     assert load_scenario(Path(f"{name}.yaml")).name == name
 
 
-@pytest.mark.parametrize("name", ["", "_x", "a\tb", "-", "x" * 65])
+@pytest.mark.parametrize("name", [" ", "_x", "a\tb", "-", "x" * 65])
 def test_a_name_that_no_scenario_can_have_is_refused(name: str, capsys: Captured) -> None:
     assert main(["new", "--", name]) == 2
     assert "cannot be a scenario's name; allowed: a name of up to 64" in capsys.readouterr().err

@@ -54,12 +54,13 @@ def test_a_link_stays_and_what_it_leads_to_is_written(
     command: str, option: str, suffix: str, log: Path, tmp_path: Path
 ) -> None:
     link, file = tmp_path / f"link{suffix}", tmp_path / f"file{suffix}"
-    file.write_text("old")
+    old = b"\x89MCAP0\r\n" if suffix == ".mcap" else b"old"  # a log replaces nothing but a log
+    file.write_bytes(old)
     link.symlink_to(file)
     refused = (command, option) in NEVER_REPLACING
     assert main(words(command, option, link, log)) == (2 if refused else 0)
     assert link.is_symlink()
-    assert (file.read_bytes() == b"old") == refused
+    assert (file.read_bytes() == old) == refused
     beside = {path.name for path in tmp_path.iterdir()} - {link.name, file.name}
     assert beside == ({"link.rviz", "link.plotjuggler.xml"} if option == "ros2" else set())
 

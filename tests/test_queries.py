@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from threading import Event
 
 import numpy as np
 import pytest
+from numba.core.event import trigger_event
 
 from pushplan import Queries, Scenario
+from pushplan.compiled.announcement import ANNOUNCEMENT
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
 from pushplan.plan import plan
@@ -77,6 +81,38 @@ def test_reach_is_the_cost_of_the_free_word_of_each_pair(queries: Queries, clutt
         assert costs[i, j] == pytest.approx(np.inf if word is None else word[:, 3].sum(), rel=1e-12)
         found += word is not None
     assert found > 5
+
+
+@pytest.mark.parametrize("kernel", ["costs_of_words", "rejoin"])
+def test_what_plans_do_without_is_compiled_with_a_word(
+    kernel: str, clutter: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cache has it, as a rule; on a new machine it takes seconds."""
+    monkeypatch.setattr("pushplan.compiled.announcement.PATIENCE", 0.0)
+    told: list[str] = []
+    heard = Event()
+
+    def tell(sentence: str) -> None:
+        told.append(sentence)
+        heard.set()
+
+    def compiled_now(*_: object) -> None:
+        with trigger_event("numba:compile"):
+            assert heard.wait(60.0)
+        raise InterruptedError
+
+    queries = Queries(clutter, tell=tell).with_obstacles([])
+    path = queries.plan(START, GOAL, timed=False).path
+    told.clear()
+    heard.clear()
+    monkeypatch.setattr(f"pushplan.queries.{kernel}", compiled_now)
+    asked: dict[str, Callable[[], object]] = {
+        "costs_of_words": lambda: queries.reach([START], [GOAL]),
+        "rejoin": lambda: queries.plan(START, GOAL, previous=path),
+    }
+    with pytest.raises(InterruptedError):
+        asked[kernel]()
+    assert told == [ANNOUNCEMENT]
 
 
 def test_other_obstacles_change_the_room_and_nothing_else(queries: Queries) -> None:

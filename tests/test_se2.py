@@ -20,19 +20,19 @@ def _matrix(pose: FloatArray) -> FloatArray:
     return np.array([[c, -s, pose[0]], [s, c, pose[1]], [0.0, 0.0, 1.0]])
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(poses, poses)
 def test_composition_is_the_matrix_product(a: FloatArray, b: FloatArray) -> None:
     np.testing.assert_allclose(_matrix(se2.compose(a, b)), _matrix(a) @ _matrix(b), atol=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(poses, poses)
 def test_relative_undoes_composition(a: FloatArray, b: FloatArray) -> None:
     np.testing.assert_allclose(se2.relative(a, se2.compose(a, b)), b, atol=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(poses)
 def test_exponential_is_the_matrix_exponential(twist: FloatArray) -> None:
     algebra = np.array([[0.0, -twist[2], twist[0]], [twist[2], 0.0, twist[1]], [0.0, 0.0, 0.0]])

@@ -35,12 +35,16 @@ def test_it_is_started_once_and_waited_for(mark: Path) -> None:
     assert mark.read_text() == "sst"
 
 
-def test_it_does_not_start_when_nothing_is_compiled(mark: Path) -> None:
+def test_it_does_not_start_when_nothing_is_compiled(mark: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("subprocess.Popen", _must_not_start)
     with second_compiler("sst"):
         pass
     compile_something()
-    time.sleep(0.5)
     assert not mark.exists()
+
+
+def _must_not_start(*_: object, **__: object) -> None:
+    raise AssertionError("a process was started")
 
 
 def _interrupted(mark: Path) -> None:
@@ -62,9 +66,9 @@ def test_it_ends_with_the_first_one(mark: Path, monkeypatch: pytest.MonkeyPatch)
 
 def test_a_single_processor_compiles_alone(mark: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.cpu_count", lambda: 1)
+    monkeypatch.setattr("subprocess.Popen", _must_not_start)
     with second_compiler("sst"):
         compile_something()
-    time.sleep(0.4)
     assert not mark.exists()
 
 

@@ -70,7 +70,7 @@ def test_a_plan_says_what_it_bears(how: str) -> None:
     chain = replace(scenario.chain, pusher=replace(scenario.chain.pusher, limits=limits))
     stability = replace(scenario.stability, margin=0.05)
     scenario = replace(scenario, chain=chain, trajectory=how, stability=stability)
-    result = plan(scenario, seed=1, time_limit=5.0, iterations=300)
+    result = plan(scenario, seed=1, time_limit=60.0, iterations=300)
     assert result.trajectory is not None
     assert result.tolerance == tolerance_of(chain, result.trajectory)
     assert result.tolerance is not None

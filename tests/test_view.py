@@ -16,6 +16,7 @@ from pathlib import Path
 import boxes
 import numpy as np
 import pytest
+from interrupts import heed_interrupts
 
 import pushplan
 from pushplan.basics.arrays import FloatArray
@@ -28,6 +29,15 @@ from pushplan.scenario import Scenario
 from pushplan.viewing.answers import Answer, Answers
 from pushplan.viewing.draft import Draft
 from pushplan.viewing.worker import Worker
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _patience() -> Iterator[None]:
+    """Let a machine that is a few times slower find and polish a plan, too."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pushplan.viewing.answers.SEARCH", 2.0)
+        patch.setattr("pushplan.viewing.answers.POLISHING", 6.0)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -208,7 +218,9 @@ def test_the_command_says_where_it_is_in_json_and_ends_quietly_with_ctrl_c() -> 
         "--port",
         str(port),
     ]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
+    ) as process:
         assert process.stdout is not None
         told = json.loads(process.stdout.readline())
         process.send_signal(signal.SIGINT)
@@ -288,8 +300,8 @@ def test_the_button_saves_the_scenario_that_was_dragged(visit: Visit, tmp_path: 
 def test_the_button_plays_the_plan_on_its_way_and_in_its_time(visit: Visit) -> None:
     result = visit.good.result
     assert result is not None
-    assert result.path is not None
-    on_the_way = result.path.sampled(0.001)[:, :2]
+    assert result.trajectory is not None  # its corners are blended: off the path by more than a millimetre
+    on_the_way = result.trajectory.sample(1000.0).poses[:, :2]
     assert len(visit.played) > 10
     apart = np.linalg.norm(visit.played[:, None, :2] - on_the_way[None], axis=2)
     assert apart.min(axis=1).max() < 1e-3

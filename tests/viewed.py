@@ -60,7 +60,9 @@ def wait_for(browser: Any, condition: str, seconds: float = 60.0) -> None:
     """Wait until an expression of JavaScript is true."""
     end = time.monotonic() + seconds
     while not browser.evaluate(condition):
-        assert time.monotonic() < end, f"waited in vain for {condition}"
+        if time.monotonic() > end:
+            seen = browser.evaluate("document.body.innerText.slice(0, 500)")
+            raise AssertionError(f"waited in vain for {condition}; the page says {seen!r}")
         time.sleep(0.05)
 
 
@@ -74,9 +76,10 @@ def drag(
     draft = window.draft
     for _ in range(3):
         _drag(browser, window, begin, end, steps, rest)
-        time.sleep(0.5)
-        if window.draft is not draft:
-            return
+        for _ in range(100):
+            time.sleep(0.05)
+            if window.draft is not draft:
+                return
 
 
 def _drag(browser: Any, window: Window, begin: FloatArray, end: FloatArray, steps: int, rest: bool) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ompl import base as ob
 from ompl import util as ou
-from pushplan.errors import PlanningError
+from pushplan.errors import PlanningError, PushplanError
 from pushplan.path import PushPath
 from pushplan.planners.improve.polish import merged
 from pushplan.planners.improve.session import Session
@@ -33,19 +33,20 @@ def search(session: Session, make: Factory, box: Box, heading_length: float) -> 
         heading_length: Distance that a turn of one radian counts as, m.
 
     Raises:
-        PlanningError: When that is no planner, or it leaves a path that is none.
+        PlanningError: When that cannot be made or is no planner, or it leaves a path that is none.
     """
     ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
     ou.RNG.setSeed(session.seed + 1)  # OMPL takes 0 for "no seed"
     word = free_word(session, session.start, session.problem.goal)
     if word is not None:
         session.offer(word)
-    if session.finished:  # a free word from the start may be all that was wanted: nothing to pose
+    # A free word from the start may be all that was wanted: then nothing is posed but what shows a planner's faults.
+    if session.finished and _is_of_ours(make):
         return session.best_path
     information, definition = pose_problem(session, box, heading_length)
-    planner = make(information)
-    if not isinstance(planner, ob.Planner):
-        raise PlanningError(f"a {type(planner).__name__} is no planner; allowed: an ompl.base.Planner")
+    planner = _made(make, information)
+    if session.finished:
+        return session.best_path
     planner.setProblemDefinition(definition)
     planner.setup()
     _run(planner, definition, information)
@@ -53,6 +54,23 @@ def search(session: Session, make: Factory, box: Box, heading_length: float) -> 
         return None
     leave_path(definition, session.best.arcs, planner.getName())
     return push_path(definition)
+
+
+def _is_of_ours(make: Factory) -> bool:
+    """Tell whether what makes a planner is a class of OMPL or of this package."""
+    return isinstance(make, type) and make.__module__.partition(".")[0] in ("ompl", "pushplan")
+
+
+def _made(make: Factory, information: PushInformation) -> Any:
+    try:
+        planner = make(information)
+    except PushplanError:
+        raise
+    except Exception as error:
+        raise PlanningError(f"the planner cannot be made: {type(error).__name__}: {error}") from error
+    if not isinstance(planner, ob.Planner):
+        raise PlanningError(f"a {type(planner).__name__} is no planner; allowed: an ompl.base.Planner")
+    return planner
 
 
 def _run(planner: Any, definition: Any, information: PushInformation) -> None:

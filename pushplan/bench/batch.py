@@ -33,6 +33,14 @@ class Choice:
     filters: tuple[str, ...] = ()
     rerun: str = ""
 
+    def of(self, runs: Sequence[RunSpec]) -> list[RunSpec]:
+        """Return the runs that are meant.
+
+        Raises:
+            SelectionError: When a filter or key fits nothing.
+        """
+        return [with_key(runs, self.rerun)] if self.rerun else chosen(runs, self.filters)
+
 
 def run_suite(
     suite: Suite,
@@ -62,7 +70,7 @@ def run_suite(
     choice = choice or Choice()
     version = version or package_version()
     runs = list(suite.runs(version))
-    wanted = [with_key(runs, choice.rerun)] if choice.rerun else chosen(runs, choice.filters)
+    wanted = choice.of(runs)
     with Store(folder.database) as store:
         done = store.done()
         if done and not (choice.resume or choice.rerun):

@@ -17,7 +17,7 @@ from pushplan.commands.terminal.numbers import counted
 from pushplan.errors import PushplanError
 
 if TYPE_CHECKING:
-    from pushplan.bench.batch import Engine
+    from pushplan.bench.batch import Choice, Engine
     from pushplan.bench.processes.outcome import Outcome, Task
     from pushplan.bench.storage.folder import ResultsFolder
     from pushplan.bench.storage.results import Results
@@ -120,14 +120,18 @@ def _bench(args: argparse.Namespace, console: Console) -> int:
             args, "--scheduler, which does as many runs at a time as its workers can,", ("jobs",)
         )
     with console.working(f"reading {args.suite}"):
+        from pushplan.bench.batch import Choice
+        from pushplan.bench.processes.machine import package_version
         from pushplan.bench.storage.folder import ResultsFolder
         from pushplan.bench.suites.file import load_suite
 
         suite = load_suite(args.suite)
+    choice = Choice(args.resume, tuple(args.filter), args.rerun)
+    choice.of(list(suite.runs(package_version())))  # before a folder is made and all is compiled
     folder = ResultsFolder(args.output)
     with folder.locked():
         try:
-            tally = _run(args, suite, folder, console)
+            tally = _run(args, suite, choice, folder, console)
         except KeyboardInterrupt:
             if folder.database.exists():
                 console.note(f"stopped; go on with: {_resumption(args)}")
@@ -150,10 +154,11 @@ def _resumption(args: argparse.Namespace) -> str:
     return shlex.join(words)
 
 
-def _run(args: argparse.Namespace, suite: Suite, folder: ResultsFolder, console: Console) -> Tally:
-    from pushplan.bench.batch import Choice, run_suite
+def _run(
+    args: argparse.Namespace, suite: Suite, choice: Choice, folder: ResultsFolder, console: Console
+) -> Tally:
+    from pushplan.bench.batch import run_suite
 
-    choice = Choice(args.resume, tuple(args.filter), args.rerun)
     with console.working("preparing, which compiles the first time"):
         engine = _engine(args, folder)
     with console.working(suite.name) as progress:

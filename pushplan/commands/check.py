@@ -29,7 +29,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     from pushplan.commands.steps.several_objects import check_several_objects, states_several
     from pushplan.reading.scenario_file import load_scenario
 
-    check_outputs(args.scenario, args.plot)
+    check_outputs([args.scenario, *args.map], args.plot)
     if states_several(args.scenario):
         return check_several_objects(args, console)
     scenario = load_scenario(args.scenario, args.map)

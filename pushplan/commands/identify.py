@@ -33,7 +33,11 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
     if args.into is not None and args.output is None:
         raise PushplanError("--into needs --output: where the scenario with what was learned goes")
-    check_outputs(args.logs[0], None, args.output)
+    if args.into is not None:
+        from pushplan.reading.scenario_file import load_scenario
+
+        load_scenario(args.into)  # before the work, which is lost if it cannot be read
+    check_outputs([*args.logs, *([args.into] if args.into else [])], None, args.output)
     with console.computing(f"learning from {len(args.logs)} logs") as progress:
         from pushplan.identify import identify
 

@@ -30,7 +30,7 @@ def load(args: argparse.Namespace, console: Console) -> Scenario:
 
     if args.no_log and (args.output or args.runs):
         raise PlanUsageError("--no-log does not go together with -o and --runs; leave one of them out")
-    check_outputs(args.scenario, args.plot, args.output, args.html)
+    check_outputs([args.scenario, *args.map], args.plot, args.html, log=args.output)
     scenario = load_scenario(args.scenario, args.map)
     ask(scenario, console)
     if args.physics:

@@ -57,7 +57,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
             "--recover needs two names, of the damaged log and of the new one; others take one"
         )
     args.log = log_meant(args.log, args.runs)
-    check_outputs(args.log, args.plot, args.recovered, *outputs(args))
+    check_outputs([args.log], args.plot, *outputs(args), log=args.recovered)
     with console.working(f"reading {args.log}"):
         runs = _read(args)
     if len(runs) > 1:

@@ -65,7 +65,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
     from pushplan.reading.scenario_file import load_scenario
 
-    check_outputs(args.scenario, None, args.output, args.html)
+    check_outputs([args.scenario], None, args.html, log=args.output)
     scenario = load_scenario(args.scenario)
     kicks_of(scenario, args.kick)
     try:

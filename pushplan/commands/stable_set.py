@@ -61,7 +61,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
     from pushplan.reading.scenario_file import load_scenario
 
-    check_outputs(args.scenario, args.plot)
+    check_outputs([args.scenario], args.plot)
     scenario = load_scenario(args.scenario)
     with console.computing("computing stable sets"):
         from pushplan.stable_sets.cor_window import default_window

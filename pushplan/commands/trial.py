@@ -44,7 +44,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    check_outputs(args.scenario, args.plot, args.worst)
+    check_outputs([args.scenario], args.plot, log=args.worst)
     scenario, plan = _planned(args.scenario, console)
     if plan is None or plan.trajectory is None:
         why = "the log ends before a plan" if plan is None else plan.reason

@@ -26,6 +26,9 @@ HERE = Path(__file__).parent
 Rows = list[dict[str, Any]]
 ReadRows = Callable[[Path], Rows]
 
+PATIENCE = 120.0
+"""Seconds after which a cluster that does not start is given up."""
+
 REAL = """\
 format: pushplan-suite/1
 problems: [one-box, two-crates]
@@ -75,9 +78,9 @@ class Cluster:
     def address(self) -> str:
         dask: Any = import_module("distributed")
         with dask.Client(
-            scheduler_file=str(self.scheduler_file), timeout=30.0, set_as_default=False
+            scheduler_file=str(self.scheduler_file), timeout=PATIENCE, set_as_default=False
         ) as client:
-            client.wait_for_workers(2, timeout=60.0)
+            client.wait_for_workers(2, timeout=PATIENCE)
             return str(client.scheduler.address)
 
     def close(self) -> None:

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from interrupts import heed_interrupts
 
 from pushplan.bench.suites.file import load_suite, suite_names
 from pushplan.bench.tally import Tally
@@ -25,6 +26,9 @@ problems: [one-box]
 planners: [{name: auto, first: true}]
 seeds: 2
 """
+
+ENDLESS = SUITE.replace("first: true", "time: 86400 s")
+"""Runs that go on for minutes: without a better path a search ends the later, the more time it has."""
 
 
 @pytest.fixture
@@ -51,16 +55,11 @@ def test_a_suite_is_run_reported_and_resumed(suite: str, tmp_path: Path, capsys:
     assert "no run fits seed=9" in capsys.readouterr().err
 
 
-def _heed_interrupts() -> None:
-    """A test run that a shell started in the background ignores Ctrl-C, and so would its children."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
-    (tmp_path / "long.yaml").write_text(SUITE.replace("first: true", "time: 60 s, iterations: 1000000000"))
+    (tmp_path / "long.yaml").write_text(ENDLESS)
     command = [sys.executable, "-m", "pushplan", "bench", "long.yaml", "-o", "results", "--filter", "seed=*"]
     with subprocess.Popen(
-        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=_heed_interrupts
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
     ) as program:
         assert program.stderr is not None
         while "small ..." not in program.stderr.readline():
@@ -78,7 +77,7 @@ def test_ctrl_c_stops_it_and_says_how_to_go_on(tmp_path: Path) -> None:
 
 
 def test_runs_that_broke_off_have_an_exit_code(suite: str, tmp_path: Path, capsys: Captured) -> None:
-    Path(suite).write_text(SUITE + "limits: {run: 1 ms}\n")
+    Path(suite).write_text(ENDLESS + "limits: {run: 1 ms}\n")
     words = ["bench", suite, "-o", str(tmp_path / "results")]
     assert main(words) == 4
     assert "timeout  2" in (out := capsys.readouterr().out)
@@ -132,6 +131,12 @@ def test_wrong_words_end_with_exit_code_2(
     monkeypatch.chdir(tmp_path)
     assert main(["bench", *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_filter_that_fits_nothing_leaves_no_folder(tmp_path: Path, capsys: Captured) -> None:
+    assert main(["bench", "smoke", "-o", str(tmp_path / "a" / "results"), "--filter", "seed=99"]) == 2
+    assert "no run fits seed=99" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
 
 
 def test_a_wrong_suite_is_told_with_its_places(tmp_path: Path, capsys: Captured) -> None:

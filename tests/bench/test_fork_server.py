@@ -30,8 +30,17 @@ PATIENCE = 120.0
 def server(
     planted: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Callable[[], ForkServer]]:
-    """Return what gives the server that is asked now, of a supervisor that is quick to give up waiting."""
+    """Return what gives the server that is asked now, of a supervisor that soon gives up a server that was stopped.
+
+    One that is only slow, as on a busy machine, is waited for.
+    """
+    silent = ForkServer.silent
+
+    def stopped_and_silent(asked: ForkServer, since: float) -> bool:
+        return silent(asked, since) and (asked.process.poll() is not None or asked._stopped())
+
     monkeypatch.setattr(fork_server, "ANSWER", 0.5)
+    monkeypatch.setattr(ForkServer, "silent", stopped_and_silent)
     made = Supervisor("planted_runs")
     monkeypatch.setattr("pushplan.bench.processes.isolation.supervisor", lambda: made)
     made.prepare()

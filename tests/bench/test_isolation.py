@@ -53,12 +53,10 @@ def test_every_end_has_its_status(
     fate: str, message: str, planted: Any, make_task: MakeTask, tmp_path: Path
 ) -> None:
     supervisor().prepare()
-    began = time.monotonic()
     outcome = _outcome(planted, make_task, fate, tmp_path)
     assert outcome.status == planted.STATUS[fate]
     assert outcome.status in STATUSES
     assert message in outcome.message
-    assert time.monotonic() - began < 25.0
     assert not list(tmp_path.iterdir())
 
 
@@ -68,7 +66,9 @@ def test_what_a_killed_run_had_logged_is_kept(planted: Any, make_task: MakeTask,
 
 
 def test_a_real_run_comes_back_with_its_log_and_figures(make_task: MakeTask, tmp_path: Path) -> None:
+    began = time.monotonic()
     outcome = isolated(make_task(3), tmp_path)
+    seconds = time.monotonic() - began
     figures = outcome.figures
     assert outcome.status == "ok"
     assert outcome.whole
@@ -88,9 +88,8 @@ def test_a_real_run_comes_back_with_its_log_and_figures(make_task: MakeTask, tmp
     assert figures.min_dynamic_margin > 0.5 * figures.margin
     phases = {"loading", "posing", "search", "timing", "checking", "execution", "logging", "validation"}
     assert set(figures.seconds) == phases
-    assert (
-        sum(figures.seconds.values()) < outcome.seconds + 0.1
-    )  # a run begins before its supervisor is told so
+    assert 0.0 < outcome.seconds < seconds
+    assert 0.0 < sum(figures.seconds.values()) < seconds
 
 
 def test_the_same_seed_gives_the_same_arcs_in_another_process(make_task: MakeTask) -> None:
@@ -133,8 +132,9 @@ def test_runs_die_with_their_supervisor_even_when_it_is_killed(tmp_path: Path) -
         time.sleep(0.5)  # past the beginning of the run
         os.kill(number, 0)
         supervisor.send_signal(signal.SIGKILL)
+    end = time.monotonic() + 60.0
     with contextlib.suppress(ProcessLookupError):
-        for _ in range(100):
+        while time.monotonic() < end:
             os.kill(number, 0)
             time.sleep(0.05)
         pytest.fail("the run outlives its supervisor")

@@ -34,7 +34,7 @@ def test_a_room_without_a_place_for_the_robot_is_told() -> None:
 def test_an_execution_is_judged_by_where_the_objects_are() -> None:
     """An obstacle where the chain would be if the robot held it all the time is none in the way."""
     scenario = scenario_from_text(generate(replace(ROOMS, obstacles=(0, 0)), 1))
-    result = plan(scenario, first=True, time_limit=20.0)
+    result = plan(scenario, first=True, time_limit=60.0)
     assert result.solved
     assert result.execution is not None
     kept = with_kept_margin(scenario, result)

@@ -133,7 +133,7 @@ def test_a_flipped_bit_is_found_or_does_no_harm(
     assert found > 50
 
 
-@settings(max_examples=MUTATIONS, deadline=None)
+@settings(max_examples=MUTATIONS)
 @given(rng=st.randoms(use_true_random=True))
 def test_no_mutation_ends_in_another_error(
     whole_log: bytes, tmp_path_factory: pytest.TempPathFactory, rng: random.Random

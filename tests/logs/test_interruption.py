@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from interrupts import heed_interrupts, interrupts_heeded
 
 import pushplan
 from pushplan.basics.interruption import Interruption
@@ -29,6 +30,12 @@ from pushplan.logging.verify import verify
 from pushplan.result import ProgressPoint
 
 Captured = pytest.CaptureFixture[str]
+
+PATIENT = 60.0
+"""Time limit of searches that end by something else, s."""
+
+ENDLESS = ("two-crates", "--time-limit", "86400")
+"""A plan that is sought for minutes: without a better path a search ends the later, the more time it has."""
 
 
 def assert_best(run: RecordedRun, point: ProgressPoint) -> None:
@@ -50,7 +57,8 @@ def test_every_improvement_is_in_the_log_when_it_is_told(tmp_path: Path) -> None
         assert_best(run, point)
         seen.append(run.progress)
 
-    done = pushplan.run(pushplan.load_scenario("two-crates"), log=log, iterations=20_000, progress=improved)
+    scenario = pushplan.load_scenario("two-crates")
+    done = pushplan.run(scenario, log=log, time_limit=PATIENT, iterations=20_000, progress=improved)
     assert len(seen) > 3
     whole = read_run(log)
     assert whole.progress == done.plan.progress == seen[-1]
@@ -108,7 +116,7 @@ def cut(tmp_path_factory: pytest.TempPathFactory) -> Path:
             if len(found) == 3:
                 os.kill(os.getpid(), signal.SIGKILL)
 
-        pushplan.run(pushplan.load_scenario("two-crates"), log=log, progress=improved)
+        pushplan.run(pushplan.load_scenario("two-crates"), log=log, time_limit=PATIENT, progress=improved)
         os._exit(0)
     assert os.WTERMSIG(os.waitpid(child, 0)[1]) == signal.SIGKILL
     return log.with_name("run.mcap.partial")
@@ -180,15 +188,17 @@ def test_an_improvement_that_begins_elsewhere_than_the_plan_is_refused(case: Any
 class Planning:
     """`pushplan plan` in a process of its own, recorded into a folder."""
 
-    def __init__(self, runs: Path, *words: str, limit: int | None = None) -> None:
+    def __init__(
+        self, runs: Path, *words: str, limit: int | None = None, program: tuple[str, str] = ("-m", "pushplan")
+    ) -> None:
         def prepare() -> None:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)  # a shell in the background ignores it
+            heed_interrupts()
             if limit is not None:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
         self._runs = runs
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "pushplan", "plan", *words],
+            [sys.executable, *program, "plan", *words],
             env={**os.environ, "PUSHPLAN_RUNS": str(runs)},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -218,7 +228,7 @@ class Planning:
 
 
 def test_ctrl_c_ends_the_search_and_everything_else_goes_on(tmp_path: Path) -> None:
-    planning = Planning(tmp_path, "two-crates", "--time-limit", "300", "--json")
+    planning = Planning(tmp_path, *ENDLESS, "--json")
     planning.wait_for_a_path()
     planning.interrupt()
     code, out, error = planning.end()
@@ -235,12 +245,11 @@ def test_ctrl_c_ends_the_search_and_everything_else_goes_on(tmp_path: Path) -> N
     assert run.plan is not None
     assert run.plan.path is not None
     assert run.plan.path.cost == told["path_cost"]
-    assert told["planning_s"] < 200.0
 
 
 def test_a_second_ctrl_c_leaves_at_once(tmp_path: Path) -> None:
     """While the first is being worked off; the log keeps what it has."""
-    planning = Planning(tmp_path, "two-crates", "--time-limit", "300")
+    planning = Planning(tmp_path, *ENDLESS)
     log = planning.wait_for_a_path()
     planning.interrupt()
     while (
@@ -256,13 +265,27 @@ def test_a_second_ctrl_c_leaves_at_once(tmp_path: Path) -> None:
     assert read_run(left).best_path is not None
 
 
-@pytest.mark.parametrize("delay", [0.15, 0.25, 0.4, 0.7, 1.0])
+TELLS_THAT_IT_LOADS = """\
+import os, sys
+from pushplan.entry import entry
+
+class Telling:
+    def find_spec(self, name, *more):
+        if name == "pushplan.cli":
+            os.write(1, b"loading")
+
+sys.meta_path.insert(0, Telling())
+entry()
+"""
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.25, 0.5, 1.0])
 def test_ctrl_c_while_the_program_loads_leaves_no_traceback(delay: float, tmp_path: Path) -> None:
-    began = time.monotonic()
-    subprocess.run([sys.executable, "-c", "import pushplan.entry"], check=True)
-    python = time.monotonic() - began  # before that, Ctrl-C meets Python's own beginning
-    planning = Planning(tmp_path, "two-crates", "--time-limit", "300")
-    time.sleep(python + delay)
+    """From where its own beginning is over: before, Ctrl-C meets that of Python."""
+    planning = Planning(tmp_path, *ENDLESS, program=("-c", TELLS_THAT_IT_LOADS))
+    assert planning.process.stdout is not None
+    assert planning.process.stdout.read(7) == "loading"
+    time.sleep(delay)
     planning.interrupt()
     code, _, error = planning.end()
     assert code == 130
@@ -278,10 +301,7 @@ class Dropping:
 
 
 def test_a_ctrl_c_that_a_library_drops_is_not_lost(capsys: pytest.CaptureFixture[str]) -> None:
-    before, outer, search = signal.getsignal(signal.SIGINT), Interruption(), Interruption()
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # these tests may run in the background of a shell
+    outer, search = Interruption(), Interruption()
 
     def command() -> None:
         with outer.raising():
@@ -289,21 +309,19 @@ def test_a_ctrl_c_that_a_library_drops_is_not_lost(capsys: pytest.CaptureFixture
             with search.listening():
                 assert search()
 
-    try:
+    with interrupts_heeded():
         with pytest.raises(KeyboardInterrupt):
             command()
         later = Interruption()
         with later.listening():
             assert not later()
-    finally:
-        signal.signal(signal.SIGINT, before)
     assert search()
     assert capsys.readouterr().err == ""
 
 
 def test_a_full_disk_keeps_the_summary_and_names_the_partial_file(tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
-    words = ("two-crates", "--iterations", "20000", "-o", str(log), "--json")
+    words = ("two-crates", "--time-limit", "60", "--iterations", "20000", "-o", str(log), "--json")
     code, out, error = Planning(tmp_path / "runs", *words, limit=60_000).end()
     assert code == 1
     told = json.loads(out)
@@ -323,21 +341,17 @@ def test_a_full_disk_keeps_the_summary_and_names_the_partial_file(tmp_path: Path
 
 def test_ctrl_c_is_left_alone_where_it_is_to_be_ignored() -> None:
     """As under `nohup`, and in the background of a shell."""
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
+    with interrupts_heeded():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         with Interruption().listening():
             assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-        signal.signal(
-            signal.SIGINT, signal.default_int_handler
-        )  # these tests may run in such a background, too
+    with interrupts_heeded():
         interruption = Interruption()
         with interruption.listening():
             os.kill(os.getpid(), signal.SIGINT)
             while not interruption():
                 time.sleep(0.001)
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def test_an_error_that_comes_of_ctrl_c_is_told_as_ctrl_c(
@@ -353,10 +367,7 @@ def test_an_error_that_comes_of_ctrl_c_is_told_as_ctrl_c(
             raise ImportError("no module") from error
         raise AssertionError
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        monkeypatch.setattr("pushplan.commands.check.run", importing)
+    monkeypatch.setattr("pushplan.commands.check.run", importing)
+    with interrupts_heeded():
         assert main(["check", "two-crates"]) == 130
-    finally:
-        signal.signal(signal.SIGINT, before)
     assert capsys.readouterr().err == "interrupted\n"

@@ -11,6 +11,7 @@ import os
 import struct
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -209,44 +210,75 @@ def advertised(channel: dict[str, Any]) -> Any:
     return message_factory.GetMessageClass(pool.FindMessageTypeByName(channel["schemaName"]))
 
 
-def listen(port: int, found: dict[str, list[tuple[int, bytes]]], until: float) -> None:
-    """Subscribe to every topic, as a viewer does, and collect the messages."""
-    client = importlib.import_module("websockets.sync.client")
-    topics: dict[int, tuple[str, Any]] = {}
-    with client.connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"]) as socket:
-        while time.monotonic() < until:
-            try:
-                message = socket.recv(timeout=0.1)
-            except TimeoutError:
-                continue
-            if isinstance(message, str):
-                told = json.loads(message)
-                for channel in told.get("channels", []) if told["op"] == "advertise" else []:
-                    topics[channel["id"]] = channel["topic"], advertised(channel)
-                    assert channel["encoding"] == "protobuf"
-                    ask = {
-                        "op": "subscribe",
-                        "subscriptions": [{"id": channel["id"], "channelId": channel["id"]}],
-                    }
-                    socket.send(json.dumps(ask))
-            elif message[0] == 1:
-                number, stamp = struct.unpack_from("<IQ", message, 1)
-                topic, kind = topics[number]
-                kind.FromString(message[13:])
-                found.setdefault(topic, []).append((stamp, message[13:]))
+class Viewer:
+    """Subscribes to every topic, as a viewer does, and collects the messages.
+
+    Attributes:
+        found: What came, by topic: times of the log, ns, and messages.
+    """
+
+    def __init__(self, port: int) -> None:
+        client = importlib.import_module("websockets.sync.client")
+        self.found: dict[str, list[tuple[int, bytes]]] = {}
+        self._topics: dict[int, tuple[str, Any]] = {}
+        self._left, self._port, self._connect = threading.Event(), port, client.connect
+        self._thread = threading.Thread(target=self._listen)
+
+    def __enter__(self) -> Viewer:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self._left.set()
+        self._thread.join()
+
+    @property
+    def has_subscribed(self) -> bool:
+        return len(self._topics) == len(schemas.TOPICS)
+
+    def time_of(self, topic: str) -> int:
+        """Return the time of the last message on a topic; -1 as long as there is none."""
+        return self.found[topic][-1][0] if topic in self.found else -1
+
+    def _listen(self) -> None:
+        with self._connect(f"ws://127.0.0.1:{self._port}", subprotocols=["foxglove.sdk.v1"]) as socket:
+            while not self._left.is_set():
+                try:
+                    message = socket.recv(timeout=0.1)
+                except TimeoutError:
+                    continue
+                if isinstance(message, str):
+                    told = json.loads(message)
+                    for channel in told.get("channels", []) if told["op"] == "advertise" else []:
+                        assert channel["encoding"] == "protobuf"
+                        wish = {"id": channel["id"], "channelId": channel["id"]}
+                        socket.send(json.dumps({"op": "subscribe", "subscriptions": [wish]}))
+                        self._topics[channel["id"]] = channel["topic"], advertised(channel)
+                elif message[0] == 1:
+                    number, stamp = struct.unpack_from("<IQ", message, 1)
+                    topic, kind = self._topics[number]
+                    kind.FromString(message[13:])
+                    self.found.setdefault(topic, []).append((stamp, message[13:]))
+
+
+def linger_until(server: LiveServer, condition: Callable[[], bool]) -> None:
+    """Let a server stay until something is so."""
+    end = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < end, "waited in vain for a minute"
+        server.linger(0.05)
 
 
 def test_a_viewer_that_connects_sees_the_run(recorded: RecordedRun) -> None:
     pytest.importorskip("foxglove")
     pytest.importorskip("websockets")
-    found: dict[str, list[tuple[int, bytes]]] = {}
-    with LiveServer("test", port=0) as server:
-        listener = threading.Thread(target=listen, args=(server.port, found, time.monotonic() + 4.0))
-        listener.start()
-        time.sleep(0.5)
+    assert recorded.execution is not None
+    last = round(recorded.execution.t[-1] * 1e9)
+    with LiveServer("test", port=0) as server, Viewer(server.port) as viewer:
+        linger_until(server, lambda: viewer.has_subscribed)
         server.play(recorded, Playback(rate=3.0, start_offset=0.5))
-        server.linger(0.3)
-        listener.join()
+        linger_until(server, lambda: viewer.time_of("/margins") == last)
+    found = viewer.found
     assert set(found) == {topic.name for topic in schemas.TOPICS} - {
         "/robot",
         "/segment",
@@ -257,23 +289,16 @@ def test_a_viewer_that_connects_sees_the_run(recorded: RecordedRun) -> None:
     }  # of several pushes, and of closed loops
     scene = schemas.SCENE.message.FromString(found["/scene"][-1][1])
     assert any(entity.id == "object/far" for entity in scene.entities)
-    times = [stamp for stamp, _ in found["/margins"]]
-    assert recorded.execution is not None
-    assert times[-1] == round(recorded.execution.t[-1] * 1e9)
-    assert len(set(times)) > 40
+    assert len({stamp for stamp, _ in found["/margins"]}) > 40
 
 
 def test_a_viewer_that_comes_late_gets_the_scene(recorded: RecordedRun) -> None:
     pytest.importorskip("foxglove")
     pytest.importorskip("websockets")
-    found: dict[str, list[tuple[int, bytes]]] = {}
     with LiveServer("test", port=0) as server:
         server.play(recorded, Playback(rate=100.0))
-        listener = threading.Thread(target=listen, args=(server.port, found, time.monotonic() + 1.5))
-        listener.start()
-        server.linger(1.2)
-        listener.join()
-    assert {"/scene", "/plan/path", "/tf", "/margins"} <= set(found)
+        with Viewer(server.port) as viewer:
+            linger_until(server, lambda: {"/scene", "/plan/path", "/tf", "/margins"} <= set(viewer.found))
 
 
 def test_a_port_that_is_taken_is_an_error(recorded: RecordedRun, tmp_path: Path) -> None:

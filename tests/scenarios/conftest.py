@@ -5,15 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from hypothesis import settings
 
 from pushplan.errors import ScenarioError
 from pushplan.reading.scenario_file import scenario_from_text
 from pushplan.scenario import Scenario
-
-# The first example of a test pays for imports, and machines that test are often busy.
-settings.register_profile("unhurried", deadline=None)
-settings.load_profile("unhurried")
 
 VALID = """\
 format: pushplan/1

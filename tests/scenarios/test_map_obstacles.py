@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -136,7 +135,7 @@ def test_a_log_holds_the_map_and_is_verified_without_its_files(tmp_path: Path) -
     file = _write(tmp_path)
     scenario = pushplan.load_scenario(file)
     log = tmp_path / "run.mcap"
-    pushplan.run(replace(scenario, planner=replace(scenario.planner, time_limit=0.5)), log=log)
+    pushplan.run(scenario, log=log, first=True, time_limit=60.0)
     for name in ("maps/office.yaml", "maps/office.pgm", "push.yaml"):
         (tmp_path / name).unlink()
     again = pushplan.read_run(log).scenario
@@ -152,7 +151,7 @@ def test_maps_from_anywhere_are_added_to_a_scenario(tmp_path: Path) -> None:
     assert shapely.equals(_polygons(with_map, unknown=True), _polygons(named, unknown=True))
     assert (with_map.name, with_map.workspace) == ("push", named.workspace)
     log = tmp_path / "run.mcap"
-    pushplan.run(with_map, log=log, time_limit=0.5)
+    pushplan.run(with_map, log=log, first=True, time_limit=60.0)
     assert verify(pushplan.read_run(log)).matches
     with pytest.raises(ImportedFileError, match=r"gone\.yaml: cannot read the file: No such file"):
         pushplan.load_scenario(alone.path, [tmp_path / "gone.yaml"])

@@ -271,7 +271,7 @@ TOKENS = (
 
 
 @given(data=st.data())
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 def test_any_mutation_of_a_file_is_a_scenario_or_a_located_error(valid: Changed, data: st.DataObject) -> None:
     text = valid()
     for _ in range(data.draw(st.integers(1, 4))):
@@ -282,7 +282,7 @@ def test_any_mutation_of_a_file_is_a_scenario_or_a_located_error(valid: Changed,
 
 
 @given(data=st.data())
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 def test_any_value_in_any_place_is_a_scenario_or_a_located_error(valid: Changed, data: st.DataObject) -> None:
     document = json.loads(valid.scenario().to_json())
     holder, key = data.draw(st.sampled_from(list(places(document))))

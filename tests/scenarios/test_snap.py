@@ -62,7 +62,7 @@ size = st.floats(0.08, 0.4)
 errors = st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(size, size, st.floats(-0.4, 0.4), errors), min_size=1, max_size=5))
 def test_a_perturbed_stack_snaps_back(
     boxes: list[tuple[float, float, float, tuple[float, float]]],
@@ -91,7 +91,7 @@ def test_a_perturbed_stack_snaps_back(
     flush(again)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(size, size, st.floats(1.05, 3.0), st.booleans(), st.sampled_from([-1.0, 1.0]))
 def test_beyond_the_tolerance_it_is_a_finding(
     length: float, width: float, factor: float, turned: bool, sign: float

@@ -91,7 +91,7 @@ def test_stacks_side_by_side_are_pushed_where_the_plate_touches_all_of_them(prob
 
 def test_stacks_side_by_side_get_to_their_goal_together(problem: Problem) -> None:
     """The independent check at the end of planning looks at every contact with the plate."""
-    found = plan(side_by_side(problem), first=True, time_limit=30.0)
+    found = plan(side_by_side(problem), first=True, time_limit=60.0)
     assert found.solved, found.reason
     assert found.execution is not None
     assert found.execution.margins.shape[1] == 2
@@ -102,7 +102,7 @@ def test_one_contact_goes_around_what_no_single_word_passes(problem: Problem) ->
     pillar = [{"circle": 0.3, "center": [2.0, 1.0]}]
     goal = {"pose": [3.0, 1.0, 0.0], "of": "b0"}
     asked = problem("omnidirectional", pusher={"faces": ["rear"]}, obstacles=pillar, goal=goal)
-    found = plan(asked, first=True, time_limit=30.0)
+    found = plan(asked, first=True, time_limit=60.0)
     assert found.solved, found.reason
     (push,) = (segment for segment in found.segments if segment.pushes)
     assert len(push.path.lengths) > ARCS

@@ -66,7 +66,7 @@ def test_every_level_counts_for_the_time_between_its_centres(seed: int) -> None:
     np.testing.assert_allclose(total, np.diff(centers) @ levels[1:-1], atol=1e-9)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(2, 12))
 def test_the_sum_stays_in_the_hull_of_its_levels(seed: int, steps: int) -> None:
     levels, centers, widths = _random(seed, steps)

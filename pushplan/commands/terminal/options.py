@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Literal
@@ -68,10 +70,10 @@ def _time(text: str) -> float:
 
 
 def count(text: str) -> int:
-    """Return a number of iterations; argparse's `type`."""
+    """Return a number of things, at least one; argparse's `type`."""
     value = int(text)
     if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is no number of iterations; it must be at least 1")
+        raise argparse.ArgumentTypeError(f"{text} is too few; it must be at least 1")
     return value
 
 
@@ -101,25 +103,44 @@ def seed(text: str) -> int:
     return value
 
 
-def check_outputs(source: str, picture: Path | None, *others: Path | None) -> None:
+def check_outputs(
+    sources: Sequence[str | Path], picture: Path | None, *others: Path | None, log: Path | None = None
+) -> None:
     """Find out before the work whether its results can be written.
 
     Args:
-        source: The file that is read; a packaged example's name does no harm.
+        sources: The files that are read; a packaged example's name does no harm.
         picture: Picture to write; None, here as below, when not asked for.
         others: Other files to write.
+        log: Run log to write.
 
     Raises:
         PlotError: When the picture has a suffix that is not known.
-        OutputError: When one cannot be written (see `outputs.target.look`), is named twice, or is the source.
+        OutputError: When one cannot be written (see `outputs.target.look`), is named twice, or is a source, or when
+            the log would replace a file that is none.
     """
     if picture is not None:
         check_picture_path(picture)
-    taken = {Path(source).resolve()}
-    for path in (picture, *others):
+    if log is not None:
+        _require_log_or_nothing(log)
+    taken = {Path(source).resolve() for source in sources}
+    for path in (picture, log, *others):
         if path is None:
             continue
         target = look(path)
         if path.resolve() in taken and not (target.streamed and path.is_char_device()):
             raise OutputError(str(path), "this file is read or written already; name another one")
         taken.add(path.resolve())
+
+
+def _require_log_or_nothing(path: Path) -> None:
+    """Refuse to replace somebody's scenario or notes: a log is named after what it is of, and so easily like that."""
+    from pushplan.logging.mcap.opcodes import MAGIC
+
+    with contextlib.suppress(OSError):
+        if path.is_file() and path.stat().st_size:
+            with path.open("rb") as file:
+                if file.read(len(MAGIC)) != MAGIC:
+                    raise OutputError(
+                        str(path), "this file exists and is no run log; name another one or remove it"
+                    )

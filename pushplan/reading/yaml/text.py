@@ -23,6 +23,10 @@ class DocumentError(PushplanError, ValueError):
         super().__init__("; ".join(finding.what for finding in findings))
 
 
+_LOG = b"\x89MCAP0\r\n"
+"""How a log begins."""
+
+
 class Position(NamedTuple):
     """A place in a text, both counted from 1."""
 
@@ -38,6 +42,8 @@ def decode(data: bytes) -> str:
     """
     if len(data) > MOST_BYTES:
         raise failure(f"the file is larger than the {MOST_BYTES} bytes allowed", Position(1, 1))
+    if data.startswith(_LOG):
+        raise failure("this is a run log; `pushplan replay` reads it, and holds its scenario", Position(1, 1))
     data = data.removeprefix(b"\xef\xbb\xbf")
     try:
         text = data.decode("utf-8")
