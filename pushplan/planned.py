@@ -41,6 +41,8 @@ ROUNDING = 1e-9
 STALL = 42_000
 """Iterations without a better path after which planning ends, for a time limit of 1 s; they grow with its root.
 
+More are made for paths that are far above the lower bound, see `Budget.stall`.
+
 Planning is done in a fraction of the limit as a rule, and then the same seed gives the same plan on any machine.
 """
 

@@ -27,6 +27,17 @@ REFINE_CHUNK = 2_000
 WORTHWHILE = 1e-3
 """Share of the cost that an improvement has to save to put off the end by stalling."""
 
+DOUBTFUL = 4.0
+"""A path whose cost is twice the lower bound stalls a search after 1 + DOUBTFUL times as many iterations as the best.
+
+A path far above the bound may lead through a wrong passage. Of 60 runs on the three older dense scenes, with a limit
+of 2 s, 87 % ended within 1 % of the best known with 0, 95 % with 2, 97 % with 4, 100 % with 8; on 44 others, which
+took 0.24, -, 0.65 and 0.96 s, 99 % with 0 and all with 4.
+"""
+
+MOST_DOUBT = 2.0
+"""Share above the lower bound from which on it makes no difference: the bound may be next to nothing."""
+
 
 class Session:
     """State of a search that planners drive and the caller reads afterwards.
@@ -133,7 +144,13 @@ class Session:
             return self._given_up()
         if budget.first or self.best.horizon <= self.lower_bound * (1.0 + budget.gap) + 1e-12:
             return True
-        return self.iterations - self._improved_at >= budget.stall
+        return self.iterations - self._improved_at >= budget.stall * (1.0 + DOUBTFUL * self._excess())
+
+    def _excess(self) -> float:
+        """Share by which the best path's cost is above the lower bound, capped."""
+        if self.best.horizon >= (1.0 + MOST_DOUBT) * self.lower_bound:
+            return MOST_DOUBT
+        return max(0.0, self.best.horizon / self.lower_bound - 1.0)
 
     def _given_up(self) -> bool:
         """Whether it is known that there is no path; not asked where iterations end the search, as time must not."""
