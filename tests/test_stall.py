@@ -7,7 +7,7 @@ import pytest
 from plain import load_plain
 
 from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.session import DOUBTFUL, MOST_DOUBT, Session
+from pushplan.planners.improve.session import DOUBT, DOUBTFUL, MOST_DOUBT, Session
 from pushplan.planners.problem.posing import build_problem
 
 STALL = 1_000
@@ -25,12 +25,12 @@ def session() -> Session:
     return session
 
 
-@pytest.mark.parametrize("excess", [1e-6, 0.1, 1.0, MOST_DOUBT])
+@pytest.mark.parametrize("excess", [1e-6, DOUBTFUL, 1.0, MOST_DOUBT])
 def test_a_path_far_above_the_lower_bound_is_not_soon_taken_for_the_best(
     session: Session, excess: float
 ) -> None:
     session.raise_lower_bound(session.best.horizon / (1.0 + excess))
-    last = STALL * (1.0 + DOUBTFUL * excess)
+    last = STALL * (1.0 + DOUBT * max(0.0, excess - DOUBTFUL))
     session.iterations = int(last) - 1
     assert not session.settled()
     session.iterations = int(last) + 1
@@ -39,5 +39,5 @@ def test_a_path_far_above_the_lower_bound_is_not_soon_taken_for_the_best(
 
 def test_a_bound_that_says_nothing_does_not_keep_a_search_going_for_ever(session: Session) -> None:
     assert session.best.horizon > 10.0 * session.lower_bound
-    session.iterations = int(STALL * (1.0 + DOUBTFUL * MOST_DOUBT))
+    session.iterations = int(STALL * (1.0 + DOUBT * (MOST_DOUBT - DOUBTFUL)))
     assert session.settled()

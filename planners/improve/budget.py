@@ -12,8 +12,8 @@ class Budget:
 
     Attributes:
         time_limit: Wall-clock seconds, at most.
-        stall: Stop after this many iterations without a better path, once there is one at the lower bound, and after
-            more the further it is above (`session.DOUBTFUL`). Runs that end so, not by the time limit, repeat bit by
+        stall: Stop after this many iterations without a better path, once there is one, and after more where it is
+            far above the lower bound (`session.DOUBTFUL`). Runs that end so, not by the time limit, repeat bit by
             bit.
         gap: Stop when the cost exceeds the lower bound by no more than this share.
         first: Stop at the first path.
