@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-MAGIC = b"\x89MCAP0\r\n"
+from pushplan.basics.names import LOG_MAGIC
+
+MAGIC = LOG_MAGIC
 
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x01, 0x02, 0x03, 0x04, 0x05, 0x06
 MESSAGE_INDEX, CHUNK_INDEX, ATTACHMENT, ATTACHMENT_INDEX, STATISTICS = 0x07, 0x08, 0x09, 0x0A, 0x0B

@@ -29,21 +29,16 @@ def unstable_times(
     twists = trajectory.twists_at(times)
     moving = np.abs(columns_of(twists)).max(axis=0) > RESTING
     times, twists = times[moving], twists[moving]
-    if bounds.contacts is None:
-        spare = stable.margin(twists) - scenario.required_margin
+    contacts, floor = bounds.contacts, None
+    if contacts is not None and isinstance(stable, EcofSet) and stable.chain is contacts.chain:
+        floor = contacts.floor_wrenches(twists)  # those that the set asks for
+        margins = columns_of(contact_margins_of(stable.packed, floor)).min(axis=0)
     else:
-        floor = None
-        if (
-            isinstance(stable, EcofSet) and stable.chain is bounds.contacts.chain
-        ):  # it asks for the same wrenches
-            floor = bounds.contacts.floor_wrenches(twists)
-            without = columns_of(contact_margins_of(stable.packed, floor)).min(axis=0)
-        else:
-            without = stable.margin(twists)
-        with_inertia = columns_of(bounds.contacts.margins(twists, trajectory.rates_at(times), floor)).min(
-            axis=0
-        )
-        spare = np.minimum(without - scenario.required_margin, with_inertia - bounds.margin)
+        margins = stable.margin(twists)
+    spare = margins - scenario.required_margin
+    if contacts is not None:
+        with_inertia = contacts.margins(twists, trajectory.rates_at(times), floor)
+        spare = np.minimum(spare, columns_of(with_inertia).min(axis=0) - bounds.margin)
     worst = np.argsort(spare, kind="stable")
     return np.asarray(times[worst][spare[worst] <= 0.0])
 

@@ -68,13 +68,13 @@ class Room:
     @cached_property
     def _circles(self) -> tuple[FloatArray, FloatArray]:
         """Middles (b, 2) and radii (b,) of circles around the bodies, chain frame, m."""
-        circles = [_circle(self.corners[self.body == k]) for k in range(len(self.names))]
+        circles = [_circle_around(self.corners[self.body == k]) for k in range(len(self.names))]
         return np.array([middle for middle, _ in circles]), np.array([radius for _, radius in circles])
 
     @cached_property
     def _circle(self) -> tuple[FloatArray, float]:
         """Middle (2,) and radius of a circle around all of them."""
-        return _circle(self.corners)
+        return _circle_around(self.corners)
 
     @cached_property
     def _rings(self) -> tuple[IntArray, IntArray]:
@@ -150,7 +150,7 @@ class Room:
         return np.asarray(np.minimum(near[..., 0], near[..., 1]))
 
 
-def _circle(points: FloatArray) -> tuple[FloatArray, float]:
+def _circle_around(points: FloatArray) -> tuple[FloatArray, float]:
     """Middle (2,) and radius of a circle around points (k, 2), m."""
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     return middle, float(np.hypot(*(points - middle).T).max())

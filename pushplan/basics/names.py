@@ -7,6 +7,9 @@ from typing import Final
 SCENARIO_FORMAT = "pushplan/1"
 """What `format` says in a scenario file."""
 
+LOG_MAGIC = b"\x89MCAP0\r\n"
+"""What a run log begins and ends with."""
+
 PLANNERS = ("rrt", "est", "kpiece", "sst", "rrt-dubins", "bitstar-dubins", "auto")
 """Planners that `planner.name` may choose."""
 

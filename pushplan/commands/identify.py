@@ -11,6 +11,7 @@ from pushplan.commands.terminal.failure import DONE
 from pushplan.commands.terminal.options import add_output, check_outputs, count, seed
 
 if TYPE_CHECKING:
+    from pushplan.scenario import Scenario
     from pushplan.sim.identify.identification import Identification
 
 
@@ -33,10 +34,11 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
     if args.into is not None and args.output is None:
         raise PushplanError("--into needs --output: where the scenario with what was learned goes")
+    into = None
     if args.into is not None:
         from pushplan.reading.scenario_file import load_scenario
 
-        load_scenario(args.into)  # before the work, which is lost if it cannot be read
+        into = load_scenario(args.into)  # before the work, which is lost if it cannot be read
     check_outputs([*args.logs, *([args.into] if args.into else [])], None, args.output)
     with console.computing(f"learning from {len(args.logs)} logs") as progress:
         from pushplan.identify import identify
@@ -45,7 +47,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     console.say(console.paint(f"learned from {len(args.logs)} logs, 90 % intervals", "bold"))
     console.table(rows(found))
     if args.output is not None:
-        _write(found, args.logs, args.into, args.output)
+        _write(found, args.logs, into, args.output)
         console.say(
             f"{args.output}: {'the scenario' if args.into else 'a piece of scenario'} with what was learned"
         )
@@ -103,18 +105,17 @@ def document(found: Identification, output: Path | None) -> dict[str, object]:
     }
 
 
-def _write(found: Identification, logs: list[str], into: str | None, path: Path) -> None:
+def _write(found: Identification, logs: list[str], into: Scenario | None, path: Path) -> None:
     import yaml
 
     from pushplan.outputs.write import write_whole
-    from pushplan.reading.scenario_file import load_scenario, scenario_from_document
+    from pushplan.reading.scenario_file import scenario_from_document
     from pushplan.sim.identify.learned import piece_of, with_learned
 
     document = piece_of(found)
     if into is not None:
-        scenario = load_scenario(into)
-        document = with_learned(scenario.resolved(), document)
-        scenario_from_document(document, path, scenario.attachments)  # what is written can be read
+        document = with_learned(into.resolved(), document)
+        scenario_from_document(document, path, into.attachments)  # what is written can be read
     text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=120)
     write_whole(path, (_heading(found, logs) + (text if document else "")).encode())
 

@@ -9,7 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal
 
-from pushplan.basics.names import AUTO
+from pushplan.basics.names import AUTO, LOG_MAGIC
 from pushplan.drawing.format import check_picture_path
 from pushplan.errors import OutputError
 from pushplan.outputs.target import look
@@ -135,12 +135,10 @@ def check_outputs(
 
 def _require_log_or_nothing(path: Path) -> None:
     """Refuse to replace somebody's scenario or notes: a log is named after what it is of, and so easily like that."""
-    from pushplan.logging.mcap.opcodes import MAGIC
-
     with contextlib.suppress(OSError):
         if path.is_file() and path.stat().st_size:
             with path.open("rb") as file:
-                if file.read(len(MAGIC)) != MAGIC:
+                if file.read(len(LOG_MAGIC)) != LOG_MAGIC:
                     raise OutputError(
                         str(path), "this file exists and is no run log; name another one or remove it"
                     )

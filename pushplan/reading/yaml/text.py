@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from pushplan.basics.names import LOG_MAGIC
 from pushplan.errors import Finding, PushplanError
 
 MOST_BYTES = 1 << 20
@@ -23,10 +24,6 @@ class DocumentError(PushplanError, ValueError):
         super().__init__("; ".join(finding.what for finding in findings))
 
 
-_LOG = b"\x89MCAP0\r\n"
-"""How a log begins."""
-
-
 class Position(NamedTuple):
     """A place in a text, both counted from 1."""
 
@@ -42,7 +39,7 @@ def decode(data: bytes) -> str:
     """
     if len(data) > MOST_BYTES:
         raise failure(f"the file is larger than the {MOST_BYTES} bytes allowed", Position(1, 1))
-    if data.startswith(_LOG):
+    if data.startswith(LOG_MAGIC):
         raise failure("this is a run log; `pushplan replay` reads it, and holds its scenario", Position(1, 1))
     data = data.removeprefix(b"\xef\xbb\xbf")
     try:
