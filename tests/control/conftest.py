@@ -1,0 +1,21 @@
+"""What tests of closed loops share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from pushplan.control.controller import DEFAULTS
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _patient() -> Iterator[None]:
+    """Let iterations alone end the searches of plans on the way: on a busy machine the time limit would, by chance.
+
+    The one object of settings is the default of every closed loop, whichever way it is begun.
+    """
+    limit = DEFAULTS.time_limit
+    object.__setattr__(DEFAULTS, "time_limit", 60.0)
+    yield
+    object.__setattr__(DEFAULTS, "time_limit", limit)
