@@ -24,15 +24,15 @@ from dense_scenes import HARD, NUMBERS
 from dense_scenes import scenes as dense_scenes
 
 from pushplan.bench.processes.machine import Machine
-from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl import auto
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import build_problem
 from pushplan.planners.search import lattice_rounds
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import Scenario
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
 
 
 def _nothing(*_: Any) -> None:

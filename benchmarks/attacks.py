@@ -46,9 +46,9 @@ from pushplan.kernels import warm_up  # noqa: E402
 from pushplan.logging.cut_off import with_best_path  # noqa: E402
 from pushplan.logging.messages.recorded import RecordedRun  # noqa: E402
 from pushplan.logging.reader import read_run  # noqa: E402
-from pushplan.reading.scenario_file import load_scenario  # noqa: E402
-from pushplan.result import ProgressPoint  # noqa: E402
+from pushplan.plans.result import ProgressPoint  # noqa: E402
 from pushplan.run import run  # noqa: E402
+from pushplan.scenario.file import load_scenario  # noqa: E402
 
 SCENARIOS = ("two-crates", "one-box", "narrow-gap", "free-space")
 LIMIT = 1.5

@@ -16,9 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from pushplan.bench.processes.machine import Machine
-from pushplan.examples import example_names
 from pushplan.mechanics.chain import Limits
-from pushplan.path import PushPath
 from pushplan.plan import plan
 from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.blending.joining import corners_of
@@ -26,8 +24,10 @@ from pushplan.planners.timing.arc_limits import ArcLimits
 from pushplan.planners.timing.bounds import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.profile import rest_to_rest
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import Scenario
+from pushplan.plans.path import PushPath
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
 
 
 def stated(scenario: Scenario) -> Scenario:

@@ -27,25 +27,25 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.wilson import wilson
 from pushplan.bench.processes.machine import Machine
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import ProblemParameters
-from pushplan.control.aims import Aim
-from pushplan.control.controller import Controller
-from pushplan.control.course import Course, OpenLoop, course_in
-from pushplan.events import Replan
-from pushplan.examples import example_names
 from pushplan.geometry.se2 import compose, inverse, relative
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.events import Replan
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
+from pushplan.sim.control.aims import Aim
+from pushplan.sim.control.controller import Controller
+from pushplan.sim.control.course import Course, OpenLoop, course_in
 from pushplan.sim.physics.model.settings import SLIPPING
 from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.sim.worlds.kick import Kick
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
+from pushplan.util.wilson import wilson
 
 POSITION, ANGLE = 5e-3, np.radians(1.0)
 DISPLACED, TURNED = 5e-3, np.radians(3.0)

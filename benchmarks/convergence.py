@@ -30,7 +30,6 @@ from dense_scenes import scenes as dense_scenes
 from extensions_cpp import build, improvements, why_not
 
 from pushplan.bench.processes.machine import Machine
-from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.planned import STALL
 from pushplan.planners.improve.budget import Budget
@@ -40,8 +39,9 @@ from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
 from pushplan.planners.problem.problem import Problem
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import Scenario
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
 
 MARKS = (0.1, 0.3, 1.0)
 """Shares of the time at which costs are looked at."""

@@ -20,8 +20,8 @@ from pushplan.bench.random_problems.parameters import GeneratorError, ProblemPar
 from pushplan.bench.random_problems.scenario_yaml import scenario_yaml
 from pushplan.bench.random_problems.shapes import random_polygon
 from pushplan.geometry.se2 import rotate, transform_points
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 
 Document = dict[str, Any]
 

@@ -22,8 +22,8 @@ import yaml
 import pushplan
 from pushplan.bench.processes.machine import Machine
 from pushplan.bench.random_problems.scenario_yaml import scenario_yaml
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 
 PROBLEMS = Path(__file__).parent / "dynobench_problems"
 SLOWEST, FASTEST, DEPTH = 0.25, 0.5, 0.25

@@ -29,8 +29,8 @@ from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.posing import pose_problem
 from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
 from pushplan.planners.problem.problem import Problem
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
 
 SOURCE = Path(__file__).with_name("extensions.cpp")
 INCLUDES = [Path(f"/usr/include/{name}") for name in ("ompl-1.5", "ompl-1.6", "ompl-1.7", "eigen3")]

@@ -19,10 +19,10 @@ from dense_scenes import NUMBERS
 from dense_scenes import scenes as dense_scenes
 
 from pushplan.bench.processes.machine import Machine
-from pushplan.examples import example_names
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import Scenario
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
 
 KNOWN = ("free", "packaged")
 """Groups whose optimum is known."""

@@ -20,7 +20,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads on
 import numpy as np
 from slip_solver import box, tell
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.machine import Machine
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
@@ -33,6 +32,7 @@ from pushplan.sim.slip.executed import at_poses
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.slip.simulate import simulate_poses
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 NOISE = np.array([1e-3, 1e-3, np.radians(0.3)])
 WRENCH_NOISE = 0.05 * np.array([1.0, 1.0, 0.05])

@@ -24,14 +24,14 @@ from pathlib import Path
 import numpy as np
 
 from pushplan.bench.processes.machine import Machine
-from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
 from pushplan.logging.writer import RunLogWriter
-from pushplan.reading.scenario_file import load_scenario, scenario_from_text
 from pushplan.run import run
-from pushplan.scenario import Scenario
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.model import Scenario
 
 ONE_RUN = """\
 import json, sys
@@ -44,7 +44,7 @@ print(json.dumps(pushplan.run(scenario, log=sys.argv[2]).seconds))
 
 ONE_REPLAY = """\
 import pathlib, re, sys
-from pushplan.cli import main
+from pushplan.cli.main import main
 code = main(sys.argv[1:])
 print(re.search(r"VmHWM:\\s+(\\d+)", pathlib.Path("/proc/self/status").read_text())[1], file=sys.stderr)
 sys.exit(code)

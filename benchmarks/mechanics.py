@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.bench.processes.machine import Machine
 from pushplan.compiled import compiled
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
@@ -26,9 +25,10 @@ from pushplan.mechanics.friction.packed import PackedChain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UniformSupport
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.stable_sets.grid_cor_set import grid_cor_set
-from pushplan.stable_sets.interval_set import stable_set_over
-from pushplan.stable_sets.named import stable_set
+from pushplan.sets.grid_cor_set import grid_cor_set
+from pushplan.sets.interval_set import stable_set_over
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import BoolArray, FloatArray
 
 SIDE = 0.1
 SENSES = (+1, -1)

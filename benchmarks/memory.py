@@ -15,7 +15,6 @@ import tempfile
 from pathlib import Path
 
 from pushplan.bench.processes.machine import Machine
-from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session
@@ -23,7 +22,8 @@ from pushplan.planners.ompl.auto import Auto
 from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
-from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario
 
 NEVER = 10**12
 

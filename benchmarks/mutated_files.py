@@ -27,15 +27,15 @@ from typing import Any, NamedTuple
 
 from pushplan.bench.processes.machine import Machine
 from pushplan.bench.suites.file import suite_from_text, suite_text
-from pushplan.cli import main as pushplan
+from pushplan.cli.main import main as pushplan
 from pushplan.errors import PushplanError, ScenarioError
-from pushplan.examples import example_names, example_text
 from pushplan.plan import plan
-from pushplan.reading.scenario_check import check_scenario
-from pushplan.reading.scenario_file import load_scenario, scenario_from_text
-from pushplan.reading.yaml.tree import read_document
-from pushplan.scenario import Scenario
-from pushplan.template import new_scenario_text
+from pushplan.scenario.check import check_scenario
+from pushplan.scenario.examples import example_names, example_text
+from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.template import new_scenario_text
+from pushplan.scenario.yaml.tree import read_document
 
 MOST_SECONDS, MOST_MB = 5.0, 500.0
 PLANNING = 0.2

@@ -14,12 +14,12 @@ import numpy as np
 
 from pushplan.bench.processes.machine import Machine
 from pushplan.bench.processes.validation import exactly, flaw, with_kept_margin
-from pushplan.examples import example_names
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
 from pushplan.sim.judging import execute
 
 

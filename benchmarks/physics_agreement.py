@@ -14,15 +14,15 @@ from functools import reduce
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.bench.processes.machine import Machine
 from pushplan.geometry.se2 import compose, transform_points
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
+from pushplan.sets.named import stable_set
 from pushplan.sim.physics.agreement import Agreement, compare
 from pushplan.sim.physics.model.engine import engine
 from pushplan.sim.physics.pushes import sample_pushes
-from pushplan.stable_sets.named import stable_set
+from pushplan.util.arrays import BoolArray, FloatArray
 
 BAND = np.radians(0.5), 0.02
 """Predictions at least so far from the boundary (angle, share of a segment) have to be right in 99 % of cases."""

@@ -19,15 +19,15 @@ from ompl import base as ob
 from ompl import control as oc
 from ompl import util as ou
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.path import cost_rate
 from pushplan.planners.ompl.posing import bounds, state_at
 from pushplan.planners.problem.controls import MARGIN_FLOOR, control_segments
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import sampling_box
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import CircleObstacle, Scenario
+from pushplan.plans.path import cost_rate
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.util.arrays import FloatArray
 
 STEP = 0.05
 """Step of the propagator, m of cost."""

@@ -21,12 +21,12 @@ from typing import Any
 
 import plain_ompl
 
-from pushplan.basics.names import PLANNERS
 from pushplan.bench.processes.machine import Machine
 from pushplan.bench.processes.validation import exactly, plan_flaw
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario.file import load_scenario
+from pushplan.util.names import PLANNERS
 
 SCENARIOS = ("free-space", "narrow-gap", "three-boxes-clutter", "two-crates", "five-objects", "carts")
 MARKS = (0.03, 0.1, 0.3, 1.0)

@@ -30,17 +30,17 @@ from typing import Any
 import numpy as np
 import yaml
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.on_feet import on_feet
 from pushplan.bench.processes.machine import Machine
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import DRIVES, ProblemParameters
 from pushplan.errors import PushplanError
-from pushplan.examples import example_names, example_text
 from pushplan.kernels import warm_up
 from pushplan.mechanics.chain import Chain
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.examples import example_names, example_text
+from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.physics.model.engine import engine
 from pushplan.sim.physics.verdict import verdict_of_physics
 from pushplan.sim.worlds.misjudged import (
@@ -50,7 +50,7 @@ from pushplan.sim.worlds.misjudged import (
     with_slanted_face,
 )
 from pushplan.sim.worlds.misplaced import shifted, turned
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 Document = dict[str, Any]
 

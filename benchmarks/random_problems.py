@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pushplan.basics.names import PLANNERS
 from pushplan.bench.processes.machine import Machine
 from pushplan.bench.processes.validation import exactly, plan_flaw
 from pushplan.bench.random_problems.generator import generate
@@ -23,9 +22,10 @@ from pushplan.bench.random_problems.parameters import DRIVES, GeneratorError, Pr
 from pushplan.errors import PushplanError
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.util.names import PLANNERS
 
 PARAMETERS = ProblemParameters(objects=(1, 5), obstacles=(0, 30), drives=DRIVES)
 

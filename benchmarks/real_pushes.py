@@ -23,7 +23,6 @@ import shapely
 from scipy.optimize import least_squares, minimize
 from slip_solver import tell
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.bench.processes.machine import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
@@ -32,6 +31,7 @@ from pushplan.mechanics.contacts.friction import friction_wrench
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.sim.identify.pressed import MOST_BORDER, MOST_TILT, PressedOutline
 from pushplan.sim.slip.fingers import FingerPush
+from pushplan.util.arrays import FloatArray, IntArray
 
 Data = Mapping[str, Any]
 

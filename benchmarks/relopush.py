@@ -23,21 +23,21 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.suites.relopush import SIDE, WALLS, Instance, read_instances, template
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.multi.sequence import Sequence
-from pushplan.reading.scenario_file import scenario_from_document
 from pushplan.rearrangement.order import Order
 from pushplan.rearrangement.pieces import Piece, Situation
 from pushplan.rearrangement.plan import leg_of
-from pushplan.scenario import Goal, PolygonObstacle, Scenario
+from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
 from pushplan.several.plan import free_goals
 from pushplan.several.prepared import Prepared
 from pushplan.several.warm import warm_up_several
+from pushplan.util.arrays import FloatArray
 
 FIRST_LIMIT = 4.0
 FILES = ("2o1r", "4o", "6o2")

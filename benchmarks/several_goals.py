@@ -23,17 +23,17 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.multi.sequence import Sequence
-from pushplan.reading.scenario_file import scenario_from_document
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.model import Scenario
 from pushplan.several.plan import backed_off, free_goals
 from pushplan.several.prepared import Prepared
 from pushplan.several.reasons import reasons
 from pushplan.several.warm import warm_up_several
+from pushplan.util.arrays import FloatArray
 
 SIDE, AXLE, RADIUS = 0.15, 0.30, 1.008
 LIGHT = {"switch_cost": 0.02, "transit_weight": 0.01}

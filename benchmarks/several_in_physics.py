@@ -20,18 +20,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import DRIVES, ProblemParameters
 from pushplan.geometry import se2
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 from pushplan.several.modes import find_modes
 from pushplan.several.physics import SeveralReport, execute_in_physics
 from pushplan.sim.slip.simulate import simulate
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 MOST_SECONDS = 120.0
 POSITION, ANGLE = 5e-3, math.radians(1.0)

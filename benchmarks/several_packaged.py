@@ -19,11 +19,11 @@ import numpy as np
 import yaml
 
 from pushplan.errors import PushplanError, ScenarioError
-from pushplan.examples import example_names, example_text
 from pushplan.geometry import se2
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import load_scenario, scenario_from_document
-from pushplan.scenario import Scenario
+from pushplan.scenario.examples import example_names, example_text
+from pushplan.scenario.file import load_scenario, scenario_from_document
+from pushplan.scenario.model import Scenario
 from pushplan.several.warm import warm_up_several
 
 BEHIND = (0.5, 0.8, 1.2, 0.3, 0.2, 0.1)

@@ -20,10 +20,10 @@ import numpy as np
 from physics_agreement import random_chain
 from slip_solver import random_tree, tell
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.machine import Machine
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
+from pushplan.sets.named import stable_set
 from pushplan.sim.physics.model.engine import engine
 from pushplan.sim.physics.model.settings import SLIPPING
 from pushplan.sim.physics.pushes import sample_pushes
@@ -32,7 +32,7 @@ from pushplan.sim.physics.simulate import simulate_twist
 from pushplan.sim.slip.report import SlipReport
 from pushplan.sim.slip.simulate import simulate_poses
 from pushplan.sim.worlds.world import World
-from pushplan.stable_sets.named import stable_set
+from pushplan.util.arrays import FloatArray
 
 FRICTION = 0.6
 """Factor of the contact friction of the chains."""

@@ -16,16 +16,16 @@ from dataclasses import replace
 import numpy as np
 from physics_agreement import PLATE, random_chain
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.machine import Machine
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport
-from pushplan.scenario_parts import PolygonObstacle
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sim.slip.kernels.state import FALLBACK, JAMMED, UNSOLVED
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 WAY = 0.1
 """How far the plate goes, m."""

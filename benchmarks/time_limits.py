@@ -13,12 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.machine import Machine
-from pushplan.builders import box, build_scenario, plate
 from pushplan.plan import plan
 from pushplan.planners.collision.convex_pieces import convex_pieces
-from pushplan.scenario import PolygonObstacle, Scenario
+from pushplan.scenario.builders import box, build_scenario, plate
+from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.util.arrays import FloatArray
 
 LIMITS = (0.1, 0.5, 1.0, 2.0)
 SIDE = 6.0

@@ -19,10 +19,10 @@ from types import ModuleType
 import numpy as np
 
 from pushplan.plan import plan
-from pushplan.scenario import Scenario
-from pushplan.tolerance.tolerance import MOST_ANGLE, MOST_SHARE, Tolerance
-from pushplan.tolerance.work_out import tolerance_of
-from pushplan.trajectory import Trajectory
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
+from pushplan.sim.robustness.tolerance import MOST_ANGLE, MOST_SHARE, Tolerance
+from pushplan.sim.robustness.work_out import tolerance_of
 
 REPORT = 50
 """Motions after which the table so far is printed."""

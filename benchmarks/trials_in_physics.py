@@ -19,21 +19,21 @@ from multiprocessing import get_context
 import numpy as np
 import yaml
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.wilson import wilson
 from pushplan.bench.on_feet import on_feet
 from pushplan.bench.processes.machine import Machine
-from pushplan.commands.steps.trial_words import uncertainty
-from pushplan.examples import example_text
+from pushplan.cli.steps.trial_words import uncertainty
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import scenario_from_document
-from pushplan.scenario import Scenario
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.examples import example_text
+from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.model import Scenario
 from pushplan.sim.physics.model.settings import SLIPPING
 from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.sim.slip.report import SlipReport
 from pushplan.sim.slip.simulate import simulate
 from pushplan.sim.trials.uncertain import TrialUncertainty, sampled_world
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
+from pushplan.util.wilson import wilson
 
 OFF = "contact_friction=40%,floor_friction=20%,load=20%,position=1.5mm"
 """By default so much that about every second plan fails."""

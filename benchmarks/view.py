@@ -17,7 +17,7 @@ import boxes
 import viewed
 
 import pushplan
-from pushplan.viewing.window import Window
+from pushplan.view.window import Window
 
 WANTED = 100.0
 """Median from the drop until the first plan is on the screen, ms."""

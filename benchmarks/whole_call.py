@@ -18,15 +18,15 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from pushplan import Queries
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.machine import Machine
-from pushplan.builders import box, build_scenario, plate
 from pushplan.geometry import se2
 from pushplan.plan import plan
 from pushplan.planners.validation.room import Room
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.builders import box, build_scenario, plate
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 
 CALLS = 15
 ROOM = 0.02

@@ -17,7 +17,7 @@ from stamp import stamp
 import pushplan
 from pushplan.logging.export.html import write_html
 from pushplan.logging.play.terminal import TerminalView
-from pushplan.viewing.window import Window
+from pushplan.view.window import Window
 
 ROOT = Path(__file__).parents[1]
 TIME = 6.0

@@ -3,7 +3,7 @@
 import numpy as np
 
 import pushplan
-from pushplan.builders import box, build_scenario, plate
+from pushplan.scenario.builders import box, build_scenario, plate
 
 boxes = [box(f"box-{i}", length=0.2, width=0.3, mass=2.0) for i in range(3)]
 wall = np.array([[1.2, 0.3], [1.35, 0.3], [1.35, 2.0], [1.2, 2.0]])

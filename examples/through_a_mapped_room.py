@@ -7,7 +7,7 @@ from PIL import Image
 
 import pushplan
 from pushplan import read_ros_map
-from pushplan.builders import box, build_scenario, plate
+from pushplan.scenario.builders import box, build_scenario, plate
 
 FREE, WALL, UNKNOWN = 254, 0, 205
 cells = np.full((100, 160), FREE, np.uint8)  # 5 m x 8 m, row 0 is at the top

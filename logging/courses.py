@@ -11,7 +11,6 @@ from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from google.protobuf.message import DecodeError
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import RunLogError
 from pushplan.geometry import se2
 from pushplan.logging.mcap.items import Message
@@ -19,8 +18,9 @@ from pushplan.logging.mcap.mcap_file import McapFile
 from pushplan.logging.messages.schemas import PUSHER_WRENCH, TF, MessageClass, Wrench
 from pushplan.logging.reader import read_run
 from pushplan.logging.view.scene import CHAIN, WORLD
-from pushplan.scenario import Scenario
+from pushplan.scenario.model import Scenario
 from pushplan.sim.identify.course import Course
+from pushplan.util.arrays import FloatArray
 
 MEASURED = "/measured"
 """Poses of the objects in the world, in the chain's order, stamped with when they were taken."""

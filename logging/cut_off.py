@@ -15,9 +15,9 @@ from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import Posing
 from pushplan.planners.trajectories import make_trajectory
-from pushplan.result import PlanResult
+from pushplan.plans.result import PlanResult
 from pushplan.sim.judging import execute_trajectory, planning_set
-from pushplan.tolerance.work_out import tolerance_of
+from pushplan.sim.robustness.work_out import tolerance_of
 
 
 def with_best_path(run: RecordedRun) -> RecordedRun:

@@ -6,15 +6,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import TO_ITS_GOAL
-from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.logging.check import Check
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import obstacle_outline
-from pushplan.scenario import Scenario
+from pushplan.plans.execution import Execution
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import TO_ITS_GOAL
 
 TOLERANCE = 1e-6
 """What an errand may begin beside where the one before ended, m and rad: files state poses to so many digits."""

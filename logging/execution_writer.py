@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import IntArray
-from pushplan.execution import Execution
 from pushplan.logging.messages import execution_message, plan_message, schemas
 from pushplan.logging.messages.channels import Channels
 from pushplan.logging.view import views
 from pushplan.mechanics.chain import Chain
-from pushplan.segment import Segment
+from pushplan.plans.execution import Execution
+from pushplan.plans.segment import Segment
+from pushplan.util.arrays import IntArray
 
 _STRETCH = 60
 """Simulated seconds whose messages are made at once: few calls for a short run, little memory for a long one."""

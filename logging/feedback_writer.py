@@ -8,9 +8,6 @@ from operator import itemgetter
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.events import WARNINGS, Event, Feedback, Replan
-from pushplan.execution import Execution
 from pushplan.logging.messages import execution_message, feedback_message, schemas
 from pushplan.logging.messages.channels import Channels
 from pushplan.logging.view import views
@@ -18,6 +15,9 @@ from pushplan.logging.view.frames import poses_in_world
 from pushplan.logging.view.scene import PATH_SPACING
 from pushplan.logging.view.window import smoothed_times
 from pushplan.mechanics.chain import Chain
+from pushplan.plans.events import WARNINGS, Event, Feedback, Replan
+from pushplan.plans.execution import Execution
+from pushplan.util.arrays import FloatArray
 
 Entry = tuple[int, Callable[[], None]]
 """When to write something, ns, and what writes it."""

@@ -8,18 +8,18 @@ from functools import cached_property
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.logging.errands import delivers, errand_of
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import obstacle_outline
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject
-from pushplan.result import PlanResult
-from pushplan.scenario import Obstacle, Scenario
-from pushplan.segment import Segment, join_paths, join_trajectories, trajectory_of
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import PlanResult
+from pushplan.plans.segment import Segment, join_paths, join_trajectories, trajectory_of
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.several.execution import NOTHING_TO_LOSE
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 
 def joined(runs: Sequence[RecordedRun]) -> RecordedRun:

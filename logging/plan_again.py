@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from pushplan.basics.names import AUTO, COSTS
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.several_again import segments_again
@@ -13,10 +12,11 @@ from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import Posing
 from pushplan.planners.trajectories import make_trajectory
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.model import Scenario
 from pushplan.sim.judging import planning_set
-from pushplan.tolerance.work_out import tolerance_of
+from pushplan.sim.robustness.work_out import tolerance_of
+from pushplan.util.names import AUTO, COSTS
 
 
 def plan_again(run: RecordedRun) -> PlanResult:

@@ -19,8 +19,8 @@ from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.scenario_files import ScenarioFiles
 from pushplan.logging.messages.seal import unsealed
-from pushplan.outputs.partial_file import SUFFIX
-from pushplan.result import ProgressPoint
+from pushplan.plans.result import ProgressPoint
+from pushplan.util.outputs.partial_file import SUFFIX
 
 _OURS = "pushplan."
 

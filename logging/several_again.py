@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushplan.execution import Execution
 from pushplan.logging.check import Check
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
-from pushplan.segment import Segment, join_paths
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import PlanResult
+from pushplan.plans.segment import Segment, join_paths
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
 from pushplan.several.execution import execute_segments
 from pushplan.several.modes import Mode, find_modes
 from pushplan.several.plan import least_margin, objective_cost
@@ -20,7 +21,6 @@ from pushplan.several.segments import mode_of, timed
 from pushplan.several.tolerance import least_tolerance
 from pushplan.several.verdict import verdict_on
 from pushplan.sim.judging import execute
-from pushplan.trajectory import Trajectory
 
 
 def segments_again(scenario: Scenario, plan: PlanResult, trajectory: Trajectory) -> PlanResult:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pushplan.logging.writer import RunLogWriter
-from pushplan.result import PlanResult
+from pushplan.plans.result import PlanResult
 from pushplan.sim.judging import judging_set
 from pushplan.sim.slip.executed import executed
 from pushplan.sim.trials.result import Trials

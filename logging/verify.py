@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.execution import Execution
 from pushplan.geometry.se2 import compose, exp
 from pushplan.logging.check import TOLERANCE, Check
 from pushplan.logging.messages import metadata
@@ -17,13 +15,15 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.plan_again import timed_by_other_rules
 from pushplan.logging.several_again import check_segments, execute_again, segments_again
 from pushplan.logging.verify_file import verify_file
-from pushplan.path import PushPath
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.validation.checker import find_collision
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.execution import Execution
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import PlanResult
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
 from pushplan.sim.judging import planning_set
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 _SERIES = {
     "t": "time",

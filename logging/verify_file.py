@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.basics.names import COSTS
 from pushplan.logging.check import TOLERANCE, Check
 from pushplan.logging.mcap.items import Message, Metadata
 from pushplan.logging.mcap.mcap_file import McapFile
@@ -27,6 +26,7 @@ from pushplan.logging.plan_again import plan_again
 from pushplan.logging.reader import read_run, read_runs
 from pushplan.logging.several_again import execute_again
 from pushplan.logging.writer import RunLogWriter
+from pushplan.util.names import COSTS
 
 FREE_WORDS = ("crc32", "finished_at", "outcome", "error")
 """Words of `pushplan.result` that nothing else determines, beside those of wall-clock times; `outcome` is judged."""

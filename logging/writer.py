@@ -20,8 +20,6 @@ import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
 from pushplan.errors import OutputError
-from pushplan.events import Feedback
-from pushplan.execution import Execution, inertia_warning
 from pushplan.logging.execution_writer import ExecutionWriter
 from pushplan.logging.feedback_writer import FeedbackWriter
 from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
@@ -35,11 +33,13 @@ from pushplan.logging.view.frames import frames_at, poses_in_world
 from pushplan.logging.view.layout import LAYOUT_FILE, layout_text
 from pushplan.logging.view.scene import PATH_SPACING, nearest, nothing, scene, tree
 from pushplan.logging.view.window import smoothed_times
-from pushplan.outputs.open_file import OpenFile
-from pushplan.outputs.write import open_output
-from pushplan.result import PlanResult, ProgressPoint
-from pushplan.scenario import Scenario
-from pushplan.segment import Segment
+from pushplan.plans.events import Feedback
+from pushplan.plans.execution import Execution, inertia_warning
+from pushplan.plans.result import PlanResult, ProgressPoint
+from pushplan.plans.segment import Segment
+from pushplan.scenario.model import Scenario
+from pushplan.util.outputs.open_file import OpenFile
+from pushplan.util.outputs.write import open_output
 
 
 class RunLogWriter:

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.path import PushPath
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor
@@ -17,9 +15,11 @@ from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.ompl.search import Factory, search
 from pushplan.planners.problem.objective import make_objective
 from pushplan.planners.problem.posing import Posing, body_reach, sampling_box
-from pushplan.result import ProgressPoint
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import ProgressPoint
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 GLANCE = 0.125
 """Share of the budget that the largest margins have at first where the first path is all that is wanted.

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pushplan.geometry.se2 import pose_error
-from pushplan.path import PushPath
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.validation.verdict import flaw
-from pushplan.result import Diagnosis
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import Diagnosis
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pushplan.path import PushPath
 from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.collision.separation import Scene
 from pushplan.planners.timing.bounds import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
 
 
 def make_trajectory(

@@ -15,12 +15,12 @@ _HOMES = {
     "mechanics.chain": "Chain Contact Drive Limits PushedObject Pusher",
     "errors": "ChainError EmptyStableSetError Finding ImportedFileError OutputError PlanningError PushplanError "
     "RunLogError ScenarioError SupportError TimingError UndefinedEcofError",
-    "examples": "example_names example_text",
+    "scenario.examples": "example_names example_text",
     "mechanics.contacts.friction": "cof ecof friction_wrench",
-    "following.follower": "Command Follower FollowerState",
+    "sim.following.follower": "Command Follower FollowerState",
     "logging.reader": "read_run read_runs",
     "logging.messages.recorded": "RecordedRun",
-    "path": "PushPath",
+    "plans.path": "PushPath",
     "recording": "IncompleteLogError",
     "plan": "plan",
     "push_queries": "PushQueries",
@@ -28,18 +28,18 @@ _HOMES = {
     "drawing.run": "plot_plan",
     "drawing.scenario": "plot_scenario",
     "drawing.sets": "plot_stable_sets",
-    "result": "Diagnosis PlanResult ProgressPoint Run",
+    "plans.result": "Diagnosis PlanResult ProgressPoint Run",
     "run": "run",
-    "scenario": "Scenario",
-    "reading.imported.outlines": "read_csv_outlines read_svg_outlines",
-    "reading.imported.ros_map": "RosMap read_ros_map",
-    "reading.scenario_check": "check_scenario",
-    "reading.scenario_file": "load_scenario scenario_from_document scenario_from_text",
-    "reading.several_objects": "SeveralObjects load_several_objects",
+    "scenario.model": "Scenario",
+    "scenario.imported.outlines": "read_csv_outlines read_svg_outlines",
+    "scenario.imported.ros_map": "RosMap read_ros_map",
+    "scenario.check": "check_scenario",
+    "scenario.file": "load_scenario scenario_from_document scenario_from_text",
+    "scenario.several_objects": "SeveralObjects load_several_objects",
     "rearrangement.plan": "Leg Rearrangement Rearranging",
-    "scenario_parts": "CircleObstacle Goal PlannerSettings PolygonObstacle Snapped Snapping StabilitySettings "
+    "scenario.parts": "CircleObstacle Goal PlannerSettings PolygonObstacle Snapped Snapping StabilitySettings "
     "Uncertainty Workspace",
-    "execution": "Execution StabilityLoss",
+    "plans.execution": "Execution StabilityLoss",
     "identify": "identify",
     "sim.identify.course": "Course",
     "sim.identify.identification": "Estimate Identification",
@@ -52,15 +52,15 @@ _HOMES = {
     "sim.worlds.world": "World",
     "sim.worlds.kick": "Kick",
     "closed_loop": "ClosedLoopRun run_closed_loop",
-    "control.controller": "Controller",
-    "control.sensor": "Sensor",
-    "control.settings": "ControlSettings",
+    "sim.control.controller": "Controller",
+    "sim.control.sensor": "Sensor",
+    "sim.control.settings": "ControlSettings",
     "mechanics.sphere": "TurningRadii",
-    "stable_sets.named": "stable_set",
-    "stable_sets.stable_set": "StableSet",
+    "sets.named": "stable_set",
+    "sets.stable_set": "StableSet",
     "mechanics.support": "FeetSupport PressureMapSupport Support UniformSupport UnknownSupport",
-    "tolerance.tolerance": "Tolerance",
-    "trajectory": "Trajectory",
+    "sim.robustness.tolerance": "Tolerance",
+    "plans.trajectory": "Trajectory",
     "trial": "trial",
     "sim.trials.result": "Trials",
     "sim.trials.uncertain": "TrialUncertainty",
@@ -68,18 +68,15 @@ _HOMES = {
     "mechanics.dynamics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
     "mechanics.dynamics.contact_dynamics": "DynamicRows dynamic_margins dynamic_rows",
     "mechanics.worst_case.interval_chain": "IntervalChain",
-    "stable_sets.grid_cor_set": "GridCorSet grid_cor_set",
-    "stable_sets.interval_set": "stable_set_over",
-    "stable_sets.robust_set": "RobustSet WorstCase",
+    "sets.grid_cor_set": "GridCorSet grid_cor_set",
+    "sets.interval_set": "stable_set_over",
+    "sets.robust_set": "RobustSet WorstCase",
 }
 _HOME_OF = {name: f"pushplan.{home}" for home, names in _HOMES.items() for name in names.split()}
 
 if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported without a list of its own
     from pushplan.closed_loop import ClosedLoopRun as ClosedLoopRun
     from pushplan.closed_loop import run_closed_loop as run_closed_loop
-    from pushplan.control.controller import Controller as Controller
-    from pushplan.control.sensor import Sensor as Sensor
-    from pushplan.control.settings import ControlSettings as ControlSettings
     from pushplan.drawing.run import plot_plan as plot_plan
     from pushplan.drawing.scenario import plot_scenario as plot_scenario
     from pushplan.drawing.sets import plot_stable_sets as plot_stable_sets
@@ -96,13 +93,6 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.errors import SupportError as SupportError
     from pushplan.errors import TimingError as TimingError
     from pushplan.errors import UndefinedEcofError as UndefinedEcofError
-    from pushplan.examples import example_names as example_names
-    from pushplan.examples import example_text as example_text
-    from pushplan.execution import Execution as Execution
-    from pushplan.execution import StabilityLoss as StabilityLoss
-    from pushplan.following.follower import Command as Command
-    from pushplan.following.follower import Follower as Follower
-    from pushplan.following.follower import FollowerState as FollowerState
     from pushplan.identify import identify as identify
     from pushplan.logging.messages.recorded import RecordedRun as RecordedRun
     from pushplan.logging.reader import read_run as read_run
@@ -129,44 +119,63 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.mechanics.support import UniformSupport as UniformSupport
     from pushplan.mechanics.support import UnknownSupport as UnknownSupport
     from pushplan.mechanics.worst_case.interval_chain import IntervalChain as IntervalChain
-    from pushplan.path import PushPath as PushPath
     from pushplan.plan import plan as plan
+    from pushplan.plans.execution import Execution as Execution
+    from pushplan.plans.execution import StabilityLoss as StabilityLoss
+    from pushplan.plans.path import PushPath as PushPath
+    from pushplan.plans.result import Diagnosis as Diagnosis
+    from pushplan.plans.result import PlanResult as PlanResult
+    from pushplan.plans.result import ProgressPoint as ProgressPoint
+    from pushplan.plans.result import Run as Run
+    from pushplan.plans.trajectory import Trajectory as Trajectory
     from pushplan.push_queries import PushQueries as PushQueries
     from pushplan.queries import Queries as Queries
-    from pushplan.reading.imported.outlines import read_csv_outlines as read_csv_outlines
-    from pushplan.reading.imported.outlines import read_svg_outlines as read_svg_outlines
-    from pushplan.reading.imported.ros_map import RosMap as RosMap
-    from pushplan.reading.imported.ros_map import read_ros_map as read_ros_map
-    from pushplan.reading.scenario_check import check_scenario as check_scenario
-    from pushplan.reading.scenario_file import load_scenario as load_scenario
-    from pushplan.reading.scenario_file import scenario_from_document as scenario_from_document
-    from pushplan.reading.scenario_file import scenario_from_text as scenario_from_text
-    from pushplan.reading.several_objects import SeveralObjects as SeveralObjects
-    from pushplan.reading.several_objects import load_several_objects as load_several_objects
     from pushplan.rearrangement.plan import Leg as Leg
     from pushplan.rearrangement.plan import Rearrangement as Rearrangement
     from pushplan.rearrangement.plan import Rearranging as Rearranging
     from pushplan.recording import IncompleteLogError as IncompleteLogError
-    from pushplan.result import Diagnosis as Diagnosis
-    from pushplan.result import PlanResult as PlanResult
-    from pushplan.result import ProgressPoint as ProgressPoint
-    from pushplan.result import Run as Run
     from pushplan.run import run as run
-    from pushplan.scenario import Scenario as Scenario
-    from pushplan.scenario_parts import CircleObstacle as CircleObstacle
-    from pushplan.scenario_parts import Goal as Goal
-    from pushplan.scenario_parts import PlannerSettings as PlannerSettings
-    from pushplan.scenario_parts import PolygonObstacle as PolygonObstacle
-    from pushplan.scenario_parts import Snapped as Snapped
-    from pushplan.scenario_parts import Snapping as Snapping
-    from pushplan.scenario_parts import StabilitySettings as StabilitySettings
-    from pushplan.scenario_parts import Uncertainty as Uncertainty
-    from pushplan.scenario_parts import Workspace as Workspace
+    from pushplan.scenario.check import check_scenario as check_scenario
+    from pushplan.scenario.examples import example_names as example_names
+    from pushplan.scenario.examples import example_text as example_text
+    from pushplan.scenario.file import load_scenario as load_scenario
+    from pushplan.scenario.file import scenario_from_document as scenario_from_document
+    from pushplan.scenario.file import scenario_from_text as scenario_from_text
+    from pushplan.scenario.imported.outlines import read_csv_outlines as read_csv_outlines
+    from pushplan.scenario.imported.outlines import read_svg_outlines as read_svg_outlines
+    from pushplan.scenario.imported.ros_map import RosMap as RosMap
+    from pushplan.scenario.imported.ros_map import read_ros_map as read_ros_map
+    from pushplan.scenario.model import Scenario as Scenario
+    from pushplan.scenario.parts import CircleObstacle as CircleObstacle
+    from pushplan.scenario.parts import Goal as Goal
+    from pushplan.scenario.parts import PlannerSettings as PlannerSettings
+    from pushplan.scenario.parts import PolygonObstacle as PolygonObstacle
+    from pushplan.scenario.parts import Snapped as Snapped
+    from pushplan.scenario.parts import Snapping as Snapping
+    from pushplan.scenario.parts import StabilitySettings as StabilitySettings
+    from pushplan.scenario.parts import Uncertainty as Uncertainty
+    from pushplan.scenario.parts import Workspace as Workspace
+    from pushplan.scenario.several_objects import SeveralObjects as SeveralObjects
+    from pushplan.scenario.several_objects import load_several_objects as load_several_objects
+    from pushplan.sets.grid_cor_set import GridCorSet as GridCorSet
+    from pushplan.sets.grid_cor_set import grid_cor_set as grid_cor_set
+    from pushplan.sets.interval_set import stable_set_over as stable_set_over
+    from pushplan.sets.named import stable_set as stable_set
+    from pushplan.sets.robust_set import RobustSet as RobustSet
+    from pushplan.sets.robust_set import WorstCase as WorstCase
+    from pushplan.sets.stable_set import StableSet as StableSet
+    from pushplan.sim.control.controller import Controller as Controller
+    from pushplan.sim.control.sensor import Sensor as Sensor
+    from pushplan.sim.control.settings import ControlSettings as ControlSettings
+    from pushplan.sim.following.follower import Command as Command
+    from pushplan.sim.following.follower import Follower as Follower
+    from pushplan.sim.following.follower import FollowerState as FollowerState
     from pushplan.sim.identify.course import Course as Course
     from pushplan.sim.identify.identification import Estimate as Estimate
     from pushplan.sim.identify.identification import Identification as Identification
     from pushplan.sim.identify.identify import identify_courses as identify_courses
     from pushplan.sim.kinematic import simulate_rigid as simulate_rigid
+    from pushplan.sim.robustness.tolerance import Tolerance as Tolerance
     from pushplan.sim.slip.report import ContactLoss as ContactLoss
     from pushplan.sim.slip.report import Mode as Mode
     from pushplan.sim.slip.report import SlipReport as SlipReport
@@ -177,15 +186,6 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.sim.trials.uncertain import TrialUncertainty as TrialUncertainty
     from pushplan.sim.worlds.kick import Kick as Kick
     from pushplan.sim.worlds.world import World as World
-    from pushplan.stable_sets.grid_cor_set import GridCorSet as GridCorSet
-    from pushplan.stable_sets.grid_cor_set import grid_cor_set as grid_cor_set
-    from pushplan.stable_sets.interval_set import stable_set_over as stable_set_over
-    from pushplan.stable_sets.named import stable_set as stable_set
-    from pushplan.stable_sets.robust_set import RobustSet as RobustSet
-    from pushplan.stable_sets.robust_set import WorstCase as WorstCase
-    from pushplan.stable_sets.stable_set import StableSet as StableSet
-    from pushplan.tolerance.tolerance import Tolerance as Tolerance
-    from pushplan.trajectory import Trajectory as Trajectory
     from pushplan.trial import trial as trial
 
     __version__: str

@@ -1,6 +1,6 @@
 """`python -m pushplan` is the command line."""
 
-from pushplan.entry import entry
+from pushplan.cli.entry import entry
 
 if __name__ == "__main__":
     entry()

@@ -7,25 +7,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.control.again import CONTROL
-from pushplan.control.aims import Aim
-from pushplan.control.controller import DEFAULTS, Controller
-from pushplan.control.course import SENSOR, Course, OpenLoop, course_in
-from pushplan.control.sensor import Sensor
-from pushplan.control.settings import ControlSettings
 from pushplan.errors import PlanningError
-from pushplan.events import Event, Feedback, Replan
-from pushplan.execution import Execution
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.writer import RunLogWriter
 from pushplan.plan import plan as plan_push
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.events import Event, Feedback, Replan
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.model import Scenario
+from pushplan.sim.control.again import CONTROL
+from pushplan.sim.control.aims import Aim
+from pushplan.sim.control.controller import DEFAULTS, Controller
+from pushplan.sim.control.course import SENSOR, Course, OpenLoop, course_in
+from pushplan.sim.control.sensor import Sensor
+from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.judging import judging_set
 from pushplan.sim.slip.executed import executed
 from pushplan.sim.worlds.kick import Kick
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 JAMMED = "no motion of the objects satisfies all contacts"
 

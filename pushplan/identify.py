@@ -10,7 +10,7 @@ import numpy as np
 
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.logging.courses import read_course
-from pushplan.scenario import Scenario
+from pushplan.scenario.model import Scenario
 from pushplan.sim.identify.course import Course
 from pushplan.sim.identify.identification import Identification
 from pushplan.sim.identify.identify import identify_courses

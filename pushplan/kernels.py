@@ -15,7 +15,6 @@ from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins
 from pushplan.mechanics.support import UniformSupport
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.path import PushPath
 from pushplan.planners.blending.section import make_part
 from pushplan.planners.blending.sweep import find_touches
 from pushplan.planners.collision.convex_pieces import convex_pieces
@@ -34,10 +33,11 @@ from pushplan.planners.problem.problem import Problem
 from pushplan.planners.search.lattice_rounds import LatticeRounds
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.stable_sets.boundary.peaks import margin_peaks
-from pushplan.stable_sets.interval_set import stable_set_over
-from pushplan.stable_sets.named import stable_set
-from pushplan.tolerance.work_out import tolerance_along
+from pushplan.plans.path import PushPath
+from pushplan.sets.boundary.peaks import margin_peaks
+from pushplan.sets.interval_set import stable_set_over
+from pushplan.sets.named import stable_set
+from pushplan.sim.robustness.work_out import tolerance_along
 
 _BOX = (-2.0, -2.0, 3.0, 4.0)
 """Where the search may look, m: around a start and a goal that a wall keeps apart."""

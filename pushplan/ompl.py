@@ -13,17 +13,17 @@ from typing import Any
 
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
-from pushplan.path import PushPath
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.posing import information_of, pose_problem
 from pushplan.planners.ompl.solution import push_path as path_of
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
-from pushplan.scenario import Scenario
+from pushplan.plans.path import PushPath
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import add_set
+from pushplan.sets.stable_set import StableSet
 from pushplan.sim.judging import planning_set
-from pushplan.stable_sets.named import add_set
-from pushplan.stable_sets.stable_set import StableSet
 
 __all__ = ["pose", "push_path"]
 

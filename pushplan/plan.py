@@ -7,21 +7,21 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, TypedDict
 
-from pushplan.basics.collection import no_collection
-from pushplan.basics.names import AUTO, COSTS, DEFAULT_PLANNER, RANKED_BY
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
 from pushplan.planned import Wanted, means_for, planned
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.search import Factory
-from pushplan.result import PlanResult, ProgressPoint
-from pushplan.scenario import Scenario
+from pushplan.plans.result import PlanResult, ProgressPoint
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import add_set
+from pushplan.sets.stable_set import StableSet
 from pushplan.several.plan import Asked, plan_pushes
 from pushplan.several.prepared import Prepared
 from pushplan.several.warm import warm_up_several
-from pushplan.stable_sets.named import add_set
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.util.collection import no_collection
+from pushplan.util.names import AUTO, COSTS, DEFAULT_PLANNER, RANKED_BY
+from pushplan.util.stopwatch import Stopwatch
 
 
 class PlanOptions(TypedDict, total=False):

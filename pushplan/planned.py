@@ -10,12 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.collection import no_collection
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import OutOfTimeError, PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error
-from pushplan.path import PushPath
 from pushplan.planners.attempts import Attempt, Search
 from pushplan.planners.failure import Failure, explain_failure
 from pushplan.planners.improve.branches import Branches
@@ -27,13 +23,17 @@ from pushplan.planners.problem.posing import Posing
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.validation.room import Room
 from pushplan.planners.validation.verdict import EXACT, path_verdict, verdict
-from pushplan.reading.arrangement.placement import Surroundings, bodies_at, placement_troubles
-from pushplan.result import Diagnosis, PlanResult, ProgressPoint
-from pushplan.scenario import Scenario
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import Diagnosis, PlanResult, ProgressPoint
+from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.scenario.arrangement.placement import Surroundings, bodies_at, placement_troubles
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
 from pushplan.sim.judging import execute_trajectory, planning_set
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.tolerance.work_out import tolerance_of
-from pushplan.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.sim.robustness.work_out import tolerance_of
+from pushplan.util.arrays import FloatArray
+from pushplan.util.collection import no_collection
+from pushplan.util.stopwatch import Stopwatch
 
 ROUNDING = 1e-9
 """Share of the lower bound by which an optimal path's cost may exceed it."""

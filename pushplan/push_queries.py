@@ -10,16 +10,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError
 from pushplan.plan import settled
-from pushplan.reading.several_pushes import troubles_at_first
-from pushplan.result import PlanResult
-from pushplan.scenario import Goal, Obstacle, Scenario
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.model import Goal, Obstacle, Scenario
+from pushplan.scenario.several_pushes import troubles_at_first
 from pushplan.several.plan import Asked, plan_pushes
 from pushplan.several.prepared import Prepared
 from pushplan.several.warm import warm_up_several
+from pushplan.util.arrays import FloatArray
+from pushplan.util.stopwatch import Stopwatch
 
 
 class PushQueries:

@@ -10,12 +10,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.compiled.announcement import announced
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
-from pushplan.path import PushPath
 from pushplan.plan import settled
 from pushplan.planned import Means, Wanted, means_for, planned
 from pushplan.planners.ompl.auto import Auto
@@ -24,10 +21,13 @@ from pushplan.planners.problem.posing import Posing, open_scene
 from pushplan.planners.problem.reach import reach as costs_of_words
 from pushplan.planners.problem.rejoin import rejoin
 from pushplan.planners.validation.room import Room
-from pushplan.result import PlanResult
-from pushplan.scenario import Goal, Obstacle, Scenario
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import SAMPLE_RATE
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import PlanResult
+from pushplan.plans.trajectory import SAMPLE_RATE
+from pushplan.scenario.model import Goal, Obstacle, Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
+from pushplan.util.stopwatch import Stopwatch
 
 
 class Queries:

@@ -9,10 +9,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
 
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import OutputError, PushplanError
-from pushplan.result import PlanResult, ProgressPoint, Run
-from pushplan.scenario import Scenario
+from pushplan.plans.result import PlanResult, ProgressPoint, Run
+from pushplan.scenario.model import Scenario
+from pushplan.util.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     from pushplan.logging.writer import RunLogWriter

@@ -7,14 +7,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Unpack
 
-from pushplan.basics.names import OUT_OF_THE_WAY, TO_ITS_GOAL
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.plan import PlanOptions, plan
 from pushplan.planners.ompl.factories import planner_named
+from pushplan.plans.result import PlanResult, ProgressPoint, Run
 from pushplan.recording import Recording, Where
-from pushplan.result import PlanResult, ProgressPoint, Run
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.named import add_set
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import add_set
+from pushplan.util.names import OUT_OF_THE_WAY, TO_ITS_GOAL
+from pushplan.util.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     from pushplan.rearrangement.plan import Leg

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pushplan.errors import PlanningError
 from pushplan.logging.reader import read_run
 from pushplan.plan import plan
-from pushplan.scenario import Scenario
+from pushplan.scenario.model import Scenario
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.slip.simulator import DEFAULTS
 from pushplan.sim.trials.execute import execute_trials
@@ -18,7 +18,7 @@ from pushplan.sim.trials.uncertain import TrialUncertainty
 
 if TYPE_CHECKING:
     from pushplan.logging.messages.recorded import RecordedRun
-    from pushplan.result import Run
+    from pushplan.plans.result import Run
 
 
 def trial(

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from pushplan.basics.names import KNOWN_LOAD_SETS
-from pushplan.execution import Execution
 from pushplan.planners.timing.bounds import contact_dynamics
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import PlanResult
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
+from pushplan.sets.intersection_set import IntersectionSet
+from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import simulate_rigid
-from pushplan.stable_sets.intersection_set import IntersectionSet
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import Trajectory
+from pushplan.util.names import KNOWN_LOAD_SETS
 
 
 def execute(scenario: Scenario, result: PlanResult) -> Execution | None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, columns_of
-from pushplan.execution import Execution, StabilityLoss
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
-from pushplan.stable_sets.ecof_set import EcofSet
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import Trajectory, advance
+from pushplan.plans.execution import Execution, StabilityLoss
+from pushplan.plans.trajectory import Trajectory, advance
+from pushplan.sets.ecof_set import EcofSet
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray, columns_of
 
 
 def simulate_rigid(

@@ -30,8 +30,8 @@ def slip() -> None:
 def sets() -> None:
     """Compile the boundaries of stable sets, of numbers and of intervals."""
     import pushplan
-    from pushplan.reading.scenario_file import scenario_from_document
-    from pushplan.template import new_scenario_text
+    from pushplan.scenario.file import scenario_from_document
+    from pushplan.scenario.template import new_scenario_text
 
     with_intervals = scenario_from_document(yaml.safe_load(new_scenario_text("new")))
     for scenario in (pushplan.load_scenario("one-box"), with_intervals):

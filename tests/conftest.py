@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
+from pushplan.util.arrays import FloatArray
 
 _exit_code = pytest.StashKey[int]()
 

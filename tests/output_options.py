@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pushplan.cli import COMMANDS, parser
+from pushplan.cli.main import COMMANDS, parser
 
 _SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "worst": ".mcap", "name": ".yaml"}
 """By the option's name; an export's suffix is its name."""

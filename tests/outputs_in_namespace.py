@@ -17,7 +17,7 @@ from pathlib import Path
 
 from output_options import OPTIONS, words
 
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.logging.export import mp4
 
 

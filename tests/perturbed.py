@@ -8,7 +8,6 @@ from itertools import product
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import ProblemParameters
 from pushplan.errors import SupportError, TimingError
@@ -17,12 +16,13 @@ from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, PushedObject
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.trajectories import make_trajectory
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import Trajectory
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 KINDS = ("contact_friction", "floor_friction", "load", "position", "angle")
 PARAMETERS = ProblemParameters(objects=(1, 4), supports=("uniform", "feet"), obstacles=(0, 3))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
 
 ARC_PRICE = 0.002
 """What an arc counts beside its length, m."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.stable_sets.boundary.bracketing import TOLERANCE, inner_ends, maximise
-from pushplan.stable_sets.boundary.intervals import find_intervals, sampled
+from pushplan.sets.boundary.bracketing import TOLERANCE, inner_ends, maximise
+from pushplan.sets.boundary.intervals import find_intervals, sampled
+from pushplan.util.arrays import FloatArray, IntArray
 
 
 def test_ends_are_inside_and_within_tolerance_for_smooth_kinked_and_jumping_functions() -> None:

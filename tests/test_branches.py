@@ -7,9 +7,9 @@ import pytest
 from plain import load_plain
 
 import pushplan
-from pushplan.basics.names import PLANNERS
 from pushplan.planners.improve.branches import MOST_BRANCHES, Branches
-from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario.file import scenario_from_text
+from pushplan.util.names import PLANNERS
 
 WALLED = """\
 format: pushplan/1

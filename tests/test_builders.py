@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pushplan.builders import box, build_scenario, plate, polygon
 from pushplan.errors import ScenarioError
-from pushplan.examples import example_names
-from pushplan.reading.scenario_file import load_scenario, scenario_from_document, scenario_from_text
-from pushplan.scenario import Scenario
-from pushplan.scenario_parts import CircleObstacle, PolygonObstacle
+from pushplan.scenario.builders import box, build_scenario, plate, polygon
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
 
 TRIANGLE = np.array([[0.5, 0.2], [0.7, 0.2], [0.6, 0.5]])
 TEXT = """\

@@ -11,8 +11,8 @@ import pytest
 
 from pushplan.errors import ChainError, PushplanError
 from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Contact
-from pushplan.path import PushPath
-from pushplan.trajectory import Trajectory
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.geometry import se2
 from pushplan.planners.validation.checker import SPACING, find_collision
 from pushplan.planners.validation.motion import Motion, densify
 from pushplan.planners.validation.room import Room
-from pushplan.reading.scenario_file import load_scenario, scenario_from_text
-from pushplan.scenario import CircleObstacle, Scenario
+from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.util.names import CLEARANCE_ROOM
 
 TEXT = """
 format: pushplan/1

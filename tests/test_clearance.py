@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.plan import plan
 from pushplan.planners.problem.posing import SLACK, scenario_scene
-from pushplan.reading.scenario_file import load_scenario, scenario_from_text
-from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario
+from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario
+from pushplan.util.names import CLEARANCE_ROOM
 
 LANE = """
 format: pushplan/1

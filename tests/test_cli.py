@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.cli import COMMANDS, main
-from pushplan.commands import plan as plan_command
-from pushplan.examples import example_names, example_text
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.stable_sets.named import stable_set
+from pushplan.cli import plan as plan_command
+from pushplan.cli.main import COMMANDS, main
+from pushplan.scenario.examples import example_names, example_text
+from pushplan.scenario.file import load_scenario
+from pushplan.sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]
 

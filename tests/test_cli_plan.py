@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pushplan.cli import main
-from pushplan.examples import example_text
-from pushplan.execution import Execution
+from pushplan.cli.main import main
 from pushplan.logging.reader import read_run
 from pushplan.logging.several_again import execute_again
-from pushplan.path import cost_rate
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.stable_sets.named import stable_set
+from pushplan.plans.execution import Execution
+from pushplan.plans.path import cost_rate
+from pushplan.scenario.examples import example_text
+from pushplan.scenario.file import load_scenario
+from pushplan.sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry import se2
 from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.scene import scene_of
 from pushplan.planners.collision.separation import Scene, separation, step, sweep_is_free
+from pushplan.util.arrays import FloatArray
 
 INFINITE = np.array([-np.inf, -np.inf, np.inf, np.inf])
 

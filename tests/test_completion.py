@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from pushplan.cli import COMMANDS, main, parser
-from pushplan.commands.completion import SHELLS, completion_script
-from pushplan.examples import example_names
+from pushplan.cli.completion import SHELLS, completion_script
+from pushplan.cli.main import COMMANDS, main, parser
+from pushplan.scenario.examples import example_names
 
 
 @pytest.mark.parametrize("shell", SHELLS)

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pushplan.commands.terminal import progress as progress_module
-from pushplan.commands.terminal.console import Console, takes_colour
-from pushplan.commands.terminal.failure import report_failure
-from pushplan.commands.terminal.numbers import counted, time_text
-from pushplan.commands.terminal.options import check_outputs
-from pushplan.commands.terminal.progress import Progress
+from pushplan.cli.terminal import progress as progress_module
+from pushplan.cli.terminal.console import Console, takes_colour
+from pushplan.cli.terminal.failure import report_failure
+from pushplan.cli.terminal.numbers import counted, time_text
+from pushplan.cli.terminal.options import check_outputs
+from pushplan.cli.terminal.progress import Progress
 from pushplan.drawing.format import PlotError
 from pushplan.errors import Finding, OutputError, PlanningError, ScenarioError
 
@@ -233,7 +233,7 @@ SHOWN = r"\x1b]0;owned\x07\x1b[31m\u202e\x9b2J"
 def test_what_files_say_never_reaches_the_terminal_as_a_command(
     capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pushplan.commands.terminal.console.takes_colour", lambda _: True)
+    monkeypatch.setattr("pushplan.cli.terminal.console.takes_colour", lambda _: True)
     console = Console()
     console.say(f"{console.paint(EVIL, 'bold')}: {EVIL}")
     console.note(EVIL)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts.contact_kernel import contact_margins, margin
@@ -18,7 +17,8 @@ from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.contacts.friction import friction_wrench
 from pushplan.mechanics.friction.packed import pack_chain
 from pushplan.mechanics.support import UnknownSupport
-from pushplan.stable_sets.named import stable_set
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

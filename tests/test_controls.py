@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
-from pushplan.path import cost_rate
 from pushplan.planners.improve.polish import random_family
 from pushplan.planners.problem.controls import control_segments, steering_families
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.path import cost_rate
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 AXLE = np.array([-0.25, 0.02, 0.0])
 DRIVES = [

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from plain import ARC_PRICE, load_plain
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Limits
-from pushplan.path import PushPath
 from pushplan.plan import plan
 from pushplan.planners.improve.polish import objective_value
 from pushplan.planners.problem.objective import Objective, arc_value, make_objective, rest_to_rest_time
 from pushplan.planners.problem.posing import build_problem
 from pushplan.planners.timing.arc_limits import arc_limits
 from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.named import stable_set
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import FloatArray
 
 
 def ranked(cost: str, weight: float = 1.0, trajectory: str = "exact") -> Scenario:

@@ -11,11 +11,8 @@ import numpy as np
 import pytest
 from plain import load_plain, plain
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import PLANNERS
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.errors import EmptyStableSetError
-from pushplan.examples import example_names, example_text
 from pushplan.geometry.se2 import pose_error
 from pushplan.logging.reader import read_run
 from pushplan.plan import plan
@@ -27,11 +24,14 @@ from pushplan.planners.infeasible.passage import passage_faults
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.posing import build_problem
 from pushplan.planners.validation.checker import find_collision
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.result import CAUSES, Diagnosis, PlanResult
+from pushplan.plans.result import CAUSES, Diagnosis, PlanResult
 from pushplan.run import run
-from pushplan.scenario import PolygonObstacle, Scenario
-from pushplan.stable_sets.named import stable_set
+from pushplan.scenario.examples import example_names, example_text
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import PLANNERS
 
 ROOM = """
 obstacles:

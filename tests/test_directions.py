@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.directions import by_direction, directions
+from pushplan.util.arrays import FloatArray
 
 
 def test_each_twist_has_the_direction_of_the_first_one_of_its_neighbours() -> None:

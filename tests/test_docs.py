@@ -18,10 +18,10 @@ import yaml
 from PIL import Image
 
 import pushplan
-from pushplan import cli
-from pushplan.basics.names import PLANNERS, STABLE_SETS
-from pushplan.cli import main
-from pushplan.reading.scenario_file import load_scenario
+from pushplan.cli import main as cli
+from pushplan.cli.main import main
+from pushplan.scenario.file import load_scenario
+from pushplan.util.names import PLANNERS, STABLE_SETS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])

@@ -9,7 +9,6 @@ import pytest
 from ompl import base as ob
 from plain import load_plain
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
@@ -17,8 +16,9 @@ from pushplan.plan import plan
 from pushplan.planners.ompl.dubins import Car
 from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 AXLE = np.array([-0.25, 0.02, 0.0])
 DRIVES = [Drive(), Drive("differential", AXLE), Drive("car", AXLE, 0.8)]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
@@ -18,6 +17,7 @@ from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, _clipped,
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins, dynamic_rows
 from pushplan.mechanics.inertia import inertia_of
 from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Contact, PushedObject
 from pushplan.mechanics.contacts.friction import friction_wrench
@@ -23,6 +22,7 @@ from pushplan.mechanics.support import (
 from pushplan.sim.physics.model.contact_edges import edge_extent
 from pushplan.sim.physics.model.feet import DEGREE, compressed, feet_of
 from pushplan.sim.physics.model.polygon_rule import Rule, polygon_rule
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

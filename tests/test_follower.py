@@ -13,10 +13,10 @@ from scipy.integrate import solve_ivp
 
 import pushplan
 from pushplan import FollowerState, Run
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
-from pushplan.following.follower import Follower
 from pushplan.geometry import se2
+from pushplan.sim.following.follower import Follower
+from pushplan.util.arrays import FloatArray
 
 AXLE = [-0.4, 0.0, 0.0]
 SCENARIO = """\

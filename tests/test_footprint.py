@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.validation import clearance
-from pushplan.cli import main
-from pushplan.commands.steps.understood import room
-from pushplan.execution import Execution
+from pushplan.cli.main import main
+from pushplan.cli.steps.understood import room
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
-from pushplan.path import cost_rate
 from pushplan.plan import plan
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import sweep_is_free
 from pushplan.planners.problem.posing import build_problem
 from pushplan.planners.validation.checker import find_collision
-from pushplan.reading.scenario_file import load_scenario, scenario_from_text
-from pushplan.scenario import PolygonObstacle, Scenario
+from pushplan.plans.execution import Execution
+from pushplan.plans.path import cost_rate
+from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.util.arrays import FloatArray
 
 TEXT = """
 format: pushplan/1

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from scipy.integrate import quad_vec
 
 import pushplan
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError, UndefinedEcofError
 from pushplan.geometry.se2 import inverse, transform_points
 from pushplan.mechanics.chain import GRAVITY, PushedObject
@@ -23,6 +22,7 @@ from pushplan.mechanics.friction.packed import pack_object
 from pushplan.mechanics.friction.series import REACH
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.friction.closed_form import edge_log
 from pushplan.mechanics.friction.series import (
     ORDER,
@@ -19,6 +18,7 @@ from pushplan.mechanics.friction.series import (
     series_coefficients,
     series_pair,
 )
+from pushplan.util.arrays import FloatArray
 
 ORDERS = 6
 NODES, PARTS = np.polynomial.legendre.leggauss(20)

@@ -13,8 +13,8 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.stable_sets.named import stable_set
+from pushplan.scenario.file import load_scenario
+from pushplan.sets.named import stable_set
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "harada2006"

@@ -13,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from pushplan.basics.extras import MissingExtraError
-from pushplan.builders import box, build_scenario, plate
 from pushplan.errors import ImportedFileError
-from pushplan.reading.imported.hole_free import covering, hole_free
-from pushplan.reading.imported.outlines import read_csv_outlines, read_svg_outlines
-from pushplan.reading.imported.ros_map import read_ros_map
-from pushplan.reading.schema.types import MOST_CORNERS
+from pushplan.scenario.builders import box, build_scenario, plate
+from pushplan.scenario.imported.hole_free import covering, hole_free
+from pushplan.scenario.imported.outlines import read_csv_outlines, read_svg_outlines
+from pushplan.scenario.imported.ros_map import read_ros_map
+from pushplan.scenario.schema.types import MOST_CORNERS
+from pushplan.util.extras import MissingExtraError
 
 SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 400 200">
 <g transform="translate(20,20)">{}</g></svg>"""

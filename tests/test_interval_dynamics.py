@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

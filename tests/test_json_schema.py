@@ -14,14 +14,14 @@ import jsonschema
 import pytest
 
 from pushplan.bench.suites.file import suite_names, suite_text
-from pushplan.cli import main
-from pushplan.examples import example_names, example_text
-from pushplan.json_schema import SCHEMAS, scenario_schema, schema_file, schema_text, suite_schema
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.reading.schema.findings import validate
-from pushplan.reading.schema.scenario import ScenarioFile
-from pushplan.reading.yaml.tree import read_document
-from pushplan.template import new_scenario_text
+from pushplan.cli.main import main
+from pushplan.scenario.examples import example_names, example_text
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.json_schema import SCHEMAS, scenario_schema, schema_file, schema_text, suite_schema
+from pushplan.scenario.schema.findings import validate
+from pushplan.scenario.schema.scenario import ScenarioFile
+from pushplan.scenario.template import new_scenario_text
+from pushplan.scenario.yaml.tree import read_document
 
 VARIED = ("two-crates", "feet", "carts", "hook")
 BEYOND_A_SCHEMA = re.compile(

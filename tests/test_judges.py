@@ -10,13 +10,13 @@ import pytest
 
 import pushplan
 from pushplan.bench.processes.validation import EXACT, exactly, flaw, plan_flaw, with_kept_margin
-from pushplan.execution import Execution, StabilityLoss
-from pushplan.path import PushPath
 from pushplan.planners.validation.verdict import flaw as path_flaw
 from pushplan.planners.validation.verdict import verdict
-from pushplan.result import PlanResult
-from pushplan.scenario import PolygonObstacle, Scenario, Workspace
-from pushplan.stable_sets.named import stable_set
+from pushplan.plans.execution import Execution, StabilityLoss
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
+from pushplan.sets.named import stable_set
 
 
 @cache

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from pushplan.basics.names import PLANNERS
+from pushplan.util.names import PLANNERS
 
 CASES = [
     *((planner, "ecof", "") for planner in PLANNERS),
@@ -20,8 +20,8 @@ import json, os, sys
 from numba.core.registry import CPUDispatcher
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
-from pushplan.examples import example_text
-from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario.examples import example_text
+from pushplan.scenario.file import scenario_from_text
 
 def ready():
     modules = [module for name, module in sys.modules.items() if name.startswith("pushplan.")]

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import pose_error
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.contacts.contact_state import contact_state
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.trajectory import Trajectory
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import simulate_rigid
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 
 @pytest.fixture(scope="module")

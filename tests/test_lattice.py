@@ -11,7 +11,6 @@ from plain import load_plain, plain
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import sweep_is_free
 from pushplan.planners.improve.budget import Budget
@@ -31,8 +30,9 @@ from pushplan.planners.search.lattice_kernel import (
     path_of,
 )
 from pushplan.planners.search.lattice_rounds import LatticeRounds
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 
 TWO_PASSAGES = """
 format: pushplan/1

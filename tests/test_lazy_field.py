@@ -6,7 +6,7 @@ import pickle
 from dataclasses import dataclass, replace
 from functools import partial
 
-from pushplan.basics.lazy_field import LazyField
+from pushplan.util.lazy_field import LazyField
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
@@ -22,6 +21,7 @@ from pushplan.mechanics.support import (
     UnknownSupport,
 )
 from pushplan.mechanics.worst_case.load_area import LoadArea, load_area, load_areas
+from pushplan.util.arrays import FloatArray
 
 BOX = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
 POSE = np.array([0.5, 0.1, 0.7])

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from plain import load_plain
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.examples import example_names
 from pushplan.mechanics.body import as_one
-from pushplan.path import TURN_WEIGHT
 from pushplan.plan import plan
 from pushplan.planners.infeasible.free_space import disc_at, largest_disc
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.posing import Posing
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import CircleObstacle, PolygonObstacle, Scenario
+from pushplan.plans.path import TURN_WEIGHT
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario
+from pushplan.util.arrays import FloatArray
 
 AHEAD = """
 format: pushplan/1

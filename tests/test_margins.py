@@ -13,18 +13,18 @@ import numpy as np
 import pytest
 from plain import load_plain
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.builders import box, build_scenario, plate
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Chain, Drive
 from pushplan.plan import plan
 from pushplan.planners.problem.margins import HALVINGS, MOST_MARGIN, automatic_margin, margins_to_try
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.builders import box, build_scenario, plate
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan.basics import naming
 from pushplan.bench.suites.file import suite_from_text
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.errors import PlanningError, PushplanError
 from pushplan.planners.ompl.factories import planner_named
-from pushplan.stable_sets.ecof_set import EcofSet
-from pushplan.stable_sets.named import add_set, stable_set
+from pushplan.sets.ecof_set import EcofSet
+from pushplan.sets.named import add_set, stable_set
+from pushplan.util import naming
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PLANNER, SET = "a_planner_of_your_own:LazyRRT", "a_stable_set_of_your_own:Leaning"
@@ -73,7 +73,7 @@ def test_what_installed_packages_add_is_found_by_its_name(monkeypatch: pytest.Mo
     points = EntryPoints(
         [
             EntryPoint("lazy", PLANNER, "pushplan.planners"),
-            EntryPoint("leaning-set", SET, "pushplan.stable_sets"),
+            EntryPoint("leaning-set", SET, "pushplan.sets"),
         ]
     )
     monkeypatch.setattr(metadata, "entry_points", points.select)

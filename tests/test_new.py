@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.drawing.format import PICTURE_SUFFIXES
-from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario.file import load_scenario
 
 Captured = pytest.CaptureFixture[str]
 

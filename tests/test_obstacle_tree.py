@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.planners.collision import obstacle_tree as tree_module
 from pushplan.planners.collision.obstacle_tree import LEAF, obstacle_tree
 from pushplan.planners.collision.scene import scene_of
 from pushplan.planners.collision.separation import Scene, separation, sweep_is_free
+from pushplan.util.arrays import FloatArray
 
 SQUARE = 0.5 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 BODY = [np.array([0.3, 0.2]) * SQUARE, np.array([0.3, 0.0]) + 0.2 * SQUARE]

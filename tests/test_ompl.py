@@ -13,8 +13,6 @@ from ompl import control as oc
 from ompl import util as ou
 
 import pushplan
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import PLANNERS
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.ompl import pose, push_path
@@ -26,7 +24,9 @@ from pushplan.planners.ompl.posing import pose_of, state_at
 from pushplan.planners.ompl.solution import leave_path
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.validation.checker import find_collision
-from pushplan.scenario import Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import PLANNERS
 
 STOCK = {"ompl.control:RRT": oc.RRT, "ompl.control:EST": oc.EST, "ompl.control:KPIECE1": oc.KPIECE1}
 

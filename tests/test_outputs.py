@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from pushplan.errors import OutputError
-from pushplan.outputs.target import look
-from pushplan.outputs.write import open_output, write_pieces, write_whole
+from pushplan.util.outputs.target import look
+from pushplan.util.outputs.write import open_output, write_pieces, write_whole
 
 
 def names(folder: Path) -> list[str]:

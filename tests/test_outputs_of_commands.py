@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from output_options import OPTIONS, words
 
-from pushplan.cli import main
+from pushplan.cli.main import main
 
 NEEDS = {"parquet": "pyarrow", "mp4": "av", "rrd": "rerun"}
 """Packages of extras that exports need; without them they are skipped."""

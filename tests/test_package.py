@@ -71,7 +71,7 @@ def _modules_after(code: str) -> set[str]:
     return set(done.stdout.splitlines()[-1].split())
 
 
-@pytest.mark.parametrize("code", ["import pushplan", "from pushplan.cli import main; main(['--help'])"])
+@pytest.mark.parametrize("code", ["import pushplan", "from pushplan.cli.main import main; main(['--help'])"])
 def test_importing_the_package_and_its_help_load_nothing_heavy(code: str) -> None:
     assert not _modules_after(code).intersection(HEAVY)
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain, Limits
@@ -20,9 +19,11 @@ from pushplan.mechanics.contacts.friction import friction_wrench
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UniformSupport, UnknownSupport
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.trajectory import Trajectory
+from pushplan.sets.named import stable_set
 from pushplan.sim.physics.agreement import Agreement, compare, under_objects
 from pushplan.sim.physics.model.chain_model import build_model
 from pushplan.sim.physics.model.engine import MissingEngineError, PhysicsError
@@ -31,8 +32,7 @@ from pushplan.sim.physics.model.settings import PhysicsSettings
 from pushplan.sim.physics.pushes import sample_pushes
 from pushplan.sim.physics.report import PhysicsReport
 from pushplan.sim.physics.simulate import simulate_trajectory, simulate_twist
-from pushplan.stable_sets.named import stable_set
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pushplan.cli import main
+from pushplan.cli.main import main
 
 SCENARIO = """\
 format: pushplan/1

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import compose, relative, transform_points
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.support import FeetSupport, Support, UnknownSupport
+from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.physics import verdict as physics_verdict
 from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.sim.physics.verdict import HARD, STEPS, verdict_of_physics
@@ -24,7 +24,7 @@ from pushplan.sim.worlds.misjudged import (
     with_slanted_face,
 )
 from pushplan.sim.worlds.misplaced import shifted, subtree, turned
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

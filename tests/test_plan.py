@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from plain import load_plain
 
-from pushplan.basics.names import PLANNERS
 from pushplan.errors import PlanningError, ScenarioError
-from pushplan.examples import example_names, example_text
 from pushplan.plan import plan
 from pushplan.planners.validation.checker import find_collision
-from pushplan.reading.scenario_file import load_scenario, scenario_from_text
-from pushplan.result import PlanResult
-from pushplan.scenario import PolygonObstacle, Scenario
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.examples import example_names, example_text
+from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.sim.judging import execute
+from pushplan.util.names import PLANNERS
 
 PATIENT = 60.0
 """A time limit that no test reaches, so that results do not depend on the machine."""

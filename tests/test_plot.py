@@ -16,25 +16,25 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 import pushplan
-from pushplan.basics.arrays import FloatArray
 from pushplan.drawing import figure as plot_figure
 from pushplan.drawing.format import PICTURE_SUFFIXES, PlotError, check_picture_path
 from pushplan.drawing.run import plot_plan
 from pushplan.drawing.sets import plot_stable_sets
 from pushplan.drawing.world import draw_by_margin, draw_surroundings, draw_sweep, view_box
-from pushplan.execution import Execution
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.friction_cone import friction_cone
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.result import PlanResult
-from pushplan.scenario import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
+from pushplan.plans.execution import Execution
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.model import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
+from pushplan.sets.cor_window import default_window
+from pushplan.sets.named import stable_set
 from pushplan.sim.kinematic import simulate_rigid
-from pushplan.stable_sets.cor_window import default_window
-from pushplan.stable_sets.named import stable_set
-from pushplan.tolerance.tolerance import Tolerance
+from pushplan.sim.robustness.tolerance import Tolerance
+from pushplan.util.arrays import FloatArray
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 

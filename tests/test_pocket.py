@@ -9,10 +9,8 @@ import pytest
 import shapely
 from plain import load_plain, plain
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import DRIVES, ProblemParameters
-from pushplan.examples import example_names
 from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at
 from pushplan.planners.infeasible import pocket
@@ -23,9 +21,11 @@ from pushplan.planners.problem.controls import segment_ends
 from pushplan.planners.problem.posing import build_problem
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.validation.checker import find_collision
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import PolygonObstacle, Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray, IntArray
 
 RANDOM = ProblemParameters(objects=(1, 5), obstacles=(0, 30), drives=DRIVES)
 SHUT_IN = {False: (31, 55, 82), True: (5, 16, 66, 72)}

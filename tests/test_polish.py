@@ -10,9 +10,7 @@ import pytest
 import scipy.optimize
 from plain import load_plain
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.path import PushPath
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.polish import objective_value, shorten
 from pushplan.planners.improve.session import Session
@@ -21,8 +19,10 @@ from pushplan.planners.problem.objective import travel_objective
 from pushplan.planners.problem.posing import build_problem
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.validation.checker import find_collision
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.named import stable_set
+from pushplan.plans.path import PushPath
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import FloatArray
 
 NAMES = ["free-space", "two-crates", "carts", "narrow-gap"]
 

@@ -20,8 +20,8 @@ from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.posing import free_word
 from pushplan.planners.problem.posing import build_problem
 from pushplan.planners.validation.checker import find_collision
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import Goal, PolygonObstacle
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Goal, PolygonObstacle
 
 START, GOAL = np.array([0.3, 0.3, 0.8]), np.array([3.5, 3.4, 0.5])
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pushplan.cli import main
+from pushplan.cli.main import main
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from pushplan.cli import main
-from pushplan.commands.steps.exports import WRITERS
+from pushplan.cli.main import main
+from pushplan.cli.steps.exports import WRITERS
 from pushplan.logging.writer import RunLogWriter
-from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario.file import load_scenario
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_a_run_is_served_until_it_ends(
     log: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("foxglove")
-    monkeypatch.setattr("pushplan.commands.steps.playing.LINGER", 0.05)
+    monkeypatch.setattr("pushplan.cli.steps.playing.LINGER", 0.05)
     assert main(["replay", str(log), "--serve", "0", "--rate", "100"]) == 0
     assert re.search(r"playing to ws://localhost:[1-9]\d*; Ctrl-C ends it", capsys.readouterr().err)
 

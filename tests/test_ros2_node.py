@@ -11,8 +11,8 @@ import pytest
 from ros2_stand_ins import Messages, Robot, install
 
 import pushplan
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
+from pushplan.util.arrays import FloatArray
 
 NODE = Path(__file__).parents[1] / "examples" / "ros2" / "follower_node.py"
 

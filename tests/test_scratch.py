@@ -11,9 +11,9 @@ import pytest
 from numba.core import config
 from numba.core.errors import NumbaError
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
+from pushplan.util.arrays import FloatArray
 
 ROWS, COLUMNS = 7, 3
 

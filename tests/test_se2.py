@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
+from pushplan.util.arrays import FloatArray
 
 numbers = st.one_of(st.floats(-5.0, 5.0), st.floats(-1e-9, 1e-9), st.just(0.0))
 poses = st.tuples(numbers, numbers, numbers).map(np.array)

@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 
 from pushplan import run
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.bench.processes.work import figures
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
-from pushplan.path import PushPath
 from pushplan.plan import plan
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import Scenario
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
 from pushplan.sim.judging import judging_set, planning_set
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import Trajectory
+from pushplan.util.stopwatch import Stopwatch
 
 ITERATIONS = 4000
 FAST = Limits(5.0, 50.0, 2000.0, 50.0, 500.0, 2e4)

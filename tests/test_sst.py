@@ -7,7 +7,6 @@ import pytest
 from ompl import base as ob
 from plain import load_plain
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import sweep_is_free
 from pushplan.planners.improve.budget import Budget
@@ -28,7 +27,8 @@ from pushplan.planners.search.sst_kernel import (
     SparseTree,
     grow_sparse,
 )
-from pushplan.stable_sets.named import stable_set
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import FloatArray
 
 HEADING_LENGTH = 0.4
 RADII = np.array([HEADING_LENGTH, 0.5, 0.25])

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts.friction import cof
 from pushplan.mechanics.sphere import angles_of, twists_about, twists_at
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

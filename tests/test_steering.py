@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from ompl import base as ob
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.path import cost_rate
 from pushplan.planners.collision.scene import scene_of
 from pushplan.planners.problem.steering import (
     LEFT,
@@ -19,6 +17,8 @@ from pushplan.planners.problem.steering import (
     connect,
     find_words,
 )
+from pushplan.plans.path import cost_rate
+from pushplan.util.arrays import FloatArray
 
 
 def _turning(cor: tuple[float, float], sense: float) -> FloatArray:

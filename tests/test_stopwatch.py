@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from pushplan.basics.stopwatch import Stopwatch
+from pushplan.util.stopwatch import Stopwatch
 
 
 def test_phases_inside_others_are_counted_once() -> None:

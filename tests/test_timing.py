@@ -7,12 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pushplan.mechanics.chain import Limits
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.arc_limits import arc_limits
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.profile import rest_to_rest
-from pushplan.trajectory import Trajectory
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.trajectory import Trajectory
 
 
 def _path(rng: np.random.Generator, arcs: int) -> PushPath:

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import ChainError
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.tolerance.instants import thinned_instants
-from pushplan.tolerance.overlap import NOWHERE, Overlap
-from pushplan.tolerance.tolerance import MOST_ANGLE, MOST_SHARE, Tolerance
-from pushplan.tolerance.work_out import USED_UP, tolerance_along, tolerance_of
-from pushplan.trajectory import Trajectory
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.file import load_scenario
+from pushplan.sim.robustness.instants import thinned_instants
+from pushplan.sim.robustness.overlap import NOWHERE, Overlap
+from pushplan.sim.robustness.tolerance import MOST_ANGLE, MOST_SHARE, Tolerance
+from pushplan.sim.robustness.work_out import USED_UP, tolerance_along, tolerance_of
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

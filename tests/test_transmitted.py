@@ -20,7 +20,7 @@ from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.contacts.friction import ecof, friction_wrench
 from pushplan.mechanics.friction.packed import pack_chain, pack_object
 from pushplan.mechanics.support import UniformSupport
-from pushplan.stable_sets.named import stable_set
+from pushplan.sets.named import stable_set
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

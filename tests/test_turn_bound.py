@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from plain import load_plain
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.examples import example_names
 from pushplan.geometry import se2
-from pushplan.path import TURN_WEIGHT, PushPath
 from pushplan.plan import plan
 from pushplan.planners.infeasible.turn_bound import turn_bound
 from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.path import TURN_WEIGHT, PushPath
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 ORIGIN = np.zeros(3)
 CAR = np.array([[1.0, 0.0, -2.0, 1.0, 0.0, 2.0]])

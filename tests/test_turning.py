@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.infeasible.turning import drive_radii, turning_faults
 from pushplan.planners.problem.controls import MARGIN_FLOOR, control_segments
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import Scenario, StabilitySettings
-from pushplan.stable_sets.named import stable_set
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario, StabilitySettings
+from pushplan.sets.named import stable_set
 
 DRIVES = (
     Drive("differential", np.array([-0.45, 0.0, 0.0])),

@@ -19,24 +19,24 @@ import pytest
 from interrupts import heed_interrupts
 
 import pushplan
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.extras import MissingExtraError
-from pushplan.builders import box, build_scenario, plate
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
-from pushplan.scenario import Scenario
-from pushplan.viewing.answers import Answer, Answers
-from pushplan.viewing.draft import Draft
-from pushplan.viewing.worker import Worker
+from pushplan.scenario.builders import box, build_scenario, plate
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.extras import MissingExtraError
+from pushplan.view.answers import Answer, Answers
+from pushplan.view.draft import Draft
+from pushplan.view.worker import Worker
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _patience() -> Iterator[None]:
     """Let a machine that is a few times slower find and polish a plan, too."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pushplan.viewing.answers.SEARCH", 2.0)
-        patch.setattr("pushplan.viewing.answers.POLISHING", 6.0)
+        patch.setattr("pushplan.view.answers.SEARCH", 2.0)
+        patch.setattr("pushplan.view.answers.POLISHING", 6.0)
         yield
 
 
@@ -253,7 +253,7 @@ def visit(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Itera
     pytest.importorskip("viser")
     import viewed
 
-    from pushplan.viewing.window import Window
+    from pushplan.view.window import Window
 
     downloads = tmp_path_factory.mktemp("downloads")
     with boxes.chromium(tmp_path_factory.mktemp("view")) as browser:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import pushplan
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 
 ROOM = """
 format: pushplan/1

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.viewing.window import Window
+from pushplan.util.arrays import FloatArray
+from pushplan.view.window import Window
 
 SIZE = (1200, 800)
 """Of the page, pixels."""

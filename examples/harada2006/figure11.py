@@ -12,15 +12,15 @@ from matplotlib.lines import Line2D
 from panels import chain_named, draw_roles, row_of_panels
 from scipy.stats import qmc
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.drawing.chain import draw_contacts
 from pushplan.drawing.cor import LINE_STYLES
 from pushplan.drawing.figure import INK
 from pushplan.drawing.sets import draw_sets
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_about
+from pushplan.sets.named import stable_set
 from pushplan.sim.physics.agreement import Agreement, compare
-from pushplan.stable_sets.named import stable_set
+from pushplan.util.arrays import BoolArray, FloatArray
 
 WINDOW = (-0.1, -0.2, 0.16, 0.2)
 PANELS = {"(a) 14 deg at the plate": "one-block-14deg", "(b) 29 deg at the plate": "one-block-29deg"}

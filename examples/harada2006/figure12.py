@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from panels import HERE, draw_roles
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.drawing.chain import OBJECT_COLOUR, PLATE_COLOUR, draw_contacts
 from pushplan.drawing.cor import style_cor_axes
 from pushplan.drawing.figure import FAINT, INK, axes_at, figure_for
@@ -17,13 +16,14 @@ from pushplan.drawing.sets import draw_sets
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_about
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.reading.scenario_file import load_scenario
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.scenario.file import load_scenario
+from pushplan.sets.named import stable_set
 from pushplan.sim.physics.report import PhysicsReport
 from pushplan.sim.physics.simulate import simulate_trajectory
-from pushplan.stable_sets.named import stable_set
+from pushplan.util.arrays import FloatArray
 
 STRAIGHT = 0.2
 """Length of the translation at the end, m."""

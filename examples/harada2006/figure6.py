@@ -20,7 +20,7 @@ from panels import (
 
 from pushplan.drawing.chain import CONE_COLOUR
 from pushplan.drawing.cor import SENSES, draw_region
-from pushplan.stable_sets.named import stable_set
+from pushplan.sets.named import stable_set
 
 WINDOW = (-0.05, -0.25, 0.2, 0.25)
 TITLES = ("(a) object 2 pushes object 1", "(b) the plate pushes both", "(c) common to both")

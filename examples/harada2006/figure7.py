@@ -9,7 +9,7 @@ from panels import allowed_directions, carried_center, chain_named, draw_directi
 
 from pushplan.drawing.figure import FAINT
 from pushplan.mechanics.chain import Chain
-from pushplan.stable_sets.named import stable_set
+from pushplan.sets.named import stable_set
 
 WINDOW = (-0.04, -0.08, 0.24, 0.08)
 TITLES = ("(a) object 2 pushes object 1", "(b) the plate pushes both", "(c) common to both")

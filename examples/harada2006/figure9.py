@@ -13,7 +13,7 @@ from pushplan.drawing.chain import CONE_COLOUR, draw_contacts
 from pushplan.drawing.cor import LINE_STYLES
 from pushplan.drawing.figure import INK
 from pushplan.drawing.sets import draw_sets
-from pushplan.stable_sets.named import stable_set
+from pushplan.sets.named import stable_set
 
 WINDOW = (-0.06, -0.27, 0.22, 0.27)
 PANELS = {"(a) in a row": "two-blocks", "(b) the far one 2 cm to the left": "two-blocks-offset"}

@@ -12,15 +12,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.drawing.chain import CONE_COLOUR, OBJECT_COLOUR, PLATE_COLOUR
 from pushplan.drawing.cor import SENSE_NAMES, SENSES, style_cor_axes
 from pushplan.drawing.figure import INK, axes_at, figure_for
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.carried import carried_objects, common_centers
 from pushplan.mechanics.contacts.friction import cof
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.stable_sets.cor.cor_region import Window
+from pushplan.scenario.file import load_scenario
+from pushplan.sets.cor.cor_region import Window
+from pushplan.util.arrays import FloatArray
 
 HERE = Path(__file__).parent
 FAR = 10.0

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.outputs.write import write_pieces
+from pushplan.util.arrays import FloatArray
+from pushplan.util.outputs.write import write_pieces
 
 _AT_ONCE = 10_000
 """Rows that exist as text in memory."""

@@ -14,9 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.basics import colours
-from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.contacts import cone_heights, largest_force, longest_arrow, worst_contacts
@@ -26,9 +23,12 @@ from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import shown_ways, window
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.friction_cone import friction_cone
-from pushplan.outputs.write import write_whole
-from pushplan.result import PlanResult, Run
-from pushplan.scenario import Scenario
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import PlanResult, Run
+from pushplan.scenario.model import Scenario
+from pushplan.util import colours
+from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.outputs.write import write_whole
 
 MOST_SAMPLES = 5_000
 """Samples of an execution that the page holds, at most, beside the smallest margins."""

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pushplan.basics.extras import optional
 from pushplan.logging.export.film.colours import FilmColours
 from pushplan.logging.export.film.frames import Film
 from pushplan.logging.export.film.scene import HEIGHT, WIDTH, FilmScene
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.outputs.write import write_whole
-from pushplan.result import Run
+from pushplan.plans.result import Run
+from pushplan.util.extras import optional
+from pushplan.util.outputs.write import write_whole
 
 PICTURES_PER_SECOND = 25
 

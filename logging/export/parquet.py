@@ -5,10 +5,10 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-from pushplan.basics.extras import optional
 from pushplan.logging.export.csv import table
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.outputs.write import write_whole
+from pushplan.util.extras import optional
+from pushplan.util.outputs.write import write_whole
 
 
 def write_parquet(run: RecordedRun, path: Path | str) -> None:

@@ -18,9 +18,6 @@ from typing import Any
 import numpy as np
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import BESIDE_A_BAG
-from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.logging.export.bag import messages
 from pushplan.logging.export.bag.beside import margin_topics, plotjuggler_layout, rviz_file
@@ -37,9 +34,12 @@ from pushplan.logging.view.views import viewed
 from pushplan.logging.view.window import smoothed_times, window
 from pushplan.mechanics.body import outline_of_all
 from pushplan.mechanics.chain import Chain
-from pushplan.outputs.target import look
-from pushplan.outputs.write import write_whole
-from pushplan.scenario import Scenario
+from pushplan.plans.execution import Execution
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import BESIDE_A_BAG
+from pushplan.util.outputs.target import look
+from pushplan.util.outputs.write import write_whole
 
 Message = dict[str, Any]
 

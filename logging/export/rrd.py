@@ -12,11 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.colours import ALONE, PATH, contact_colours, red_green_blue
-from pushplan.basics.extras import optional
-from pushplan.basics.names import PUSHER
-from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.contacts import ContactShapes, PushedContacts, resting
@@ -24,9 +19,14 @@ from pushplan.logging.view.scene import CHAIN, WORLD, nearest, scene, tree
 from pushplan.logging.view.shapes import corners
 from pushplan.logging.view.window import Way, shown_ways, window
 from pushplan.mechanics.chain import Chain
-from pushplan.outputs.write import write_whole
-from pushplan.result import ProgressPoint
-from pushplan.scenario import Scenario
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import ProgressPoint
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.colours import ALONE, PATH, contact_colours, red_green_blue
+from pushplan.util.extras import optional
+from pushplan.util.names import PUSHER
+from pushplan.util.outputs.write import write_whole
 
 TIMELINE = "time"
 """Name of the timeline: simulated seconds."""

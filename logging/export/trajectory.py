@@ -6,13 +6,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.mechanics.body import outline_of_all
-from pushplan.outputs.write import write_whole
-from pushplan.trajectory import Trajectory
+from pushplan.plans.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
+from pushplan.util.outputs.write import write_whole
 
 FORMAT = "pushplan-trajectory/1"
 

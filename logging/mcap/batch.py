@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pushplan.basics.arrays import IntArray
 from pushplan.logging.mcap import message_head, opcodes
 from pushplan.logging.mcap.message_template import ByteRows
+from pushplan.util.arrays import IntArray
 
 
 @dataclass(frozen=True)

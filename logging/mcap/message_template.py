@@ -15,7 +15,7 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
-from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray, IntArray
 
 ByteRows = NDArray[np.uint8]
 """(n, bytes): a message in each row."""

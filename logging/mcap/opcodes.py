@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pushplan.basics.names import LOG_MAGIC
+from pushplan.util.names import LOG_MAGIC
 
 MAGIC = LOG_MAGIC
 

@@ -16,11 +16,11 @@ import zstandard
 
 from mcap import records
 from mcap.data_stream import RecordBuilder
-from pushplan.basics.arrays import IntArray
 from pushplan.logging.mcap import message_head, opcodes
 from pushplan.logging.mcap.batch import Batch
 from pushplan.logging.mcap.message_template import ByteRows
-from pushplan.outputs.open_file import OpenFile
+from pushplan.util.arrays import IntArray
+from pushplan.util.outputs.open_file import OpenFile
 
 CHUNK_SIZE = 256 << 10
 """A chunk is written when it has grown so large, bytes; until then its messages exist in memory only."""

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.logging.messages.schemas import Array, MessageClass
+from pushplan.util.arrays import FloatArray
 
 _WIDTH = 8
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.errors import RunLogError
 from pushplan.logging.mcap.batch import Batch
 from pushplan.logging.mcap.message_template import ByteRows
@@ -15,7 +14,8 @@ from pushplan.logging.mcap.record_writer import RecordWriter
 from pushplan.logging.messages.metadata import version_of
 from pushplan.logging.messages.schemas import TOPICS, MessageClass, Topic
 from pushplan.logging.messages.seal import sealed
-from pushplan.outputs.open_file import OpenFile
+from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.outputs.open_file import OpenFile
 
 _NANO = 1_000_000_000
 _LATEST = 1 << 33

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pushplan.execution import Execution
 from pushplan.logging.mcap.items import Message
 from pushplan.logging.messages import plan_message, schemas
 from pushplan.logging.messages.effort import Effort
@@ -12,7 +11,8 @@ from pushplan.logging.messages.execution_message import Collector
 from pushplan.logging.messages.feedback_message import FeedbackReader
 from pushplan.logging.messages.recorded import LogLine
 from pushplan.logging.messages.schemas import MessageClass, Topic
-from pushplan.result import PlanResult, ProgressPoint
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import PlanResult, ProgressPoint
 
 TOPICS = (
     schemas.PROGRESS,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pushplan.result import PlanResult
+from pushplan.plans.result import PlanResult
 
 _NONE = "none"
 

@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.execution import Execution, StabilityLoss
 from pushplan.logging.messages import blocks
 from pushplan.logging.messages.schemas import Execution as ExecutionBlock
 from pushplan.logging.messages.schemas import ExecutionEnd, MessageClass
+from pushplan.plans.execution import Execution, StabilityLoss
+from pushplan.util.arrays import FloatArray
 
 REQUIRED = ("t", "poses", "twists", "margins")
 OPTIONAL = ("friction_margins", "lambdas", "forces", "dynamic_margins", "loads", "object_poses", "wrenches")

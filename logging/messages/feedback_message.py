@@ -7,11 +7,11 @@ import math
 import numpy as np
 from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.events import KINDS, Event, Feedback, Measured, Replan
 from pushplan.logging.messages import plan_message, schemas
 from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.schemas import MessageClass
+from pushplan.plans.events import KINDS, Event, Feedback, Measured, Replan
+from pushplan.util.arrays import FloatArray
 
 _NO_EFFORT = Effort(math.nan, None, (), 0)
 """Of plans on the way: wall-clock times are not in messages."""

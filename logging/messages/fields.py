@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from google.protobuf.message import Message
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.logging.messages import blocks
 from pushplan.logging.messages.schemas import Array, MessageClass
+from pushplan.util.arrays import FloatArray
 
 Value = FloatArray | tuple[Any, ...]
 """Numbers (k,), or texts, truth values and bytes."""

@@ -11,9 +11,9 @@ from functools import cache
 from importlib.metadata import distribution
 from pathlib import Path
 
-from pushplan.execution import Execution
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.model import Scenario
 
 FORMAT = 1
 """Version of the log's format: raised when an older reader would misunderstand a newer file."""

@@ -8,15 +8,15 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.schemas import MessageClass, Plan
-from pushplan.path import PushPath
-from pushplan.result import Diagnosis, PlanResult, ProgressPoint
-from pushplan.segment import Segment
-from pushplan.tolerance.tolerance import Tolerance
-from pushplan.trajectory import Trajectory
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import Diagnosis, PlanResult, ProgressPoint
+from pushplan.plans.segment import Segment
+from pushplan.plans.trajectory import Trajectory
+from pushplan.sim.robustness.tolerance import Tolerance
+from pushplan.util.arrays import FloatArray, frozen
 
 _MOST_REASONS = 1000
 """Diagnoses of a plan, and numbers in one, at most: there are some ten."""

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.events import Feedback
-from pushplan.execution import Execution
-from pushplan.path import PushPath
-from pushplan.result import PlanResult, ProgressPoint
-from pushplan.scenario import Scenario
-from pushplan.trajectory import Trajectory
+from pushplan.plans.events import Feedback
+from pushplan.plans.execution import Execution
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import PlanResult, ProgressPoint
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from pushplan.errors import RunLogError, ScenarioError
 from pushplan.logging.mcap.cursor import DamageError
 from pushplan.logging.mcap.items import Attachment
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 
 if TYPE_CHECKING:
     from pushplan.logging.mcap.mcap_file import McapFile

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from pushplan.execution import Execution
-from pushplan.result import PlanResult
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import PlanResult
 
 
 def plan_sentence(plan: PlanResult) -> str:

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.logging.view.window import Window
+from pushplan.util.arrays import BoolArray, FloatArray
 
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 """Bit of each of the 4 x 2 dots of a character."""

@@ -7,7 +7,6 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from pushplan.basics.extras import optional
 from pushplan.errors import PushplanError
 from pushplan.logging.mcap.items import Message
 from pushplan.logging.mcap.mcap_file import McapFile
@@ -15,7 +14,8 @@ from pushplan.logging.messages import schemas
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.schemas import Topic
 from pushplan.logging.play.playback import Pace, Playback
-from pushplan.outputs.partial_file import SUFFIX
+from pushplan.util.extras import optional
+from pushplan.util.outputs.partial_file import SUFFIX
 
 PORT = 8765
 """The port that these viewers try by themselves."""

@@ -9,9 +9,7 @@ from typing import TextIO
 
 import numpy as np
 
-from pushplan.basics.printable import cut, printable
 from pushplan.errors import PushplanError
-from pushplan.execution import Execution
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.play.canvas import Canvas
 from pushplan.logging.play.keyboard import keyboard
@@ -20,6 +18,8 @@ from pushplan.logging.play.transport import Transport
 from pushplan.logging.view.contacts import MOST_NAMED, worst_contacts
 from pushplan.logging.view.scene import ghosts, obstacle_outline
 from pushplan.logging.view.window import Window, shown_ways, window
+from pushplan.plans.execution import Execution
+from pushplan.util.printable import cut, printable
 
 PERIOD = 0.1
 """Between two pictures, s."""

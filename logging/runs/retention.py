@@ -12,7 +12,7 @@ from typing import Self
 
 from pushplan.errors import OutputError
 from pushplan.logging.runs.folder import recorded_logs
-from pushplan.outputs.write import write_whole
+from pushplan.util.outputs.write import write_whole
 
 COUNT, MEGABYTES = "PUSHPLAN_RUNS_COUNT", "PUSHPLAN_RUNS_MB"
 """Set the limits in the environment."""

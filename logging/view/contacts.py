@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.execution import Execution
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.friction_cone import friction_cone
+from pushplan.plans.execution import Execution
+from pushplan.util.arrays import FloatArray, IntArray
 
 MOST_NAMED = 6
 """Contacts that are named beside a plot."""

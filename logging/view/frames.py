@@ -12,12 +12,12 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.basics.names import PUSHER
 from pushplan.geometry import se2
 from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
 from pushplan.logging.view.scene import CHAIN, WORLD
 from pushplan.mechanics.chain import Chain
+from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.names import PUSHER
 
 
 def placed(poses: FloatArray) -> FloatArray:

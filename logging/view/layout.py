@@ -12,14 +12,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-from pushplan.basics import colours
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import WORLD
 from pushplan.logging.view.window import window
-from pushplan.outputs.write import write_whole
-from pushplan.result import PlanResult, Run
-from pushplan.scenario import Scenario
+from pushplan.plans.result import PlanResult, Run
+from pushplan.scenario.model import Scenario
+from pushplan.util import colours
+from pushplan.util.outputs.write import write_whole
 
 LAYOUT_FILE = "layout.json"
 """Name of the attachment that every log carries from its plan on."""

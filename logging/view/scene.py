@@ -13,14 +13,14 @@ from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletio
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.basics import colours
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import PUSHER, ROBOT
 from pushplan.geometry import se2
 from pushplan.logging.view.shapes import Paint, circle, filled, line, loop
 from pushplan.mechanics.chain import Chain
-from pushplan.result import PlanResult
-from pushplan.scenario import CircleObstacle, Obstacle, PolygonObstacle, Scenario
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.model import CircleObstacle, Obstacle, PolygonObstacle, Scenario
+from pushplan.util import colours
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import PUSHER, ROBOT
 
 WORLD, CHAIN = "world", "chain"
 """Frames of every run, beside the plate's, `PUSHER`; each object adds one of its own name."""

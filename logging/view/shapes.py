@@ -14,11 +14,11 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.colours import PLATE, ROBOT, object_colours, red_green_blue
 from pushplan.logging.mcap.message_template import MessageTemplate
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
+from pushplan.util.arrays import FloatArray
+from pushplan.util.colours import PLATE, ROBOT, object_colours, red_green_blue
 
 CIRCLE_CORNERS = 48
 """Corners of the polygon that is drawn for a circle."""

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
 from pushplan.logging.messages import schemas
@@ -23,6 +21,8 @@ from pushplan.logging.view.contact_messages import contact_messages
 from pushplan.logging.view.contacts import PushedContacts
 from pushplan.logging.view.scene import CHAIN
 from pushplan.mechanics.chain import Chain
+from pushplan.plans.execution import Execution
+from pushplan.util.arrays import FloatArray, IntArray
 
 VIEW_RATE = 20.0
 """Samples per second of /tf, /contacts, /pusher/pose, /pusher/twist, /pusher/wrench and /margins."""

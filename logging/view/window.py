@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.logging.view.scene import PATH_SPACING, ghosts, obstacle_outline
 from pushplan.mechanics.chain import Chain
-from pushplan.path import PushPath
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
-from pushplan.trajectory import Trajectory
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import PlanResult
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 
 RIM = 0.03
 """Free rim around everything, as a share of the longer side."""

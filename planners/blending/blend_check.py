@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, columns_of
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.validation.checker import find_collision
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.ecof_set import EcofSet
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import Trajectory
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
+from pushplan.sets.ecof_set import EcofSet
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray, columns_of
 
 RESTING = 1e-9
 """Twist components below this (m/s, rad/s) are rest."""

@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.path import PushPath
 from pushplan.planners.blending.blend_check import collision_times, off_chords, unstable_times
 from pushplan.planners.blending.goal_fit import NoFitError
 from pushplan.planners.blending.joining import (
@@ -29,9 +27,11 @@ from pushplan.planners.blending.sweep import find_touches
 from pushplan.planners.collision.separation import Scene
 from pushplan.planners.problem.posing import body_reach
 from pushplan.planners.timing.bounds import Bounds
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import Trajectory
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 NUDGES = 6
 """How often lengths are changed to keep away from what is touched before a stop is made."""

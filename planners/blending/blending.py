@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushplan.path import PushPath
 from pushplan.planners.blending.blend_search import Blend, BlendSearch
 from pushplan.planners.blending.inset import inset_path
 from pushplan.planners.blending.joining import corners_of
@@ -22,9 +21,10 @@ from pushplan.planners.collision.separation import Scene
 from pushplan.planners.problem.posing import scenario_scene
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import SAMPLE_RATE
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import SAMPLE_RATE
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
 
 LOWER_PACES = (0.5, 0.65, 0.8)
 """Shares of the top speeds that are tried where full speed needs stops; the lowest needs the fewest, if any."""

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import TimingError
 from pushplan.geometry import se2
-from pushplan.path import PushPath
 from pushplan.planners.blending.least_change import least_change
 from pushplan.planners.blending.nudge import LengthRows, effects_on
+from pushplan.plans.path import PushPath
+from pushplan.util.arrays import FloatArray
 
 CLOSE = 1e-12
 """Error (m, rad) of the end that counts as none."""

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.blending.section import passing_speeds, step_windows
 from pushplan.planners.problem.margins import most_stable_twist
 from pushplan.planners.timing.bounds import Bounds
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray, IntArray
 
 SHARES = 2.0 ** np.arange(-12.0, -1.0)
 """How far twists are moved inward: shares of the way to the path's most stable twist, or the set's."""

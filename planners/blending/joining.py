@@ -7,16 +7,16 @@ from functools import partial
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
-from pushplan.path import PushPath
 from pushplan.planners.blending.goal_fit import fit_lengths
 from pushplan.planners.blending.nudge import LengthRows
 from pushplan.planners.blending.part import Part
 from pushplan.planners.blending.section import make_part
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import SAME
-from pushplan.trajectory import Trajectory
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray, IntArray
 
 FITS = 2
 """How often steps are widened and lengths fitted in turn."""

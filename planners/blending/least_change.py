@@ -5,7 +5,7 @@ from __future__ import annotations
 import daqp
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.util.arrays import FloatArray
 
 RANK = 1e-9
 """Singular values below this share of the largest one count as 0."""

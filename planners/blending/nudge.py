@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.path import PushPath
 from pushplan.planners.blending.sweep import Touches, separations
 from pushplan.planners.collision.separation import Scene
-from pushplan.trajectory import Trajectory
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 APART = 0.2
 """Touches closer together than this (s) count as one: the worst of them is pushed away."""

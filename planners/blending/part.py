@@ -7,12 +7,12 @@ from typing import Protocol
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
 from pushplan.planners.timing.arc_limits import contact_limits
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_run
 from pushplan.planners.timing.step_sum import Pieces
+from pushplan.util.arrays import FloatArray, IntArray
 
 
 class Part(Protocol):

@@ -11,9 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray, columns_of
 from pushplan.mechanics.chain import Limits
-from pushplan.path import PushPath
 from pushplan.planners.blending.part import Part, Push
 from pushplan.planners.timing.arc_limits import contact_limits, contact_limits_of
 from pushplan.planners.timing.bounds import Bounds
@@ -21,6 +19,8 @@ from pushplan.planners.timing.contact_use import ORDERS, bounds_use
 from pushplan.planners.timing.exact_timing import SAME
 from pushplan.planners.timing.profile import step_widths
 from pushplan.planners.timing.step_sum import Pieces, ordered_widths, step_sum
+from pushplan.plans.path import PushPath
+from pushplan.util.arrays import FloatArray, IntArray, columns_of
 
 PACES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.3)
 """Shares of the arcs' top speeds that are tried: a short section is sooner over when driven below full speed."""

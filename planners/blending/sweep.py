@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.timing.motion_bounds import top_rates
-from pushplan.trajectory import Trajectory
+from pushplan.plans.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 COARSE = 0.02
 """Travel of the body's farthest point (m) between the first poses that are looked at."""

@@ -10,9 +10,9 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import BoolArray, FloatArray, IntArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.errors import OutOfTimeError
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 STRAIGHT = 1e-12
 """A corner that stands out, or in, by less (m) is none."""

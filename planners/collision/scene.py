@@ -8,11 +8,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.mechanics.chain import Chain
 from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.obstacle_tree import obstacle_tree
 from pushplan.planners.collision.separation import Scene, Shapes
+from pushplan.util.arrays import FloatArray, IntArray
 
 
 def flatten(polygons: Sequence[FloatArray]) -> Shapes:

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch
+from pushplan.util.arrays import FloatArray, IntArray
 
 EXACT_BELOW = 0.01
 """Separations under this (m), or under twice the clearance, are refined from the bound that separating axes give to

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray, IntArray
 
 MOST_BRANCHES = 500
 """Branches that are kept, at most."""

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.path import PushPath
 from pushplan.planners.improve.polish import objective_value
 from pushplan.planners.problem.objective import GAIN, Objective
+from pushplan.plans.path import PushPath
+from pushplan.util.arrays import FloatArray
 
 SHORTEST_ARC = 1e-10
 """Arcs below this (m of cost) are rounding and are left out of paths."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.path import TURN_WEIGHT
 from pushplan.planners.improve.polish import merged
 from pushplan.planners.problem.objective import GAIN
 from pushplan.planners.problem.problem import remaining
+from pushplan.plans.path import TURN_WEIGHT
+from pushplan.util.arrays import FloatArray
 
 
 class NearestApproach:

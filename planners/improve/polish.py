@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, RandomState
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.planners.collision.separation import step
 from pushplan.planners.improve.varying import normals_of, vary
@@ -17,6 +16,7 @@ from pushplan.planners.problem.objective import GAIN, TRAVEL, Objective, arc_val
 from pushplan.planners.problem.problem import TRIES, Problem, between, random
 from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
+from pushplan.util.arrays import FloatArray, RandomState
 
 
 @no_refcount

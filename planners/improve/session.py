@@ -7,8 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.path import PushPath
 from pushplan.planners.improve.branches import Branches
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.incumbent import Incumbent, path_from
@@ -16,7 +14,9 @@ from pushplan.planners.improve.nearest import NearestApproach
 from pushplan.planners.improve.polish import merged, shorten
 from pushplan.planners.improve.shortcuts import cut_short
 from pushplan.planners.problem.problem import Problem, remaining
-from pushplan.result import ProgressPoint
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import ProgressPoint
+from pushplan.util.arrays import FloatArray
 
 CHUNK = 128
 """Extensions between two looks at the clock."""

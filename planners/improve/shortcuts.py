@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import any_integer, compiled
 from pushplan.planners.collision.separation import step
 from pushplan.planners.improve.polish import merged
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.problem.rows import put
 from pushplan.planners.problem.steering import connect
+from pushplan.util.arrays import FloatArray
 
 TRIES = any_integer(3)
 """Words between two corners that are swept, at most."""

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.path import cost_rate
 from pushplan.planners.collision.separation import Scene, sweep_is_free
 from pushplan.planners.infeasible.pocket import Pocket, find_pocket
 from pushplan.planners.infeasible.turning import tightest_turn
 from pushplan.planners.problem.problem import Problem
-from pushplan.result import Diagnosis
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.path import cost_rate
+from pushplan.plans.result import Diagnosis
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 
 def boxed_in_faults(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:

@@ -15,9 +15,9 @@ from pushplan.planners.infeasible.passage import passage_faults
 from pushplan.planners.infeasible.turning import turning_faults
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.problem import Problem
-from pushplan.result import Diagnosis
-from pushplan.scenario import CircleObstacle, Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.result import Diagnosis
+from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.sets.stable_set import StableSet
 
 FIRST_STEP = 0.1
 """Seconds of a search without a path before the first step is taken."""

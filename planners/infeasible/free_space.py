@@ -14,11 +14,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.body import SEAM, as_one
 from pushplan.mechanics.chain import Chain
-from pushplan.scenario import CircleObstacle, Obstacle, Scenario
+from pushplan.scenario.model import CircleObstacle, Obstacle, Scenario
+from pushplan.util.arrays import FloatArray
 
 ARC_SEGMENTS = 8
 """Segments per quarter of a round corner, all inside it: what is blocked is never overestimated."""

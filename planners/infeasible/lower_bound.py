@@ -15,14 +15,14 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.geometry import se2
-from pushplan.path import TURN_WEIGHT
 from pushplan.planners.infeasible.free_space import Disc, blocked, disc_at, largest_disc
 from pushplan.planners.infeasible.turn_bound import turn_bound
 from pushplan.planners.problem.problem import remaining
-from pushplan.scenario import Scenario
+from pushplan.plans.path import TURN_WEIGHT
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import CLEARANCE_ROOM
 
 TOUCH = 1e-7
 """Ways may cut into what is blocked by so much (m): they run along its edges."""

@@ -11,12 +11,12 @@ from collections.abc import Callable, Generator, Iterator
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.mechanics.body import as_one
 from pushplan.planners.infeasible.free_space import largest_disc, room
-from pushplan.result import Diagnosis
-from pushplan.scenario import Scenario
+from pushplan.plans.result import Diagnosis
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import CLEARANCE_ROOM
 
 RESOLUTION = 1e-5
 """Widths are found to this accuracy, m."""

@@ -15,15 +15,15 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import Scene
 from pushplan.planners.infeasible.pocket_kernel import CLOSED, MET, ORIGIN, Steps, spread
 from pushplan.planners.problem.controls import control_segments, segment_ends
 from pushplan.planners.problem.problem import Problem
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.names import CLEARANCE_ROOM
 
 Level = tuple[int, int, int]
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import inlined, no_refcount
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.search.cell_table import cell_key, slot_of
+from pushplan.util.arrays import FloatArray, IntArray
 
 CLOSED, MET, OPEN = 0, 1, 2
 """How spreading ends: no more cells, near the other pose, or with too many cells to tell."""

@@ -26,10 +26,10 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.path import TURN_WEIGHT
 from pushplan.planners.infeasible.turns import Turns, turns_of
+from pushplan.plans.path import TURN_WEIGHT
+from pushplan.util.arrays import FloatArray
 
 BINS = 360
 """Bins of the heading, a degree wide: rho is a lower bound on each of them."""

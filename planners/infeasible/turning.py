@@ -7,17 +7,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import TurningRadii
-from pushplan.path import PushPath
 from pushplan.planners.problem.controls import control_segments, segment_ends, steering_families
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
-from pushplan.result import Diagnosis
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import Diagnosis
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 SAME_ANGLE = 1e-9
 """Headings and directions (rad) that differ by less are the same."""

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
+from pushplan.util.arrays import FloatArray
 
 SECTORS = 64
 """Sectors that the directions of v are put together to, at most."""

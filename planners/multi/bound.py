@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.path import TURN_WEIGHT
 from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.plans.path import TURN_WEIGHT
+from pushplan.util.arrays import FloatArray
 
 
 def lower_bounds(room: PushRoom, question: Question, through: FloatArray) -> tuple[FloatArray, FloatArray]:

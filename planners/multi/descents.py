@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import compiled
 from pushplan.planners.collision.separation import step
 from pushplan.planners.multi.pushing import PackedMode, joined, seen_from_contact
 from pushplan.planners.multi.transit import TURN_LENGTH
 from pushplan.planners.problem.problem import random
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
+from pushplan.util.arrays import FloatArray, IntArray, RandomState
 
 WIDEST = 0.3
 """Scale of the first moves, m; a turn by 1 rad counts `TURN_LENGTH`."""

@@ -11,15 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.chain import Drive
-from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
 from pushplan.planners.multi.reeds_shepp import LETTERS, MOST_WORDS, find_reeds_shepp, wrapped
 from pushplan.planners.problem.rows import put
 from pushplan.planners.problem.steering import cheapest
+from pushplan.plans.path import TURN_WEIGHT
+from pushplan.util.arrays import FloatArray
 
 OMNIDIRECTIONAL, DIFFERENTIAL, CAR = 0, 1, 2
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import FACES
 from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import TOUCH, find_touch
 from pushplan.geometry.penetration import overlap_depth
 from pushplan.mechanics.chain import PLATE, Chain
-from pushplan.scenario_parts import Pushes
+from pushplan.scenario.parts import Pushes
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import FACES
 
 SAME_DIRECTION = math.radians(1.0)
 """Outward normals that differ by less are in the direction that a face is named by."""

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.planners.multi.bound import lower_bounds
 from pushplan.planners.multi.pushing import ARCS, approaches_are_free, push, robot_at, settles, word_costs
 from pushplan.planners.multi.room import PushRoom, Question
@@ -21,6 +20,7 @@ from pushplan.planners.multi.sequence import Sequence, Step
 from pushplan.planners.multi.shortest import cheapest_sequence
 from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened, transit_is_free
 from pushplan.planners.problem.posing import sampling_box
+from pushplan.util.arrays import FloatArray
 
 EFFORT = (30, 200, 1000)
 """Poses drawn in search of a way of the robot: a way that is not found is looked for again, with more, later on."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.planners.multi.faces import Place
 from pushplan.planners.problem.posing import Controls
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.compiled import any_integer, compiled
 from pushplan.planners.collision.separation import Scene, separation, step, sweep_is_free
 from pushplan.planners.problem.posing import ROUNDING, SLACK, scene_with_gap
 from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
+from pushplan.util.arrays import BoolArray, FloatArray
 
 ARCS = 4
 """Of a push, at most: the settling one, and those of a word."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import inlined, no_refcount
+from pushplan.util.arrays import FloatArray
 
 LEFT, STRAIGHT, RIGHT = 1, 0, -1
 """Letters: the sign of the curvature."""

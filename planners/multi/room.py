@@ -7,9 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import TRANSIT_CLEARANCE
-from pushplan.path import TURN_WEIGHT, cost_rate
 from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.scene import bounding_circle, flatten, scene_of
 from pushplan.planners.collision.separation import Scene, sweep_is_free
@@ -20,7 +17,10 @@ from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened
 from pushplan.planners.problem.controls import MARGIN_FLOOR
 from pushplan.planners.problem.posing import SLACK, open_scene
 from pushplan.planners.problem.steering import MOST_FAMILIES
-from pushplan.scenario import Scenario
+from pushplan.plans.path import TURN_WEIGHT, cost_rate
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import TRANSIT_CLEARANCE
 
 NOWHERE = np.zeros(3)
 

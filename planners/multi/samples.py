@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.compiled import compiled
 from pushplan.geometry import se2
 from pushplan.planners.multi.descents import descend, pack_modes, pushed_at_random, random_descent
@@ -15,6 +14,7 @@ from pushplan.planners.multi.pushing import PackedMode
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.sequence import Sequence
 from pushplan.planners.problem.posing import sampling_box
+from pushplan.util.arrays import BoolArray, FloatArray
 
 
 def crossings(start: FloatArray, goals: FloatArray, modes: list[PackedMode]) -> FloatArray:

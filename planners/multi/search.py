@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from pushplan.basics.arrays import BoolArray
 from pushplan.planners.multi.bound import lower_bounds
 from pushplan.planners.multi.graph import Graph
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.samples import Sampler, crossings
 from pushplan.planners.multi.sequence import Sequence
+from pushplan.util.arrays import BoolArray
 
 MOST_POSES = 160
 """More are let go of, those first through which a plan can be least good."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import compiled
+from pushplan.util.arrays import FloatArray, IntArray
 
 
 @compiled

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, RandomState
 from pushplan.compiled import any_integer, inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import separation, step
@@ -14,6 +13,7 @@ from pushplan.planners.multi.driving import Surroundings, Wheels, arc_is_free, d
 from pushplan.planners.multi.reeds_shepp import LETTERS
 from pushplan.planners.problem.problem import apart, random
 from pushplan.planners.problem.rows import put, put_rows
+from pushplan.util.arrays import FloatArray, RandomState
 
 NODE = 4 + 1 + 4 * LETTERS
 """Columns of a node: pose, parent, number of arcs between it and its parent, and these arcs."""

@@ -13,7 +13,6 @@ from itertools import count
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.planners.improve.session import CHUNK, Session
 from pushplan.planners.ompl.anytime import AnytimePlanner
 from pushplan.planners.ompl.posing import PushInformation
@@ -21,6 +20,7 @@ from pushplan.planners.problem.posing import Box
 from pushplan.planners.search.bidirectional import grow_both
 from pushplan.planners.search.forest import NODE, Forest, plant
 from pushplan.planners.search.lattice_rounds import LatticeRounds
+from pushplan.util.arrays import FloatArray
 
 ROUND = 256
 """Extensions of a round of trees."""

@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.planners.collision.separation import step, sweep_is_free
 from pushplan.planners.problem.problem import END_SHARE, LETTER_SHARE, Problem, choose_twist
+from pushplan.util.arrays import FloatArray
 
 
 @compiled

@@ -17,7 +17,6 @@ import numpy as np
 
 from ompl import base as ob
 from ompl import geometric as og
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import separation
@@ -27,6 +26,7 @@ from pushplan.planners.ompl.posing import PushInformation, bounds, state_at
 from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import TRIES
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
+from pushplan.util.arrays import FloatArray, IntArray
 
 _INSTEAD = "choose a planner that needs none, such as auto"
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pushplan.basics.naming import attribute_named, name_of, planner_names
 from pushplan.errors import PlanningError
 from pushplan.planners.ompl.search import Factory
+from pushplan.util.naming import attribute_named, name_of, planner_names
 
 PLANNERS = {
     "auto": "pushplan.planners.ompl.auto:Auto",

@@ -15,12 +15,12 @@ import numpy as np
 from numba import typeof, types
 from numba.experimental import structref
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.compiled.private import COMPILES, entry_point
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.problem.problem import TRIES, Problem, extend
 from pushplan.planners.problem.steering import MAX_WORDS, connect
+from pushplan.util.arrays import FloatArray
 
 
 @structref.register

@@ -14,12 +14,12 @@ import numpy as np
 
 from ompl import base as ob
 from ompl import control as oc
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.propagator import Propagator, wrapped
 from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.steering import MAX_WORDS, connect
+from pushplan.util.arrays import FloatArray
 
 
 class PushInformation(oc.SpaceInformation):  # type: ignore[misc]

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 
 from ompl import control as oc
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
-from pushplan.path import PushPath
 from pushplan.planners.improve.incumbent import path_from
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.posing import PushInformation, free_word, information_of, state_at
 from pushplan.planners.problem.posing import ROUNDING
 from pushplan.planners.problem.problem import Problem
+from pushplan.plans.path import PushPath
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import CLEARANCE_ROOM
 
 
 def leave_path(definition: Any, arcs: FloatArray, planner: str) -> None:

@@ -11,14 +11,14 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import twists_at
-from pushplan.path import cost_rate
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.stable_sets.weakest import HELP, contact_words, emptiness, weakest_contact
+from pushplan.plans.path import cost_rate
+from pushplan.sets.stable_set import StableSet
+from pushplan.sets.weakest import HELP, contact_words, emptiness, weakest_contact
+from pushplan.util.arrays import FloatArray
 
 MARGIN_FLOOR = 1e-6
 """Planned twists keep this much more than the margin asked for, so that rounding cannot put them outside."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import AUTO
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import twists_at
 from pushplan.planners.problem.controls import drive_twists
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.boundary.peaks import margin_peaks
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.scenario.model import Scenario
+from pushplan.sets.boundary.peaks import margin_peaks
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import AUTO
 
 MOST_MARGIN = 0.05
 """What `auto` asks for where the chain can have it.

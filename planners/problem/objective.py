@@ -13,15 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.sphere import angles_of, twists_at
-from pushplan.path import cost_rate
 from pushplan.planners.timing.arc_limits import arc_limits, contact_limits_of
 from pushplan.planners.timing.bounds import Bounds, motion_bounds
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.path import cost_rate
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 TRAVEL, MARGIN, REST_TO_REST, PASSING = 0, 1, 2, 3
 """Kinds of objectives."""

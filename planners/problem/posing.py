@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.compiled import compiled, no_refcount
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.problem.controls import MARGIN_FLOOR, MERIDIANS, control_segments, steering_families
 from pushplan.planners.problem.objective import make_objective
 from pushplan.planners.problem.problem import Problem
-from pushplan.scenario import CircleObstacle, Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import CLEARANCE_ROOM
 
 SLACK = 2e-4
 """Distance beyond the clearance, m, that the poses looked at have, so that those between can be proven to keep it."""

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, RandomState
 from pushplan.compiled import any_integer, inlined, no_refcount
-from pushplan.path import TURN_WEIGHT
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
 from pushplan.planners.problem.objective import Objective
 from pushplan.planners.problem.rows import put
+from pushplan.plans.path import TURN_WEIGHT
+from pushplan.util.arrays import FloatArray, RandomState
 
 NODE = 9
 """Columns of a node: x, y, theta, cost from the start, parent, arc that led here (vx, vy, omega, length)."""

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import any_integer, compiled
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.problem.posing import ROUNDING, SLACK, scene_with_gap
 from pushplan.planners.problem.steering import MAX_WORDS, connect
+from pushplan.util.arrays import FloatArray
 
 TRIES = any_integer(MAX_WORDS)
 """Words between two poses that are swept: all of them."""

@@ -7,13 +7,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.geometry.se2 import compose, relative
-from pushplan.path import PushPath
 from pushplan.planners.collision.separation import Scene, sweep_is_free
 from pushplan.planners.problem.posing import scene_between
 from pushplan.planners.problem.reach import reach
 from pushplan.planners.problem.steering import MAX_WORDS, connect
+from pushplan.plans.path import PushPath
+from pushplan.util.arrays import BoolArray, FloatArray
 
 
 def rejoin(

@@ -6,8 +6,8 @@ it is used.
 
 from __future__ import annotations
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
+from pushplan.util.arrays import FloatArray
 
 
 @no_refcount

@@ -13,11 +13,11 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
 from pushplan.planners.problem.rows import put
+from pushplan.util.arrays import FloatArray
 
 LEFT, STRAIGHT, RIGHT = 0, 1, 2
 """Rows of a family: (3, 3) body twists scaled to a cost rate of 1; a row of zeros is a motion that is not used."""

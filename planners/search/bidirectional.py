@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
@@ -15,6 +14,7 @@ from pushplan.planners.problem.problem import TRIES, Problem, apart, random, rem
 from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
 from pushplan.planners.search.forest import Forest, draw_pose
+from pushplan.util.arrays import FloatArray, IntArray
 
 NEAREST = 2
 """Nodes of a tree, nearest to a sample, from which words are tried."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import inlined
+from pushplan.util.arrays import FloatArray, IntArray
 
 
 @inlined

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.geometry import se2
 from pushplan.planners.collision.scene import flatten
@@ -14,6 +13,7 @@ from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.problem.steering import STRAIGHT
+from pushplan.util.arrays import FloatArray
 
 _SPECK = 1e-7 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import inlined
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.problem.problem import Problem, random, remaining
+from pushplan.util.arrays import FloatArray, IntArray, RandomState
 
 NODE = 17
 """Columns of a node: x, y, theta, cost to the tree's root, parent, and up to three arcs (vx, vy, omega, length)

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import step, sweep_is_free
@@ -21,6 +20,7 @@ from pushplan.planners.problem.problem import TRIES, Problem, choose_twist, ente
 from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
 from pushplan.planners.search.cell_table import pose_key, slot_of
+from pushplan.util.arrays import FloatArray, IntArray, RandomState
 
 NODES, OPEN, TRIED, PARTNER = 0, 1, 2, 3
 """What is counted: nodes, entries of the queue, arcs tried; and the node that the best word begins at."""

@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.planners.improve.session import Session
 from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import NODE, branch, random
@@ -24,6 +23,7 @@ from pushplan.planners.search.lattice_kernel import (
     path_of,
     plant,
 )
+from pushplan.util.arrays import FloatArray
 
 SHRINK = 0.8
 """Factor of the cells' sides from level to level."""

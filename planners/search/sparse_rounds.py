@@ -11,11 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.planners.improve.session import CHUNK, Session
 from pushplan.planners.problem.posing import Box
 from pushplan.planners.problem.problem import NODE, branch, remaining
 from pushplan.planners.search.sst_kernel import ACTIVE, NODES, TO_GO, UNUSED, SparseTree, grow_sparse
+from pushplan.util.arrays import FloatArray
 
 
 class SparseRounds:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray, RandomState
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import step, sweep_is_free
@@ -27,6 +26,7 @@ from pushplan.planners.problem.problem import (
     trace,
 )
 from pushplan.planners.problem.steering import connect
+from pushplan.util.arrays import FloatArray, IntArray, RandomState
 
 TO_GO = NODE
 """Column of a node, after those of `search`, with a lower bound on the cost from there to the goal."""

@@ -12,11 +12,11 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.profile import ArcLimits
+from pushplan.util.arrays import BoolArray, FloatArray
 
 ROOM = 0.98
 """Share of what a contact condition has to spare above the margin to keep that inertia may use up.

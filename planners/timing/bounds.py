@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import NamedTuple
 
-from pushplan.basics.names import KNOWN_LOAD_SETS, STABLE_SETS
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.names import KNOWN_LOAD_SETS, STABLE_SETS
 
 INERTIA_SHARE = 0.5
 """Share of the margin asked for that contacts keep with inertia."""

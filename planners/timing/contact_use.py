@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import compiled
 from pushplan.planners.timing.arc_limits import ROOM
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.motion_bounds import limit_use
 from pushplan.planners.timing.step_sum import Pieces
+from pushplan.util.arrays import FloatArray, IntArray
 
 ORDERS = np.array([1.0, 2.0, 3.0, 2.0])
 """With which power of the pace each share grows: speed, acceleration, jerk, contact conditions."""

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.path import PushPath
 from pushplan.planners.timing.arc_limits import limits_of_arcs
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.profile import ArcLimits, rest_to_rest, split
-from pushplan.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.util.arrays import FloatArray, IntArray
 
 SAME = 1e-12
 """Twists that differ by less (m/s, rad/s) are the same motion."""

@@ -16,10 +16,10 @@ from math import comb
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.chain import LimitName, Limits
+from pushplan.util.arrays import FloatArray
 
 ROUNDING = 1e-9
 """Signs are not told of coefficients that are smaller by this factor than the largest one."""

@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, inlined, no_refcount
+from pushplan.util.arrays import FloatArray
 
 _GAUSS = math.sqrt(3.0) / 6.0
 

@@ -8,8 +8,8 @@ import numpy as np
 from ruckig import InputParameter, Result, Ruckig, RuckigError
 from ruckig import Trajectory as RuckigTrajectory
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.errors import TimingError
+from pushplan.util.arrays import FloatArray, IntArray
 
 SHORTEST_PHASE = 1e-12
 """Phases of a profile below this (s) are rounding and are left out."""

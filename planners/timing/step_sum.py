@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.planners.timing.motion_kernel import poses_after
+from pushplan.util.arrays import FloatArray, IntArray
 
 FINEST = 0.02
 """Longest piece (s) on which the twist changes direction: a Magnus step over it is good to about 1e-11 m."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import CLEARANCE_ROOM
 from pushplan.planners.validation.motion import Motion
 from pushplan.planners.validation.room import Room
-from pushplan.scenario import Scenario
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import CLEARANCE_ROOM
 
 COARSE = 0.2
 """No point of the body moves farther than this (m) between the first poses that are looked at."""

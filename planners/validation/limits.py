@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import LimitName, Limits
-from pushplan.trajectory import Trajectory
+from pushplan.plans.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 STEP = 4e-3
 """Time between two poses looked at, s."""

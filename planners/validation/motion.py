@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.path import PushPath
+from pushplan.plans.path import PushPath
+from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
-from pushplan.scenario import CircleObstacle, Scenario
-from pushplan.scenario_parts import Obstacle, Workspace
+from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.scenario.parts import Obstacle, Workspace
+from pushplan.util.arrays import FloatArray, IntArray
 
 ObjectArray = NDArray[np.object_]
 

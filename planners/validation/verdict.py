@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.execution import Execution
 from pushplan.geometry.se2 import pose_error
-from pushplan.path import PushPath
 from pushplan.planners.validation.checker import collision_along
 from pushplan.planners.validation.limits import excess
 from pushplan.planners.validation.motion import Motion
 from pushplan.planners.validation.room import Room
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import Trajectory
+from pushplan.plans.execution import Execution
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 EXACT = 1e-7
 """Largest error (m, rad) of a path's end that counts as reaching the goal pose."""

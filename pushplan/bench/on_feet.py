@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport
-from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.scenario.file import scenario_from_document
+from pushplan.util.arrays import FloatArray
 
 INSET = 0.1
 """Distance of the feet from the edge of an object, over its narrower side."""

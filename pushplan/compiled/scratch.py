@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
 

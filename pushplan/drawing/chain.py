@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.colours import contact_colours
 from pushplan.drawing.figure import INK
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.friction_cone import friction_cone
+from pushplan.util.arrays import FloatArray
+from pushplan.util.colours import contact_colours
 
 PLATE_COLOUR = "#59616b"
 ROBOT_COLOUR = "#8da2be"

@@ -12,7 +12,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
 from pushplan.drawing.figure import FAINT, equal_ticks
-from pushplan.stable_sets.cor.cor_region import Window
+from pushplan.sets.cor.cor_region import Window
 
 SENSES = {+1: "#2c6fa6", -1: "#c0622d"}
 """Colour of the CORs of counter-clockwise and of clockwise turns."""

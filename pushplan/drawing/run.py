@@ -12,8 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
-from pushplan.basics.colours import ALONE, NEAREST
-from pushplan.basics.printable import cut
 from pushplan.drawing.chain import GOAL_COLOUR, draw_chain, outline_width
 from pushplan.drawing.figure import FAINT, INK, axes_at, equal_ticks, figure_for, letters_across
 from pushplan.drawing.footer import chain_keys, draw_footer, turn_keys
@@ -30,12 +28,14 @@ from pushplan.drawing.world import (
     view_box,
 )
 from pushplan.mechanics.chain import Chain
-from pushplan.path import PushPath
+from pushplan.plans.path import PushPath
+from pushplan.util.colours import ALONE, NEAREST
+from pushplan.util.printable import cut
 
 if TYPE_CHECKING:
-    from pushplan.execution import Execution
-    from pushplan.result import PlanResult
-    from pushplan.scenario import Scenario
+    from pushplan.plans.execution import Execution
+    from pushplan.plans.result import PlanResult
+    from pushplan.scenario.model import Scenario
 
 # The layout, in inches.
 _LEFT, _TOP, _RIGHT, _GAP = 0.62, 0.34, 0.2, 0.72

@@ -9,8 +9,6 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.printable import cut
 from pushplan.drawing.chain import GOAL_COLOUR, draw_chain, thinnest_in_points
 from pushplan.drawing.figure import HALO, INK, axes_at, equal_ticks, figure_for, letters_across
 from pushplan.drawing.footer import chain_keys, draw_footer, turn_keys
@@ -18,8 +16,10 @@ from pushplan.drawing.segments import draw_ends
 from pushplan.drawing.sets import draw_set
 from pushplan.drawing.world import draw_surroundings, obstacle_keys, view_box
 from pushplan.geometry.se2 import transform_points
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
+from pushplan.util.printable import cut
 
 # The layout, in inches.
 _LEFT, _TOP, _RIGHT, _GAP, _AXIS = 0.62, 0.34, 0.2, 0.72, 0.52

@@ -9,19 +9,19 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.colours import ALONE
 from pushplan.drawing.chain import CARRIED_COLOURS, GOAL_COLOUR, OBJECT_COLOUR, outline_width
 from pushplan.drawing.cor import polygon_patches
 from pushplan.drawing.figure import HALO, INK
 from pushplan.drawing.world import SWEPT_COLOUR
 from pushplan.geometry.se2 import compose, transform_points
 from pushplan.mechanics.chain import PushedObject
+from pushplan.util.arrays import FloatArray
+from pushplan.util.colours import ALONE
 
 if TYPE_CHECKING:
-    from pushplan.result import PlanResult
-    from pushplan.scenario import Scenario
-    from pushplan.segment import Segment
+    from pushplan.plans.result import PlanResult
+    from pushplan.plans.segment import Segment
+    from pushplan.scenario.model import Scenario
 
 PUSHED_COLOUR = "#1d4f7c"
 

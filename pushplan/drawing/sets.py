@@ -15,9 +15,9 @@ from pushplan.drawing.chain import CONE_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, dra
 from pushplan.drawing.cor import LINE_STYLES, SENSE_NAMES, SENSES, draw_region, style_cor_axes
 from pushplan.drawing.figure import INK, axes_at, figure_for
 from pushplan.mechanics.chain import Chain
-from pushplan.stable_sets.cor.cor_region import Window
-from pushplan.stable_sets.cor_window import default_window, grown
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.sets.cor.cor_region import Window
+from pushplan.sets.cor_window import default_window, grown
+from pushplan.sets.stable_set import StableSet
 
 # The layout, in inches.
 _WIDTH, _MAX_HEIGHT, _LEGEND_WIDTH = 4.4, 7.5, 3.2

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.drawing.figure import FAINT, INK, axes_at, figure_for
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds
+from pushplan.util.arrays import FloatArray
 
 _COLOURS = ("#2a6f97", "#b5533c", "#5b8c5a", "#8c6bb1", "#c08a2d", "#4f9da6", "#a34d7c")
 _ROWS = ("slips to the right", "slips to the left", "tips about the right end", "tips about the left end")

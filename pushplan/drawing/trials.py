@@ -11,14 +11,14 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from pushplan.basics.colours import contact_colours
 from pushplan.drawing.chain import draw_chain
 from pushplan.drawing.figure import FAINT, INK, axes_at, equal_ticks, figure_for
 from pushplan.drawing.world import draw_surroundings, draw_sweep, view_box
 from pushplan.geometry.se2 import compose, transform_points
+from pushplan.util.colours import contact_colours
 
 if TYPE_CHECKING:
-    from pushplan.path import PushPath
+    from pushplan.plans.path import PushPath
     from pushplan.sim.trials.result import Trials
 
 _LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 0.62, 0.92, 0.4, 0.2, 0.72

@@ -12,12 +12,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.drawing.cor import polygon_patches
 from pushplan.drawing.figure import FAINT, INK
 from pushplan.mechanics.chain import Chain
-from pushplan.path import PushPath
-from pushplan.scenario import CircleObstacle, Obstacle, PolygonObstacle, Scenario
+from pushplan.plans.path import PushPath
+from pushplan.scenario.model import CircleObstacle, Obstacle, PolygonObstacle, Scenario
+from pushplan.util.arrays import FloatArray
 
 Box = tuple[float, float, float, float]
 """(xmin, ymin, xmax, ymax) in the world, m."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.util.arrays import FloatArray
 
 TOUCH = 1e-6
 """Distance up to which bodies touch, and depth up to which they do not overlap, m."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.contact_segments import TOUCH
+from pushplan.util.arrays import FloatArray
 
 _MOST_WORK = 100_000
 """Pairs of triangles times directions that are looked at for outlines that are not convex."""

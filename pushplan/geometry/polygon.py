@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import SupportError
+from pushplan.util.arrays import FloatArray, frozen
 
 
 class AreaMoments(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.util.arrays import FloatArray
 
 SAME_POINT = 1e-6
 """Corners nearer to each other than this are the same point, m."""

@@ -9,7 +9,7 @@ from enum import Enum
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.util.arrays import FloatArray
 
 SEAM = 1e-7
 """Bodies this close (m) count as one: they touch along lines that rounding may open."""

@@ -13,12 +13,12 @@ from typing import Literal
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, frozen
-from pushplan.basics.names import DEFAULT_CONTACT_LIMITS, PUSHER, ROBOT
 from pushplan.errors import ChainError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.body import Body, BodyKind
 from pushplan.mechanics.support import Support
+from pushplan.util.arrays import FloatArray, frozen
+from pushplan.util.names import DEFAULT_CONTACT_LIMITS, PUSHER, ROBOT
 
 GRAVITY = 9.80665
 """Standard gravity, m/s^2."""

@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import compiled
+from pushplan.util.arrays import FloatArray, IntArray
 
 SAME = 1e-12
 """Components, as shares of the largest one, of one direction differ by less.

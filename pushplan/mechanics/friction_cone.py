@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Contact
+from pushplan.util.arrays import FloatArray
 
 
 def friction_cone(contact: Contact, apex: FloatArray, tall: float) -> FloatArray:

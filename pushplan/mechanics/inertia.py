@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import compiled
 from pushplan.geometry.polygon import area_moments
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain, PushedObject
+from pushplan.util.arrays import FloatArray, IntArray
 
 
 class Inertia(NamedTuple):

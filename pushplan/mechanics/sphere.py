@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, columns_of, frozen
 from pushplan.errors import PushplanError
+from pushplan.util.arrays import FloatArray, columns_of, frozen
 
 POLE = np.pi / 2.0
 """Latitude of a counter-clockwise turn about the chain frame's origin."""

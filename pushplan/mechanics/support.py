@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import SupportError
 from pushplan.geometry.polygon import AreaMoments, area_moments, convex_hull, simple_polygon
 from pushplan.mechanics.support_csv import parse_pressure_map
+from pushplan.util.arrays import FloatArray, frozen
 
 FRACTION_TOLERANCE = 1e-6
 """By how much the load fractions of the feet may miss 1 in sum."""

@@ -9,8 +9,8 @@ from array import array
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
+from pushplan.util.arrays import FloatArray
 
 
 def parse_pressure_map(data: bytes, path: str) -> FloatArray:

@@ -16,7 +16,7 @@ import numpy as np
 from pushplan.planners.multi.search import Limits
 from pushplan.rearrangement.parking import parking
 from pushplan.rearrangement.pieces import Errand, Piece, Situation, errand
-from pushplan.scenario_parts import Goal
+from pushplan.scenario.parts import Goal
 
 STAGES = ((1, 0), (1, 1), (4, 1), (16, 1), (4, 2), (16, 2), (16, 3), (64, 3), (256, 6))
 """How many batches of poses the search for one errand may take, and how often pieces are put out of the way in all,

@@ -9,10 +9,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.rearrangement.pieces import Piece, Situation
-from pushplan.scenario_parts import Goal, Workspace
+from pushplan.scenario.parts import Goal, Workspace
+from pushplan.util.arrays import FloatArray
 
 AWAY = np.concatenate([np.arange(0.1, 1.05, 0.1), np.arange(1.25, 3.1, 0.25)])
 """How far straight pushes lead, m."""

@@ -8,16 +8,16 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.multi.pushing import robot_at
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
-from pushplan.scenario import Scenario
-from pushplan.scenario_parts import Goal, PolygonObstacle
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Goal, PolygonObstacle
 from pushplan.several.plan import backed_off, free_goals
 from pushplan.several.prepared import Prepared
+from pushplan.util.arrays import FloatArray, frozen
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.multi.search import Limits
-from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.plans.result import PlanResult, ProgressPoint
 from pushplan.rearrangement.order import Order
 from pushplan.rearrangement.pieces import Errand, Piece, Situation, errand
-from pushplan.result import PlanResult, ProgressPoint
-from pushplan.scenario import Scenario
-from pushplan.scenario_parts import Goal
+from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Goal
 from pushplan.several.plan import Asked, Outcome, checked
 from pushplan.several.prepared import Prepared
 from pushplan.several.warm import warm_up_several
+from pushplan.util.arrays import FloatArray
+from pushplan.util.stopwatch import Stopwatch
 
 GAIN = 1e-6
 """Smallest saving that counts, m."""

@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.execution import Execution, StabilityLoss
 from pushplan.geometry import se2
 from pushplan.planners.timing.bounds import contact_dynamics
-from pushplan.scenario import Goal, Scenario
-from pushplan.segment import Segment, trajectory_of
+from pushplan.plans.execution import Execution, StabilityLoss
+from pushplan.plans.segment import Segment, trajectory_of
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Goal, Scenario
 from pushplan.several.modes import Mode
 from pushplan.several.segments import mode_of, push_problem
 from pushplan.sim.judging import judging_set
 from pushplan.sim.kinematic import integrated
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 NOTHING_TO_LOSE = 1.0
 """Margin where nothing is pushed."""

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import EmptyStableSetError, ScenarioError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE, Chain, Contact
@@ -17,10 +16,11 @@ from pushplan.planners.multi.push_mode import PushMode
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import Controls, Posing
-from pushplan.reading.scenario_file import scenario_from_document
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
 from pushplan.sim.judging import planning_set
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Mode:
         margins: To plan with, one after the other until there is a plan.
         order: For each object of this chain its index in the scenario's.
         stated: The scenario's own chain.
-        robot: (3,) pose in this chain frame of the robot's frame (see `pushplan.segment`): beside it by y only.
+        robot: (3,) pose in this chain frame of the robot's frame (see `plans.segment`): beside it by y only.
     """
 
     place: Place

@@ -12,19 +12,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray, IntArray
-from pushplan.basics.names import TRANSIT
 from pushplan.geometry import se2
 from pushplan.planners.validation.motion import densify
-from pushplan.scenario import Scenario
-from pushplan.segment import Segment
+from pushplan.plans.segment import Segment
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
 from pushplan.several.execution import reached_goal
 from pushplan.several.modes import Mode
 from pushplan.several.segments import mode_of
 from pushplan.sim.physics.drive import Motion, Recording, drive
 from pushplan.sim.physics.report import contact_motion
 from pushplan.sim.physics.verdict import HARD, LOOKS
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.names import TRANSIT
 
 NEAR = 5e-3
 """Poses of the robot alone that are looked at are no farther apart, m."""

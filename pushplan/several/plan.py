@@ -8,22 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import DEFAULT_PLANNER, RETREAT, TRANSIT_CLEARANCE
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.errors import PlanningError, TimingError
 from pushplan.geometry import se2
-from pushplan.path import PushPath
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.improve.branches import Branches
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.multi.sequence import Sequence
 from pushplan.planners.problem.posing import SLACK
-from pushplan.reading.several_pushes import troubles_at
-from pushplan.result import PlanResult, ProgressPoint
-from pushplan.scenario import Scenario
-from pushplan.segment import Segment, join_paths
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import PlanResult, ProgressPoint
+from pushplan.plans.segment import Segment, join_paths
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.several_pushes import troubles_at
 from pushplan.several.execution import execute_segments
 from pushplan.several.modes import Mode
 from pushplan.several.prepared import Prepared
@@ -31,6 +28,9 @@ from pushplan.several.reasons import reasons
 from pushplan.several.segments import mode_of, segments_of, timed
 from pushplan.several.tolerance import least_tolerance
 from pushplan.several.verdict import verdict_on
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import DEFAULT_PLANNER, RETREAT, TRANSIT_CLEARANCE
+from pushplan.util.stopwatch import Stopwatch
 
 PATIENCE = 0.5
 """Share of what is left of the time that a margin may take without a plan, before a lower one is tried."""

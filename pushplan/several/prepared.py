@@ -8,7 +8,7 @@ import numpy as np
 
 from pushplan.errors import EmptyStableSetError
 from pushplan.planners.multi.room import PushRoom
-from pushplan.scenario import Scenario
+from pushplan.scenario.model import Scenario
 from pushplan.several.modes import Mode, find_modes, push_modes_with
 
 

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.multi.pushing import joined, robot_at
 from pushplan.planners.multi.room import Contact, PushRoom, Question
 from pushplan.planners.multi.search import Found
-from pushplan.result import Diagnosis
+from pushplan.plans.result import Diagnosis
+from pushplan.util.arrays import FloatArray
 
 BOXED_IN = "boxed in"
 

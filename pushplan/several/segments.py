@@ -6,20 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import APPROACH, PUSH, RETREAT, TRANSIT
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.path import PushPath
 from pushplan.planners.multi.room import PushRoom
 from pushplan.planners.multi.sequence import Sequence
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.trajectories import make_trajectory
-from pushplan.scenario import Goal, Scenario
-from pushplan.segment import Segment, join_trajectories
+from pushplan.plans.path import PushPath
+from pushplan.plans.segment import Segment, join_trajectories
+from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.scenario.model import Goal, Scenario
 from pushplan.several.modes import Mode
-from pushplan.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import APPROACH, PUSH, RETREAT, TRANSIT
 
 NOTHING = np.zeros(3)
 AHEAD = np.array([[1.0, 0.0, 0.0]])

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from pushplan.segment import Segment, trajectory_of
+from pushplan.plans.segment import Segment, trajectory_of
+from pushplan.plans.trajectory import Trajectory
 from pushplan.several.modes import Mode
 from pushplan.several.segments import mode_of
-from pushplan.tolerance.tolerance import Tolerance
-from pushplan.tolerance.work_out import tolerance_of
-from pushplan.trajectory import Trajectory
+from pushplan.sim.robustness.tolerance import Tolerance
+from pushplan.sim.robustness.work_out import tolerance_of
 
 
 def least_tolerance(segments: tuple[Segment, ...], whole: Trajectory, modes: tuple[Mode, ...]) -> Tolerance:

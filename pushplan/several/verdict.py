@@ -8,9 +8,6 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import APPROACH, RETREAT, TRANSIT
-from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import TOUCH
 from pushplan.planners.validation.checker import collision_along
@@ -18,13 +15,16 @@ from pushplan.planners.validation.limits import excess
 from pushplan.planners.validation.motion import Motion, densify
 from pushplan.planners.validation.room import Room
 from pushplan.planners.validation.verdict import EXACT, flaw_along
-from pushplan.scenario import Scenario
-from pushplan.scenario_parts import PolygonObstacle
-from pushplan.segment import Segment, trajectory_of
+from pushplan.plans.execution import Execution
+from pushplan.plans.segment import Segment, trajectory_of
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.several.execution import reached_goal
 from pushplan.several.modes import Mode
 from pushplan.several.segments import mode_of, push_problem
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import APPROACH, RETREAT, TRANSIT
 
 STRAIGHT = 1e-9
 """What an approach or a retreat may turn or move sideways, rad or m for each m."""

@@ -16,7 +16,7 @@ from pushplan.planners.multi.pushing import joined
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.multi.transit import transit_is_free
-from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.scenario.file import scenario_from_document
 from pushplan.several.prepared import Prepared
 
 _PROBLEM: dict[str, Any] = {

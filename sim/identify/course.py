@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
+from pushplan.util.arrays import FloatArray, frozen
 
 
 @dataclass(frozen=True, eq=False)

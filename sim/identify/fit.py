@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.util.arrays import FloatArray
 
 STEP = 5e-3
 """Of finite differences in the unit cube: mode switches make errors slightly uneven on smaller ones."""

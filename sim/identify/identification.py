@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.sim.identify.unknowns import Unknown, Unknowns
+from pushplan.util.arrays import FloatArray
 
 LEVEL = 0.9
 """Share of the intervals that hold the truth."""

@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.sim.identify.course import Course
 from pushplan.sim.identify.fit import STEP, best_starts, cost, refined
@@ -19,6 +18,7 @@ from pushplan.sim.identify.unknowns import Unknowns
 from pushplan.sim.slip.kernels.packed import PackedWorld
 from pushplan.sim.slip.packing import half_extent
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 EXPECTED = np.array([1e-3, 1e-3, 5e-3])
 """Errors of measured poses to begin with: m, m, rad."""

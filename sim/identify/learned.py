@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
-from pushplan.basics.names import PUSHER
 from pushplan.mechanics.chain import PLATE
 from pushplan.sim.identify.identification import Estimate, Identification
+from pushplan.util.names import PUSHER
 
 Document = dict[str, Any]
 

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.util.arrays import FloatArray
 
 ROUNDS = 300
 """Of all members once, at most; the first third is forgotten."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.sim.identify.course import Course
 from pushplan.sim.slip.executed import at_poses
@@ -14,6 +13,7 @@ from pushplan.sim.slip.kernels.march import march
 from pushplan.sim.slip.kernels.packed import PackedWorld, make_work
 from pushplan.sim.slip.kernels.state import CONVERGED, FALLBACK, make_state, make_trace
 from pushplan.sim.slip.simulator import steps_of
+from pushplan.util.arrays import FloatArray
 
 STEP = 3e-3
 """How far the fastest corner moves in a simulated step, about, m."""

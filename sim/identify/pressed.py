@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.sim.physics.model.feet import feet_of
+from pushplan.util.arrays import FloatArray
 
 MOST_BORDER = 0.95
 MOST_TILT = 0.45

@@ -15,8 +15,8 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.sim.identify.posterior import Near, sample, worth
+from pushplan.util.arrays import FloatArray
 
 PASSES = 4
 """How often the polynomial is taught before it proposes."""

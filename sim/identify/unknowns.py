@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.sim.identify.pressed import MOST_BORDER, MOST_TILT, PressedOutline
 from pushplan.sim.slip.kernels.packed import PackedWorld
 from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 FRICTION = (0.02, 1.0)
 RATIO = (0.25, 4.0)

@@ -9,12 +9,12 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import BoolArray, FloatArray, frozen
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.sphere import checked_twists
 from pushplan.sim.physics.model.settings import PhysicsSettings
 from pushplan.sim.physics.simulate import simulate_twist
+from pushplan.util.arrays import BoolArray, FloatArray, frozen
 
 FINE = PhysicsSettings(tolerance=1e-4, indentation=5e-6)
 """Hard contacts that count as moved from a ten-thousandth of the segment on: slips soon get there, holds never."""

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.physics.model.chain_model import PhysicsModel, build_model, joint_coordinates
 from pushplan.sim.physics.model.engine import engine
 from pushplan.sim.physics.model.load_transfer import LoadTransfer
 from pushplan.sim.physics.model.settings import PhysicsSettings
+from pushplan.util.arrays import FloatArray, IntArray
 
 _BARELY = 1e-9
 """Least sliding speed that the feet are made for, m/s."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.sphere import angles_of, twists_at
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 _NEAR = 0.05
 """How far from the boundary a push near it may be, rad on the twist sphere."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray, frozen
 from pushplan.geometry.se2 import compose, pose_errors, relative, rotate
 from pushplan.mechanics.chain import Chain
+from pushplan.util.arrays import BoolArray, FloatArray, frozen
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,17 +13,17 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.sphere import checked_twists
+from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.physics.drive import Motion, drive
 from pushplan.sim.physics.model.engine import PhysicsError
 from pushplan.sim.physics.model.settings import PhysicsSettings
 from pushplan.sim.physics.report import PhysicsReport, contact_motion
 from pushplan.sim.physics.watch import ContactWatch
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 DEFAULTS = PhysicsSettings()
 TRAVEL = 0.1

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
+from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.physics.model.settings import PhysicsSettings
 from pushplan.sim.physics.report import PhysicsReport
 from pushplan.sim.physics.simulate import simulate_trajectory
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 HARD = PhysicsSettings(time_step=1e-3, indentation=5e-6)
 """Hard contacts creep least, and a longer time step is enough. Where contacts slip, they slip too far with these."""

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.sim.physics.report import contact_motion
+from pushplan.util.arrays import FloatArray
 
 _CLOSED = 0.1
 """A contact counts as closed when its gap is below this part of what counts as moved: until then it still slides."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.execution import Execution
 from pushplan.geometry import se2
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.plans.execution import Execution
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 
 def executed(

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import PushedObject
 from pushplan.sim.slip.kernels.march import march
@@ -15,6 +14,7 @@ from pushplan.sim.slip.kernels.packed import PackedWorld, make_work
 from pushplan.sim.slip.kernels.state import CONVERGED, FALLBACK, make_state, make_trace
 from pushplan.sim.slip.packing import Pair, Piece, cut, pack_bodies
 from pushplan.sim.slip.simulator import steps_of
+from pushplan.util.arrays import FloatArray, frozen
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,16 +9,16 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import Support
 from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.scene import bounding_circle
-from pushplan.scenario_parts import CircleObstacle
+from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.physics.model.feet import Feet, feet_of
 from pushplan.sim.slip.kernels.packed import PackedWorld
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 QUADRATURE = 13
 """Degree up to which the points under a polygon have the moments of its pressure: at most 105 points."""

@@ -8,13 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray, IntArray, frozen
 from pushplan.geometry import se2
-from pushplan.scenario_parts import Goal
+from pushplan.scenario.parts import Goal
 from pushplan.sim.physics.report import contact_motion
 from pushplan.sim.slip.kernels import state
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray, frozen
 
 _CLOSED = 0.1
 """A contact counts as closed when its gap is below this part of what counts as moved."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
+from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.slip.report import SlipReport
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.slip.simulator import DEFAULTS, SlipSimulator, steps_of
 from pushplan.sim.worlds.world import World
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 
 def simulate(trajectory: Trajectory, world: World, settings: SlipSettings = DEFAULTS) -> SlipReport:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.sim.slip.kernels.march import march
@@ -21,6 +20,7 @@ from pushplan.sim.slip.kernels.state import (
 from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray, frozen
 
 DEFAULTS = SlipSettings()
 

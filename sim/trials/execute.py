@@ -9,13 +9,13 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from pushplan.errors import PushplanError
-from pushplan.scenario import Scenario
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.slip.simulate import simulate
 from pushplan.sim.slip.simulator import DEFAULTS
 from pushplan.sim.trials.result import Trials
 from pushplan.sim.trials.uncertain import TrialUncertainty, sampled_world
-from pushplan.trajectory import Trajectory
 
 
 def execute_trials(

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
-from pushplan.basics.wilson import wilson
-from pushplan.scenario import Scenario
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
 from pushplan.sim.slip.report import ContactLoss, SlipReport
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.slip.simulate import simulate
 from pushplan.sim.trials.uncertain import TrialUncertainty, sampled_world
 from pushplan.sim.worlds.world import World
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import BoolArray, FloatArray
+from pushplan.util.wilson import wilson
 
 
 @dataclass(frozen=True, eq=False)

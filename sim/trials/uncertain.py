@@ -6,13 +6,13 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, rotate
 from pushplan.mechanics.chain import PLATE, Chain, Contact
 from pushplan.mechanics.support import FeetSupport
-from pushplan.scenario import Scenario
+from pushplan.scenario.model import Scenario
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True)

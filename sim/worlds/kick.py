@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.penetration import exit_distance
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE
 from pushplan.sim.worlds.misplaced import subtree
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
 from pushplan.sim.physics.model.feet import feet_of
 from pushplan.sim.worlds.misplaced import subtree
+from pushplan.util.arrays import FloatArray
 
 
 def with_contact_friction(chain: Chain, factor: float) -> Chain:

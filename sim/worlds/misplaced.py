@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain, Contact
+from pushplan.util.arrays import FloatArray
 
 
 def shifted(chain: Chain, index: int, distance: float) -> FloatArray:

@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, relative, wrap_angle
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.support import Support
-from pushplan.scenario import Scenario
-from pushplan.scenario_parts import Obstacle, Workspace
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Obstacle, Workspace
 from pushplan.sim.worlds.misjudged import with_floor_friction, with_loads_shifted
+from pushplan.util.arrays import FloatArray, frozen
 
 
 @dataclass(frozen=True, eq=False)

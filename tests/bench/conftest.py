@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from pushplan.bench.processes.outcome import Task
-from pushplan.reading.scenario_file import load_scenario
+from pushplan.scenario.file import load_scenario
 
 HERE = Path(__file__).parent
 

@@ -14,8 +14,8 @@ from interrupts import heed_interrupts
 
 from pushplan.bench.suites.file import load_suite, suite_names
 from pushplan.bench.tally import Tally
-from pushplan.cli import main
-from pushplan.commands.bench import progress_text, time_left
+from pushplan.cli.bench import progress_text, time_left
+from pushplan.cli.main import main
 
 Captured = pytest.CaptureFixture[str]
 

@@ -13,9 +13,9 @@ from pushplan.bench.random_problems.generator import enlarged, generate
 from pushplan.bench.random_problems.parameters import GeneratorError, ProblemParameters
 from pushplan.geometry.se2 import compose
 from pushplan.planners.validation.checker import find_collision
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import CircleObstacle, Scenario
-from pushplan.stable_sets.named import stable_set
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.sets.named import stable_set
 
 DRIVES = ("omnidirectional", "differential", "car")
 VARIED = ProblemParameters(drives=DRIVES, supports=("uniform", "feet"))

@@ -14,7 +14,7 @@ import pytest
 
 from pushplan.bench.suites.file import SuiteError, load_suite
 from pushplan.geometry import se2
-from pushplan.scenario import PolygonObstacle
+from pushplan.scenario.model import PolygonObstacle
 
 INSTANCE: dict[str, Any] = {
     "blocks": {"b1": [2.067257, 3.632976, 0.0], "b2": [0.990244, 3.690533, 0.0]},

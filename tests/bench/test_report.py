@@ -22,7 +22,7 @@ from pushplan.bench.reports.worst import worst_runs
 from pushplan.bench.storage.export import write_tables
 from pushplan.bench.storage.results import read_results
 from pushplan.bench.storage.store import StoreError
-from pushplan.cli import main
+from pushplan.cli.main import main
 
 Captured = pytest.CaptureFixture[str]
 

@@ -11,8 +11,8 @@ from pushplan.bench.processes.validation import clearance, flaw, with_kept_margi
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import DRIVES, GeneratorError, ProblemParameters
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import CircleObstacle
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import CircleObstacle
 
 ROOMS = ProblemParameters(objects=(1, 1), obstacles=(2, 4), drives=DRIVES, robot=(0.5, 1.0))
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushplan.basics.wilson import wilson
 from pushplan.bench.reports.statistics import (
     RESAMPLES,
     Comparison,
@@ -18,6 +17,7 @@ from pushplan.bench.reports.statistics import (
     rank_test,
     success_test,
 )
+from pushplan.util.wilson import wilson
 
 INF = np.inf
 

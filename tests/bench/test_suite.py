@@ -18,9 +18,9 @@ from pushplan.bench.storage.folder import ResultsFolder
 from pushplan.bench.suites.file import SuiteError, load_suite, suite_from_text, suite_names
 from pushplan.bench.suites.selection import SelectionError, chosen, with_key
 from pushplan.bench.suites.suite import RunSpec, Suite
-from pushplan.commands.bench import time_left
-from pushplan.examples import example_text
-from pushplan.scenario import CircleObstacle, Scenario
+from pushplan.cli.bench import time_left
+from pushplan.scenario.examples import example_text
+from pushplan.scenario.model import CircleObstacle, Scenario
 
 ROOT = Path(__file__).parents[2]
 

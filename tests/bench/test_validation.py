@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.bench.processes.validation import flaw, plan_flaw, with_kept_margin
 from pushplan.bench.processes.work import figures
 from pushplan.errors import PushplanError
-from pushplan.result import Run
-from pushplan.scenario import Scenario
+from pushplan.plans.result import Run
+from pushplan.scenario.model import Scenario
+from pushplan.util.stopwatch import Stopwatch
 
 
 @pytest.fixture(scope="module")

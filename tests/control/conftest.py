@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from pushplan.control.controller import DEFAULTS
+from pushplan.sim.control.controller import DEFAULTS
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -8,12 +8,12 @@ import pytest
 from numpy.typing import ArrayLike
 
 import pushplan
-from pushplan.basics.arrays import FloatArray
-from pushplan.control.controller import Controller, Phase
-from pushplan.control.course import Course, OpenLoop, course_in
 from pushplan.errors import PlanningError, PushplanError, SupportError
 from pushplan.geometry.se2 import compose
 from pushplan.planners.validation.checker import find_collision
+from pushplan.sim.control.controller import Controller, Phase
+from pushplan.sim.control.course import Course, OpenLoop, course_in
+from pushplan.util.arrays import FloatArray
 
 STILL = pushplan.Sensor(position=0.0, angle=0.0)
 

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan.control.aims import SHARE, Aim
-from pushplan.control.closing import GAP, ClosingPush, Spread, closing_push
-from pushplan.control.driving import Driving
-from pushplan.control.measured_chain import contacts_at, slid
-from pushplan.control.sensor import Measurements
-from pushplan.control.sightings import Sightings
 from pushplan.errors import ChainError, PushplanError
 from pushplan.geometry.se2 import compose, exp, relative
-from pushplan.path import cost_rate
 from pushplan.planners.validation.limits import excess
+from pushplan.plans.path import cost_rate
+from pushplan.plans.trajectory import Trajectory
+from pushplan.sim.control.aims import SHARE, Aim
+from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push
+from pushplan.sim.control.driving import Driving
+from pushplan.sim.control.measured_chain import contacts_at, slid
+from pushplan.sim.control.sensor import Measurements
+from pushplan.sim.control.sightings import Sightings
 from pushplan.sim.worlds.kick import kicked
-from pushplan.trajectory import Trajectory
 
 SPREAD = Spread(0.2, 2.5e-4, 1e-3)
 
@@ -173,7 +173,7 @@ def test_the_rest_of_an_earlier_plan_is_kept_from_a_little_aside(
 
 
 def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> None:
-    from pushplan.control.replanner import Replanner
+    from pushplan.sim.control.replanner import Replanner
 
     # The way that a time limit leaves may pass obstacles closely; beside it, a chain would stand in them.
     replanner = Replanner(replace(crates, obstacles=()), pushplan.ControlSettings())

@@ -9,13 +9,13 @@ import pytest
 from mcap.reader import make_reader
 
 import pushplan
-from pushplan.cli import main
-from pushplan.control.again import check_closed_loop
+from pushplan.cli.main import main
 from pushplan.errors import RunLogError
 from pushplan.logging.export.csv import table
 from pushplan.logging.export.html import render
 from pushplan.logging.play.terminal import TerminalView
 from pushplan.logging.verify import verify
+from pushplan.sim.control.again import check_closed_loop
 
 KICK = "time=4s,object=far,y=-5mm,turn=3deg"
 

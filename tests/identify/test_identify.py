@@ -12,13 +12,12 @@ from conftest import ChainMaker
 from scipy.stats import kstest
 
 import pushplan
-from pushplan.basics.arrays import FloatArray
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.geometry import se2
 from pushplan.logging.courses import read_course
 from pushplan.logging.writer import RunLogWriter
-from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.course import Course
 from pushplan.sim.identify.identification import Identification
 from pushplan.sim.identify.identify import identify_courses
@@ -30,6 +29,7 @@ from pushplan.sim.slip.executed import at_poses, executed
 from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.simulate import simulate_poses
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 BOX = np.array([[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]])
 

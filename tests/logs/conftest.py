@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pushplan.execution import Execution
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
 from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.chain import Limits
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.result import Diagnosis, PlanResult, ProgressPoint
-from pushplan.scenario import Scenario
-from pushplan.tolerance.tolerance import Tolerance
+from pushplan.plans.execution import Execution
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.result import Diagnosis, PlanResult, ProgressPoint
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.sim.robustness.tolerance import Tolerance
 
 SCENARIO = """\
 format: pushplan/1

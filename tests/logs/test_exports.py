@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from pushplan.basics.colours import NEAREST, OBJECTS, red_green_blue
-from pushplan.basics.extras import MissingExtraError, optional
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import transform_points
 from pushplan.logging.export.csv import table, write_csv
@@ -26,6 +24,8 @@ from pushplan.logging.export.trajectory import write_trajectory
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
 from pushplan.logging.view.window import window
+from pushplan.util.colours import NEAREST, OBJECTS, red_green_blue
+from pushplan.util.extras import MissingExtraError, optional
 
 # --- CSV ---------------------------------------------------------------------------------------------------------
 

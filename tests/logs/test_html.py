@@ -17,7 +17,7 @@ from boxes import chromium, show
 from pushplan.errors import OutputError
 from pushplan.logging.export.html import MOST_SAMPLES, render, write_html
 from pushplan.logging.reader import read_run
-from pushplan.result import Run
+from pushplan.plans.result import Run
 
 
 def data_of(page: str) -> dict[str, Any]:

@@ -19,15 +19,15 @@ import pytest
 from interrupts import heed_interrupts, interrupts_heeded
 
 import pushplan
-from pushplan.basics.interruption import Interruption
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.errors import RunLogError
 from pushplan.logging.cut_off import with_best_path
 from pushplan.logging.messages import plan_message, schemas
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
 from pushplan.logging.verify import verify
-from pushplan.result import ProgressPoint
+from pushplan.plans.result import ProgressPoint
+from pushplan.util.interruption import Interruption
 
 Captured = pytest.CaptureFixture[str]
 
@@ -267,11 +267,11 @@ def test_a_second_ctrl_c_leaves_at_once(tmp_path: Path) -> None:
 
 TELLS_THAT_IT_LOADS = """\
 import os, sys
-from pushplan.entry import entry
+from pushplan.cli.entry import entry
 
 class Telling:
     def find_spec(self, name, *more):
-        if name == "pushplan.cli":
+        if name == "pushplan.cli.main":
             os.write(1, b"loading")
 
 sys.meta_path.insert(0, Telling())
@@ -367,7 +367,7 @@ def test_an_error_that_comes_of_ctrl_c_is_told_as_ctrl_c(
             raise ImportError("no module") from error
         raise AssertionError
 
-    monkeypatch.setattr("pushplan.commands.check.run", importing)
+    monkeypatch.setattr("pushplan.cli.check.run", importing)
     with interrupts_heeded():
         assert main(["check", "two-crates"]) == 130
     assert capsys.readouterr().err == "interrupted\n"

@@ -11,7 +11,7 @@ import pytest
 import pushplan
 from pushplan.logging.reader import read_run
 from pushplan.logging.verify import verify
-from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario.file import scenario_from_text
 
 DOCUMENTED = {
     "pushplan.run/started_at",

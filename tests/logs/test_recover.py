@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.errors import OutputError, RunLogError
 from pushplan.logging.reader import read_run
 from pushplan.logging.recover import recover

@@ -23,7 +23,7 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.play.terminal import TerminalView
 from pushplan.logging.reader import read_run
 from pushplan.logging.view.window import window
-from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.scenario.file import scenario_from_document
 
 FOOTPRINT = [
     {"polygon": [[-0.03, -0.08], [-0.03, 0.08], [-0.2, 0.14], [-0.12, 0.0], [-0.2, -0.14]]},

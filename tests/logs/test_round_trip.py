@@ -13,12 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pushplan.execution import StabilityLoss
 from pushplan.logging.messages import blocks
 from pushplan.logging.messages.effort import Effort, exact
 from pushplan.logging.messages.schemas import Array
 from pushplan.logging.reader import read_run
 from pushplan.logging.writer import RunLogWriter
+from pushplan.plans.execution import StabilityLoss
 
 
 @pytest.mark.parametrize("variant", ["solved", "unknown_loads", "lost"])

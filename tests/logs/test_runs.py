@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 import pushplan
-from pushplan.cli import main
-from pushplan.commands.runs import age_text
+from pushplan.cli.main import main
+from pushplan.cli.runs import age_text
 from pushplan.errors import OutputError, PlanningError
 from pushplan.logging.reader import read_run
 from pushplan.logging.runs.entries import RunsError, chosen, run_numbered, runs_of

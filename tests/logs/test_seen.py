@@ -13,13 +13,13 @@ import pytest
 from boxes import SCREENS, assert_tidy, overlapping, show
 from boxes import chromium as started
 
-from pushplan.builders import box, build_scenario, plate
-from pushplan.execution import Execution
 from pushplan.logging.export.html import write_html
-from pushplan.path import PushPath
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.result import PlanResult, Run
+from pushplan.plans.execution import Execution
+from pushplan.plans.path import PushPath
+from pushplan.plans.result import PlanResult, Run
+from pushplan.scenario.builders import box, build_scenario, plate
 
 ELEMENTS = "h1, #facts, #why p, canvas, #legend > *, footer > *"
 

@@ -16,7 +16,7 @@ from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import Posing
 from pushplan.sim.judging import execute
-from pushplan.tolerance.work_out import tolerance_of
+from pushplan.sim.robustness.work_out import tolerance_of
 
 SERIES = ("t", "poses", "twists", "margins", "dynamic_margins", "friction_margins", "lambdas", "forces")
 
@@ -123,7 +123,7 @@ def test_a_log_cut_short_is_compared_as_far_as_it_goes(recorded: RecordedRun) ->
 
 
 def test_a_scenario_in_which_something_is_in_the_way_is_found(recorded: RecordedRun) -> None:
-    from pushplan.scenario import PolygonObstacle
+    from pushplan.scenario.model import PolygonObstacle
 
     block = PolygonObstacle(np.array([[0.2, -0.3], [0.4, -0.3], [0.4, 0.1], [0.2, 0.1]]))
     scenario = dataclasses.replace(recorded.scenario, obstacles=(block,))

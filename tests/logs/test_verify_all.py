@@ -23,7 +23,7 @@ from pushplan.logging.reader import read_run
 from pushplan.logging.verify import verify
 from pushplan.logging.verify_file import compare_topic, write_again
 from pushplan.logging.writer import RunLogWriter
-from pushplan.reading.scenario_file import scenario_from_document
+from pushplan.scenario.file import scenario_from_document
 
 HERE = Path(__file__).parent
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import pytest
 
 from pushplan.errors import ScenarioError
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 
 VALID = """\
 format: pushplan/1

@@ -10,13 +10,13 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import TOUCH, find_touch
 from pushplan.geometry.penetration import exit_distance, overlap_depth
 from pushplan.geometry.polygon import simple_polygon
 from pushplan.geometry.simple import find_flaw
-from pushplan.reading.arrangement.stacking import box_outline
+from pushplan.scenario.arrangement.stacking import box_outline
+from pushplan.util.arrays import FloatArray
 
 ANGLES = st.floats(-math.pi, math.pi)
 COORDINATES = st.floats(-2.0, 2.0)

@@ -16,11 +16,11 @@ from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
 from pushplan.plan import plan
-from pushplan.reading.scenario_check import check_scenario
-from pushplan.reading.scenario_file import scenario_from_document, scenario_from_text
 from pushplan.run import run
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.named import stable_set
+from pushplan.scenario.check import check_scenario
+from pushplan.scenario.file import scenario_from_document, scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import stable_set
 
 TEXT = """\
 format: pushplan/1

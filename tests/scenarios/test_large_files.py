@@ -8,10 +8,10 @@ from collections.abc import Callable
 import pytest
 
 from pushplan.errors import ScenarioError
-from pushplan.reading.arrangement import placement
-from pushplan.reading.arrangement.placement import MOST_TOLD
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.arrangement import placement
+from pushplan.scenario.arrangement.placement import MOST_TOLD
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 
 HEAD = """\
 format: pushplan/1

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 
 
 class Changed(Protocol):

@@ -14,9 +14,9 @@ from PIL import Image
 import pushplan
 from pushplan.errors import ImportedFileError, ScenarioError
 from pushplan.logging.verify import verify
-from pushplan.reading.imported.map_cells import cells_of
-from pushplan.reading.imported.ros_map import read_ros_map
-from pushplan.scenario import PolygonObstacle, Scenario, Workspace
+from pushplan.scenario.imported.map_cells import cells_of
+from pushplan.scenario.imported.ros_map import read_ros_map
+from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
 
 SAVED = """\
 image: office.pgm

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.errors import ScenarioError
-from pushplan.examples import example_text
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.reading.scenario_questions import questions
-from pushplan.reading.yaml.tree import read_document
+from pushplan.scenario.examples import example_text
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.questions import questions
+from pushplan.scenario.yaml.tree import read_document
 
 IN_MILLIMETRES = """\
 format: pushplan/1

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from pushplan.basics import names
-from pushplan.basics.names import CLEARANCE_ROOM
-from pushplan.reading.schema import objects as schema_objects
-from pushplan.reading.schema import robot as schema_robot
-from pushplan.reading.schema import scenario as scenario_schema
-from pushplan.reading.schema.scenario import ScenarioFile
+from pushplan.scenario.schema import objects as schema_objects
+from pushplan.scenario.schema import robot as schema_robot
+from pushplan.scenario.schema import scenario as scenario_schema
+from pushplan.scenario.schema.scenario import ScenarioFile
+from pushplan.util import names
+from pushplan.util.names import CLEARANCE_ROOM
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
 SECTIONS: dict[str, type[BaseModel]] = {

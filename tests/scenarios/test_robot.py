@@ -10,8 +10,8 @@ import shapely
 
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
-from pushplan.reading.scenario_file import scenario_from_document
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.model import Scenario
 
 
 class Changed(Protocol):

@@ -14,11 +14,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pushplan.errors import PushplanError, ScenarioError
-from pushplan.examples import example_names, example_text
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
-from pushplan.reading.scenario_check import check_scenario
-from pushplan.reading.scenario_file import load_scenario, scenario_from_text
-from pushplan.scenario import (
+from pushplan.scenario.check import check_scenario
+from pushplan.scenario.examples import example_names, example_text
+from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.model import (
     CircleObstacle,
     PlannerSettings,
     PolygonObstacle,

@@ -8,8 +8,8 @@ from typing import Protocol
 import pytest
 
 from pushplan.errors import ScenarioError
-from pushplan.reading.scenario_file import load_scenario, scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.model import Scenario
 
 
 class Changed(Protocol):

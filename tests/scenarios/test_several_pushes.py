@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pushplan.errors import ScenarioError
-from pushplan.reading.scenario_file import scenario_from_document, scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_document, scenario_from_text
+from pushplan.scenario.model import Scenario
 
 FILE = """\
 format: pushplan/1

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.commands.steps.understood import document, rows
+from pushplan.cli.steps.understood import document, rows
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import PLATE
-from pushplan.reading.scenario_file import scenario_from_document, scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_document, scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 
 
 def text(objects: list[str], snap: str = "snap: 5 mm", pusher: str = "width: 0.6, friction: 0.5") -> str:

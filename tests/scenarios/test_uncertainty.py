@@ -9,17 +9,17 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.commands.steps.understood import document, rows
+from pushplan.cli.steps.understood import document, rows
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport
 from pushplan.mechanics.worst_case.load_cells import load_cells
-from pushplan.reading.scenario_check import check_scenario
-from pushplan.reading.scenario_file import scenario_from_document, scenario_from_text
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.interval_set import stable_set_over
-from pushplan.stable_sets.named import stable_set
+from pushplan.scenario.check import check_scenario
+from pushplan.scenario.file import scenario_from_document, scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.sets.interval_set import stable_set_over
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import FloatArray
 
 LINE = "uncertainty: {contact_friction: 20 %, floor_friction: 0.2, load: 10 %}\n"
 FEET = "support: {feet: [[-0.04, -0.03, 0.2], [0.04, -0.03, 0.3], [0.04, 0.03, 0.25], [-0.04, 0.03, 0.25]]}"

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pushplan.errors import Finding
-from pushplan.reading.yaml.scalars import resolve
-from pushplan.reading.yaml.text import MOST_BYTES, DocumentError, Position, end_of
-from pushplan.reading.yaml.tree import MOST_DEPTH, MOST_NODES, read_document
+from pushplan.scenario.yaml.scalars import resolve
+from pushplan.scenario.yaml.text import MOST_BYTES, DocumentError, Position, end_of
+from pushplan.scenario.yaml.tree import MOST_DEPTH, MOST_NODES, read_document
 
 
 def findings_of(data: bytes) -> tuple[Finding, ...]:

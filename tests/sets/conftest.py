@@ -10,9 +10,9 @@ import pytest
 import shapely
 from scipy.optimize import linprog
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support
+from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.mechanics.sphere import twists_at
-from pushplan.stable_sets.boundary.meridians import RefinedMeridians
-from pushplan.stable_sets.cor.cor_region import cor_polygons
-from pushplan.stable_sets.intersection_set import IntersectionSet
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.sets.boundary.meridians import RefinedMeridians
+from pushplan.sets.cor.cor_region import cor_polygons
+from pushplan.sets.intersection_set import IntersectionSet
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

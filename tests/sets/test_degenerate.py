@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import STABLE_SETS
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, UniformSupport
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.stable_sets.interval_set import stable_set_over
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.sets.interval_set import stable_set_over
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import STABLE_SETS
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -12,8 +12,8 @@ from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.friction.quadrature import load_elements
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UniformSupport, UnknownSupport
-from pushplan.stable_sets.grid_cor_set import grid_cor_set
-from pushplan.stable_sets.named import stable_set
+from pushplan.sets.grid_cor_set import grid_cor_set
+from pushplan.sets.named import stable_set
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

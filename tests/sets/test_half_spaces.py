@@ -10,7 +10,6 @@ import pytest
 import shapely
 import shapely.affinity
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain, Contact
@@ -18,8 +17,9 @@ from pushplan.mechanics.contacts.friction import cof
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UnknownSupport
 from pushplan.mechanics.worst_case.load_area import load_areas
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

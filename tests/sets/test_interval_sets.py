@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import ChainError, PushplanError, SupportError
 from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.contacts.carried import center_range
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.stable_sets.interval_set import stable_set_over
-from pushplan.stable_sets.named import stable_set
+from pushplan.sets.interval_set import stable_set_over
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

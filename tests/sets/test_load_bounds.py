@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.worst_case.area_table import pack_area, table_rows
 from pushplan.mechanics.worst_case.load_area import LoadArea
 from pushplan.mechanics.worst_case.robust_kernel import PackedAreas, central_loads
+from pushplan.util.arrays import FloatArray
 
 
 def packed(area: LoadArea) -> PackedAreas:

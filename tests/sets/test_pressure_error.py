@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 from pushplan.mechanics.worst_case import load_cells as cells
 from pushplan.mechanics.worst_case.load_cells import load_cells
 from pushplan.mechanics.worst_case.pressure_error import CELLS_MISS, center, row_loss
+from pushplan.util.arrays import FloatArray
 
 LENGTH = 0.5
 SQUARE = np.array([[-0.05, -0.05], [0.05, -0.05], [0.05, 0.05], [-0.05, 0.05]])

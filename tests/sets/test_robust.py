@@ -12,7 +12,6 @@ import shapely
 import shapely.affinity
 from scipy.optimize import linprog
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain
@@ -21,8 +20,9 @@ from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.mechanics.worst_case.area_table import pack_area, table_rows
 from pushplan.mechanics.worst_case.envelope_kernel import least_load, start_twist
 from pushplan.mechanics.worst_case.load_area import LoadArea
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.robust_set import CONDITIONS, RobustSet
+from pushplan.sets.named import stable_set
+from pushplan.sets.robust_set import CONDITIONS, RobustSet
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

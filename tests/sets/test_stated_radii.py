@@ -9,8 +9,8 @@ import pytest
 import shapely
 from scipy.optimize import linprog
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.stable_sets.named import stable_set
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

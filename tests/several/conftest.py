@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from pushplan.reading.scenario_file import scenario_from_document
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.model import Scenario
 
 DRIVES: dict[str, Any] = {
     "car": {"car": {"axle": [-0.3, 0.0, 0.0], "min_radius": 1.0}},

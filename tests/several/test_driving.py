@@ -9,10 +9,8 @@ import pytest
 from ompl import base
 from several.conftest import Problem
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.multi import driving
 from pushplan.planners.multi.driving import CAR, DIFFERENTIAL, OMNIDIRECTIONAL, Surroundings, Wheels
 from pushplan.planners.multi.reeds_shepp import LETTERS, MOST_WORDS, find_reeds_shepp
@@ -21,7 +19,9 @@ from pushplan.planners.multi.transit import MOST_ARCS, find_transit
 from pushplan.planners.validation.checker import collision_along
 from pushplan.planners.validation.motion import Motion
 from pushplan.planners.validation.room import Room
-from pushplan.scenario import Scenario
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 
 AXLE = np.array([-0.3, 0.02, 0.1])
 KINDS = pytest.mark.parametrize("kind", [OMNIDIRECTIONAL, DIFFERENTIAL, CAR])

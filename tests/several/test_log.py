@@ -18,7 +18,7 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from mcap.reader import make_reader
 from several.conftest import Problem, problem_document
 
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.geometry import se2
 from pushplan.logging.export.csv import table
 from pushplan.logging.export.film.frames import Film

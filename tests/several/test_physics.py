@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from several.conftest import Problem
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.plan import plan
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.model import Scenario
 from pushplan.several.modes import find_modes
 from pushplan.several.physics import SeveralReport, execute_in_physics
 from pushplan.sim.slip.simulate import simulate
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 OFF = np.array([[0.0, 2e-3, math.radians(0.5)]])
 

@@ -12,10 +12,10 @@ from several.conftest import DRIVES, Problem
 import pushplan
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
-from pushplan.segment import Segment, trajectory_of
+from pushplan.plans.result import PlanResult
+from pushplan.plans.segment import Segment, trajectory_of
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import Scenario
 from pushplan.several.modes import find_modes
 from pushplan.several.plan import objective_cost
 from pushplan.several.verdict import verdict_on

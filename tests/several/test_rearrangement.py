@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from several.conftest import Problem
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.rearrangement.plan import Rearrangement, Rearranging
-from pushplan.scenario import PolygonObstacle, Scenario
+from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.util.arrays import FloatArray
 
 LIMIT = 60.0
 HERE, THERE = (1.0, 1.0), (1.0, 2.0)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from several.conftest import Problem, problem_document
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.plan import plan
 from pushplan.planners.multi.bound import lower_bounds
@@ -20,10 +19,11 @@ from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.multi.sequence import Sequence
 from pushplan.planners.multi.shortest import cheapest_sequence
-from pushplan.reading.scenario_file import scenario_from_document
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.model import Scenario
 from pushplan.several.modes import find_modes
 from pushplan.several.prepared import Prepared
+from pushplan.util.arrays import FloatArray
 
 
 def by_enumeration(

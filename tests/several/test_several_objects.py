@@ -14,16 +14,16 @@ from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletio
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.errors import RunLogError, ScenarioError
 from pushplan.geometry import se2
-from pushplan.json_schema import scenario_schema
 from pushplan.logging.errands import check_errands, delivers, errand_of
 from pushplan.logging.joined import joined
 from pushplan.logging.reader import read_run, read_runs
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.reading.several_objects import load_several_objects
-from pushplan.reading.yaml.tree import read_document
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.json_schema import scenario_schema
+from pushplan.scenario.several_objects import load_several_objects
+from pushplan.scenario.yaml.tree import read_document
 
 FILE = """\
 format: pushplan/1

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import UniformSupport
 from pushplan.sim.slip.fingers import FingerPush
+from pushplan.util.arrays import FloatArray
 
 SQUARE = 0.045 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 TIP = np.array([[0.0, 0.0, 4.75e-3]])

@@ -10,16 +10,16 @@ import shapely
 from conftest import ChainMaker
 
 import pushplan
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
 from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
-from pushplan.scenario_parts import PolygonObstacle
+from pushplan.scenario.parts import PolygonObstacle
 from pushplan.sim.slip.report import Mode, SlipReport
 from pushplan.sim.slip.settings import SlipSettings
 from pushplan.sim.slip.simulate import simulate_poses
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 make = ChainMaker()
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from conftest import ChainMaker
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.support import FeetSupport, UniformSupport
 from pushplan.sim.slip.kernels.state import JAMMED, UNSOLVED
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.worlds.world import World
+from pushplan.util.arrays import FloatArray
 
 make = ChainMaker()
 

@@ -11,11 +11,11 @@ import pytest
 from conftest import ChainMaker
 
 import pushplan
-from pushplan.cli import main
+from pushplan.cli.main import main
 from pushplan.errors import PlanningError, PushplanError
 from pushplan.logging.trial_log import write_trial
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 from pushplan.sim.physics.report import contact_motion
 from pushplan.sim.slip.simulate import simulate
 from pushplan.sim.trials.execute import execute_trials

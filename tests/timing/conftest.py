@@ -8,9 +8,9 @@ from functools import cache
 import pytest
 from plain import load_plain
 
-from pushplan.path import PushPath
 from pushplan.plan import plan
-from pushplan.scenario import Scenario
+from pushplan.plans.path import PushPath
+from pushplan.scenario.model import Scenario
 
 MARGINS = {"carts": 0.02, "feet": 0.01}
 """Of paths that are not planned with a margin of 0."""

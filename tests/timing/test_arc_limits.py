@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, admissible_speeds
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.sphere import twists_at
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.blending.section import PASSED, passing_speeds
 from pushplan.planners.timing.arc_limits import ROOM, arc_limits, contact_limits
 from pushplan.planners.timing.bounds import Bounds, contact_dynamics
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
-from pushplan.reading.scenario_file import load_scenario
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.scenario.file import load_scenario
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -10,13 +10,13 @@ import pytest
 import pushplan
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import Limits
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.timing.arc_limits import arc_limits
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.validation.limits import excess
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.scenario import Scenario
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 
 ROOM = """
 format: pushplan/1

@@ -12,12 +12,9 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.examples import example_names
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
-from pushplan.path import PushPath, cost_rate
 from pushplan.plan import plan
 from pushplan.planners.blending.blend_search import Blend
 from pushplan.planners.blending.blending import blend_path
@@ -27,12 +24,15 @@ from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
 from pushplan.planners.validation.checker import find_collision
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.scenario import CircleObstacle, Scenario
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario
+from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import simulate_rigid
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
-from pushplan.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.blending.goal_fit import NoFitError, fit_lengths
 from pushplan.planners.blending.nudge import LengthRows, effects_on, no_rows
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.util.arrays import FloatArray
 
 
 def _path(seed: int, arcs: int) -> PushPath:

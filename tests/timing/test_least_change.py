@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.planners.blending.least_change import least_change
+from pushplan.util.arrays import FloatArray
 
 
 def _square(y: FloatArray) -> float:

@@ -9,17 +9,17 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.examples import example_names
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Contact, PushedObject
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
 from pushplan.plan import plan
-from pushplan.reading.scenario_file import load_scenario, scenario_from_document
-from pushplan.result import PlanResult
-from pushplan.scenario import Scenario
-from pushplan.trajectory import Trajectory
+from pushplan.plans.result import PlanResult
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import load_scenario, scenario_from_document
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 
 H = 1e-3
 """Step of the differences, s."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.timing.motion_bounds import limit_use, top_rates
-from pushplan.trajectory import Trajectory
+from pushplan.plans.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 LIMITS = Limits(0.3, 0.7, 3.0, 1.5, 2.5, 30.0)
 

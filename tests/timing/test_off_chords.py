@@ -11,8 +11,8 @@ from scipy.optimize import minimize_scalar
 from pushplan.geometry import se2
 from pushplan.plan import plan
 from pushplan.planners.blending.blend_check import off_chords
-from pushplan.reading.scenario_file import load_scenario
-from pushplan.trajectory import Trajectory
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.file import load_scenario
 
 
 @pytest.fixture(scope="module")

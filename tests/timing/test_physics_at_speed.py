@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.scenario import Scenario
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import stable_set
+from pushplan.sets.stable_set import StableSet
 from pushplan.sim.physics.simulate import simulate_trajectory
-from pushplan.stable_sets.named import stable_set
-from pushplan.stable_sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

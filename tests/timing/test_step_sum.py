@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.planners.timing.motion_kernel import poses_after
 from pushplan.planners.timing.step_sum import Pieces, ordered_widths, step_sum
-from pushplan.trajectory import Trajectory
+from pushplan.plans.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 
 def _at(pieces: Pieces, times: FloatArray) -> FloatArray:

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Limits
-from pushplan.path import PushPath, cost_rate
 from pushplan.planners.blending.nudge import nudges
 from pushplan.planners.blending.sweep import Touches, find_touches
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.trajectory import Trajectory
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -10,14 +10,14 @@ import pytest
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
-from pushplan.path import PushPath
 from pushplan.plan import plan
 from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.timing.bounds import Bounds, contact_dynamics
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.trajectories import make_trajectory
-from pushplan.scenario import Scenario
-from pushplan.stable_sets.named import stable_set
+from pushplan.plans.path import PushPath
+from pushplan.scenario.model import Scenario
+from pushplan.sets.named import stable_set
 
 Planned = Callable[[str], tuple[Scenario, PushPath]]
 

@@ -8,12 +8,12 @@ from xml.etree import ElementTree
 
 import yaml
 
-from pushplan.basics import colours
 from pushplan.logging.export.bag.frames import Frames
 from pushplan.logging.export.bag.markers import line_width
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.window import window
 from pushplan.mechanics.chain import Chain
+from pushplan.util import colours
 
 _VIEW_PIXELS = 800
 """Side of RViz's view in which everything is to be seen, pixels."""

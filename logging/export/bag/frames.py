@@ -11,12 +11,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import PUSHER
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.logging.view.scene import CHAIN, WORLD
 from pushplan.mechanics.chain import Chain
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import PUSHER
 
 Message = dict[str, Any]
 

@@ -8,16 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw
 
-from pushplan.basics import colours
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.printable import cut
-from pushplan.execution import Execution
 from pushplan.geometry import se2
 from pushplan.logging.export.film.scene import FINE, HEIGHT, INK, PLOT, WIDTH, FilmScene, Points
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.contacts import PushedContacts, worst_contacts
 from pushplan.logging.view.shapes import body_colours
-from pushplan.result import Run
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import Run
+from pushplan.util import colours
+from pushplan.util.arrays import FloatArray
+from pushplan.util.printable import cut
 
 _BLOCK = 2
 """What is drawn anew falls on blocks of so many pixels: video has one colour for four of them."""

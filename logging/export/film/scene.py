@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from pushplan.basics import colours
-from pushplan.basics.arrays import FloatArray
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import ghosts, obstacle_outline
 from pushplan.logging.view.window import shown_path, shown_ways, window
-from pushplan.result import Run
+from pushplan.plans.result import Run
+from pushplan.util import colours
+from pushplan.util.arrays import FloatArray
 
 WIDTH, HEIGHT = 1280, 960
 """Size of a picture, pixels; even, as video encoders want it."""

@@ -70,7 +70,7 @@ class Figures:
         found: The planner claims a path to the goal.
         valid: The executed trajectory stands up to the checks of collision, margins and goal.
         first_solution_s: Time to the first path.
-        seconds: Wall-clock time by phase: `loading` of the scenario, those of `pushplan.result.Run`, and
+        seconds: Wall-clock time by phase: `loading` of the scenario, those of `pushplan.plans.result.Run`, and
             `validation` of the execution.
         path_cost: m.
         lower_bound: Cost that no path beats, m.

@@ -18,11 +18,11 @@ def load() -> None:
     import tempfile
     from pathlib import Path
 
-    from pushplan.basics.names import PLANNERS, STABLE_SETS
     from pushplan.bench.processes.outcome import Task
     from pushplan.bench.processes.work import perform
     from pushplan.kernels import warm_up
-    from pushplan.reading.scenario_file import load_scenario
+    from pushplan.scenario.file import load_scenario
+    from pushplan.util.names import PLANNERS, STABLE_SETS
 
     scenario = load_scenario("two-crates")
     for name in PLANNERS:

@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.names import AUTO
-from pushplan.execution import Execution
 from pushplan.geometry.se2 import pose_error, rotate
 from pushplan.mechanics.body import BodyKind
 from pushplan.planners.validation.checker import find_collision
 from pushplan.planners.validation.motion import densify
 from pushplan.planners.validation.room import Room
-from pushplan.result import PlanResult
-from pushplan.scenario import CircleObstacle, Obstacle, Scenario
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import PlanResult
+from pushplan.scenario.model import CircleObstacle, Obstacle, Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import AUTO
 
 EXACT = 1e-6
 """Goal error (m, rad) of a motion that reaches its goal exactly."""

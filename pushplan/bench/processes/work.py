@@ -7,15 +7,15 @@ import resource
 from dataclasses import replace
 from pathlib import Path
 
-from pushplan.basics.stopwatch import Stopwatch
 from pushplan.bench.processes.child import resident_megabytes
 from pushplan.bench.processes.outcome import Figures, Task
 from pushplan.bench.processes.validation import clearance, flaw, with_kept_margin
 from pushplan.errors import EmptyStableSetError, PlanningError
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.result import Run
+from pushplan.plans.result import Run
 from pushplan.run import run
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
+from pushplan.util.stopwatch import Stopwatch
 
 LOG = "run.mcap"
 """Name of the run's log in the run's folder."""

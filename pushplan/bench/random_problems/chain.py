@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.random_problems.parameters import GeneratorError, ProblemParameters, Range
 from pushplan.bench.random_problems.scenario_yaml import scenario_yaml
 from pushplan.bench.random_problems.shapes import FlushShape, random_box, random_flush_polygon, rounded
 from pushplan.mechanics.chain import Chain
-from pushplan.reading.scenario_file import scenario_from_text
-from pushplan.stable_sets.named import stable_set
+from pushplan.scenario.file import scenario_from_text
+from pushplan.sets.named import stable_set
+from pushplan.util.arrays import FloatArray
 
 DRAWS = 10
 """Chains that are drawn for one with the turns that are asked for."""

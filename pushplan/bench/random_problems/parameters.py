@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pushplan.basics.names import MOST_FRICTION
 from pushplan.errors import PushplanError
+from pushplan.util.names import MOST_FRICTION
 
 SHAPES = ("box", "polygon")
 SUPPORTS = ("uniform", "feet")

@@ -10,7 +10,7 @@ from pushplan.bench.random_problems.parameters import GeneratorError, Range
 from pushplan.bench.random_problems.scenario_yaml import scenario_yaml
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import Chain
-from pushplan.reading.scenario_file import scenario_from_text
+from pushplan.scenario.file import scenario_from_text
 
 TRIES = 50
 """Places that are tried."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import yaml
 
-from pushplan.basics.names import SCENARIO_FORMAT
+from pushplan.util.names import SCENARIO_FORMAT
 
 
 def scenario_yaml(sections: Mapping[str, object]) -> str:

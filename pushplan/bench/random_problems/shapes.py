@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.random_problems.parameters import Range
+from pushplan.util.arrays import FloatArray
 
 DIGITS = 4
 """Decimals of the lengths in a generated file: tenths of a millimetre."""

@@ -8,11 +8,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.random_problems.parameters import GeneratorError, ProblemParameters
 from pushplan.bench.random_problems.shapes import random_polygon, rounded
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import Chain
+from pushplan.util.arrays import FloatArray
 
 CLEARANCE = 0.02
 """Distance of obstacles and walls from start and goal, m."""

@@ -8,7 +8,6 @@ from itertools import combinations
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.bench.reports.statistics import (
     COST,
     FIRST_PATH,
@@ -20,6 +19,7 @@ from pushplan.bench.reports.statistics import (
     success_test,
 )
 from pushplan.bench.storage.results import Results, RunRow
+from pushplan.util.arrays import BoolArray, FloatArray
 
 Named = tuple[str, Sequence[RunRow]]
 

@@ -12,11 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from pushplan.basics.arrays import FloatArray
-from pushplan.basics.printable import cut
 from pushplan.bench.reports.statistics import percentiles
 from pushplan.bench.storage.results import Results, RunRow
 from pushplan.drawing.figure import FAINT, axes_at, figure_for
+from pushplan.util.arrays import FloatArray
+from pushplan.util.printable import cut
 
 COLOURS = ("#3b6ea8", "#d1762c", "#4d8f4a", "#a64d79", "#7a6a4f", "#4aa3a3", "#8a63b0", "#b03a48")
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from pushplan.basics.arrays import BoolArray, FloatArray
+from pushplan.util.arrays import BoolArray, FloatArray
 
 RESAMPLES = 2_000
 """Bootstrap samples."""

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.basics.wilson import wilson
 from pushplan.bench.processes.outcome import INVALID, STATUSES
 from pushplan.bench.reports.comparison import compare_planners
 from pushplan.bench.reports.statistics import SOLVED, Comparison, interval, median, percentiles
 from pushplan.bench.storage.results import MISSING, Results, RunRow
+from pushplan.util.wilson import wilson
 
 PERCENTILES = (5, 25, 50, 75, 95)
 

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.bench.processes.outcome import OK
 from pushplan.bench.storage.arena import ATTRIBUTES
 from pushplan.bench.storage.store import FORMAT, StoreError
+from pushplan.util.arrays import FloatArray
 
 MISSING = "missing"
 """Outcome of a run without a result."""

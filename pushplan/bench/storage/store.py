@@ -17,7 +17,7 @@ from pushplan.bench.storage.arena_parameters import parameter_values
 from pushplan.bench.storage.arena_progress import sampled
 from pushplan.bench.suites.suite import Problem, RunSpec, Suite
 from pushplan.errors import PushplanError
-from pushplan.outputs.target import look
+from pushplan.util.outputs.target import look
 
 FORMAT = 1
 """Version of our own tables."""

@@ -10,10 +10,10 @@ from pushplan.bench.suites.problems import make_problems
 from pushplan.bench.suites.schema import LimitSection, Planner, SuiteFile
 from pushplan.bench.suites.suite import PlannerSetup, Suite
 from pushplan.errors import Finding, ScenarioError
-from pushplan.reading.schema.findings import nearest, validate
-from pushplan.reading.yaml.report import Report
-from pushplan.reading.yaml.text import MOST_BYTES, DocumentError
-from pushplan.reading.yaml.tree import read_document
+from pushplan.scenario.schema.findings import nearest, validate
+from pushplan.scenario.yaml.report import Report
+from pushplan.scenario.yaml.text import MOST_BYTES, DocumentError
+from pushplan.scenario.yaml.tree import read_document
 
 _SUFFIX = ".yaml"
 

@@ -13,9 +13,9 @@ from pushplan.bench.suites.schema import Generator, SuiteFile
 from pushplan.bench.suites.schema import Problem as StatedProblem
 from pushplan.bench.suites.suite import Problem
 from pushplan.errors import ScenarioError
-from pushplan.reading.scenario_file import load_scenario, scenario_from_text
-from pushplan.reading.yaml.node import Place
-from pushplan.reading.yaml.report import Report
+from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.yaml.node import Place
+from pushplan.scenario.yaml.report import Report
 
 
 def make_problems(file: SuiteFile, folder: Path, report: Report) -> tuple[Problem, ...]:

@@ -14,16 +14,16 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field, RootModel, model_validator
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import Finding, ScenarioError
 from pushplan.geometry import se2
-from pushplan.reading.scenario_file import scenario_from_document
-from pushplan.reading.schema import types as t
-from pushplan.reading.schema.findings import validate
-from pushplan.reading.values.quantity import fault, show
-from pushplan.reading.yaml.text import MOST_BYTES, DocumentError
-from pushplan.reading.yaml.tree import read_document
-from pushplan.scenario import Scenario
+from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.schema import types as t
+from pushplan.scenario.schema.findings import validate
+from pushplan.scenario.values.quantity import fault, show
+from pushplan.scenario.yaml.text import MOST_BYTES, DocumentError
+from pushplan.scenario.yaml.tree import read_document
+from pushplan.util.arrays import FloatArray
 
 SIDE, AXLE, RADIUS = 0.15, 0.30, 1.008
 """Side of a block, how far the axle is behind the plate, and the least turning radius, m."""

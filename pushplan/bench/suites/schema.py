@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
-from pushplan.basics import names
-from pushplan.basics.naming import PLACE, OpenNames, planner_names, stable_set_names
 from pushplan.bench.random_problems import parameters as p
-from pushplan.reading.schema import types as t
-from pushplan.reading.values.quantity import Quantity, fault
+from pushplan.scenario.schema import types as t
+from pushplan.scenario.values.quantity import Quantity, fault
+from pushplan.util import names
+from pushplan.util.naming import PLACE, OpenNames, planner_names, stable_set_names
 
 SUITE_FORMAT = "pushplan-suite/1"
 """What `format` says in a suite file."""

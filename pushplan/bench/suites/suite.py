@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import product
 from pathlib import Path
 
-from pushplan.scenario import Scenario
+from pushplan.scenario.model import Scenario
 
 KEY_LENGTH = 16
 """Hexadecimal digits of a run's key."""

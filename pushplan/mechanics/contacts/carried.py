@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.util.arrays import BoolArray, FloatArray
 
 _AXES = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 _ROUNDING = 1e-12

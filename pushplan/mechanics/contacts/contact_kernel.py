@@ -15,10 +15,10 @@ import math
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.mechanics.friction.kernel import carried_wrench
 from pushplan.mechanics.friction.packed import PackedChain
+from pushplan.util.arrays import FloatArray
 
 
 @no_refcount

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, wrenches_of
 from pushplan.mechanics.directions import directions
 from pushplan.mechanics.friction.packed import PackedChain, pack_chain
 from pushplan.mechanics.sphere import checked_twists
+from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import UndefinedEcofError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts.contact_kernel import object_wrenches_of
 from pushplan.mechanics.friction.packed import pack_object
 from pushplan.mechanics.sphere import checked_twists, twists_about
+from pushplan.util.arrays import FloatArray, frozen
 
 
 def friction_wrench(obj: PushedObject, twists: ArrayLike, contact_height: float = 0.0) -> FloatArray:

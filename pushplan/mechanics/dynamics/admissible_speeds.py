@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.contact_dynamics import DynamicRows, dynamic_rows
+from pushplan.util.arrays import FloatArray, frozen
 
 
 class SpeedWindow(NamedTuple):

@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.basics.arrays import FloatArray, IntArray, frozen
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of, facet_rows, wrenches_of
@@ -39,6 +38,7 @@ from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.mechanics.worst_case.interval_rows import IntervalRows, contact_facets
 from pushplan.mechanics.worst_case.packed_areas import pack_areas
 from pushplan.mechanics.worst_case.robust_kernel import PackedAreas, robust_rows_of
+from pushplan.util.arrays import FloatArray, IntArray, frozen
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
+from pushplan.util.arrays import FloatArray
 
 EDGE_COLUMNS = 5
 """Columns of an edge: t_x, t_y, n . p, t . p and length, p being its first vertex about the anchor point."""

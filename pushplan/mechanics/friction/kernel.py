@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.friction.closed_form import affine_integrals, uniform_integrals
 from pushplan.mechanics.friction.packed import POINTS, UNIFORM
 from pushplan.mechanics.friction.series import ComplexArray, in_reach, series_pair
+from pushplan.util.arrays import FloatArray, IntArray
 
 
 @no_refcount

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject
 from pushplan.mechanics.friction.closed_form import EDGE_COLUMNS
 from pushplan.mechanics.friction.series import TERMS, WEIGHTS, ComplexArray, series_coefficients
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
+from pushplan.util.arrays import FloatArray, IntArray
 
 UNIFORM, AFFINE, POINTS = 0, 1, 2
 """Kinds of support that the kernels tell apart."""

@@ -18,8 +18,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
+from pushplan.util.arrays import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.worst_case.load_area import LoadArea
+from pushplan.util.arrays import FloatArray
 
 WIDTH = 21
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 from pushplan.mechanics.worst_case.area_table import (
     ASKED,
@@ -38,6 +37,7 @@ from pushplan.mechanics.worst_case.area_table import (
     V_X,
     V_Y,
 )
+from pushplan.util.arrays import FloatArray
 
 A, RHO, D, E, CURVE = FOUND, FOUND + 1, FOUND + 2, FOUND + 3, FOUND + 4
 """Columns of an edge: a, rho_0, d, e_0, the polynomial of q'' (factors of 1, rho, rho^2). From STRETCH on, two

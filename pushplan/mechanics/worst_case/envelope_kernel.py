@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 from pushplan.mechanics.worst_case.area_table import (
     ASKED,
@@ -62,6 +61,7 @@ from pushplan.mechanics.worst_case.area_table import (
 )
 from pushplan.mechanics.worst_case.edge_kernel import TINY, describe_edge, lowest_gap
 from pushplan.mechanics.worst_case.touching_kernel import touching_plane
+from pushplan.util.arrays import FloatArray
 
 TOLERANCE = 1e-10
 """Within how much of the row's size the least is found."""

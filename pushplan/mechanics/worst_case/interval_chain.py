@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.support import FRACTION_TOLERANCE, FeetSupport
+from pushplan.util.arrays import FloatArray, frozen
 
 Range = tuple[float, float]
 """Least and largest value."""

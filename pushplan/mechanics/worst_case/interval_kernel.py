@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray, IntArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.mechanics.friction.kernel import carried_wrench
 from pushplan.mechanics.friction.packed import PackedChain
 from pushplan.mechanics.worst_case.pressure_error import CELLS_MISS, center, row_loss, size_loss
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 
 class PackedIntervals(NamedTuple):

@@ -19,7 +19,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
 from pushplan.mechanics.contacts.carried import carried_objects
@@ -33,6 +32,7 @@ from pushplan.mechanics.worst_case.interval_kernel import (
     quasi_static_rows_of,
 )
 from pushplan.mechanics.worst_case.load_cells import load_cells
+from pushplan.util.arrays import FloatArray, IntArray
 
 _AT_ONCE = 1 << 20
 """Numbers in the table of what inertia asks for in the cells of pressures, at most."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport
+from pushplan.util.arrays import FloatArray, frozen
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
+from pushplan.util.arrays import FloatArray
 
 CELLS = 72
 """Squares that have the area of a support, from which its cells are cut."""

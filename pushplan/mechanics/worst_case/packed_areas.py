@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.carried import carried_objects
 from pushplan.mechanics.friction.packed import contact_rows
 from pushplan.mechanics.worst_case.area_table import pack_area, table_rows
 from pushplan.mechanics.worst_case.load_area import load_areas
 from pushplan.mechanics.worst_case.robust_kernel import PackedAreas
+from pushplan.util.arrays import FloatArray
 
 
 def pack_areas(chain: Chain, loads: FloatArray | None = None) -> PackedAreas:

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
+from pushplan.util.arrays import FloatArray
 
 CELLS_MISS = (0.08, 0.015)
 """Share, and part of the load, added for what varies inside the cells; sums over 40 times as many stay below."""

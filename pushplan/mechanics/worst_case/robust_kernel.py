@@ -17,10 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import BoolArray, FloatArray
 from pushplan.compiled import compiled, no_refcount
 from pushplan.mechanics.worst_case.area_table import G_X, G_Y, HEAD, SHIFT, SIZE, SOLID
 from pushplan.mechanics.worst_case.envelope_kernel import least_load, start_twist
+from pushplan.util.arrays import BoolArray, FloatArray
 
 
 class PackedAreas(NamedTuple):

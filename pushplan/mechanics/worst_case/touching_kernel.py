@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import no_refcount
 from pushplan.mechanics.worst_case.area_table import (
     AT,
@@ -31,6 +30,7 @@ from pushplan.mechanics.worst_case.area_table import (
     Q,
 )
 from pushplan.mechanics.worst_case.edge_kernel import edge_slope, edge_value
+from pushplan.util.arrays import FloatArray
 
 
 @no_refcount

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import GRAVITY, PushedObject
 from pushplan.sim.physics.model.engine import engine
 from pushplan.sim.physics.model.feet import Feet
+from pushplan.util.arrays import FloatArray
 
 FLOOR = "floor"
 

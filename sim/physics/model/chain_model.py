@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.inertia import inertia_of
@@ -16,6 +15,7 @@ from pushplan.sim.physics.model.contacts import add_contacts
 from pushplan.sim.physics.model.engine import PhysicsError, engine
 from pushplan.sim.physics.model.feet import feet_of
 from pushplan.sim.physics.model.settings import PhysicsSettings
+from pushplan.util.arrays import FloatArray, IntArray
 
 _PLATE_MASS = 1e8
 """Mass of the plate over that of all objects: no contact slows it down."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import Contact
+from pushplan.util.arrays import FloatArray
 
 _ON_LINE = 1e-6
 """Distance from the contact's line within which a corner belongs to it, m."""

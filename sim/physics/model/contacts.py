@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Contact
 from pushplan.sim.physics.model.contact_edges import edge_extent
 from pushplan.sim.physics.model.engine import engine
+from pushplan.util.arrays import FloatArray
 
 _CORNER = 2e-3
 """Radius of a corner over the length of the contact segment."""

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.polynomial.legendre import legvander2d
 from scipy.optimize import nnls
 
-from pushplan.basics.arrays import FloatArray, frozen
 from pushplan.errors import SupportError
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
 from pushplan.sim.physics.model.polygon_rule import Rule, polygon_rule
+from pushplan.util.arrays import FloatArray, frozen
 
 DEGREE = 9
 """Degree up to which the feet have the moments of the pressure that they stand for."""

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.friction.packed import pack_chain
 from pushplan.sim.physics.model.bodies import Standing
 from pushplan.sim.physics.model.chain_model import PhysicsModel
+from pushplan.util.arrays import FloatArray
 
 _FOLLOWING = 0.3
 """Share of a change of force that the loads follow within one time step."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from pushplan.basics.arrays import FloatArray
+from pushplan.util.arrays import FloatArray
 
 
 class Rule(NamedTuple):

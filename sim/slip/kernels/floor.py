@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import inner
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
+from pushplan.util.arrays import FloatArray
 
 
 @inner

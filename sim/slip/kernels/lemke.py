@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray, IntArray
 from pushplan.compiled import inner, no_refcount
 from pushplan.sim.slip.kernels.floor import floor_terms
 from pushplan.sim.slip.kernels.multipliers import (
@@ -25,6 +24,7 @@ from pushplan.sim.slip.kernels.multipliers import (
 )
 from pushplan.sim.slip.kernels.newton import link, matrices
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
+from pushplan.util.arrays import FloatArray, IntArray
 
 PASSES, PATIENT_PASSES = 40, 300
 """Most passes while tau is chosen, and with a fixed one."""

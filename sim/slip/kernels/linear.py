@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import inner
 from pushplan.sim.slip.kernels.multipliers import acts, push_bodies, relative_motion, release, times_inverse
 from pushplan.sim.slip.kernels.packed import Work
+from pushplan.util.arrays import FloatArray
 
 
 @inner

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import in_threads, inner
 from pushplan.sim.slip.kernels.multipliers import contact_wrench
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
@@ -20,6 +19,7 @@ from pushplan.sim.slip.kernels.state import (
     Trace,
 )
 from pushplan.sim.slip.kernels.step import step
+from pushplan.util.arrays import FloatArray
 
 
 @in_threads

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray, IntArray
 
 
 class PackedWorld(NamedTuple):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import inner, no_refcount
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
 from pushplan.sim.slip.kernels.state import State
+from pushplan.util.arrays import FloatArray
 
 
 @inner

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.basics.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray, IntArray
 
 OPEN, STICK, SLIDE, ROLL, ROLL_SLIDE = 0, 1, 2, 3, 4
 """What a contact does: nothing; both ends hold; both touch and slide; one end holds; one touches and slides."""

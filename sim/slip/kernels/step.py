@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import inner, no_refcount
 from pushplan.sim.slip.kernels.floor import floor_terms
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
@@ -25,6 +24,7 @@ from pushplan.sim.slip.kernels.warm_start import (
     predict,
     recall_forces,
 )
+from pushplan.util.arrays import FloatArray
 
 REACH = 2.5
 """Gap over the size of a step up to which contacts are looked at."""

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import inner, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.sim.slip.kernels.packed import PackedWorld, Work
+from pushplan.util.arrays import FloatArray
 
 _SAME = 1e-9
 """By this share of L the second piece's face has to part better to be the reference: no change by rounding."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from pushplan.basics.arrays import FloatArray
 from pushplan.compiled import inner, no_refcount
 from pushplan.sim.slip.kernels.packed import Work
 from pushplan.sim.slip.kernels.state import State
+from pushplan.util.arrays import FloatArray
 
 JUMP, SUDDEN = 0.25, 4.0
 """Change of an object's motion, over the plate's, from which on it counts as a jump, if it also is so many times the

@@ -1,0 +1,19 @@
+"""Where the program begins: Ctrl-C while it loads ends it without a traceback."""
+
+from __future__ import annotations
+
+import os
+from typing import NoReturn
+
+from pushplan.util.interruption import leaving_at_once
+
+# Matrices here are small: OpenBLAS's threads would only wait for one another. Identification of a few logs takes
+# 11 s of CPU with one of them, and 70 s with two.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def entry() -> NoReturn:
+    """Load the command line, run it, and end the process with its exit code."""
+    with leaving_at_once():
+        from pushplan.cli.main import entry as run
+    run()

@@ -1,0 +1,29 @@
+"""Print the JSON Schema of scenario files or of benchmark suites, for editors."""
+
+from __future__ import annotations
+
+import argparse
+
+from pushplan.cli.terminal.console import Console
+from pushplan.cli.terminal.failure import DONE
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the words of the command."""
+    parser.add_argument(
+        "format",
+        choices=("scenario", "suite"),
+        nargs="?",
+        default="scenario",
+        help="of which files (scenario)",
+    )
+
+
+def run(args: argparse.Namespace, console: Console) -> int:
+    """Carry out the command and return the exit code."""
+    from pushplan.scenario.json_schema import SCHEMAS, schema_text
+
+    schema = SCHEMAS[args.format]()
+    console.say(schema_text(schema).rstrip("\n"))
+    console.emit(schema)
+    return DONE

@@ -1,0 +1,167 @@
+"""Show which pusher twists keep every contact: translations, turns, tightest radii."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import dataclass
+from math import atan2, degrees, isfinite
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from pushplan.cli.terminal.console import Console
+from pushplan.cli.terminal.failure import DONE
+from pushplan.cli.terminal.numbers import time_text
+from pushplan.cli.terminal.options import add_plot, add_scenario, check_outputs
+from pushplan.util.naming import stable_set_names
+
+if TYPE_CHECKING:
+    from pushplan.mechanics.sphere import TurningRadii
+    from pushplan.scenario.model import Scenario
+    from pushplan.sets.cor.cor_region import Window
+    from pushplan.sets.stable_set import StableSet
+
+
+@dataclass(frozen=True)
+class Described:
+    """A stable set as the command shows it.
+
+    Attributes:
+        stable: The set.
+        cone: Its stable translations, right-most and left-most unit vector, or None.
+        radii: Smallest radii of stable turns, m.
+        drive: Kind of the robot's drive.
+        drive_radii: Smallest radii of those that the drive can make, m.
+        seconds: Time that computing all of it took.
+    """
+
+    stable: StableSet
+    cone: list[list[float]] | None
+    radii: TurningRadii
+    drive: str
+    drive_radii: TurningRadii
+    seconds: float
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the words of the command."""
+    add_scenario(parser)
+    sets = stable_set_names()
+    parser.add_argument(
+        "--set",
+        action="append",
+        choices=sets,
+        metavar="NAME",
+        help=f"one of {sets.words}; may be repeated (default: the scenario's)",
+    )
+    add_plot(parser, "draw the regions of the centre of rotation")
+
+
+def run(args: argparse.Namespace, console: Console) -> int:
+    """Carry out the command and return the exit code."""
+    from pushplan.scenario.file import load_scenario
+
+    check_outputs([args.scenario], args.plot)
+    scenario = load_scenario(args.scenario)
+    with console.computing("computing stable sets"):
+        from pushplan.sets.cor_window import default_window
+        from pushplan.sets.named import add_set
+
+        names = dict.fromkeys(add_set(name) for name in args.set or [scenario.stability.set])
+        found = {name: describe(scenario, name) for name in names}
+        window = default_window(scenario.chain, [each.stable for each in found.values()])
+        document = _document(scenario, found, window) if args.json else {}
+    if args.plot is not None:
+        _draw(scenario, found, args, window, console)
+    for name, each in found.items():
+        console.say(console.paint(name, "bold"))
+        console.table(rows(each))
+    console.emit(document)
+    return DONE
+
+
+def describe(scenario: Scenario, name: str) -> Described:
+    """Compute a stable set and what is said about it."""
+    from pushplan.planners.infeasible.turning import drive_radii
+
+    begin, drive = perf_counter(), scenario.chain.pusher.drive
+    stable = scenario.stable_set(name)
+    cone = stable.translation_cone()
+    return Described(
+        stable,
+        None if cone is None else cone.tolist(),
+        stable.turning_radii(),
+        drive.kind,
+        drive_radii(stable, drive),
+        perf_counter() - begin,
+    )
+
+
+def rows(described: Described) -> list[tuple[str, str]]:
+    """Return label and value of what people want to know about a set."""
+    cone = "none is stable"
+    if described.cone is not None:
+        low, high = (atan2(dy, dx) for dx, dy in described.cone)
+        cone = f"{degrees(low):+.1f} to {degrees(high):+.1f} deg from the push normal"
+    return [
+        ("translations", cone),
+        *((f"tightest {side} turn", _radius_text(described, side)) for side in ("left", "right")),
+        ("computed in", time_text(described.seconds)),
+    ]
+
+
+def document(described: Described) -> dict[str, object]:
+    """Return the numbers of a set as an object for JSON."""
+    return {
+        "translation_cone": described.cone,
+        "min_turning_radius": _radii_document(described.radii),
+        "min_turning_radius_with_drive": _radii_document(described.drive_radii),
+        "seconds": described.seconds,
+    }
+
+
+def _radii_document(radii: TurningRadii) -> dict[str, float | None]:
+    return {side: radius if isfinite(radius) else None for side, radius in radii._asdict().items()}
+
+
+def _radius_text(described: Described, side: str) -> str:
+    """Return the set's radius, and where it is another one, that with the drive."""
+    radius, driven = (getattr(each, side) for each in (described.radii, described.drive_radii))
+    if not isfinite(radius):
+        return "none is stable"
+    text = f"radius {radius:.3f} m of the contact midpoint"
+    if f"{driven:.3f}" == f"{radius:.3f}":
+        return text
+    words = f"{driven:.3f} m" if isfinite(driven) else "none"
+    return f"{text}; with the {described.drive} drive {words}"
+
+
+def _document(scenario: Scenario, found: dict[str, Described], window: Window) -> dict[str, object]:
+    sets = {
+        name: {
+            **document(each),
+            "cor_regions": {"ccw": _geojson(each, +1, window), "cw": _geojson(each, -1, window)},
+        }
+        for name, each in found.items()
+    }
+    return {"scenario": scenario.name, "window": window, "sets": sets}
+
+
+def _geojson(described: Described, sense: int, window: Window) -> object:
+    import shapely
+
+    return json.loads(shapely.to_geojson(described.stable.cor_region(sense, window)))
+
+
+def _draw(
+    scenario: Scenario,
+    found: dict[str, Described],
+    args: argparse.Namespace,
+    window: Window,
+    console: Console,
+) -> None:
+    with console.computing(f"drawing {args.plot}"):
+        from pushplan.drawing.sets import plot_stable_sets
+
+        sets = [each.stable for each in found.values()]
+        plot_stable_sets(scenario.chain, sets, args.plot, window)

@@ -1,0 +1,1 @@
+"""What plans, their executions and the runs of both are made of."""

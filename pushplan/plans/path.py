@@ -1,0 +1,79 @@
+"""A push path: constant-twist arcs from one pose of the chain frame to another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pushplan.errors import PushplanError
+from pushplan.geometry import se2
+from pushplan.util.arrays import FloatArray, frozen
+
+TURN_WEIGHT = 0.1
+"""Metres of travel that one radian of turning counts as in the path cost."""
+
+
+def cost_rate(twists: ArrayLike) -> FloatArray:
+    """Return the path cost per unit of time (k,) of body twists (k, 3): |v| + 0.1 |omega|, m/s."""
+    v = np.asarray(twists, dtype=np.float64)
+    return np.hypot(v[..., 0], v[..., 1]) + TURN_WEIGHT * np.abs(v[..., 2])
+
+
+@dataclass(frozen=True, eq=False)
+class PushPath:
+    """Arcs of constant body twist, parametrised by path cost.
+
+    Attributes:
+        start: (3,) pose of the chain frame in the world at the beginning.
+        twists: (k, 3) body twists in the chain frame, scaled so that the cost grows at 1 m/s.
+        lengths: (k,) lengths of the arcs, in the unit of the cost (m).
+    """
+
+    start: FloatArray
+    twists: FloatArray
+    lengths: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", frozen(self.start, (3,), "start of the path"))
+        object.__setattr__(self, "twists", frozen(self.twists, (None, 3), "twists of the path"))
+        object.__setattr__(self, "lengths", frozen(self.lengths, (len(self.twists),), "lengths of the path"))
+        if (self.lengths < 0.0).any():
+            raise PushplanError("an arc of the path has a negative length")
+        if not np.abs(cost_rate(self.twists) - 1.0).max(initial=0.0) <= 1e-9:
+            raise PushplanError("twists of the path must be scaled to a cost rate of 1 m/s")
+
+    @property
+    def cost(self) -> float:
+        """Travel of the contact midpoint plus 0.1 m per radian turned, m."""
+        return float(self.lengths.sum())
+
+    @cached_property
+    def knots(self) -> FloatArray:
+        """(k + 1, 3) poses in the world at the ends of the arcs; the angle runs on, it is not wrapped."""
+        steps = se2.exp(self.twists * self.lengths[:, None])
+        return frozen(se2.chained(self.start, steps), (None, 3), "knots of the path")
+
+    @property
+    def end(self) -> FloatArray:
+        """(3,) pose in the world at the end."""
+        return np.asarray(self.knots[-1])
+
+    def poses_at(self, s: ArrayLike) -> FloatArray:
+        """Return the poses (m, 3) in the world at the costs `s` (m,), clipped to the path."""
+        s = np.clip(np.asarray(s, dtype=np.float64), 0.0, self.cost)
+        if len(self.lengths) == 0:
+            return np.broadcast_to(self.start, (*s.shape, 3)).copy()
+        begins = np.concatenate([[0.0], np.cumsum(self.lengths)])
+        arc = np.clip(np.searchsorted(begins, s, side="right") - 1, 0, len(self.lengths) - 1)
+        step = self.twists[arc] * (s - begins[arc])[:, None]
+        return se2.compose(self.knots[arc], se2.exp(step))
+
+    def sampled(self, spacing: float) -> FloatArray:
+        """Return poses (m, 3) no farther apart than `spacing` in cost, every knot among them."""
+        begins = np.concatenate([[0.0], np.cumsum(self.lengths)])
+        parts = [np.linspace(a, b, max(2, int(np.ceil((b - a) / spacing)) + 1)) for a, b in pairwise(begins)]
+        return self.poses_at(np.unique(np.concatenate([*parts, [0.0]])))

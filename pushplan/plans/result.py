@@ -1,0 +1,185 @@
+"""What planning and running a push return."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pushplan.plans.path import PushPath
+from pushplan.plans.segment import Segment
+from pushplan.plans.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray
+from pushplan.util.lazy_field import LazyField
+from pushplan.util.names import DEFAULT_COST
+
+if TYPE_CHECKING:
+    from pushplan.plans.execution import Execution
+    from pushplan.scenario.model import Scenario
+    from pushplan.sim.robustness.tolerance import Tolerance
+
+
+@dataclass(frozen=True)
+class ProgressPoint:
+    """The cost (m) of the best path known after `seconds` of planning (wall clock).
+
+    `path` is that path; None in logs of older versions.
+    """
+
+    seconds: float
+    cost: float
+    iterations: int
+    path: PushPath | None = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """One reason why there is no plan.
+
+    Attributes:
+        cause: A word of `CAUSES`.
+        text: The same in a sentence, with the numbers.
+        proven: There is no plan for this reason; False stands for a guess.
+        numbers: The numbers by name, SI units.
+    """
+
+    cause: str
+    text: str
+    proven: bool
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+
+CAUSES = {
+    "gap": "a passage between start and goal is too narrow for the chain",
+    "heading": "no stable push turns the chain, and the goal asks for another heading",
+    "direction": "no stable push turns the chain, and the goal lies in a direction that none goes",
+    "one-sided": "the chain turns to one side only",
+    "wide turns": "the turns are wide for the room there is",
+    "boxed in": "hardly any push is possible from the start, or into the goal",
+    "time": "the search was not over",
+}
+"""What a diagnosis may name, and what it means."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """The outcome of planning; what takes long and is not always wanted is worked out when it is first asked for.
+
+    Attributes:
+        solved: A path to the goal was found and passed the independent checker.
+        reason: Why not, in words; empty when solved.
+        planner: Name of the planner that ran.
+        stable_set: Name of the stable set that limited the controls.
+        seed: Of the random numbers.
+        path: The path found; None when not solved.
+        trajectory: The timed path; None when not solved.
+        first_solution_s: Wall-clock seconds to the first path, or None.
+        planning_s: Wall-clock seconds spent planning.
+        progress: Cost of the best path over time.
+        extensions: Number of arcs propagated.
+        min_margin: Smallest margin along the path, or None.
+        tree: (q, 2, 3) poses at both ends of the search tree's branches, thinned.
+        lower_bound: Cost (m) that no path beats; it knows turning limits and, roughly, obstacles, not both at once.
+        diagnosis: What kept the planner from finding a path, most certain first; empty when solved.
+        approximate_path: Where none was found, the free and stable path that ends nearest to the goal, or None.
+        approximate_error: How far (m, rad) from the goal that is, or None.
+        objective: What ranked paths, one of `names.COSTS`; empty in logs of older versions.
+        margin_asked: What the twists' margins had to exceed at first; None in logs of older versions.
+        margin: What they had to exceed in the end: less, where no path was found with `margin_asked`.
+        execution: What the kinematic simulator makes of the plan; None when there is none.
+        segments: Of a plan of several pushes, in their order: `path` and `trajectory` are then those of the robot's
+            frame (see `plans.segment`) through all of them. Empty for a single push.
+        objective_cost: What such a plan costs in all: way pushed, ways of the robot alone, changes of the contact, m.
+        tolerance: What the plan can bear; None when not solved, and in older logs.
+    """
+
+    solved: bool
+    reason: str
+    planner: str
+    stable_set: str
+    seed: int
+    path: PushPath | None
+    trajectory: Trajectory | None
+    first_solution_s: float | None
+    planning_s: float
+    progress: tuple[ProgressPoint, ...]
+    extensions: int
+    min_margin: float | None
+    tree: FloatArray
+    lower_bound: LazyField[float | None] = LazyField(None)
+    diagnosis: tuple[Diagnosis, ...] = ()
+    approximate_path: PushPath | None = None
+    approximate_error: tuple[float, float] | None = None
+    tolerance: LazyField[Tolerance | None] = LazyField(None)
+    objective: str = DEFAULT_COST
+    margin_asked: float | None = None
+    margin: float | None = None
+    execution: Execution | None = None
+    segments: tuple[Segment, ...] = ()
+    objective_cost: float | None = None
+
+    @property
+    def min_dynamic_margin(self) -> float | None:
+        """Smallest margin of any contact with inertia during the execution; None where there is none."""
+        return None if self.execution is None else self.execution.min_dynamic_margin
+
+    @property
+    def lowered(self) -> str:
+        """That the margin was lowered, in a sentence; empty if it was not."""
+        if self.margin is None or self.margin_asked is None or self.margin >= self.margin_asked:
+            return ""
+        if self.path is None:
+            return f"margins from {self.margin_asked:.2g} down to {self.margin:.2g} were tried"
+        return f"margin {self.margin:.2g} instead of {self.margin_asked:.2g}: no path was found with more"
+
+    @property
+    def why_not(self) -> list[str]:
+        """Why there is no path, and how near to the goal one comes, in sentences; none where there is one."""
+        if self.path is not None:
+            return []
+        causes = [found.text for found in self.diagnosis if found.text not in self.reason]
+        if self.approximate_error is None:
+            return [self.reason, *causes]
+        position, angle = self.approximate_error
+        near = f"the nearest path ends {position:.3f} m and {math.degrees(angle):.1f} deg from the goal"
+        return [self.reason, *causes, near]
+
+    @property
+    def gap(self) -> float | None:
+        """Share by which the path costs more than the lower bound; None without a path.
+
+        The optimum lies between: the path wastes no more than this, mostly much less.
+        """
+        if self.path is None or not self.lower_bound:
+            return None
+        cost = self.path.cost if self.objective_cost is None else self.objective_cost
+        return max(0.0, cost / self.lower_bound - 1.0)
+
+    @property
+    def way_pushed(self) -> float | None:
+        """Cost of all pushes together, m; None without a path."""
+        if self.path is None:
+            return None
+        pushes = [segment.path.cost for segment in self.segments if segment.pushes]
+        return sum(pushes) if pushes else self.path.cost
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A plan, its execution and the log of both.
+
+    Attributes:
+        scenario: What was asked.
+        plan: What was planned.
+        execution: What the simulator made of it; None when there was nothing to execute.
+        log: The log file; None when there is none, or it could not be written to its end.
+        seconds: Wall-clock time by phase: `posing`, `search`, `timing`, `checking`, `execution`, `logging`; s.
+    """
+
+    scenario: Scenario
+    plan: PlanResult
+    execution: Execution | None
+    log: Path | None
+    seconds: Mapping[str, float] = field(default_factory=dict)

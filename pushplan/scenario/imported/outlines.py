@@ -1,0 +1,174 @@
+"""Outlines of objects and obstacles from files that drawing and spreadsheet programs write: SVG and CSV."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from pushplan.errors import ImportedFileError
+from pushplan.geometry.polygon import simple_polygon
+from pushplan.util.arrays import FloatArray
+from pushplan.util.extras import optional
+
+MOST_BYTES = 16 << 20
+"""Size up to which a file is read."""
+
+_PIXELS_PER_METRE = 96.0 / 0.0254  # of CSS, in which SVG counts
+
+
+def read_svg_outlines(
+    path: str | Path, *, tolerance: float = 1e-4, centered: bool = True
+) -> dict[str, FloatArray]:
+    """Read the closed shapes of a drawing, each under its id, with x to the right and y up.
+
+    Args:
+        path: The SVG file; its size, e.g. `width="120mm"` with a `viewBox`, says what its units mean.
+        tolerance: Largest distance between a curve and the chords that replace it, m.
+        centered: Whether every outline is moved to have its centroid at its origin, as the frame of an object may be;
+            otherwise the origin is the drawing's upper left corner.
+
+    Returns:
+        Counter-clockwise outlines (v, 2), m, by id, or `shape-1`, `shape-2` and so on where there is none.
+
+    Raises:
+        MissingExtraError: When svgelements is not installed.
+        ImportedFileError: When the file cannot be read, or a shape is not one simple closed outline.
+    """
+    svg = optional("svgelements", "reading an SVG drawing", "svgelements", "import")
+    path = Path(path)
+    _check_size(path)
+    try:
+        drawing = svg.SVG.parse(str(path), ppi=96.0, reify=True)
+    except Exception as error:  # the parser and its XML library raise whatever they stumble over
+        raise ImportedFileError(f"{path}: cannot read the drawing: {error}") from error
+    outlines: dict[str, FloatArray] = {}
+    for element in drawing.elements():
+        if isinstance(element, svg.Shape) and element.values.get("visibility") != "hidden":
+            name = element.id or f"shape-{len(outlines) + 1}"
+            corners = _corners(svg.Path(element), f"{path}: {name}", tolerance * _PIXELS_PER_METRE)
+            _add(outlines, name, corners * [1.0, -1.0] / _PIXELS_PER_METRE, path, centered)
+    if not outlines:
+        raise ImportedFileError(
+            f"{path}: no shape is in the drawing; needed: a path, polygon, rect, circle or ellipse"
+        )
+    return outlines
+
+
+def read_csv_outlines(path: str | Path, *, centered: bool = False) -> dict[str, FloatArray]:
+    """Read outlines from a table with the columns x, y (m) and, for several outlines, name; a row is a corner.
+
+    Args:
+        path: The CSV file.
+        centered: Whether every outline is moved to have its centroid at its origin.
+
+    Returns:
+        Counter-clockwise outlines (v, 2), m, by name, or by the file's name when there is no such column.
+
+    Raises:
+        ImportedFileError: With file and line, when a value is not allowed.
+    """
+    path = Path(path)
+    _check_size(path)
+    corners: dict[str, list[list[float]]] = {}
+    for number, row in _rows(path):
+        corner = [_number(path, number, column, row[column]) for column in ("x", "y")]
+        corners.setdefault((row.get("name") or path.stem).strip(), []).append(corner)
+    outlines: dict[str, FloatArray] = {}
+    for name, listed in corners.items():
+        _add(outlines, name, np.array(listed), path, centered)
+    return outlines
+
+
+def _add(outlines: dict[str, FloatArray], name: str, corners: FloatArray, path: Path, centered: bool) -> None:
+    if name in outlines:
+        raise ImportedFileError(f"{path}: two shapes are called {name!r}; allowed: each id once")
+    try:
+        outline = simple_polygon(corners, f"{path}: {name}")
+    except ValueError as error:
+        raise ImportedFileError(str(error)) from error
+    middle = shapely.get_coordinates(shapely.centroid(shapely.Polygon(outline)))[0]
+    outlines[name] = outline - middle if centered else np.array(outline)
+
+
+def _corners(curve: Any, name: str, tolerance: float) -> FloatArray:
+    """Return the corners (v, 2) of a closed curve in pixels, its arcs and splines replaced by chords."""
+    kinds = [type(segment).__name__ for segment in curve]
+    if kinds.count("Move") != 1 or kinds[-1] != "Close":
+        found = "is open" if kinds.count("Move") == 1 else f"has {kinds.count('Move')} outlines"
+        raise ImportedFileError(f"{name}: {found}; allowed: one closed outline")
+    points = [
+        point
+        for segment in curve
+        if type(segment).__name__ != "Move"
+        for point in _chords(segment, tolerance)
+    ]
+    corners = np.array(points)
+    repeated = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1) < 1e-6
+    distinct: FloatArray = corners[~repeated]
+    return distinct
+
+
+def _chords(segment: Any, tolerance: float) -> Iterator[tuple[float, float]]:
+    """Yield the ends of chords that stay near a segment, without its first point."""
+    straight = type(segment).__name__ in ("Line", "Close")
+    yield from _refine(segment, 0.0, 1.0, math.inf if straight else tolerance, 0)
+
+
+def _refine(
+    segment: Any, begin: float, end: float, tolerance: float, depth: int
+) -> Iterator[tuple[float, float]]:
+    """Bisect until the curve's quarter points lie within the tolerance of the chord; at least four chords a curve."""
+    a, b = _point(segment, begin), _point(segment, end)
+    inner = [_point(segment, begin + share * (end - begin)) for share in (0.25, 0.5, 0.75)]
+    chord = shapely.LineString([a, b])
+    flat = all(shapely.distance(chord, shapely.Point(point)) <= tolerance for point in inner)
+    if tolerance == math.inf or depth == 12 or (flat and depth > 1):  # at most 12 bisections of a curve
+        yield b
+        return
+    middle = 0.5 * (begin + end)
+    yield from _refine(segment, begin, middle, tolerance, depth + 1)
+    yield from _refine(segment, middle, end, tolerance, depth + 1)
+
+
+def _point(segment: Any, share: float) -> tuple[float, float]:
+    point = segment.point(share)
+    return float(point.x), float(point.y)
+
+
+def _check_size(path: Path) -> None:
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise ImportedFileError(f"{path}: cannot read the file: {error.strerror or error}") from error
+    if size > MOST_BYTES:
+        raise ImportedFileError(f"{path}: is larger than the {MOST_BYTES} bytes allowed")
+
+
+def _rows(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """Yield the number and the cells of each line below the header."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, skipinitialspace=True, restval="")
+            header = [name.strip() for name in reader.fieldnames or []]
+            if not {"x", "y"} <= set(header):
+                raise ImportedFileError(f"{path}:1: the header is {','.join(header)!r}; it must name x and y")
+            reader.fieldnames = header
+            yield from ((reader.line_num, row) for row in reader)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ImportedFileError(f"{path}: cannot read the table: {error}") from error
+
+
+def _number(path: Path, line: int, column: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ImportedFileError(f"{path}:{line}: {column} is {text!r}; allowed: a finite number of metres")
+    return value

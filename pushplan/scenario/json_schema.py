@@ -1,0 +1,72 @@
+"""JSON Schemas of the file formats, with which editors complete and check (draft 2020-12)."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+from pydantic.json_schema import models_json_schema
+
+
+def scenario_schema() -> dict[str, Any]:
+    """Return the JSON Schema of scenario files.
+
+    It accepts every file that the loader accepts. The loader also checks what no schema can say: the range of numbers
+    with a unit, polygons that cross themselves, contacts, collisions.
+    """
+    from pushplan.scenario.schema.scenario import ScenarioFile
+    from pushplan.scenario.schema.several_objects import SeveralObjectsFile
+
+    names, schema = models_json_schema([(ScenarioFile, "validation"), (SeveralObjectsFile, "validation")])
+    one, several = (names[model, "validation"] for model in (ScenarioFile, SeveralObjectsFile))
+    chosen = {"if": {"required": ["goals"]}, "then": several, "else": one}
+    return _finished({"type": "object", **schema, **chosen}, "pushplan scenario")
+
+
+def suite_schema() -> dict[str, Any]:
+    """Return the JSON Schema of benchmark suites, likewise; it does not know names that installed packages add."""
+    from pushplan.bench.suites.schema import SuiteFile
+
+    return _finished(SuiteFile.model_json_schema(), "pushplan benchmark suite")
+
+
+SCHEMAS = {"scenario": scenario_schema, "suite": suite_schema}
+"""What makes the schema of each file format; the package holds it as `NAME.schema.json`."""
+
+
+def schema_text(schema: dict[str, Any]) -> str:
+    """Return a schema as it is printed and packaged."""
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+
+
+def schema_file(name: str = "scenario") -> Path:
+    """Return the file in which the package holds a schema of `SCHEMAS`."""
+    with as_file(files("pushplan") / f"{name}.schema.json") as path:
+        return path.resolve()
+
+
+def _finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **_without_titles(schema),
+        "title": title,
+    }
+
+
+def _without_titles(node: Any) -> Any:
+    """Return a schema without the titles that pydantic makes from the keys: editors show them beside the keys."""
+    if isinstance(node, list):
+        return [_without_titles(child) for child in node]
+    if not isinstance(node, dict):
+        return node
+    return {
+        key: _properties(child) if key in ("properties", "$defs") else _without_titles(child)
+        for key, child in node.items()
+        if key != "title"
+    }
+
+
+def _properties(node: dict[str, Any]) -> dict[str, Any]:
+    return {name: _without_titles(child) for name, child in node.items()}

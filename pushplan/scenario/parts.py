@@ -1,0 +1,202 @@
+"""The parts of a push problem beside the chain: goal, workspace, obstacles, settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pushplan.util import names
+from pushplan.util.arrays import FloatArray, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """Where to bring the chain.
+
+    Attributes:
+        pose: (3,) pose in the world of the object `of`, or of the chain frame, as stated.
+        of: Name of the object whose frame is meant; None stands for the chain frame.
+        pose_chain: (3,) pose of the chain frame in the world at the goal.
+        position_tolerance: Distance that still counts as reached, m.
+        angle_tolerance: Angle that still counts as reached, rad.
+        objects: Names of those that it is for, where others stand apart from them; empty stands for all.
+    """
+
+    pose: FloatArray
+    of: str | None
+    pose_chain: FloatArray
+    position_tolerance: float
+    angle_tolerance: float
+    objects: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose", frozen(self.pose, (3,), "pose of the goal"))
+        object.__setattr__(self, "pose_chain", frozen(self.pose_chain, (3,), "chain's pose at the goal"))
+
+
+@dataclass(frozen=True, eq=False)
+class Pushes:
+    """Several pushes: where the robot is at first, which contacts it may choose, and what counts.
+
+    Attributes:
+        robot_start: (3,) pose of the plate's frame in the world.
+        goals: Any of which will do.
+        faces: Names of `names.FACES` and angles of outward normals in the chain frame, rad; None stands for all.
+        offsets: Of the plate's middle from the middle of the face, to the left of the push, m.
+        most: Pushes, at most.
+        switch_cost: What a change of the contact counts when plans are ranked, m.
+        transit_weight: What a metre of the robot's way alone counts, as a share of a metre of pushing.
+        approach: Length of the straight way to a contact, m.
+        retreat: Length of the straight way back from it, m.
+        settle: Length of the straight push with which every push begins, m.
+    """
+
+    robot_start: FloatArray
+    goals: tuple[Goal, ...]
+    faces: tuple[str | float, ...] | None = None
+    offsets: tuple[float, ...] = (0.0,)
+    most: int = 6
+    switch_cost: float = 0.1
+    transit_weight: float = 0.1
+    approach: float = 0.05
+    retreat: float = 0.05
+    settle: float = 0.02
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "robot_start", frozen(self.robot_start, (3,), "start of the robot"))
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """The rectangle, in the world, that pusher and objects do not leave, m."""
+
+    xmin: float
+    xmax: float
+    ymin: float
+    ymax: float
+
+    @property
+    def outline(self) -> FloatArray:
+        """(4, 2) its corners, counter-clockwise."""
+        x, y = [self.xmin, self.xmax, self.xmax, self.xmin], [self.ymin, self.ymin, self.ymax, self.ymax]
+        return np.stack([x, y], axis=1)
+
+
+@dataclass(frozen=True)
+class Snapped:
+    """How an object was moved.
+
+    Attributes:
+        name: Of the object.
+        onto: What messages call the body whose edge it lies on now.
+        gap: Distance along the edge's normal that it was moved towards that body, m; < 0 away from it.
+        turn: Angle by which it was turned about its outline's centroid, rad.
+    """
+
+    name: str
+    onto: str
+    gap: float
+    turn: float
+
+
+@dataclass(frozen=True)
+class Snapping:
+    """What became of measured poses.
+
+    Attributes:
+        objects: How each object with a stated pose was moved.
+        sideways: y of the first contact's midpoint in the stated poses, which is the chain frame's origin now, m.
+    """
+
+    objects: tuple[Snapped, ...]
+    sideways: float
+
+
+@dataclass(frozen=True, eq=False)
+class PolygonObstacle:
+    """A simple polygon that stands still.
+
+    Attributes:
+        outline: (v, 2) corners in the world, m, counter-clockwise.
+        unknown: It stands for a part of a map of which nothing is known; it is drawn as such.
+    """
+
+    outline: FloatArray
+    unknown: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outline", frozen(self.outline, (None, 2), "outline of an obstacle"))
+
+
+@dataclass(frozen=True, eq=False)
+class CircleObstacle:
+    """A disc that stands still.
+
+    Attributes:
+        center: (2,) in the world, m.
+        radius: m.
+    """
+
+    center: FloatArray
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", frozen(self.center, (2,), "centre of an obstacle"))
+
+
+Obstacle = PolygonObstacle | CircleObstacle
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Shares of the stated values by which these may be off, as the file's one line has them.
+
+    Attributes:
+        contact_friction: Of all coefficients between plate and objects.
+        floor_friction: Of all coefficients between objects and floor.
+        load: Of the load on each foot, or of the pressure at every place, of each object; its weight stays.
+    """
+
+    contact_friction: float = 0.0
+    floor_friction: float = 0.0
+    load: float = 0.0
+
+
+@dataclass(frozen=True)
+class StabilitySettings:
+    """The stable set that limits the pusher's twists, and the margin that they keep inside it.
+
+    Attributes:
+        set: One of `names.STABLE_SETS`.
+        margin: The twists' margins exceed this number; `auto` stands for min(0.05, half of the largest margin
+            there is), lowered where no path is found with it.
+    """
+
+    set: str = names.DEFAULT_STABLE_SET
+    margin: float | Literal["auto"] = "auto"
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """How to search.
+
+    Attributes:
+        name: The planner, one of `names.PLANNERS`.
+        time_limit: Wall-clock limit, s.
+        seed: Of the random numbers.
+        cost: What ranks paths, one of `names.COSTS`.
+        weight: Of the margin in `cost: margin`: what a metre at the set's boundary costs more than one at the safest
+            twist, as a share.
+        gap: Share above the lower bound at which a path is good enough to stop.
+        arc_price: What an arc counts beside its length when paths are ranked, m.
+    """
+
+    name: str = names.DEFAULT_PLANNER
+    time_limit: float = 2.0
+    seed: int = 1
+    cost: str = names.DEFAULT_COST
+    weight: float = 1.0
+    gap: float = 0.0
+    arc_price: float = 0.03

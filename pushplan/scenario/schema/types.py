@@ -1,0 +1,211 @@
+"""The building blocks of the file formats: quantities with their ranges, points, poses and polygons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    JsonValue,
+    StringConstraints,
+    Tag,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from pushplan.geometry.simple import find_flaw
+from pushplan.scenario.values import units
+from pushplan.scenario.values.interval import OrInterval, Span
+from pushplan.scenario.values.quantity import (
+    DESCRIBED_FAULT,
+    EitherWay,
+    OrAuto,
+    Quantity,
+    fault,
+    friction,
+    show,
+)
+from pushplan.util.names import FACES
+
+MOST_CORNERS = 500
+
+ALTERNATIVES = frozenset({"<word>", "<mapping>", "<list>", "<bare>", "<loaded>", "<length>"})
+"""Names of the alternatives that a value's form decides between; they stand in pydantic's locations."""
+
+Coordinate = Annotated[float, Quantity("a coordinate", units.LENGTH, -1e4, 1e4, "5 mm")]
+Size = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 1e3, "5 mm")]
+Clearance = Annotated[float, Quantity("a length", units.LENGTH, 1e-4, 10.0, "5 mm")]
+Height = Annotated[float, Quantity("a height", units.LENGTH, 0.0, 100.0, "5 mm")]
+Angle = Annotated[float, Quantity("an angle", units.ANGLE, -10.0, 10.0, "90 deg")]
+"""Degrees without their unit are mostly out of this range, and so are not taken for radians."""
+
+Mass = Annotated[float | Span, OrInterval(Quantity("a mass", units.MASS, 1e-6, 1e6, "800 g"))]
+Duration = Annotated[float, Quantity("a time", units.TIME, 1e-3, 86400.0, "500 ms")]
+Friction = Annotated[float | Span, OrInterval(friction(0.0))]
+FloorFriction = Annotated[float | Span, OrInterval(friction(1e-3))]
+_LOAD = Quantity("a part of the load", units.FRACTION, 1e-6, 1.0, "25 %")
+LoadFraction = Annotated[float | Span, OrInterval(_LOAD, replace(_LOAD, low=0.0))]
+Margin = Annotated[float | Literal["auto"], OrAuto(Quantity("auto, or a margin", {}, 0.0, 0.99))]
+ArcPrice = Annotated[float, Quantity("a length", units.LENGTH, 0.0, 100.0, "30 mm")]
+Weight = Annotated[float, Quantity("a weight", {}, 0.0, 1000.0)]
+Gap = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 100.0, "1 %")]
+Share = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 0.9, "20 %")]
+Face = Annotated[
+    float | str,
+    OrAuto(Quantity(f"{', '.join(FACES)}, or an angle", units.ANGLE, -10.0, 10.0, "120 deg"), FACES),
+]
+Most = Annotated[int, Quantity("a whole number", {}, 1, 100, whole=True)]
+Symmetry = Annotated[int, Quantity("a whole number", {}, 1, 360, whole=True)]
+Travel = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 10.0, "50 mm")]
+Seed = Annotated[int, Quantity("a whole number", {}, 0, 2**31 - 1, whole=True)]
+Speed = Annotated[
+    float | tuple[float, float], EitherWay(Quantity("a speed", units.SPEED, 1e-4, 100.0, "0.2 m/s"))
+]
+Acceleration = Annotated[
+    float | tuple[float, float],
+    EitherWay(Quantity("an acceleration", units.ACCELERATION, 1e-4, 1e3, "0.5 m/s^2")),
+]
+Jerk = Annotated[float, Quantity("a jerk", units.JERK, 1e-4, 1e5, "5 m/s^3")]
+AngularSpeed = Annotated[
+    float | tuple[float, float],
+    EitherWay(Quantity("an angular speed", units.ANGULAR_SPEED, 1e-4, 100.0, "60 deg/s")),
+]
+AngularAcceleration = Annotated[
+    float | tuple[float, float],
+    EitherWay(Quantity("an angular acceleration", units.ANGULAR_ACCELERATION, 1e-4, 1e3, "90 deg/s^2")),
+]
+AngularJerk = Annotated[float, Quantity("an angular jerk", units.ANGULAR_JERK, 1e-4, 1e5, "900 deg/s^3")]
+PositionTolerance = Annotated[float, Quantity("a length", units.LENGTH, 1e-9, 1.0, "2 mm")]
+SnapDistance = Annotated[float, Quantity("a length", units.LENGTH, 1e-6, 0.1, "5 mm")]
+SnapAngle = Annotated[float, Quantity("an angle", units.ANGLE, 0.0, math.radians(20.0), "2 deg")]
+AngleTolerance = Annotated[float, Quantity("an angle", units.ANGLE, 1e-9, math.pi, "0.2 deg")]
+
+
+@dataclass(frozen=True)
+class Row:
+    """Requires a list with one value for each word in `form`, e.g. `[x, y, theta]`."""
+
+    form: str
+    or_else: str = ""
+
+    def read(self, value: Any) -> Any:
+        """Return `value` when it is such a list."""
+        if not isinstance(value, list) or len(value) != self.form.count(",") + 1:
+            raise fault(show(value), self.form + self.or_else)
+        return value
+
+
+def _row(form: str, or_else: str = "") -> BeforeValidator:
+    return BeforeValidator(Row(form, or_else).read)
+
+
+Point = Annotated[tuple[Coordinate, Coordinate], _row("[x, y]")]
+Pose = Annotated[tuple[Coordinate, Coordinate, Angle], _row("[x, y, theta]")]
+Box = Annotated[tuple[Size, Size], _row("[length along x, width along y]")]
+BareFoot = Annotated[tuple[Coordinate, Coordinate], _row("[x, y]", " or [x, y, load]")]
+LoadedFoot = Annotated[tuple[Coordinate, Coordinate, LoadFraction], _row("[x, y, load]")]
+Foot = Annotated[
+    Annotated[BareFoot, Tag("<bare>")] | Annotated[LoadedFoot, Tag("<loaded>")],
+    Discriminator(lambda foot: "<loaded>" if isinstance(foot, list | tuple) and len(foot) == 3 else "<bare>"),
+]
+
+
+@dataclass(frozen=True)
+class Several:
+    """Requires a list of `low` to `high` values; put beside a tuple type in an annotation.
+
+    The length is that of the list in the file: pydantic's own limits count what is left after validation.
+    """
+
+    low: int
+    high: int
+
+    def read(self, value: Any) -> Any:
+        """Return `value` when it is such a list."""
+        if not isinstance(value, list) or not self.low <= len(value) <= self.high:
+            raise PydanticCustomError(DESCRIBED_FAULT, "{text}", {"text": show(value)})
+        return value
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return handler(schema) | {"minItems": self.low, "maxItems": self.high}
+
+
+def _interval(ends: tuple[float, float]) -> tuple[float, float]:
+    if not ends[0] < ends[1]:
+        raise fault(f"is [{ends[0]:.9g}, {ends[1]:.9g}]", "[min, max] with min < max")
+    return ends
+
+
+Interval = Annotated[tuple[Coordinate, Coordinate], _row("[min, max]"), AfterValidator(_interval)]
+
+
+def _simple(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    flaw = find_flaw(np.array(corners))
+    if flaw is not None:
+        raise fault(flaw, "a polygon that does not touch itself, its corners in order")
+    return corners
+
+
+Polygon = Annotated[tuple[Point, ...], Several(3, MOST_CORNERS), AfterValidator(_simple)]
+
+NAME_PATTERN = r"^[^\W_][\w .-]{0,63}$"
+
+# Editors read `\w` as ASCII, so that their pattern excludes what ASCII has beside letters and digits.
+_NAME_IN_EDITORS = r"^[^\x00-/:-@\[-`{-\x7f\ud800-\udfff][^\x00-\x1f!-,/:-@\[-^`{-\x7f\ud800-\udfff]{0,63}$"
+
+Name = Annotated[
+    str,
+    StringConstraints(strict=True, pattern=NAME_PATTERN),
+    WithJsonSchema({"type": "string", "pattern": _NAME_IN_EDITORS}),
+]
+
+
+class Strict(BaseModel):
+    """A mapping that takes no other keys than its own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def exactly_one(
+    *keys: str, needs: Mapping[str, str] | None = None, only: Mapping[str, str] | None = None
+) -> ConfigDict:
+    """Return the configuration of a model that says in its JSON Schema what its validator requires.
+
+    Args:
+        keys: Of which exactly one is given.
+        needs: Keys that come with another one, e.g. `{"circle": "center"}`.
+        only: Keys that come with no other one, e.g. `{"center": "circle"}`.
+    """
+    forms: list[JsonValue] = []
+    for key in keys:
+        given: list[JsonValue] = [key, *((needs or {}).get(key, "").split())]
+        barred = [other for other in keys if other != key]
+        barred += [other for other, owner in (only or {}).items() if key not in owner.split()]
+        properties: dict[str, JsonValue] = {str(name): {"not": {"type": "null"}} for name in given}
+        forms.append(
+            {"properties": properties | {name: {"type": "null"} for name in barred}, "required": given}
+        )
+    return ConfigDict(json_schema_extra={"oneOf": forms})
+
+
+def require_one(model: Strict, *keys: str) -> None:
+    """Let the validation of `model` fail unless exactly one of `keys` is given."""
+    given = [key for key in keys if getattr(model, key) is not None]
+    if len(given) != 1:
+        found = f"has {' and '.join(given)}" if given else f"has none of {', '.join(keys)}"
+        raise fault(found, f"exactly one of {', '.join(keys)}")

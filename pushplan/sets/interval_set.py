@@ -1,0 +1,74 @@
+"""Stable sets that hold for all loads and frictions in given intervals.
+
+Rows of contact conditions are linear in the friction load of every object, so that the vertices of the intervals
+decide (see `interval_ecof_set`); the worst case over all pressures keeps that, object by object. The sets that
+cover all pressures with given centres, `stable` and `robust`, take the centres as stated: pressures that may be
+off by a share do not enter there. At a push height h > 0 a load's shift depends on mu itself, and not linearly:
+then floor friction has to be known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pushplan.errors import PushplanError, SupportError
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
+from pushplan.mechanics.worst_case.load_area import load_areas
+from pushplan.sets.interval_ecof_set import IntervalEcofSet
+from pushplan.sets.robust_set import RobustSet
+from pushplan.sets.stable_set import StableSet
+from pushplan.sets.stable_unknown_set import StableUnknownSet
+from pushplan.sets.translation_set import TranslationSet
+from pushplan.util.names import STABLE_SETS
+
+
+def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
+    """Return a set of twists that are stable for all values in the intervals.
+
+    Exact for `ecof`, `translation` and `robust`, but on the safe side for pressures that may be off (see
+    `pressure_error`); for `stable`, the rule for a centre of friction anywhere in the region that the loads allow.
+    The set `cof` has no such form: its centre moves with the loads, and its conditions are not linear in them.
+
+    Raises:
+        PushplanError: On an unknown name, or `cof`.
+        SupportError: When the algorithm needs something as a number that is an interval.
+    """
+    if name not in STABLE_SETS:
+        raise PushplanError(
+            f"the stable set {name!r} is not known for intervals of loads and frictions; there are "
+            f"{', '.join(STABLE_SETS)}"
+        )
+    if name == "cof":
+        raise PushplanError(
+            "the stable set 'cof' is not linear in the loads, so that it cannot be had for intervals of them; "
+            "use 'ecof', which it approximates"
+        )
+    _require_numbers(interval, name)
+    if name == "stable":
+        return StableUnknownSet(interval.steepest, interval.loads)
+    if name == "robust":
+        return RobustSet(interval.chain, interval.loads)
+    if name == "ecof":
+        return IntervalEcofSet(interval)
+    load_areas(interval.steepest)
+    level = replace(interval.chain, pusher=replace(interval.chain.pusher, contact_height=0.0))
+    return TranslationSet(interval.chain, IntervalEcofSet(replace(interval, chain=level)))
+
+
+def _require_numbers(interval: IntervalChain, name: str) -> None:
+    """Raise SupportError when the set needs a number where there is an interval."""
+    objects = interval.chain.objects
+    if name in ("stable", "robust") and interval.fractions:
+        feet = objects[min(interval.fractions)].name
+        raise SupportError(
+            f"the set {name!r} goes by the centre of each load, which intervals of load fractions leave open for "
+            f"{feet!r}; give it a center_of_mass, or use 'ecof'"
+        )
+    if interval.chain.pusher.contact_height == 0.0 or name in ("stable", "translation"):
+        return
+    for i, (obj, (low, high)) in enumerate(zip(objects, interval.floor_friction, strict=True)):
+        if low < high or (name == "ecof" and (i in interval.fractions or interval.pressures.get(i))):
+            raise SupportError(
+                f"a push above the floor shifts the load of {obj.name!r} by its floor friction; the set {name!r} "
+                f"needs that friction and the load fractions as numbers, or a contact height of 0"
+            )

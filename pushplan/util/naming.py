@@ -1,0 +1,99 @@
+"""Names of what others add: `module:attribute`, or an entry point of an installed package."""
+
+from __future__ import annotations
+
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pushplan.errors import PushplanError
+from pushplan.util import names
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
+"""The form of `module:attribute`."""
+
+
+class OpenNames(tuple[str, ...]):
+    """The names of what is built in, for whom `in` is true of all that may be named: those of others too."""
+
+    group: str
+
+    def __new__(cls, built_in: tuple[str, ...], group: str) -> OpenNames:
+        """Return the names.
+
+        Args:
+            built_in: What is built in.
+            group: Entry points under which installed packages add to it.
+        """
+        made = super().__new__(cls, built_in)
+        made.group = group
+        return made
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether this is a name of what is built in or installed, or has the form `module:attribute`."""
+        if not isinstance(name, str):
+            return False
+        return super().__contains__(name) or self.adds(name)
+
+    def adds(self, name: str) -> bool:
+        """Return whether this names something that is not built in."""
+        return PLACE.fullmatch(name) is not None or _entry_point(self.group, name) is not None
+
+    @property
+    def words(self) -> str:
+        """All names, for users."""
+        return f"{', '.join(self)}, or module:attribute"
+
+
+def planner_names() -> OpenNames:
+    """Return the names that a planner may have."""
+    return OpenNames(names.PLANNERS, "pushplan.planners")
+
+
+def stable_set_names() -> OpenNames:
+    """Return the names that a stable set may have."""
+    return OpenNames(names.STABLE_SETS, "pushplan.stable_sets")
+
+
+def attribute_named(name: str, group: str) -> Any:
+    """Return what `module:attribute` names, or an entry point, None where there is neither.
+
+    A module is looked for in the working directory too.
+
+    Raises:
+        PushplanError: When it cannot be imported or has no such attribute.
+    """
+    if PLACE.fullmatch(name) is None:
+        found = _entry_point(group, name)
+        if found is None:
+            return None
+        name = found.value
+    module, _, path = name.partition(":")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        value: Any = import_module(module)
+        for part in path.split("."):
+            value = getattr(value, part)
+    except (ImportError, AttributeError) as error:
+        raise PushplanError(f"cannot load {name!r}: {error}; allowed: module:attribute") from error
+    return value
+
+
+def _entry_point(group: str, name: str) -> EntryPoint | None:
+    """Return what an installed package adds under a name."""
+    from importlib.metadata import entry_points  # as slow to load as all that the help needs
+
+    return next(iter(entry_points(group=group, name=name)), None)
+
+
+def name_of(made: Any) -> str:
+    """Return `module:attribute` of a class or function, as far as it has one."""
+    kind = made if hasattr(made, "__qualname__") else type(made)
+    return f"{kind.__module__}:{kind.__qualname__}"

@@ -1,0 +1,109 @@
+"""What the panel of the window says, as HTML: the plan in numbers, or what is wrong; the stable set."""
+
+from __future__ import annotations
+
+from html import escape
+from math import degrees
+
+import numpy as np
+import shapely
+
+from pushplan.sets.cor.cor_region import Window
+from pushplan.sets.cor_window import default_window
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.colours import OBJECTS, PLATE
+from pushplan.view.answers import Answer
+
+_SENSES = {+1: "#2c6fa6", -1: "#c0622d"}
+_STYLE = "padding:0 12px;font-size:13px;line-height:1.45"
+
+
+def answer_html(answer: Answer, number: int, milliseconds: float, dropped: bool) -> str:
+    """Return what is said of an answer.
+
+    Args:
+        answer: What.
+        number: Counts answers; with the other `data-` it lets scripts of the page wait for an answer.
+        milliseconds: That it took.
+        dropped: What was dragged has been let go.
+    """
+    data = f'data-number="{number}" data-stage="{answer.stage}" data-dropped="{str(dropped).lower()}"'
+    head = f'<div id="pushplan-answer" {data} style="{_STYLE}">'
+    return f"{head}{_plan(answer, milliseconds) if answer.solved else _troubles(answer)}</div>"
+
+
+def _plan(answer: Answer, milliseconds: float) -> str:
+    result = answer.result
+    assert result is not None
+    assert result.path is not None
+    rows = [("path", f"{result.path.cost:.3f} m in {len(result.path.twists)} arcs")]
+    if result.min_margin is not None:
+        rows.append(("least margin", f"{result.min_margin:.3f}"))
+    if result.trajectory is not None:
+        rows.append(("drive", f"{result.trajectory.duration:.1f} s"))
+    if result.tolerance is not None:
+        rows.append(("bears", result.tolerance.sentence))
+    if result.lowered:
+        rows.append(("note", result.lowered))
+    rows.append(("answered in", f"{milliseconds:.0f} ms ({_STAGES[answer.stage]})"))
+    return "".join(f"<div><b>{name}</b>: {escape(text)}</div>" for name, text in rows)
+
+
+_STAGES = {"path": "first path", "timed": "first path, timed", "polished": "polished"}
+
+
+def _troubles(answer: Answer) -> str:
+    items = "".join(f"<li>{escape(text)}</li>" for text in answer.findings)
+    return f'<b style="color:#c8322b">no plan</b><ul style="margin:0;padding-left:18px">{items}</ul>'
+
+
+def stable_set_html(stable: StableSet | None) -> str:
+    """Return a picture of the centres of rotation that keep every contact, in the chain frame, x upward."""
+    if stable is None:
+        return ""
+    window = default_window(stable.chain, [stable])
+    regions = "".join(_region(stable, sense, window) for sense in (+1, -1))
+    bodies = "".join(_body(body.outline, body.name) for body in stable.chain.bodies)
+    return (
+        f'<div style="{_STYLE}"><b>stable centres of rotation</b> '
+        f'(<span style="color:{_SENSES[+1]}">left turns</span>, '
+        f'<span style="color:{_SENSES[-1]}">right turns</span>){_cone(stable)}'
+        f'<svg id="pushplan-set" viewBox="{_view(window)}" style="width:100%;max-height:230px">'
+        f"{regions}{bodies}</svg></div>"
+    )
+
+
+def _cone(stable: StableSet) -> str:
+    cone = stable.translation_cone()
+    if cone is None:
+        return "; no straight push is stable"
+    low, high = sorted(degrees(float(np.arctan2(dy, dx))) for dx, dy in cone)
+    return f"; straight pushes from {low:+.1f} to {high:+.1f} deg"
+
+
+def _view(window: Window) -> str:
+    """Return the SVG's window; the picture has the chain's y to the left and its x upward."""
+    xmin, ymin, xmax, ymax = window
+    return f"{-ymax:.4g} {-xmax:.4g} {ymax - ymin:.4g} {xmax - xmin:.4g}"
+
+
+def _region(stable: StableSet, sense: int, window: Window) -> str:
+    parts = shapely.get_parts(stable.cor_region(sense, window))
+    rings = [
+        ring
+        for part in parts
+        if isinstance(part, shapely.Polygon)
+        for ring in (part.exterior, *part.interiors)
+    ]
+    data = " ".join(f"M {_points(np.asarray(ring.coords)[:, :2])} Z" for ring in rings)
+    return f'<path d="{data}" fill="{_SENSES[sense]}" fill-opacity="0.35" fill-rule="evenodd"/>'
+
+
+def _body(outline: np.ndarray[tuple[int, ...], np.dtype[np.float64]], name: str) -> str:
+    fill = PLATE if name in ("pusher", "robot") else OBJECTS[0]
+    line = 'stroke="#333" stroke-width="1" vector-effect="non-scaling-stroke"'
+    return f'<polygon points="{_points(outline)}" fill="{fill}" {line}/>'
+
+
+def _points(points: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
+    return " ".join(f"{-y:.4f},{-x:.4f}" for x, y in points)

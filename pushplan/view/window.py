@@ -1,0 +1,209 @@
+"""The window: a server, what its handles and buttons do, and the plan that follows every move."""
+
+from __future__ import annotations
+
+import io
+import threading
+import time
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.extras import optional
+from pushplan.view.answers import Answer, Answers
+from pushplan.view.draft import Draft
+from pushplan.view.worker import Worker
+
+if TYPE_CHECKING:
+    from pushplan.view.stage import Stage
+
+_SPACING = 0.01
+"""Between places of a way that is drawn, m."""
+_FRAME = 1.0 / 30.0
+"""Between pictures of an execution, s."""
+
+_DRAWING = 0.1
+"""For which an answer is let be sent and drawn before the next work begins, s: compiled code holds the interpreter,
+and a browser without a graphics card draws on the same processors."""
+_REST = 0.2
+"""Without another move after which a plan is polished, s."""
+
+
+class Window:
+    """A scenario in a browser; every move of its poses is planned anew.
+
+    Args:
+        scenario: Of one push.
+        port: To listen on, on this machine only; the next free one is taken when it is not free.
+        tell: Called with sentences for the user about what takes long.
+
+    Attributes:
+        draft: What is shown.
+        answer: What it led to last.
+        server: That of viser.
+        stage: What is seen.
+
+    Raises:
+        MissingExtraError: When viser is not installed.
+        PlanningError: When the scenario asks for several pushes.
+    """
+
+    def __init__(
+        self, scenario: Scenario, port: int = 8080, tell: Callable[[str], None] | None = None
+    ) -> None:
+        viser = optional("viser", "the window", "viser", "view")
+        from pushplan.view.stage import Stage
+
+        self.draft = Draft.of(scenario)
+        self.answer: Answer | None = None
+        self._answers = Answers(scenario, tell)
+        self._number, self._playing = 0, threading.Event()
+        with redirect_stdout(io.StringIO()):  # its banner comes without `verbose`, too
+            self.server = viser.ViserServer(host="127.0.0.1", port=port, label="pushplan", verbose=False)
+        self._look_at_all()
+        self.stage: Stage = Stage(self.server.scene, self.draft)
+        self._panel()
+        self._worker: Worker[tuple[Draft, bool]] = Worker(self._work)
+        self._handles()
+        self._ask(dropped=True)
+
+    @property
+    def url(self) -> str:
+        """The address of the page."""
+        return f"http://localhost:{self.server.get_port()}"
+
+    def wait(self) -> None:
+        """Serve until interrupted; what the work on a question raised is raised here."""
+        while self._worker.alive:
+            time.sleep(0.2)
+        if self._worker.failure is not None:
+            raise self._worker.failure
+
+    def close(self) -> None:
+        """End the server."""
+        self._playing.clear()
+        self._worker.end()
+        with redirect_stdout(io.StringIO()):
+            self.server.stop()
+
+    def move(self, change: Callable[[Draft], Draft], dropped: bool) -> None:
+        """Change the draft and ask for its plan; once dropped it is timed and polished, too."""
+        self._playing.clear()
+        self.draft = change(self.draft)
+        self._ask(dropped)
+
+    def _ask(self, dropped: bool) -> None:
+        self._worker.ask((self.draft, dropped))
+
+    def _work(self, question: tuple[Draft, bool], outdated: Callable[[], bool]) -> None:
+        draft, dropped = question
+        began = time.perf_counter()
+        shown = self.answer if self.answer is not None and self.answer.draft is draft else None
+        answer = shown or self._answers.path(draft)  # where the mouse rested before the drop it is known
+        if answer.stage == "path":
+            self._show(answer, began, dropped)
+            if not dropped or not self._worker.idle(_DRAWING):
+                return
+            answer = self._answers.timed(draft)
+            self._show(answer, began, dropped)
+        if answer.stage == "timed" and answer.solved and self._worker.idle(_REST):
+            better = self._answers.polished(answer, outdated)
+            if better.solved and not outdated() and not self._playing.is_set():
+                self._show(better, began, dropped)
+
+    def _show(self, answer: Answer, began: float, dropped: bool) -> None:
+        from pushplan.view.texts import answer_html, stable_set_html
+
+        changed = self.answer is None or not np.array_equal(self.answer.draft.slides, answer.draft.slides)
+        path = answer.result.path if answer.result is not None and answer.solved else None
+        with self.server.atomic():
+            if changed and answer.scenario is not None:
+                self.stage.draw_chain(answer.scenario.chain, answer.draft.frame)
+            if changed or (self.answer is not None and self.answer.stable is not answer.stable):
+                self._set.content = stable_set_html(answer.stable)
+            self.stage.draw_plan(None if path is None else path.sampled(_SPACING))
+            self.answer, self._number = answer, self._number + 1
+            spent = 1e3 * (time.perf_counter() - began)
+            self._said.content = answer_html(answer, self._number, spent, dropped)
+            self._play.disabled = answer.result is None or answer.result.trajectory is None
+        self.server.flush()  # else it waits for a sixtieth of a second
+
+    def _handles(self) -> None:
+        """Add what things are dragged by."""
+        from pushplan.view.stage import MOST_DRAGGED
+
+        draft, stage = self.draft, self.stage
+        stage.handle("/start", draft.start, self._moved(lambda pose: lambda it: it.with_start(pose)))
+        stage.handle("/goal", draft.goal, self._moved(lambda pose: lambda it: it.with_goal(pose)))
+        for k, contact in enumerate(draft.original.chain.contacts):
+            along = np.array(
+                [*(0.5 * (contact.right + contact.left)), np.arctan2(-contact.tangent[0], contact.tangent[1])]
+            )
+            stage.handle(f"/start/slide{k}", along, partial(self._slid, k, along), (False, True, False))
+        if len(draft.places) <= MOST_DRAGGED:
+            for i, place in enumerate(draft.places):
+                stage.handle(f"/obstacle{i}", place, partial(self._placed, i), arrows=False)
+        stage.draw_obstacles(draft)
+        stage.draw_chain(
+            draft.original.chain, draft.frame
+        )  # bodies hang under the handles, which have to be there
+
+    def _moved(
+        self, change: Callable[[FloatArray], Callable[[Draft], Draft]]
+    ) -> Callable[[FloatArray, bool], None]:
+        return lambda pose, dropped: self.move(change(pose), dropped)
+
+    def _slid(self, k: int, along: FloatArray, pose: FloatArray, dropped: bool) -> None:
+        tangent = self.draft.original.chain.contacts[k].tangent
+        self.move(lambda it: it.with_slide(k, float((pose - along)[:2] @ tangent)), dropped)
+
+    def _placed(self, i: int, pose: FloatArray, dropped: bool) -> None:
+        self.move(lambda it: it.with_place(i, pose), dropped)
+
+    def _panel(self) -> None:
+        gui = self.server.gui
+        self._said = gui.add_html("")
+        self._play = gui.add_button("Play", disabled=True, hint="drive the plan at its own speed")
+        self._set = gui.add_html("")
+        save = gui.add_button_group("Save", ("YAML", "JSON"))
+        save.on_click(lambda event: self._save(event.client, save.value))
+        self._play.on_click(lambda _: self._perform())
+
+    def _perform(self) -> None:
+        """Play the execution until it is over or something is moved."""
+        result = self.answer.result if self.answer is not None else None
+        if result is None or result.trajectory is None or self._playing.is_set():
+            return
+        trajectory, began = result.trajectory, time.perf_counter()
+        self._playing.set()
+        while self._playing.is_set() and (t := time.perf_counter() - began) < trajectory.duration:
+            self.stage.show_played(trajectory.poses_at(np.array([t]))[0])
+            time.sleep(_FRAME)
+        self.stage.show_played(None)
+        self._playing.clear()
+
+    def _save(self, client: Any, kind: str) -> None:
+        """Send the scenario to the browser as a file, or tell why it would be none."""
+        answer = self.answer
+        if answer is None or answer.scenario is None or answer.draft is not self.draft:
+            client.add_notification("Not saved", "The scenario is not valid, or still being planned.")
+            return
+        text = self.draft.to_yaml() if kind == "YAML" else answer.scenario.to_json()
+        client.send_file_download(
+            f"{answer.scenario.name}.{kind.lower()}", text.encode(), save_immediately=True
+        )
+
+    def _look_at_all(self) -> None:
+        area, draft = self.draft.original.workspace, self.draft
+        ends = np.stack([draft.start[:2], draft.goal[:2]])
+        box = ends if area is None else np.array([[area.xmin, area.ymin], [area.xmax, area.ymax]])
+        low, high = box.min(axis=0), box.max(axis=0)
+        x, y = 0.5 * (low + high)
+        away = 0.95 * max(float((high - low).max()), 4.0 * draft.original.chain.reach)
+        self.server.initial_camera.position = (x, y - 0.25 * away, away)
+        self.server.initial_camera.look_at = (x, y, 0.0)
