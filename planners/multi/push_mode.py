@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pushplan.planners.multi.faces import Place
+from pushplan.mechanics.faces import Place
 from pushplan.planners.problem.posing import Controls
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet

@@ -11,7 +11,7 @@ import numpy as np
 from pushplan.errors import EmptyStableSetError, ScenarioError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE, Chain, Contact
-from pushplan.planners.multi.faces import Place, carried_from, places
+from pushplan.mechanics.faces import Place, carried_from, places
 from pushplan.planners.multi.push_mode import PushMode
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.margins import margins_to_try
@@ -83,7 +83,7 @@ def find_modes(scenario: Scenario, stable_set: str | None = None) -> tuple[Mode,
     """
     assert scenario.pushes is not None
     found, troubles = [], []
-    for place in places(scenario.chain, scenario.pushes):
+    for place in places(scenario.chain, scenario.pushes.faces, scenario.pushes.offsets):
         try:
             mode = _mode(scenario, place, stable_set)
             mode.controls(mode.margins[-1])

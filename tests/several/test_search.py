@@ -10,10 +10,10 @@ import pytest
 from several.conftest import Problem, problem_document
 
 from pushplan.geometry import se2
+from pushplan.mechanics.faces import places
 from pushplan.plan import plan
 from pushplan.planners.multi.bound import lower_bounds
 from pushplan.planners.multi.descents import descend, pack_modes
-from pushplan.planners.multi.faces import places
 from pushplan.planners.multi.pushing import ARCS, approaches_are_free
 from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
@@ -116,7 +116,7 @@ def test_the_plate_takes_no_place_where_it_would_overlap(problem: Problem) -> No
     document["objects"][0]["shape"] = {"polygon": notched}
     scenario = scenario_from_document(document)
     assert scenario.pushes is not None
-    found = list(places(scenario.chain, scenario.pushes))
+    found = list(places(scenario.chain, scenario.pushes.faces, scenario.pushes.offsets))
     assert sorted(place.face for place in found) == ["front", "left", "rear", "right"]
     outline = scenario.chain.objects[0].outline_chain
     for place in found:

@@ -84,6 +84,13 @@ class IntervalChain:
             shares,
         )
 
+    def carried_by(self, chain: Chain) -> IntervalChain:
+        """Return the intervals of the same objects, by their names, in a chain that is pushed from another face."""
+        order = [self.chain.index_of(obj.name) for obj in chain.objects]
+        fractions = {k: self.fractions[i] for k, i in enumerate(order) if i in self.fractions}
+        pressures = {k: self.pressures[i] for k, i in enumerate(order) if i in self.pressures}
+        return IntervalChain(chain, self.mass[order], self.floor_friction[order], fractions, pressures)
+
     @property
     def loads(self) -> FloatArray:
         """(n, 2) least and largest friction load mu m g of every object, N."""

@@ -1,19 +1,23 @@
-"""Where the plate can push a load from: faces of its objects, and the plate's places on them."""
+"""Faces of the objects that the plate can push from, and the chain that it pushes from each of them.
+
+Objects that touch one another are a stack. Stacks side by side are held together by the plate alone: driven up to
+along the normal of faces that lie on one line, it touches all of them at once, and pushes all or none.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
+from pushplan.errors import ChainError
 from pushplan.geometry import se2
-from pushplan.geometry.contact_segments import TOUCH, find_touch
+from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH, find_touch
 from pushplan.geometry.penetration import overlap_depth
-from pushplan.mechanics.chain import PLATE, Chain
-from pushplan.scenario.parts import Pushes
+from pushplan.mechanics.chain import PLATE, Chain, Contact, Drive, PushedObject, Pusher
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import FACES
 
@@ -43,28 +47,134 @@ class Place:
     contact: FloatArray
 
 
-def places(chain: Chain, pushes: Pushes) -> Iterator[Place]:
+def places(
+    chain: Chain, faces: Sequence[str | float] | None = None, offsets: Sequence[float] = (0.0,)
+) -> Iterator[Place]:
     """Yield the places that the plate may take, so that it touches one object of each stack along one line.
 
-    Objects that touch one another are a stack. Stacks side by side are held together by the plate alone: driven up to
-    along the normal of faces that lie on one line, it touches all of them at once, and pushes all or none.
+    Args:
+        chain: The objects; where the plate is now does not matter.
+        faces: Names of `names.FACES` and angles of outward normals in the chain frame, rad; None stands for all.
+        offsets: Of the plate's middle from the middle of the face, to the left of the push, m.
     """
     plate = chain.pusher.outline - [chain.pusher.outline[:, 0].max(), chain.pusher.outline[:, 1].mean()]
     outlines, found = [obj.outline_chain for obj in chain.objects], stacks(chain)
     for i in found[0]:
         for begin, end in _edges(outlines[i]):
             normal, ends = _outward(begin, end), _abreast(begin, end, outlines, found[1:])
-            if ends is None or not _is_asked_for(normal, pushes.faces):
+            if ends is None or not _is_asked_for(normal, faces):
                 continue
             heading = float(se2.wrap_angle(normal + math.pi))
             tangent = np.array([-math.sin(heading), math.cos(heading)])
-            for offset in pushes.offsets:
+            for offset in offsets:
                 middle = ends.mean(axis=0) + offset * tangent
                 pose = np.array([*middle, heading])
                 contacts = _contacts(se2.transform_points(pose, plate), found, outlines)
                 if i in contacts:
                     face = _named(chain, list(contacts), normal)
                     yield Place(tuple(contacts), face, offset, pose, np.array([*contacts[i], heading]))
+
+
+def pushed_at(chain: Chain, face: str | float, offset: float = 0.0) -> Chain:
+    """Return the chain that the plate pushes from another face.
+
+    Args:
+        chain: The objects, and the plate and robot that push them.
+        face: A name that `Place.face` has, one of `names.FACES`, or the angle of the outward normal in the chain
+            frame, rad.
+        offset: Of the plate's middle from that of the face, to the left of the push, m.
+
+    Raises:
+        ChainError: When there is no such face, or more than one; see `pushed_from` too.
+    """
+    found = [
+        place
+        for place in places(chain, None, (offset,))
+        if face == place.face
+        or (
+            (not isinstance(face, str) or face in _NORMALS)
+            and _is_asked_for(float(place.contact[2]) + math.pi, (face,))
+        )
+    ]
+    if len(found) != 1:
+        allowed = ", ".join(dict.fromkeys(place.face for place in places(chain, None, (offset,))))
+        what = f"{len(found)} faces are called {face!r}" if found else f"no face is called {face!r}"
+        raise ChainError(f"{what} where the plate fits with the offset {offset:.6g} m; there are: {allowed}")
+    return pushed_from(chain, found[0])
+
+
+def pushed_from(chain: Chain, place: Place) -> Chain:
+    """Return the chain with the plate at another place: its frame is that of the contact there.
+
+    The objects stand where they stood, in an order in which each one is pushed by the plate or by one before it.
+    Contacts between two objects keep their friction whoever pushes; so does the plate's with an object that it
+    touches now, and the plate's own friction holds at any other.
+
+    Raises:
+        ChainError: When the robot's footprint overlaps an object there, or touches one beside the plate.
+    """
+    order = carried_from(chain, place.touched)
+    into = se2.inverse(place.contact)
+    objects = tuple(
+        replace(chain.objects[i], pose_chain=se2.compose(into, chain.objects[i].pose_chain)) for i in order
+    )
+    pusher = _pusher_at(chain.pusher, float(se2.compose(into, place.plate)[1]))
+    contacts = tuple(_contact(chain, order, objects, pusher, k) for k in range(len(order)))
+    _require_clear(pusher, objects)
+    return Chain(objects, contacts, pusher)
+
+
+def _pusher_at(pusher: Pusher, sideways: float) -> Pusher:
+    """Return the plate with its frame at (0, `sideways`, 0) in the chain frame, the robot with it."""
+    plate = np.array([0.0, sideways, 0.0])
+
+    def moved(pose: FloatArray) -> FloatArray:
+        return se2.compose(plate, se2.relative(pusher.plate_pose, pose))
+
+    drive: Drive = pusher.drive
+    return replace(
+        pusher,
+        outline=pusher.outline - pusher.plate_pose[:2] + plate[:2],
+        drive=drive if drive.axle is None else replace(drive, axle=moved(drive.axle)),
+        footprint=tuple(part - pusher.plate_pose[:2] + plate[:2] for part in pusher.footprint),
+        base=None if pusher.base is None else moved(pusher.base),
+    )
+
+
+def _contact(
+    chain: Chain, order: Sequence[int], objects: Sequence[PushedObject], pusher: Pusher, k: int
+) -> Contact:
+    """Return the contact through which the k-th object of another order is pushed."""
+    own, friction = order[k], {}
+    for contact in chain.contacts:
+        if own in (contact.pushed, contact.pusher):
+            friction[contact.pushed + contact.pusher - own] = contact.friction
+    before = [j for j in range(k) if order[j] in friction]
+    pushing = before[0] if before else PLATE
+    outline = pusher.outline if pushing == PLATE else objects[pushing].outline_chain
+    touch = find_touch(outline, objects[k].outline_chain)
+    if touch is None or len(touch) != 1:
+        raise ChainError(f"{objects[k].name!r} is not pushed along one line there")
+    mu = friction[order[pushing]] if before else friction.get(PLATE, pusher.friction)
+    return Contact(touch[0][0], touch[0][1], mu, k, pushing)
+
+
+def _require_clear(pusher: Pusher, objects: Sequence[PushedObject]) -> None:
+    """Raise ChainError where the robot itself would push an object."""
+    plate = shapely.Polygon(pusher.outline).buffer(TOUCH, join_style="mitre")
+    for part in pusher.footprint:
+        for obj in objects:
+            depth = overlap_depth(obj.outline_chain, part)
+            if depth > 0.0:
+                raise ChainError(f"the robot overlaps {obj.name!r} there by {1e3 * depth:.3g} mm")
+            touch = find_touch(part, obj.outline_chain)
+            beside = (
+                [] if touch is None else [shapely.difference(shapely.LineString(s), plate) for s in touch]
+            )
+            if any(line.length > SHORTEST_CONTACT for line in beside):
+                raise ChainError(
+                    f"the robot touches {obj.name!r} beside the plate there, which alone may push"
+                )
 
 
 def stacks(chain: Chain) -> list[list[int]]:
@@ -127,7 +237,7 @@ def _outward(begin: FloatArray, end: FloatArray) -> float:
     return math.atan2(-x, y)
 
 
-def _is_asked_for(normal: float, faces: tuple[str | float, ...] | None) -> bool:
+def _is_asked_for(normal: float, faces: Sequence[str | float] | None) -> bool:
     if faces is None:
         return True
     wanted = [_NORMALS[face] if isinstance(face, str) else face for face in faces]
