@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html
 import importlib.util
 import shutil
 import tempfile
@@ -15,8 +14,7 @@ from typing import Any
 from stamp import stamp
 
 import pushplan
-from pushplan.logging.export.html import write_html
-from pushplan.logging.play.terminal import TerminalView
+from pushplan.logging.page import write_html
 from pushplan.view.window import Window
 
 ROOT = Path(__file__).parents[1]
@@ -25,13 +23,10 @@ TIME = 6.0
 FADING = 4.0
 """For which the scene fades in, s; more than it takes with software rendering."""
 POLISHED = "document.querySelector('#pushplan-answer')?.dataset.stage === 'polished'"
-TERMINAL = """<meta charset="utf-8">
-<body style="margin:0;overflow:hidden;background:#1e1e1e">
-<pre style="margin:12px;color:#ddd;font:14px/1.15 monospace">"""
 
 
 def main() -> None:
-    """Plan, and photograph the page that plays the run and the picture that a terminal shows."""
+    """Plan, and photograph the page that plays the run."""
     program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if program is None:
         raise SystemExit("there is no Chromium to take screenshots with")
@@ -40,16 +35,10 @@ def main() -> None:
         pushplan.run(pushplan.load_scenario("two-crates"), log=folder / "run.mcap")
         recorded = pushplan.read_run(folder / "run.mcap")
         write_html(recorded, folder / "run.html")
-        assert recorded.execution is not None
-        picture = TerminalView(recorded, recorded.execution, 74, 34).picture(TIME)
-        (folder / "terminal.html").write_text(TERMINAL + html.escape(picture))
         with _browser().chromium(program, folder / "profile") as browser:
             browser.open(folder / "run.html")
             browser.evaluate(f"pushplan.seek({TIME})")
             _photograph(browser, ROOT / "docs" / "player.png", 1100, 700)
-        with _browser().chromium(program, folder / "profile") as browser:
-            browser.open(folder / "terminal.html")
-            _photograph(browser, ROOT / "docs" / "terminal.png", 660, 600)
         with _browser().chromium(program, folder / "profile") as browser:
             _photograph_window(browser)
 

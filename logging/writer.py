@@ -22,6 +22,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from pushplan.errors import OutputError
 from pushplan.logging.execution_writer import ExecutionWriter
 from pushplan.logging.feedback_writer import FeedbackWriter
+from pushplan.logging.layout import LAYOUT_FILE, layout_text
 from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
 from pushplan.logging.messages.channels import Channels
 from pushplan.logging.messages.effort import Effort, exact
@@ -30,7 +31,6 @@ from pushplan.logging.messages.sentences import execution_sentence, plan_sentenc
 from pushplan.logging.view.contact_messages import contact_messages
 from pushplan.logging.view.contacts import resting
 from pushplan.logging.view.frames import frames_at, poses_in_world
-from pushplan.logging.view.layout import LAYOUT_FILE, layout_text
 from pushplan.logging.view.scene import PATH_SPACING, nearest, nothing, scene, tree
 from pushplan.logging.view.window import smoothed_times
 from pushplan.plans.events import Feedback

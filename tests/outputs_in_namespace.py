@@ -18,7 +18,7 @@ from pathlib import Path
 from output_options import OPTIONS, words
 
 from pushplan.cli.main import main
-from pushplan.logging.export import mp4
+from pushplan.logging import film
 
 
 def mount(*how: str) -> None:
@@ -66,5 +66,5 @@ def run(folder: Path, log: Path) -> list[list[object]]:
 
 
 if __name__ == "__main__":
-    mp4.PICTURES_PER_SECOND = 1  # a short film is a film
+    film.PICTURES_PER_SECOND = 1  # a short film is a film
     print(json.dumps(run(Path(sys.argv[1]), Path(sys.argv[2]))))

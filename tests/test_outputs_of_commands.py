@@ -18,7 +18,7 @@ from output_options import OPTIONS, words
 
 from pushplan.cli.main import main
 
-NEEDS = {"parquet": "pyarrow", "mp4": "av", "rrd": "rerun"}
+NEEDS = {"mp4": "av", "ros2": "rosbags"}
 """Packages of extras that exports need; without them they are skipped."""
 
 EVERY = pytest.mark.parametrize(
@@ -42,11 +42,11 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def _short_films(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pushplan.logging.export.mp4.PICTURES_PER_SECOND", 1)
+    monkeypatch.setattr("pushplan.logging.film.PICTURES_PER_SECOND", 1)
 
 
 def test_there_are_as_many_as_the_documentation_names() -> None:
-    assert len(OPTIONS) == len(set(OPTIONS)) == 20
+    assert len(OPTIONS) == len(set(OPTIONS)) == 18
 
 
 @EVERY
@@ -62,7 +62,7 @@ def test_a_link_stays_and_what_it_leads_to_is_written(
     assert link.is_symlink()
     assert (file.read_bytes() == old) == refused
     beside = {path.name for path in tmp_path.iterdir()} - {link.name, file.name}
-    assert beside == ({"link.rviz", "link.plotjuggler.xml"} if option == "ros2" else set())
+    assert beside == ({"link.rviz"} if option == "ros2" else set())
 
 
 @EVERY

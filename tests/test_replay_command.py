@@ -1,9 +1,8 @@
-"""`pushplan replay`: its exports and its ways of playing, by the words that a user types."""
+"""`pushplan replay`: its exports, by the words that a user types."""
 
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 import pytest
@@ -46,45 +45,6 @@ def test_every_export_is_written_or_names_its_extra(
         assert not path.exists()
 
 
-def test_playing_needs_a_terminal(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["replay", str(log), "--play"]) == 2
-    assert "--play draws on a terminal" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--play", "--rate", "0"], "rate is 0.0; it must be finite and > 0"),
-        (["--play", "--start-offset", "-1"], "start_offset is -1.0; it must be finite and >= 0"),
-        (["--serve", "8799", "--duration", "nan"], "duration is nan; it must be finite and > 0"),
-    ],
-)
-def test_impossible_playing_is_refused(
-    words: list[str], message: str, log: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["replay", str(log), *words]) == 2
-    assert message in capsys.readouterr().err
-
-
-def test_a_run_is_played_on_a_terminal(
-    log: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
-    assert main(["replay", str(log), "--play", "--rate", "25"]) == 0
-    out = capsys.readouterr().out
-    assert out.count("\x1b[H") > 2
-    assert out.endswith("\x1b[?25h\n")
-
-
-def test_a_run_is_served_until_it_ends(
-    log: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("foxglove")
-    monkeypatch.setattr("pushplan.cli.steps.playing.LINGER", 0.05)
-    assert main(["replay", str(log), "--serve", "0", "--rate", "100"]) == 0
-    assert re.search(r"playing to ws://localhost:[1-9]\d*; Ctrl-C ends it", capsys.readouterr().err)
-
-
 def test_what_a_log_says_is_shown_escaped_and_told_exactly(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -114,7 +74,7 @@ def test_exports_that_are_possible_are_written_whatever_the_others(
     words = [word for name in names for word in (f"--{name}", str(tmp_path / f"out.{name}"))]
     assert main(["replay", str(path), *words]) == 2
     written = {found.suffix for found in tmp_path.glob("out.*")}
-    assert written == {".html", ".ros2", ".layout", ".rviz", ".xml"}
+    assert written == {".html", ".ros2", ".layout", ".rviz"}
     told = capsys.readouterr().err
     assert "written: --html, --ros2, --layout; not written: --csv: " in told
     assert "nothing was executed, so there is no table to write" in told

@@ -94,6 +94,6 @@ def _draw_outputs(done: Run, args: argparse.Namespace, console: Console) -> None
     if args.plot is not None:
         draw(done.scenario, done.plan, done.execution, args.plot, console)
     if args.html is not None:
-        from pushplan.logging.export.html import write_html
+        from pushplan.logging.page import write_html
 
         write_html(done, args.html)

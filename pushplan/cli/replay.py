@@ -1,4 +1,4 @@
-"""Read a run's log back: show it, verify it, export it, play it."""
+"""Read a run's log back: show it, verify it, export it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from pushplan.cli.runs import log_meant
 from pushplan.cli.steps.exports import declare_exports, outputs, write_exports
 from pushplan.cli.steps.physics import add_physics
-from pushplan.cli.steps.playing import declare_playing, play
 from pushplan.cli.steps.verification import tell_verification, verification
 from pushplan.cli.terminal.console import Console
 from pushplan.cli.terminal.failure import DONE, MISMATCH
@@ -45,7 +44,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
     add_physics(parser)
     add_plot(parser, "draw the swept chain, its margins and the stable set")
     declare_exports(parser)
-    declare_playing(parser)
 
 
 def run(args: argparse.Namespace, console: Console) -> int:
@@ -74,7 +72,6 @@ def run(args: argparse.Namespace, console: Console) -> int:
     report = tell_verification(_checked(kept, console), console) if args.verify else None
     found = physics.execute(recorded.scenario, recorded.plan, console) if args.physics else None
     write_exports(recorded, args, console)
-    play(recorded, args, console)
     told = _document(recorded, report, args.recovered)
     if args.physics:
         told["physics"] = physics.document(found)

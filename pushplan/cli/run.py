@@ -125,7 +125,7 @@ def _write(args: argparse.Namespace, done: ClosedLoopRun, console: Console) -> P
         if told:
             console.note(told)
     if args.html is not None:
-        from pushplan.logging.export.html import write_html
+        from pushplan.logging.page import write_html
 
         with console.computing(f"writing {args.html}"):
             write_html(done.recorded, args.html)

@@ -28,7 +28,7 @@ COSTS = ("travel", "time", "margin")
 
 DEFAULT_COST = "time"
 
-BESIDE_A_BAG = (".rviz", ".plotjuggler.xml")
+BESIDE_A_BAG = ".rviz"
 """Suffixes of the files that are written beside a ROS 2 bag, in place of its own."""
 
 AUTO: Final = "auto"

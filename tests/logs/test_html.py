@@ -15,7 +15,7 @@ import pytest
 from boxes import chromium, show
 
 from pushplan.errors import OutputError
-from pushplan.logging.export.html import MOST_SAMPLES, render, write_html
+from pushplan.logging.page import MOST_SAMPLES, render, write_html
 from pushplan.logging.reader import read_run
 from pushplan.plans.result import Run
 

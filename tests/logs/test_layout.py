@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from mcap.reader import SeekingReader
 
+from pushplan.logging.layout import layout, write_layout
 from pushplan.logging.messages.schemas import TOPICS
 from pushplan.logging.reader import read_run
-from pushplan.logging.view.layout import layout, write_layout
 from pushplan.logging.view.window import window
 
 KEYS = Path(__file__).parent / "data" / "lichtblick-keys.json"

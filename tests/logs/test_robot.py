@@ -15,14 +15,11 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
 from pushplan.geometry.se2 import transform_points
-from pushplan.logging.export.film.frames import Film
-from pushplan.logging.export.film.scene import HEIGHT, WIDTH
-from pushplan.logging.export.html import render
-from pushplan.logging.export.ros2 import write_ros2
+from pushplan.logging.bag import write_ros2
+from pushplan.logging.film import HEIGHT, Film
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.play.terminal import TerminalView
+from pushplan.logging.page import render
 from pushplan.logging.reader import read_run
-from pushplan.logging.view.window import window
 from pushplan.scenario.file import scenario_from_document
 
 FOOTPRINT = [
@@ -97,14 +94,6 @@ def test_ros_gets_the_robot_as_markers_of_its_own(recorded: RecordedRun, tmp_pat
     assert sorted(marker.id for marker in robot) == [0, 1, 2, 3]
 
 
-def test_rerun_gets_the_robot(recorded: RecordedRun, tmp_path: Path) -> None:
-    pytest.importorskip("rerun")
-    from pushplan.logging.export.rrd import write_rrd
-
-    write_rrd(recorded, tmp_path / "run.rrd")
-    assert b"/world/chain/pusher/robot/inside" in (tmp_path / "run.rrd").read_bytes()
-
-
 def test_the_page_holds_the_robot_before_the_plate(recorded: RecordedRun) -> None:
     found = re.search(r'<script id="run" type="application/json">(.*?)</script>', render(recorded), re.DOTALL)
     assert found is not None
@@ -115,36 +104,16 @@ def test_the_page_holds_the_robot_before_the_plate(recorded: RecordedRun) -> Non
 
 def test_the_film_shows_robot_plate_and_objects_in_their_colours(recorded: RecordedRun) -> None:
     assert recorded.execution is not None
-    film, view = Film(recorded, recorded.execution), window(recorded.scenario, recorded.plan)
+    film = Film(recorded, recorded.execution)
+    picture = film.picture(float(recorded.execution.t[-1])).astype(int)
     pose = recorded.execution.poses[-1]
-    shown = film.still.copy()
-    for part in film.moving(float(recorded.execution.t[-1])):
-        shown.paste(part.image, (part.x, part.y))
-    picture = np.asarray(shown, dtype=int)
-    scale = 0.97 * min(WIDTH / (view.xmax - view.xmin), (HEIGHT - 220) / (view.ymax - view.ymin))
     for body, colour in zip(
         recorded.scenario.chain.bodies, ["9aa6b5", "9aa6b5", "59616b", "f3dfb6", "cfe0ee"], strict=True
     ):
         inside = shapely.maximum_inscribed_circle(shapely.Polygon(body.outline))
-        x, y = transform_points(pose, shapely.get_coordinates(inside)[0])
-        column = 0.5 * WIDTH + scale * (x - 0.5 * (view.xmin + view.xmax))
-        row = 0.5 * (HEIGHT - 220) - scale * (y - 0.5 * (view.ymin + view.ymax))
+        place = transform_points(pose, shapely.get_coordinates(inside)[0])
+        x, y = film.floor.transData.transform(place)
         expected = [int(colour[i : i + 2], 16) for i in (0, 2, 4)]
-        around = picture[
-            int(row) - 5 : int(row) + 6, int(column) - 5 : int(column) + 6
-        ]  # a force may lie on it
+        row, column = int(HEIGHT - y), int(x)  # a force may lie on it
+        around = picture[row - 5 : row + 6, column - 5 : column + 6]
         assert np.abs(around - expected).max(axis=2).min() < 8, body
-
-
-def test_the_terminal_draws_the_outline_of_the_robot(recorded: RecordedRun) -> None:
-    assert recorded.execution is not None
-    chain = recorded.scenario.chain
-    bare = replace(recorded.scenario, chain=replace(chain, pusher=replace(chain.pusher, footprint=())))
-    pictures = [
-        TerminalView(replace(recorded, scenario=scenario), recorded.execution, 100, 40).picture(0.0)
-        for scenario in (recorded.scenario, bare)
-    ]
-    dots = [
-        sum((ord(c) - 0x2800).bit_count() for c in text if 0x2800 <= ord(c) < 0x2900) for text in pictures
-    ]
-    assert dots[0] > dots[1] + 20

@@ -20,14 +20,13 @@ from several.conftest import Problem, problem_document
 
 from pushplan.cli.main import main
 from pushplan.geometry import se2
-from pushplan.logging.export.csv import table
-from pushplan.logging.export.film.frames import Film
-from pushplan.logging.export.html import render, write_html
-from pushplan.logging.export.ros2 import write_ros2
+from pushplan.logging.bag import write_ros2
+from pushplan.logging.film import Film
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.play.terminal import TerminalView
+from pushplan.logging.page import render, write_html
 from pushplan.logging.reader import read_run
+from pushplan.logging.tables import table
 from pushplan.logging.verify import verify
 from pushplan.logging.view.scene import ghosts
 from pushplan.logging.view.window import shown_ways
@@ -124,10 +123,7 @@ def test_exports_show_both(recorded: RecordedRun, tmp_path: Path) -> None:
     assert told["samples"]["loads"][0][-1] == pytest.approx(recorded.execution.load_poses[-1, 0], abs=1e-4)
     film = Film(recorded, recorded.execution)
     end = float(recorded.execution.t[-1])
-    first, last = (film.moving(time)[0] for time in (0.0, end))
-    assert (first.x, first.y, first.image.size) != (last.x, last.y, last.image.size)
-    view = TerminalView(recorded, recorded.execution, 80, 24)
-    assert view.picture(0.0) != view.picture(end)
+    assert np.abs(film.picture(0.0).astype(int) - film.picture(end)).max() > 60
     write_ros2(recorded, tmp_path / "bag.mcap")
     assert (tmp_path / "bag.mcap").stat().st_size > 1000
 

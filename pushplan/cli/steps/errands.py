@@ -1,4 +1,4 @@
-"""Read a log of several errands back: show them, verify them, export and play them as one."""
+"""Read a log of several errands back: show them, verify them, export them as one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from pushplan.cli.steps import physics
 from pushplan.cli.steps.exports import asked_for, write_exports
-from pushplan.cli.steps.playing import play
 from pushplan.cli.steps.report import document, segment_rows
 from pushplan.cli.steps.verification import tell_verification, verification
 from pushplan.cli.terminal.console import Console
@@ -38,7 +37,7 @@ def replay_errands(runs: Sequence[RecordedRun], args: argparse.Namespace, consol
         console.say(f"{args.recovered}: a clean log of what is whole")
     report = tell_verification(_checked(runs, console), console) if args.verify else None
     found = [physics.execute(run.scenario, run.plan, console) for run in runs if args.physics]
-    if args.plot is not None or asked_for(args) or args.play or args.serve is not None:
+    if args.plot is not None or asked_for(args):
         _show(runs, args, console)
     told = {
         "scenario": first.scenario.name,
@@ -78,7 +77,7 @@ def _checked(runs: Sequence[RecordedRun], console: Console) -> VerifyReport:
 
 
 def _show(runs: Sequence[RecordedRun], args: argparse.Namespace, console: Console) -> None:
-    """Write the files asked for, and play, all errands as one run.
+    """Write the files asked for of all errands as one run.
 
     Raises:
         RunLogError: When nothing was executed.
@@ -90,7 +89,6 @@ def _show(runs: Sequence[RecordedRun], args: argparse.Namespace, console: Consol
         raise RunLogError(str(runs[0].path), "nothing was executed, so there is nothing to show")
     whole = joined(executed)
     write_exports(whole, args, console)
-    play(whole, args, console)
 
 
 def _document(run: RecordedRun) -> dict[str, object]:

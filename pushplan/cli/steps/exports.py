@@ -23,23 +23,21 @@ if TYPE_CHECKING:
     from pushplan.scenario.model import Scenario
 
 WRITERS = {
-    "html": ("export.html", "write_html", "write a page that plays the run"),
-    "csv": ("export.csv", "write_csv", "write the executed samples as a table"),
+    "html": ("page", "write_html", "write a page that plays the run"),
+    "csv": ("tables", "write_csv", "write the executed samples as a table"),
     "trajectory": (
-        "export.trajectory",
+        "tables",
         "write_trajectory",
         "write the timed motion as JSON, of chain and robot",
     ),
-    "parquet": ("export.parquet", "write_parquet", "write the executed samples as a Parquet table"),
-    "mp4": ("export.mp4", "write_mp4", "write a film of the run"),
-    "rrd": ("export.rrd", "write_rrd", "write a recording for Rerun"),
+    "mp4": ("film", "write_mp4", "write a film of the run"),
     "ros2": (
-        "export.ros2",
+        "bag",
         "write_ros2",
-        "write a bag that `ros2 bag play` takes (MCAP, CDR), and beside it .rviz and .plotjuggler.xml",
+        "write a bag that `ros2 bag play` takes (MCAP, CDR), and beside it .rviz",
     ),
     "layout": (
-        "view.layout",
+        "layout",
         "write_layout",
         "write a layout that makes Foxglove and Lichtblick show the run",
     ),
@@ -87,7 +85,7 @@ def asked_for(args: argparse.Namespace) -> dict[str, Path]:
 def outputs(args: argparse.Namespace) -> list[Path]:
     """Return all files that are written for those asked for."""
     bag = asked_for(args).get("ros2")
-    beside = [] if bag is None or look(bag).streamed else [bag.with_suffix(kind) for kind in BESIDE_A_BAG]
+    beside = [] if bag is None or look(bag).streamed else [bag.with_suffix(BESIDE_A_BAG)]
     return [*asked_for(args).values(), *beside]
 
 
@@ -145,6 +143,6 @@ def _how(name: str, args: argparse.Namespace) -> dict[str, object]:
     """Return what else is asked of a writer."""
     if name != "ros2":
         return {}
-    from pushplan.logging.export.bag.frames import Frames
+    from pushplan.logging.bag import Frames
 
     return {"frames": Frames.from_text(args.frames) if args.frames else None, "epoch": args.epoch}

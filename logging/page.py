@@ -49,7 +49,7 @@ def render(run: Run | RecordedRun) -> str:
     shown = {"window": window(run.scenario, run.plan), "why": _why(run), "events": _events(run)}
     data = {**_world(run.scenario), **_plan(run.plan), **execution, **shown}
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no </script>
-    page = files("pushplan.logging.export").joinpath("player.html").read_text(encoding="utf-8")
+    page = files("pushplan.logging").joinpath("player.html").read_text(encoding="utf-8")
     return page.replace("@TITLE@", html.escape(f"{run.scenario.name} - pushplan")).replace("@RUN@", text)
 
 

@@ -1,1 +1,0 @@
-"""A recorded run in other formats: tables, films, pages, bags and recordings of other programs."""
