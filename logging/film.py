@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
@@ -96,7 +97,7 @@ class Still:
     def __init__(self, run: Run | RecordedRun) -> None:
         self.run = run
         figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
-        self.canvas = FigureCanvasAgg(figure)
+        self.canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
         self.floor, self.plot = figure.add_axes(_FLOOR), figure.add_axes(_PLOT)
         self._draw_floor(self.floor)
         if run.execution is None or len(run.execution.t) == 0:
@@ -113,9 +114,7 @@ class Still:
     def _draw_floor(self, axes: Axes) -> None:
         scenario, plan = self.run.scenario, self.run.plan
         view = window(scenario, plan)
-        axes.set(
-            xlim=(view.xmin, view.xmax), ylim=(view.ymin, view.ymax), aspect="equal", adjustable="datalim"
-        )
+        axes.set(xlim=(view.xmin, view.xmax), ylim=(view.ymin, view.ymax), aspect="equal", adjustable="box")
         axes.axis("off")
         draw_surroundings(axes, scenario)
         solved = plan is not None and plan.path is not None
@@ -135,7 +134,7 @@ class Still:
             axes.plot(*way.points.T, color=colour, linewidth=0.8 if way.alone else 1.6, zorder=2.7)
 
     def _write_why(self, axes: Axes) -> None:
-        plan, axes_text = self.run.plan, {"color": INK, "va": "top", "fontsize": 12}
+        plan = self.run.plan
         axes.axis("off")
         if plan is None:
             words = ["the log ends before a plan"]
@@ -143,7 +142,7 @@ class Still:
             words = ["planned, but not executed" if plan.path is not None else "no plan", *plan.why_not]
         text = f"{self.run.scenario.name}: " + "\n".join(words)
         lines = [line for sentence in text.splitlines() for line in textwrap.wrap(sentence, 140)]
-        axes.text(0.0, 1.0, "\n".join(lines), transform=axes.transAxes, **axes_text)
+        axes.text(0.0, 1.0, "\n".join(lines), transform=axes.transAxes, color=INK, va="top", fontsize=12)
 
 
 class Film(Still):
@@ -156,15 +155,17 @@ class Film(Still):
         marks = colours.contact_colours(len(chain.contacts))
         self._draw_margins(marks)
         bodies = [
-            self.floor.add_patch(Polygon(np.zeros((3, 2)), facecolor=paint, edgecolor=INK, linewidth=0.8))
+            Polygon(np.zeros((3, 2)), facecolor=paint, edgecolor=INK, linewidth=0.8)
             for paint in body_colours(chain)
         ]
+        for body in bodies:
+            self.floor.add_patch(body)
         lines = [] if self._contacts is None else [self.floor.plot([], [], color=c)[0] for c in marks]
         now = self.plot.axvline(0.0, color=INK, linewidth=0.8)
         words = self.plot.text(1.0, 1.04, "", transform=self.plot.transAxes, ha="right", color=INK)
-        self._moving = [*bodies, *lines, now, words]
+        self._moving: list[Artist] = [*bodies, *lines, now, words]
         self._bodies, self._lines, self._now, self._words = bodies, lines, now, words
-        for k, artist in enumerate([*bodies, *lines]):
+        for k, artist in enumerate(self._moving[:-2]):
             artist.set(zorder=4.0 + 0.01 * k)
         for artist in self._moving:
             artist.set_animated(True)
