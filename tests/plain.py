@@ -16,7 +16,7 @@ def plain(scenario: Scenario) -> Scenario:
 
     Its paths are the hardest to time: few metres, sharp corners, twists on the boundary of the stable set.
     """
-    pusher, stated = scenario.chain.pusher, scenario.bodies["pusher"]
+    pusher, stated = scenario.chain.pusher, scenario.stated["pusher"]
     limits = replace(pusher.limits, contact="quasi-static")
     words = {**stated, "limits": {**stated["limits"], "contact": "quasi-static"}}
     return replace(
@@ -25,7 +25,7 @@ def plain(scenario: Scenario) -> Scenario:
         stability=replace(scenario.stability, margin=0.0),
         planner=replace(scenario.planner, cost="travel", arc_price=ARC_PRICE),
         trajectory="exact",
-        bodies={**scenario.bodies, "pusher": words},
+        stated={**scenario.stated, "pusher": words},
     )
 
 

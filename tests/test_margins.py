@@ -256,7 +256,7 @@ def test_without_inertia_a_slip_by_it_is_a_warning(
     """A push at the limit, as fast as a strong pusher can: the plan stands, and the warning with it."""
     scenario = load_plain("two-crates")
     limits = replace(scenario.chain.pusher.limits, speed=0.5, acceleration=3.0, jerk=60.0)
-    pusher = {**scenario.bodies["pusher"], "limits": vars(limits)}
+    pusher = {**scenario.stated["pusher"], "limits": vars(limits)}
     document = {**scenario.resolved(), "pusher": pusher}
     path = tmp_path / "fast.json"
     path.write_text(json.dumps(document))

@@ -14,8 +14,14 @@ from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import PlannerSettings, StabilitySettings, Uncertainty
 from pushplan.scenario.salvage import salvage
 from pushplan.scenario.schema.findings import nearest, validate
-from pushplan.scenario.schema.scenario import ScenarioFile
-from pushplan.scenario.several_pushes import check_places, make_goals, make_pushes, stated_goals
+from pushplan.scenario.schema.scenario import ScenarioFile, StatedRoom
+from pushplan.scenario.several_pushes import (
+    check_places,
+    make_goals,
+    make_pushes,
+    report_meaningless,
+    stated_goals,
+)
 from pushplan.scenario.surroundings import Stated, build_surroundings
 from pushplan.scenario.yaml.node import Document, shorten
 from pushplan.scenario.yaml.report import Report
@@ -39,7 +45,7 @@ def build_scenario(
         doubtful.add("goal")
     if bodies is None:
         return None
-    _check_room_for_inertia(file, report)
+    check_room_for_inertia(file, report)
     surroundings = build_surroundings(file, attachments.read, report)
     scenario = _scenario(file, path, source, bodies, surroundings, attachments, report)
     _check_ends(scenario, file, doubtful, report)
@@ -68,7 +74,7 @@ def _goal_exists(file: ScenarioFile, report: Report) -> bool:
     return True
 
 
-def _check_room_for_inertia(file: ScenarioFile, report: Report) -> None:
+def check_room_for_inertia(file: StatedRoom, report: Report) -> None:
     """Report dynamic contact limits where contacts may be pushed at their limit."""
     if file.pusher.limits.contact == "dynamic" and file.stability.margin == 0.0:
         report.add(
@@ -87,7 +93,8 @@ def _scenario(
     attachments: Attachments,
     report: Report,
 ) -> Scenario:
-    goals = make_goals(file, bodies.chain)
+    goals = make_goals((goal for _, goal in stated_goals(file)), bodies.chain)
+    report_meaningless(file, report)
     return Scenario(
         name=file.name or path.stem,
         path=path,
@@ -100,10 +107,10 @@ def _scenario(
         obstacles=surroundings.obstacles,
         clearance=file.clearance,
         stability=StabilitySettings(file.stability.set, file.stability.margin),
-        planner=_planner(file),
+        planner=planner_settings(file),
         trajectory=file.trajectory,
         attachments=attachments.contents,
-        bodies=bodies.stated,
+        stated=bodies.stated,
         interval=bodies.interval,
         uncertainty=Uncertainty(**file.uncertainty.model_dump()),
         contact_friction=bodies.contact_friction,
@@ -112,7 +119,8 @@ def _scenario(
     )
 
 
-def _planner(file: ScenarioFile) -> PlannerSettings:
+def planner_settings(file: StatedRoom) -> PlannerSettings:
+    """Return how to search; several pushes have one cost only."""
     stated = PlannerSettings(**file.planner.model_dump())
     return stated if file.robot.start is None else replace(stated, cost=RANKED_BY)
 
@@ -124,7 +132,7 @@ def _check_ends(scenario: Scenario, file: ScenarioFile, doubtful: set[str], repo
     surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
     if scenario.pushes is not None:
         if not doubtful & {"start", "goal", "robot"}:
-            check_places(scenario, file, report)
+            check_places(scenario, (*stated_goals(file)[0][0], "pose"), report)
         return
     for what, place, pose in (
         ("start", ("start",), scenario.start),

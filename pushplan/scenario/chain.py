@@ -18,7 +18,7 @@ from pushplan.scenario.arrangement.snapping import SnapTolerance
 from pushplan.scenario.intervals import make_interval_chain, stated_floor_friction
 from pushplan.scenario.parts import Snapping
 from pushplan.scenario.robot import footprint_parts, make_base, make_drive, make_footprint
-from pushplan.scenario.schema.scenario import ScenarioFile, Snap
+from pushplan.scenario.schema.scenario import Snap, StatedRoom
 from pushplan.scenario.supports import ReadFile, make_support
 from pushplan.scenario.uncertainty import widened
 from pushplan.scenario.values.interval import highest, lowest, middle
@@ -46,7 +46,7 @@ class Bodies:
     snapping: Snapping | None
 
 
-def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies | None:
+def build_bodies(file: StatedRoom, read: ReadFile, report: Report) -> Bodies | None:
     """Return the chain of a scenario file, or report what is wrong with it and return None."""
     stated, file = file, widened(file)
     _check_names(file, report)
@@ -80,7 +80,7 @@ def build_bodies(file: ScenarioFile, read: ReadFile, report: Report) -> Bodies |
     return Bodies(chain, interval, ends, _stated(stated, layout), layout.snapping)
 
 
-def _check_names(file: ScenarioFile, report: Report) -> None:
+def _check_names(file: StatedRoom, report: Report) -> None:
     names = [obj.name for obj in file.objects]
     reserved = (*RESERVED_NAMES, *((ROBOT,) if footprint_parts(file) else ()))
     for i, name in enumerate(names):
@@ -93,13 +93,13 @@ def _check_names(file: ScenarioFile, report: Report) -> None:
             report.add(("objects", i, "name"), what)
 
 
-def _part(i: int, file: ScenarioFile) -> Part:
+def _part(i: int, file: StatedRoom) -> Part:
     obj = file.objects[i]
     pose = None if obj.pose is None else np.array(obj.pose)
     return Part(obj.name, outline_of(obj.shape), obj.offset, pose)
 
 
-def _pusher(file: ScenarioFile, parts: Sequence[Part], layout: Layout, report: Report) -> Pusher:
+def _pusher(file: StatedRoom, parts: Sequence[Part], layout: Layout, report: Report) -> Pusher:
     plate, limits = file.pusher, Limits(**file.pusher.limits.model_dump())
     return Pusher(
         layout.plate,
@@ -112,14 +112,14 @@ def _pusher(file: ScenarioFile, parts: Sequence[Part], layout: Layout, report: R
     )
 
 
-def _snap_tolerance(file: ScenarioFile) -> SnapTolerance | None:
+def _snap_tolerance(file: StatedRoom) -> SnapTolerance | None:
     stated = file.snap
     if isinstance(stated, float):
         stated = Snap(position=stated)
     return None if stated is None else SnapTolerance(stated.position, stated.angle)
 
 
-def _stated(file: ScenarioFile, layout: Layout) -> dict[str, Any]:
+def _stated(file: StatedRoom, layout: Layout) -> dict[str, Any]:
     objects = []
     for i, obj in enumerate(file.objects):
         stated = obj.model_dump(mode="json", exclude_none=True)
@@ -137,7 +137,7 @@ def _stated(file: ScenarioFile, layout: Layout) -> dict[str, Any]:
     return {"objects": objects, **rest, **({"robot": robot} if robot else {})}
 
 
-def _stated_robot(file: ScenarioFile) -> dict[str, Any]:
+def _stated_robot(file: StatedRoom) -> dict[str, Any]:
     robot = file.robot.model_dump(mode="json", exclude_none=True)
     parts = [part.model_dump(mode="json", exclude_none=True) for part in footprint_parts(file)]
     return robot | ({"footprint": parts} if parts else {})

@@ -16,14 +16,10 @@ from pushplan.scenario.imported.ros_map import map_files
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.questions import length_question
 from pushplan.scenario.schema.findings import nearest
+from pushplan.scenario.several_objects import build_rearrangement
 from pushplan.scenario.yaml.report import Report
 from pushplan.scenario.yaml.text import MOST_BYTES, DocumentError
 from pushplan.scenario.yaml.tree import read_document
-
-_SEVERAL = (
-    "is for several objects that stand apart, which `pushplan plan` and `check` and pushplan.load_several_objects "
-    "take; one load, an object or a row, has a goal"
-)
 
 
 def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenario:
@@ -50,6 +46,15 @@ def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenar
     if maps:
         return _with_maps(data, path, maps)
     return read_scenario(data, path, Attachments({}, path.parent))
+
+
+def states_goals(path: Path) -> bool:
+    """Tell whether a file has `goals`; False where it cannot be read, which others tell of."""
+    try:
+        with path.open("rb") as file:
+            return read_document(file.read(MOST_BYTES + 1)).root.holds(("goals",))
+    except (OSError, ValueError, DocumentError):
+        return False
 
 
 def _with_maps(data: bytes, path: Path, maps: Sequence[str | Path]) -> Scenario:
@@ -134,10 +139,8 @@ def read_scenario(
     except DocumentError as error:
         raise ScenarioError(str(path), error.findings) from error
     report = Report(document)
-    if document.root.holds(("goals",)):
-        report.add(("goals",), _SEVERAL, at_key=True)
-        raise ScenarioError(str(path), report.findings)
-    scenario = build_scenario(document, path, data, attachments, report)
+    build = build_rearrangement if document.root.holds(("goals",)) else build_scenario
+    scenario = build(document, path, data, attachments, report)
     if scenario is None:
         raise ScenarioError(str(path), _told_first(report))
     return scenario

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.scenario.schema.objects import Object, PlacedSupport
-from pushplan.scenario.schema.scenario import ScenarioFile
+from pushplan.scenario.schema.scenario import StatedRoom
 from pushplan.scenario.uncertainty import pressure_shares, widened
 from pushplan.scenario.values.interval import Span
 
 
-def make_interval_chain(file: ScenarioFile, chain: Chain) -> IntervalChain | None:
+def make_interval_chain(file: StatedRoom, chain: Chain) -> IntervalChain | None:
     """Return the chain with the intervals of a file, None when loads and floor frictions are numbers.
 
     They are those that it states and those that its `uncertainty` stands for.
@@ -28,7 +28,7 @@ def make_interval_chain(file: ScenarioFile, chain: Chain) -> IntervalChain | Non
     return IntervalChain.from_ranges(chain, masses, frictions, None, fractions, pressures)
 
 
-def stated_floor_friction(obj: Object, file: ScenarioFile) -> float | Span:
+def stated_floor_friction(obj: Object, file: StatedRoom) -> float | Span:
     """Return the friction between an object and the floor."""
     return file.floor.friction if obj.floor_friction is None else obj.floor_friction
 

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from pushplan.errors import PushplanError
+from pushplan.errors import ChainError, PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.scenario.parts import (
+    DEFAULT_TOLERANCE,
     CircleObstacle,
     Goal,
     Obstacle,
+    PlacedObject,
     PlannerSettings,
     PolygonObstacle,
     Pushes,
@@ -37,6 +39,7 @@ __all__ = [
     "CircleObstacle",
     "Goal",
     "Obstacle",
+    "PlacedObject",
     "PlannerSettings",
     "PolygonObstacle",
     "Pushes",
@@ -49,9 +52,49 @@ __all__ = [
 ]
 
 
+class NotOneLoadError(PushplanError, AttributeError):
+    """What is asked of one load is asked of a scenario whose objects stand apart."""
+
+
+class NotOneLoad:
+    """Stands for chain, start and goal of a scenario whose objects stand apart: whoever uses it is told so.
+
+    Args:
+        what: `chain`, `start` or `goal`.
+        names: Of the objects.
+    """
+
+    def __init__(self, what: str, names: Iterable[str]) -> None:
+        self._what, self._names = what, tuple(names)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise self._error()
+
+    def __array__(self, *_: object, **__: object) -> FloatArray:
+        raise self._error()
+
+    def __iter__(self) -> Iterator[float]:
+        raise self._error()
+
+    def __getitem__(self, _: object) -> float:
+        raise self._error()
+
+    def _error(self) -> NotOneLoadError:
+        known = ", ".join(f"'{name}'" for name in self._names)
+        return NotOneLoadError(
+            f"the scenario has several objects that stand apart, and no {self._what} for all; "
+            f"allowed: scenario.alone(name), the name one of {known}"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """One push problem, checked and resolved; equal to another when it states the same problem.
+    """A push problem, checked and resolved; equal to another when it states the same problem.
+
+    It is for one load, which the plate touches (`kind` is push) or which stands anywhere (multi-push), or for several
+    objects that stand apart (rearrangement). These are `bodies`, and have no chain, start and goal in common.
 
     Attributes:
         name: For people.
@@ -69,13 +112,14 @@ class Scenario:
         planner: How to search.
         trajectory: How to time the path, one of `names.TRAJECTORIES`.
         attachments: Bytes of the files that the scenario refers to, by the name that it uses.
-        bodies: What the file states of objects, contacts and pusher, with all defaults filled in.
+        stated: What the file states of objects, contacts, pusher and robot, with all defaults filled in.
         interval: The chain with the intervals of masses, loads and floor frictions; None when all are numbers.
         uncertainty: The shares that made intervals of stated numbers; `interval` and `chain` hold these.
         contact_friction: (n, 2) least and largest coefficient of every contact; None stands for the chain's.
         snapping: How measured poses were moved onto their contacts; None when the file does not ask for it.
         pushes: Where the robot is when several pushes are asked for, and how to choose them; None stands for one push
             with the plate in contact.
+        bodies: The objects that stand apart, by name; none where there is one load.
     """
 
     name: str
@@ -92,15 +136,56 @@ class Scenario:
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     trajectory: str = names.DEFAULT_TRAJECTORY
     attachments: Mapping[str, bytes] = field(default_factory=dict)
-    bodies: Mapping[str, Any] = field(default_factory=dict)
+    stated: Mapping[str, Any] = field(default_factory=dict)
     interval: IntervalChain | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     contact_friction: FloatArray | None = None
     snapping: Snapping | None = None
     pushes: Pushes | None = None
+    bodies: Mapping[str, PlacedObject] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", frozen(self.start, (3,), "start"))
+        if not self.bodies:
+            object.__setattr__(self, "start", frozen(self.start, (3,), "start"))
+
+    @property
+    def kind(self) -> Literal["push", "multi-push", "rearrangement"]:
+        """What is asked for: one push, several pushes of one load, or several objects each to a goal of its own."""
+        if self.bodies:
+            return "rearrangement"
+        return "push" if self.pushes is None else "multi-push"
+
+    @property
+    def goals(self) -> dict[str, tuple[Goal, ...]]:
+        """The goals of each of `bodies` that has any; any of an object's goals will do."""
+        return {name: body.goals for name, body in self.bodies.items() if body.goals}
+
+    def alone(self, name: str) -> Scenario:
+        """Return the problem of one of `bodies`, alone in the same room.
+
+        One without goals has its own place for a goal.
+
+        Raises:
+            ChainError: When no object has that name.
+        """
+        if name not in self.bodies or self.pushes is None:
+            raise ChainError(f"no object is called {name!r}; there are {', '.join(self.bodies)}")
+        body = self.bodies[name]
+        start = body.start
+        goals = body.goals or (Goal(body.pose, name, start, *DEFAULT_TOLERANCE),)
+        one = dataclasses.replace(
+            self,
+            source=b"",
+            chain=body.chain,
+            start=start,
+            goal=goals[0],
+            stated=body.stated,
+            interval=body.interval,
+            contact_friction=body.contact_friction,
+            pushes=dataclasses.replace(self.pushes, goals=goals),
+            bodies={},
+        )
+        return dataclasses.replace(one, source=one.to_json().encode())
 
     def stable_set(self, name: str | None = None) -> StableSet:
         """Return the stable set of the chain; where the file states intervals, the one that holds for all of them.
@@ -162,8 +247,7 @@ class Scenario:
             "name": self.name,
             "floor": {"friction": self.floor_friction},
             **_resolved_uncertainty(self.uncertainty),
-            **deepcopy(dict(self.bodies)),
-            "start": self.start.tolist(),
+            **_resolved_bodies(self),
             **_resolved_task(self),
             **_resolved_surroundings(self),
             "clearance": self.clearance,
@@ -192,14 +276,34 @@ def _resolved_uncertainty(uncertainty: Uncertainty) -> dict[str, Any]:
     return {"uncertainty": shares} if any(shares.values()) else {}
 
 
+def _resolved_bodies(scenario: Scenario) -> dict[str, Any]:
+    """Return objects, contacts, pusher and robot, and where they are."""
+    stated = deepcopy(dict(scenario.stated))
+    if scenario.pushes is not None:
+        stated["robot"] = {**stated.get("robot", {}), "start": scenario.pushes.robot_start.tolist()}
+    if not scenario.bodies:
+        return {**stated, "start": scenario.start.tolist()}
+    objects = []
+    for body in scenario.bodies.values():
+        (obj,) = deepcopy(body.stated["objects"])
+        del obj["offset"]
+        objects.append({**obj, "pose": body.pose.tolist()})
+    return {**stated, "objects": objects}
+
+
 def _resolved_task(scenario: Scenario) -> dict[str, Any]:
-    """Return goal and pushes; where the robot starts, and the contacts, are among what the file states of bodies."""
+    """Return goals and pushes; which contacts these may choose is among what the file states of the pusher."""
     pushes = scenario.pushes
     if pushes is None:
         return {"goal": _resolved_goal(scenario.goal)}
     numbers = ("most", "switch_cost", "transit_weight", "approach", "retreat", "settle")
-    goals = [_resolved_goal(goal) for goal in pushes.goals]
-    return {"goal": goals, "pushes": {name: getattr(pushes, name) for name in numbers}}
+    choice = {"pushes": {name: getattr(pushes, name) for name in numbers}}
+    if not scenario.bodies:
+        return {"goal": [_resolved_goal(goal) for goal in pushes.goals], **choice}
+    goals = {name: [_resolved_goal(goal) for goal in goals] for name, goals in scenario.goals.items()}
+    for goal in (goal for several in goals.values() for goal in several):
+        del goal["of"]
+    return {"goals": goals, **choice}
 
 
 def _resolved_planner(scenario: Scenario) -> dict[str, Any]:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.util import names
 from pushplan.util.arrays import FloatArray, frozen
+
+DEFAULT_TOLERANCE = (0.002, math.radians(0.2))
+"""Distance (m) and angle (rad) from a goal that still count as reached, where a file states no others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +74,35 @@ class Pushes:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "robot_start", frozen(self.robot_start, (3,), "start of the robot"))
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedObject:
+    """An object that stands apart from the others, and where it shall go.
+
+    Attributes:
+        pose: (3,) pose of its own frame in the world.
+        goals: Any of which will do; none where it is moved only when it is in the way of others.
+        chain: It alone, pushed at its rear face with the plate's middle at its frame's y = 0.
+        interval: The chain with the intervals of its numbers; None when all are numbers.
+        contact_friction: (1, 2) least and largest coefficient between it and the plate.
+        stated: What the file states of it, the pusher and the robot, as one load in contact.
+    """
+
+    pose: FloatArray
+    goals: tuple[Goal, ...]
+    chain: Chain
+    interval: IntervalChain | None
+    contact_friction: FloatArray
+    stated: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose", frozen(self.pose, (3,), "pose of an object"))
+
+    @property
+    def start(self) -> FloatArray:
+        """(3,) pose of its chain's frame in the world."""
+        return se2.compose(self.pose, se2.inverse(self.chain.objects[0].pose_chain))
 
 
 @dataclass(frozen=True)

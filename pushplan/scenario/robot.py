@@ -16,14 +16,14 @@ from pushplan.scenario.arrangement.shapes import outline_of
 from pushplan.scenario.schema.objects import Drive as StatedDrive
 from pushplan.scenario.schema.objects import WheeledDrive
 from pushplan.scenario.schema.robot import FootprintPart
-from pushplan.scenario.schema.scenario import ScenarioFile
+from pushplan.scenario.schema.scenario import StatedRoom
 from pushplan.scenario.yaml.node import Place
 from pushplan.scenario.yaml.report import Report
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import ROBOT
 
 
-def footprint_parts(file: ScenarioFile) -> tuple[FootprintPart, ...]:
+def footprint_parts(file: StatedRoom) -> tuple[FootprintPart, ...]:
     """Return the parts of the robot, none where it is not stated."""
     stated = file.robot.footprint
     if stated is None:
@@ -32,7 +32,7 @@ def footprint_parts(file: ScenarioFile) -> tuple[FootprintPart, ...]:
 
 
 def make_footprint(
-    file: ScenarioFile, parts: Sequence[Part], layout: Layout, report: Report
+    file: StatedRoom, parts: Sequence[Part], layout: Layout, report: Report
 ) -> tuple[FloatArray, ...]:
     """Return the outlines (v, 2) of the robot's parts in the chain frame, and report where they meet objects."""
     poses = [np.array(part.pose) for part in footprint_parts(file)]
@@ -66,7 +66,7 @@ def _troubles(outline: FloatArray, pose: FloatArray, parts: Sequence[Part], layo
             )
 
 
-def make_drive(file: ScenarioFile, layout: Layout, report: Report) -> Drive:
+def make_drive(file: StatedRoom, layout: Layout, report: Report) -> Drive:
     """Return the drive with its axle in the chain frame, and report one that is stated twice."""
     if file.robot.drive is None:
         return _drive(file.pusher.drive, np.zeros(3))
@@ -75,7 +75,7 @@ def make_drive(file: ScenarioFile, layout: Layout, report: Report) -> Drive:
     return _drive(file.robot.drive, layout.plate_pose)
 
 
-def make_base(file: ScenarioFile, layout: Layout) -> FloatArray | None:
+def make_base(file: StatedRoom, layout: Layout) -> FloatArray | None:
     """Return the robot's base (3,) in the chain frame; None where it is not stated."""
     stated = file.robot.base
     return None if stated is None else se2.compose(layout.plate_pose, np.array(stated))

@@ -1,93 +1,76 @@
-"""Scenario files in which several objects have goals of their own: a problem for each, alone in the room."""
+"""Scenario files in which several objects stand apart, each with goals of its own or without any."""
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
-from pydantic import TypeAdapter
 
-from pushplan.errors import Finding, ScenarioError
 from pushplan.geometry import se2
 from pushplan.scenario.arrangement.meeting import millimetres
-from pushplan.scenario.file import read_scenario
+from pushplan.scenario.build import check_room_for_inertia, planner_settings
+from pushplan.scenario.chain import build_bodies
 from pushplan.scenario.files import Attachments
-from pushplan.scenario.model import Scenario
-from pushplan.scenario.schema import types as t
+from pushplan.scenario.model import NotOneLoad, Scenario
+from pushplan.scenario.parts import PlacedObject, StabilitySettings, Uncertainty
 from pushplan.scenario.schema.findings import nearest, validate
+from pushplan.scenario.schema.scenario import GoalPose, ObjectGoal
 from pushplan.scenario.schema.several_objects import SeveralObjectsFile
+from pushplan.scenario.several_pushes import check_places, make_goals, make_pushes
+from pushplan.scenario.surroundings import build_surroundings
 from pushplan.scenario.yaml.node import Document, Place, shorten
 from pushplan.scenario.yaml.report import Report
-from pushplan.scenario.yaml.text import MOST_BYTES, DocumentError
-from pushplan.scenario.yaml.tree import read_document
-from pushplan.util.arrays import FloatArray
-
-_OF_OTHERS = ("goals", "goal", "start", "objects", "contacts")
-"""Keys that say something else where objects stand apart."""
-
-_OF_BODIES = ("format", "floor", "objects", "pusher")
-_POSE: TypeAdapter[Any] = TypeAdapter(t.Pose)
 
 
-@dataclass(frozen=True, eq=False)
-class SeveralObjects:
-    """What a file states.
-
-    Attributes:
-        name: For people.
-        scenarios: The problem of each object, alone in the room, by its name.
-        movable: Names of the objects that have no goal.
-    """
-
-    name: str
-    scenarios: Mapping[str, Scenario]
-    movable: tuple[str, ...]
-
-
-def states_several(path: Path) -> bool:
-    """Tell whether a file has `goals`; False where it cannot be read, which others tell of."""
-    try:
-        with path.open("rb") as file:
-            plain = read_document(file.read(MOST_BYTES + 1)).root.plain()
-    except (OSError, ValueError, DocumentError):
-        return False
-    return isinstance(plain, dict) and "goals" in plain
-
-
-def load_several_objects(source: str | Path) -> SeveralObjects:
-    """Read a scenario file with `goals`; every object has its pose in the world.
-
-    Raises:
-        ScenarioError: With everything found wrong.
-    """
-    path = Path(source)
-    try:
-        document = read_document(path.read_bytes()[: MOST_BYTES + 1])
-    except OSError as error:
-        raise ScenarioError(str(path), [Finding("", f"cannot read the file: {error.strerror}")]) from error
-    except DocumentError as error:
-        raise ScenarioError(str(path), error.findings) from error
-    report = Report(document)
-    plain = document.root.plain()
+def build_rearrangement(
+    document: Document, path: Path, source: bytes, attachments: Attachments, report: Report
+) -> Scenario | None:
+    """Return the scenario that a document with `goals` states, or report all that is wrong with it."""
     file = _stated(document, report)
     if file is None:
-        raise ScenarioError(str(path), report.findings)
-    names = [obj.name for obj in file.objects]
-    scenarios = {name: _alone(plain, i, path, report) for i, name in enumerate(names)}
-    whole = {name: scenario for name, scenario in scenarios.items() if scenario is not None}
+        return None
+    check_room_for_inertia(file, report)
+    surroundings = build_surroundings(file, attachments.read, report)
+    pushes = make_pushes(file, (), report)
+    found = {
+        obj.name: _placed(file, i, attachments, _report_of(report, i, obj.name), report)
+        for i, obj in enumerate(file.objects)
+    }
+    bodies = {name: body for name, body in found.items() if body is not None}
+    if not bodies:
+        return None
+    shared = {key: part for key, part in next(iter(bodies.values())).stated.items() if key != "objects"}
+    scenario = Scenario(
+        name=file.name or path.stem,
+        path=path,
+        source=source,
+        chain=cast(Any, NotOneLoad("chain", bodies)),
+        floor_friction=file.floor.friction,
+        start=cast(Any, NotOneLoad("start", bodies)),
+        goal=cast(Any, NotOneLoad("goal", bodies)),
+        workspace=surroundings.workspace,
+        obstacles=surroundings.obstacles,
+        clearance=file.clearance,
+        stability=StabilitySettings(file.stability.set, file.stability.margin),
+        planner=planner_settings(file),
+        trajectory=file.trajectory,
+        attachments=attachments.contents,
+        stated=shared | {"contacts": file.contacts.model_dump(mode="json", exclude_none=True)},
+        uncertainty=Uncertainty(**file.uncertainty.model_dump()),
+        pushes=pushes,
+        bodies=bodies,
+    )
+    for i, obj in enumerate(file.objects):
+        if obj.name in bodies:
+            _check(scenario, obj.name, _report_of(report, i, obj.name), report)
     if not report.findings:
-        _check_apart(whole, report)
-    if report.findings:
-        raise ScenarioError(str(path), tuple(dict.fromkeys(report.findings)))
-    movable = tuple(name for name in names if name not in plain["goals"])
-    return SeveralObjects(str(plain.get("name") or path.stem), whole, movable)
+        _check_apart(scenario, report)
+    return None if report.findings else scenario
 
 
 def _stated(document: Document, report: Report) -> SeveralObjectsFile | None:
@@ -112,72 +95,105 @@ def _stated(document: Document, report: Report) -> SeveralObjectsFile | None:
     return None if report.findings else file
 
 
-def _alone(plain: dict[str, Any], i: int, path: Path, report: Report) -> Scenario | None:
-    """Return the problem of one object alone in the room."""
-    stated = plain["objects"][i]
-    name, world = stated["name"], np.array(_POSE.validate_python(stated["pose"]))
-    own = {key: value for key, value in plain.items() if key not in _OF_OTHERS}
-    own["objects"] = [{key: value for key, value in stated.items() if key not in ("pose", "offset")}]
-    own["goal"] = _goal(plain["goals"].get(name, stated["pose"]), name)
-    attachments = Attachments({}, path.parent)
-    try:
-        inner = _pose_in_chain(own, path, attachments)
-        own["start"] = se2.compose(world, se2.inverse(inner)).tolist()
-        return read_scenario(json.dumps(own, indent=1).encode(), path, attachments)
-    except ScenarioError as error:
-        for finding in error.findings:
-            report.add(_place(finding.where, i, name, report.document), finding.what)
-        return None
+def _report_of(report: Report, i: int, name: str) -> Report:
+    """Return a report on one object's own problem, whose places it takes to where the file states them."""
+
+    def moved(place: Place) -> Place:
+        match place:
+            case ["objects", 0, *rest]:
+                return ("objects", i, *rest)
+            case ["goal", *rest]:
+                stated = ("goals", name, *rest)
+                return stated if report.document.root.holds(stated) else ("goals", name)
+            case ["start", *_]:
+                return ("objects", i, "pose")
+        return place
+
+    return Report(report.document, moved)
 
 
-def _goal(stated: Any, name: str) -> Any:
-    """Return a goal as a scenario of one object has it."""
-    if isinstance(stated, dict):
-        return {**stated, "of": name}
-    if isinstance(stated, list) and stated and all(isinstance(one, dict | list) for one in stated):
-        return [_goal(one, name) for one in stated]
-    return {"pose": stated, "of": name}
-
-
-def _pose_in_chain(own: Mapping[str, Any], path: Path, attachments: Attachments) -> FloatArray:
-    """Return where the object's frame is in the chain frame: the plate touches the middle of its rear face."""
-    bodies = {key: own[key] for key in _OF_BODIES if key in own}
-    pusher = bodies.get("pusher")
-    if isinstance(pusher, dict):
-        bodies["pusher"] = {key: v for key, v in pusher.items() if key not in ("faces", "offsets")}
-    scenario = read_scenario(
-        json.dumps({**bodies, "goal": {"pose": [1.0, 0.0, 0.0]}}).encode(), path, attachments
+def _placed(
+    file: SeveralObjectsFile, i: int, attachments: Attachments, own: Report, report: Report
+) -> PlacedObject | None:
+    """Return one object of a file, with its chain and goals."""
+    obj = file.objects[i]
+    between = tuple(pair for pair in file.contacts.between if set(pair.objects) == {obj.name, "pusher"})
+    one = file.model_copy(
+        update={
+            "objects": (obj.model_copy(update={"pose": None, "offset": None}),),
+            "contacts": file.contacts.model_copy(update={"friction": None, "between": between}),
+        }
     )
-    return scenario.chain.objects[0].pose_chain
+    bodies = build_bodies(one, attachments.read, own)
+    report.extend(own.findings)
+    if bodies is None:
+        return None
+    return PlacedObject(
+        np.array(obj.pose),
+        make_goals(_goals(file.goals[obj.name], obj.name) if obj.name in file.goals else (), bodies.chain),
+        bodies.chain,
+        bodies.interval,
+        bodies.contact_friction,
+        bodies.stated,
+    )
 
 
-def _place(where: str, i: int, name: str, document: Document) -> Place:
-    """Return the place in the file of what a finding about one object's own problem tells of."""
-    steps: list[str | int] = [
-        int(step[1:-1]) if step.startswith("[") else step for step in re.findall(r"\[\d+\]|[^.\[\]]+", where)
-    ]
-    match steps:
-        case ["objects", 0, *rest]:
-            return ("objects", i, *rest)
-        case ["goal", *rest]:
-            place = ("goals", name, *rest)
-            return place if document.root.holds(place) else ("goals", name)
-        case ["start", *_]:
-            return ("objects", i, "pose")
-    return tuple(steps)
+def _goals(stated: Any, name: str) -> tuple[GoalPose, ...]:
+    """Return the goals of one object as a scenario of one load has them."""
+    if isinstance(stated, ObjectGoal):
+        return (GoalPose.model_construct(of=name, **dict(stated)),)
+    if isinstance(stated[0], float):
+        return (GoalPose.model_construct(of=name, pose=stated),)
+    return tuple(goal for one in stated for goal in _goals(one, name))
 
 
-def _check_apart(scenarios: Mapping[str, Scenario], report: Report) -> None:
-    """Report objects that touch one another at first, and the robot where it touches one."""
-    placed = {name: shapely.MultiPolygon(list(_outlines(scenario))) for name, scenario in scenarios.items()}
+def _check(scenario: Scenario, name: str, own: Report, report: Report) -> None:
+    check_places(scenario.alone(name), ("goal", "pose"), own)
+    report.extend(own.findings)
+
+
+def _check_apart(scenario: Scenario, report: Report) -> None:
+    """Report objects that touch one another at first."""
+    placed = {
+        name: shapely.MultiPolygon(
+            [
+                shapely.Polygon(se2.transform_points(body.start, obj.outline_chain))
+                for obj in body.chain.objects
+            ]
+        )
+        for name, body in scenario.bodies.items()
+    }
     index = {name: i for i, name in enumerate(placed)}
     for one, other in combinations(placed, 2):
-        gap, kept = float(placed[one].distance(placed[other])), scenarios[other].clearance
+        gap, kept = float(placed[one].distance(placed[other])), scenario.clearance
         if gap < kept:
             what = f"'{other}' is {millimetres(gap)} from '{one}'; allowed: at least {millimetres(kept)}"
             report.add(("objects", index[other], "pose"), what)
 
 
-def _outlines(scenario: Scenario) -> Iterator[shapely.Polygon]:
-    for obj in scenario.chain.objects:
-        yield shapely.Polygon(se2.transform_points(scenario.start, obj.outline_chain))
+@dataclass(frozen=True, eq=False)
+class SeveralObjects:
+    """What a file states.
+
+    Attributes:
+        name: For people.
+        scenarios: The problem of each object, alone in the room, by its name.
+        movable: Names of the objects that have no goal.
+    """
+
+    name: str
+    scenarios: Mapping[str, Scenario]
+    movable: tuple[str, ...]
+
+
+def load_several_objects(source: str | Path) -> SeveralObjects:
+    """Read a scenario file with `goals`; every object has its pose in the world.
+
+    Raises:
+        ScenarioError: With everything found wrong.
+    """
+    from pushplan.scenario.file import load_scenario
+
+    scenario = load_scenario(source)
+    movable = tuple(name for name in scenario.bodies if name not in scenario.goals)
+    return SeveralObjects(scenario.name, {name: scenario.alone(name) for name in scenario.bodies}, movable)

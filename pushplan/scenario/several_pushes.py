@@ -14,7 +14,7 @@ from pushplan.scenario.arrangement.meeting import millimetres
 from pushplan.scenario.arrangement.placement import Surroundings, placement_troubles
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal, Pushes
-from pushplan.scenario.schema.scenario import GoalPose, PushChoice, ScenarioFile
+from pushplan.scenario.schema.scenario import GoalPose, PushChoice, ScenarioFile, StatedRoom
 from pushplan.scenario.yaml.node import Place
 from pushplan.scenario.yaml.report import Report
 from pushplan.util.arrays import FloatArray
@@ -37,9 +37,9 @@ def stated_goals(file: ScenarioFile) -> tuple[tuple[Place, GoalPose], ...]:
     return tuple((("goal", i), goal) for i, goal in enumerate(file.goal))
 
 
-def make_goals(file: ScenarioFile, chain: Chain) -> tuple[Goal, ...]:
+def make_goals(stated: Iterable[GoalPose], chain: Chain) -> tuple[Goal, ...]:
     """Return all goals, one for each turn that an object's symmetry allows."""
-    return tuple(goal for _, stated in stated_goals(file) for goal in _turned(stated, chain))
+    return tuple(goal for one in stated for goal in _turned(one, chain))
 
 
 def _turned(stated: GoalPose, chain: Chain) -> Iterator[Goal]:
@@ -52,19 +52,18 @@ def _turned(stated: GoalPose, chain: Chain) -> Iterator[Goal]:
         yield Goal(pose, stated.of, pose_chain, stated.tolerance.position, stated.tolerance.angle)
 
 
-def make_pushes(file: ScenarioFile, goals: tuple[Goal, ...], report: Report) -> Pushes | None:
-    """Return what several pushes start from and may choose, or None where one push is asked for.
+def report_meaningless(file: ScenarioFile, report: Report) -> None:
+    """Report what bears on several pushes only, where one is asked for."""
+    for place in _meaningless(file) if file.robot.start is None else ():
+        report.add(
+            place, "is for several pushes: it needs a robot.start, the plate's pose in the world", at_key=True
+        )
 
-    What bears on several pushes only is reported where one is asked for.
-    """
+
+def make_pushes(file: StatedRoom, goals: tuple[Goal, ...], report: Report) -> Pushes | None:
+    """Return what several pushes start from and may choose, or None where one push is asked for."""
     start = file.robot.start
     if start is None:
-        for place in _meaningless(file):
-            report.add(
-                place,
-                "is for several pushes: it needs a robot.start, the plate's pose in the world",
-                at_key=True,
-            )
         return None
     for name in sorted(file.planner.model_fields_set - BEARS_ON_SEVERAL):
         report.add(("planner", name), _NOT_FOR_SEVERAL, at_key=True)
@@ -89,8 +88,8 @@ def _meaningless(file: ScenarioFile) -> Iterator[Place]:
         yield ("pushes",)
 
 
-def check_places(scenario: Scenario, file: ScenarioFile, report: Report) -> None:
-    """Report what cannot be several pushes: objects apart, short ways, what is not free at first or at any goal."""
+def check_places(scenario: Scenario, goal: Place, report: Report) -> None:
+    """Report what cannot be several pushes: short ways, what is not free at first, or at any goal, for the first."""
     pushes = scenario.pushes
     assert pushes is not None
     for name in ("approach", "retreat"):
@@ -102,10 +101,10 @@ def check_places(scenario: Scenario, file: ScenarioFile, report: Report) -> None
             report.add(("pushes", name), what)
     for place, what in troubles_at_first(scenario):
         report.add(place, what)
-    taken = [list(troubles_at(scenario, goal.pose_chain, "goal")) for goal in pushes.goals]
+    taken = [list(troubles_at(scenario, one.pose_chain, "goal")) for one in pushes.goals]
     if all(taken):
         for what in taken[0]:
-            report.add((*stated_goals(file)[0][0], "pose"), what)
+            report.add(goal, what)
 
 
 def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:

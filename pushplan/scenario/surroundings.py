@@ -14,7 +14,7 @@ from pushplan.scenario.files import OUTSIDE
 from pushplan.scenario.imported.ros_map import RosMap, ros_map_of
 from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle, Workspace
 from pushplan.scenario.schema.scenario import Obstacle as StatedObstacle
-from pushplan.scenario.schema.scenario import ScenarioFile
+from pushplan.scenario.schema.scenario import StatedRoom
 from pushplan.scenario.yaml.report import Report
 
 
@@ -25,7 +25,7 @@ class Stated(NamedTuple):
     obstacles: tuple[Obstacle, ...]
 
 
-def build_surroundings(file: ScenarioFile, read: Callable[[str], bytes], report: Report) -> Stated:
+def build_surroundings(file: StatedRoom, read: Callable[[str], bytes], report: Report) -> Stated:
     """Return what a file states, without the maps that cannot be read; why is reported.
 
     The workspace is the rectangle around all maps where none is stated: beyond a map nothing is known.

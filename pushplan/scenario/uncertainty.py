@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 from pushplan.scenario.schema.objects import Contacts, Object, PlacedSupport
-from pushplan.scenario.schema.scenario import ScenarioFile
+from pushplan.scenario.schema.scenario import StatedRoom
 from pushplan.scenario.values.interval import Span
 
+Room = TypeVar("Room", bound=StatedRoom)
 
-def widened(file: ScenarioFile) -> ScenarioFile:
+
+def widened(file: Room) -> Room:
     """Return a file with the intervals that its `uncertainty` stands for; those that it states itself stay.
 
     A share s makes an interval [(1 - s) v, (1 + s) v] of a value v. What `load` does to a load that is not on feet is
@@ -28,7 +30,7 @@ def widened(file: ScenarioFile) -> ScenarioFile:
     )
 
 
-def pressure_shares(file: ScenarioFile) -> dict[str, float]:
+def pressure_shares(file: StatedRoom) -> dict[str, float]:
     """Return by object the share by which its pressure may be off, of those that stand on a known pressure."""
     share = file.uncertainty.load
     known = (obj.name for obj in file.objects if not _on_feet(obj) and obj.support != "unknown")
@@ -42,7 +44,7 @@ def around(value: float | Span, share: float, most: float = float("inf")) -> flo
     return (1.0 - share) * value, min((1.0 + share) * value, most)
 
 
-def _object(obj: Object, file: ScenarioFile) -> Object:
+def _object(obj: Object, file: StatedRoom) -> Object:
     share, update = file.uncertainty, dict[str, Any]()
     if obj.floor_friction is not None:
         update["floor_friction"] = around(obj.floor_friction, share.floor_friction)

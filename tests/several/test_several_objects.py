@@ -15,12 +15,12 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
 from pushplan.cli.main import main
-from pushplan.errors import RunLogError, ScenarioError
+from pushplan.errors import PushplanError, RunLogError, ScenarioError
 from pushplan.geometry import se2
 from pushplan.logging.errands import check_errands, delivers, errand_of
 from pushplan.logging.joined import joined
 from pushplan.logging.reader import read_run, read_runs
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
 from pushplan.scenario.json_schema import scenario_schema
 from pushplan.scenario.several_objects import load_several_objects
 from pushplan.scenario.yaml.tree import read_document
@@ -99,9 +99,27 @@ def test_what_is_wrong_is_told_where_the_file_has_it(file: Path, wrong: str, rig
     assert told in str(caught.value)
 
 
-def test_what_takes_one_load_says_so(file: Path) -> None:
-    with pytest.raises(ScenarioError, match="several objects that stand apart"):
-        load_scenario(file)
+def test_one_scenario_holds_all_objects_and_what_takes_one_load_says_so(file: Path) -> None:
+    scenario = load_scenario(file)
+    assert scenario.kind == "rearrangement"
+    assert list(scenario.bodies) == ["red", "blue", "bin"]
+    assert list(scenario.goals) == ["red", "blue"]
+    with pytest.raises(PushplanError, match=r"several objects that stand apart.*scenario\.alone"):
+        scenario.stable_set()
+    with pytest.raises(PushplanError, match="no start for all"):
+        np.asarray(scenario.start)
+
+
+def test_a_scenario_of_several_objects_is_read_again_as_it_was(file: Path) -> None:
+    scenario = load_scenario(file)
+    again = scenario_from_document(scenario.resolved(), file)
+    assert again == scenario
+    for name in scenario.bodies:
+        alone = scenario.alone(name)
+        assert (alone.kind, again.alone(name)) == ("multi-push", alone)
+        assert scenario_from_text(alone.source, file) == alone
+    emptied = replace(scenario, obstacles=(), workspace=None)
+    assert emptied.alone("red").workspace is None
 
 
 @pytest.fixture(scope="module")

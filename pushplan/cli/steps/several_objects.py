@@ -27,9 +27,9 @@ class SeveralObjectsError(PushplanError, ValueError):
 
 def states_several(source: str) -> bool:
     """Tell whether a file has goals for several objects; names of packaged scenarios are no files."""
-    from pushplan.scenario import several_objects
+    from pushplan.scenario.file import states_goals
 
-    return Path(source).is_file() and several_objects.states_several(Path(source))
+    return Path(source).is_file() and states_goals(Path(source))
 
 
 def check_several_objects(args: argparse.Namespace, console: Console) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from pushplan.mechanics.chain import PLATE
 from pushplan.scenario.schema.findings import nearest
-from pushplan.scenario.schema.scenario import ScenarioFile
+from pushplan.scenario.schema.scenario import StatedRoom
 from pushplan.scenario.values.interval import Span
 from pushplan.scenario.yaml.node import shorten
 from pushplan.scenario.yaml.report import Report
@@ -17,7 +17,7 @@ PUSHER = "pusher"
 Pair = tuple[int, int]
 
 
-def contact_frictions(file: ScenarioFile, pairs: Iterable[Pair], report: Report) -> dict[Pair, float | Span]:
+def contact_frictions(file: StatedRoom, pairs: Iterable[Pair], report: Report) -> dict[Pair, float | Span]:
     """Return the friction of each pair (pushing, pushed) of bodies that touch; what is missing is reported."""
     names = [obj.name for obj in file.objects]
     stated = _stated(file, names, report)
@@ -43,7 +43,7 @@ def contact_frictions(file: ScenarioFile, pairs: Iterable[Pair], report: Report)
     return frictions
 
 
-def _stated(file: ScenarioFile, names: Sequence[str], report: Report) -> dict[frozenset[str], float | Span]:
+def _stated(file: StatedRoom, names: Sequence[str], report: Report) -> dict[frozenset[str], float | Span]:
     """Return the frictions that `contacts.between` states, and report entries that name no pair."""
     stated: dict[frozenset[str], float | Span] = {}
     known = [*names, PUSHER]

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from pushplan.scenario.parts import DEFAULT_TOLERANCE
 from pushplan.scenario.schema import types as t
 from pushplan.scenario.schema.objects import FRICTION, NAME, POLYGON, Contacts, Object, Plate
 from pushplan.scenario.schema.robot import Robot
@@ -46,8 +47,8 @@ class Floor(t.Strict):
 class Tolerance(t.Strict):
     """How far from the goal is still at the goal."""
 
-    position: t.PositionTolerance = Field(default=0.002, description="a length in m")
-    angle: t.AngleTolerance = Field(default=math.radians(0.2), description="an angle in rad")
+    position: t.PositionTolerance = Field(default=DEFAULT_TOLERANCE[0], description="a length in m")
+    angle: t.AngleTolerance = Field(default=DEFAULT_TOLERANCE[1], description="an angle in rad")
 
 
 class ObjectGoal(t.Strict):
