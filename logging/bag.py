@@ -41,9 +41,8 @@ from pushplan.plans.execution import Execution
 from pushplan.util import colours
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
+from pushplan.util.files import check_output, write_whole
 from pushplan.util.names import BESIDE_A_BAG, PUSHER
-from pushplan.util.outputs.target import look
-from pushplan.util.outputs.write import write_whole
 
 _NANO = 1_000_000_000
 _EARLIEST = 1.0
@@ -127,7 +126,7 @@ def write_ros2(
         with _Bag(Path(folder) / "bag", round(_NANO * (_begun(run) if epoch is None else epoch))) as bag:
             _Contents(bag, run, frames).write()
         write_whole(path, (Path(folder) / "bag" / "bag.mcap").read_bytes())
-    if not look(Path(path)).streamed:
+    if not check_output(Path(path)).streamed:
         write_whole(Path(path).with_suffix(BESIDE_A_BAG), rviz_file(run, frames).encode())
 
 

@@ -13,8 +13,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.errors import RunLogError
 from pushplan.geometry import se2
-from pushplan.logging.mcap.items import Message
-from pushplan.logging.mcap.mcap_file import McapFile
+from pushplan.logging.mcap_file import McapFile, Message
 from pushplan.logging.messages.schemas import PUSHER_WRENCH, TF, MessageClass, Wrench
 from pushplan.logging.reader import read_run
 from pushplan.logging.view.scene import CHAIN, WORLD
@@ -46,7 +45,7 @@ def read_course(path: Path | str) -> tuple[Scenario, Course]:
     file = McapFile(Path(path), recover=bool(run.losses), topics={TF.name, MEASURED, PUSHER_WRENCH.name})
     for item in file.items():
         if isinstance(item, Message):
-            file.budget.keep(_KEPT, item.offset)
+            file.keep(_KEPT, item.offset)
             try:
                 reading.take(item)
             except (DecodeError, ValueError) as error:

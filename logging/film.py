@@ -31,7 +31,7 @@ from pushplan.plans.result import Run
 from pushplan.util import colours
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
-from pushplan.util.outputs.write import write_whole
+from pushplan.util.files import write_whole
 from pushplan.util.printable import cut
 
 PICTURES_PER_SECOND = 25

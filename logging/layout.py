@@ -19,7 +19,7 @@ from pushplan.logging.view.window import window
 from pushplan.plans.result import PlanResult, Run
 from pushplan.scenario.model import Scenario
 from pushplan.util import colours
-from pushplan.util.outputs.write import write_whole
+from pushplan.util.files import write_whole
 
 LAYOUT_FILE = "layout.json"
 """Name of the attachment that every log carries from its plan on."""

@@ -28,7 +28,7 @@ from pushplan.plans.result import PlanResult, Run
 from pushplan.scenario.model import Scenario
 from pushplan.util import colours
 from pushplan.util.arrays import FloatArray, IntArray
-from pushplan.util.outputs.write import write_whole
+from pushplan.util.files import write_whole
 
 MOST_SAMPLES = 5_000
 """Samples of an execution that the page holds, at most, beside the smallest margins."""

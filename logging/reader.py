@@ -9,10 +9,7 @@ from pathlib import Path
 from google.protobuf.message import DecodeError
 
 from pushplan.errors import PushplanError, RunLogError
-from pushplan.logging.mcap.budget import MESSAGE_LIMIT
-from pushplan.logging.mcap.cursor import DamageError
-from pushplan.logging.mcap.items import Attachment, Item, Message, Metadata
-from pushplan.logging.mcap.mcap_file import McapFile
+from pushplan.logging.mcap_file import Attachment, DamageError, Item, McapFile, Message, Metadata
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.contents import TOPICS, Contents
 from pushplan.logging.messages.effort import Effort
@@ -20,7 +17,7 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.messages.scenario_files import ScenarioFiles
 from pushplan.logging.messages.seal import unsealed
 from pushplan.plans.result import ProgressPoint
-from pushplan.util.outputs.partial_file import SUFFIX
+from pushplan.util.files import PARTIAL
 
 _OURS = "pushplan."
 
@@ -63,15 +60,15 @@ def read_runs(path: Path | str, *, recover: bool | None = None) -> tuple[Recorde
         RunLogError: As `read_run`.
     """
     path = Path(path)
-    damaged = path.name.endswith(SUFFIX) if recover is None else recover
+    damaged = path.name.endswith(PARTIAL) if recover is None else recover
     file = McapFile(path, recover=damaged, topics={topic.name for topic in TOPICS})
     readings = [_Reading(file, 0)]
     for item in file.items():
         if isinstance(item, Metadata) and item.name == metadata.RUN and readings[-1].begun:
             try:
-                file.budget.keep(_RUN, item.offset)
+                file.keep(_RUN, item.offset)
             except DamageError as damage:
-                file.lose(damage, "all runs from there on")
+                file.lose(damage)
                 break
             readings.append(_Reading(file, len(readings)))
         readings[-1].take(item)
@@ -107,15 +104,13 @@ class _Reading:
         except RunLogError:
             raise
         except DamageError as damage:
-            self._file.lose(damage, "an item")
+            self._file.lose(damage)
         except (DecodeError, KeyError, ValueError, PushplanError) as error:
             what = f"no {error}" if isinstance(error, KeyError) else str(error)
-            self._file.lose(DamageError(f"{_name(item)}: {what}", item.offset), "an item")
+            self._file.lose(DamageError(f"{_name(item)}: {what}", item.offset))
 
     def _take_message(self, item: Message) -> None:
-        if len(item.data) > MESSAGE_LIMIT:
-            raise ValueError(f"{len(item.data)} bytes; at most {MESSAGE_LIMIT} are allowed")
-        self._file.budget.keep(self._contents.memory(item), item.offset)
+        self._file.keep(self._contents.memory(item), item.offset)
         if self._number and not self._began:
             self._began = self._contents.began = item.time
         self._contents.take(item)

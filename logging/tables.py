@@ -18,7 +18,7 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.mechanics.body import outline_of_all
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray
-from pushplan.util.outputs.write import write_pieces, write_whole
+from pushplan.util.files import write_pieces, write_whole
 
 _AT_ONCE = 10_000
 """Rows that exist as text in memory."""

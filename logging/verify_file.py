@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from pushplan.logging.check import TOLERANCE, Check
-from pushplan.logging.mcap.items import Message, Metadata
-from pushplan.logging.mcap.mcap_file import McapFile
+from pushplan.logging.mcap_file import McapFile, Message, Metadata
 from pushplan.logging.messages import metadata, schemas
 from pushplan.logging.messages.fields import Value, flattened
 from pushplan.logging.messages.recorded import RecordedRun

@@ -38,8 +38,7 @@ from pushplan.plans.execution import Execution, inertia_warning
 from pushplan.plans.result import PlanResult, ProgressPoint
 from pushplan.plans.segment import Segment
 from pushplan.scenario.model import Scenario
-from pushplan.util.outputs.open_file import OpenFile
-from pushplan.util.outputs.write import open_output
+from pushplan.util.files import Output
 
 
 class RunLogWriter:
@@ -53,7 +52,7 @@ class RunLogWriter:
     Without `finish`, or with an exception inside, the file stays under `partial` and its metadata say why.
     """
 
-    def __init__(self, file: OpenFile, scenario: Scenario, began: int = 0) -> None:
+    def __init__(self, file: Output, scenario: Scenario, began: int = 0) -> None:
         self._file = file
         self._scenario = scenario
         self._channels = Channels(file, began)
@@ -85,7 +84,7 @@ class RunLogWriter:
         Raises:
             OutputError: When the file cannot be written.
         """
-        file = open_output(path, new=new)
+        file = Output(path, new=new)
         try:
             log = cls(file, scenario, began)
             log._channels.declare()

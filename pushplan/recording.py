@@ -82,7 +82,7 @@ class Recording:
             raise self._error
 
     def _new_log(self) -> Path:
-        from pushplan.logging.runs.folder import new_log, runs_folder
+        from pushplan.logging.runs import new_log, runs_folder
 
         seed = self._settings["seed"]
         assert isinstance(seed, int)
@@ -122,7 +122,7 @@ class Recording:
             elif self._writer is not None:
                 self._writer.abandon(error)
         self._writer = None
-        self._let_go()
+        self._prune()
 
     def improved(self, point: ProgressPoint) -> None:
         """Write an improvement of the best path, so that it outlives a kill."""
@@ -154,16 +154,14 @@ class Recording:
             writer.execution(result.execution)
         return "solved" if result.solved else "unsolved"
 
-    def _let_go(self) -> None:
-        """Remove runs that are too old, where this one was recorded among them."""
+    def _prune(self) -> None:
+        """Remove the oldest runs beyond the size cap, where this one was recorded among them."""
         if self._named or self._path is None or self._error is not None:
             return
-        from pushplan.logging.runs.retention import Retention
+        from pushplan.logging.runs import prune
 
         with self._writing():
-            told = Retention.from_environment().let_go(self._path.parent, self._path)
-            if told:
-                self._warn(told)
+            prune(self._path.parent, self._path)
 
     def finished(self, result: PlanResult) -> Run:
         """Return the run, which is over.

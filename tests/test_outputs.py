@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 
 from pushplan.errors import OutputError
-from pushplan.util.outputs.target import look
-from pushplan.util.outputs.write import open_output, write_pieces, write_whole
+from pushplan.util.files import Output, check_output, write_pieces, write_whole
 
 
 def names(folder: Path) -> list[str]:
@@ -31,7 +30,7 @@ def test_a_file_written_whole_replaces_the_old_one(tmp_path: Path) -> None:
 
 def test_nothing_is_written_behind_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a write has failed, later ones must not go on behind the gap."""
-    file = open_output(tmp_path / "a")
+    file = Output(tmp_path / "a")
     file.write(b"sound")
     write = os.write
 
@@ -68,9 +67,9 @@ def test_a_link_that_leads_nowhere_or_to_itself_is_refused(tmp_path: Path) -> No
     loop.symlink_to(loop)
     nowhere.symlink_to(tmp_path / "no" / "file")
     with pytest.raises(OutputError, match=r"loop: Too many levels of symbolic links"):
-        look(loop)
+        check_output(loop)
     with pytest.raises(OutputError, match=r"nowhere: there is no folder .*no$"):
-        look(nowhere)
+        check_output(nowhere)
 
 
 def test_a_pipe_gets_the_bytes_and_stays_a_pipe(tmp_path: Path) -> None:
@@ -112,7 +111,7 @@ def test_a_reader_that_goes_away_ends_in_a_clear_error(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    file = open_output(pipe)
+    file = Output(pipe)
     os.close(reader)
     with pytest.raises(OutputError, match="pipe: cannot write the file: Broken pipe"):
         file.write(b"data")
@@ -159,14 +158,14 @@ def test_the_file_into_which_the_program_talks_is_not_replaced(tmp_path: Path) -
             os.dup2(file.fileno(), 1)
         for name in (path, Path("/dev/stdout")):
             with pytest.raises(OutputError, match="what the command says goes into this file"):
-                look(name)
+                check_output(name)
     finally:
         os.dup2(saved, 1)
         os.close(saved)
 
 
 def test_what_takes_the_name_meanwhile_is_not_replaced(tmp_path: Path) -> None:
-    file = open_output(tmp_path / "a")
+    file = Output(tmp_path / "a")
     file.write(b"data")
     os.mkfifo(tmp_path / "a")
     with pytest.raises(OutputError, match="what has this name by now is no file"):
@@ -193,7 +192,7 @@ def test_a_new_file_replaces_nothing_not_even_a_link_to_nowhere(tmp_path: Path) 
     for name in ("link", "file"):
         with pytest.raises(OutputError, match="this file exists already"):
             write_whole(tmp_path / name, b"data", new=True)
-    file = open_output(tmp_path / "late", new=True)
+    file = Output(tmp_path / "late", new=True)
     (tmp_path / "late").write_bytes(b"precious")
     with pytest.raises(OutputError, match="File exists"):
         file.publish()
@@ -204,8 +203,8 @@ def test_a_new_file_replaces_nothing_not_even_a_link_to_nowhere(tmp_path: Path) 
 
 
 def test_one_process_at_a_time_writes_a_file(tmp_path: Path) -> None:
-    file = open_output(tmp_path / "a")
+    file = Output(tmp_path / "a")
     with pytest.raises(OutputError, match="another process is writing it"):
-        open_output(tmp_path / "a")
+        Output(tmp_path / "a")
     file.discard()
     assert names(tmp_path) == []

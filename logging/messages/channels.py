@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.errors import RunLogError
-from pushplan.logging.mcap.batch import Batch
-from pushplan.logging.mcap.message_template import ByteRows
-from pushplan.logging.mcap.record_writer import RecordWriter
+from pushplan.logging.mcap_file import mcap_writer
+from pushplan.logging.message_template import ByteRows
 from pushplan.logging.messages.metadata import version_of
 from pushplan.logging.messages.schemas import TOPICS, MessageClass, Topic
 from pushplan.logging.messages.seal import sealed
 from pushplan.util.arrays import FloatArray, IntArray
-from pushplan.util.outputs.open_file import OpenFile
+from pushplan.util.files import Output
 
 _NANO = 1_000_000_000
 _LATEST = 1 << 33
 """Simulated time has to be before this, s."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Messages of several channels at the same times: rows of bytes by channel, and the times (n,), ns."""
+
+    rows: Mapping[int, ByteRows]
+    times: IntArray
 
 
 class Channels:
@@ -30,9 +39,10 @@ class Channels:
             holds several runs go on.
     """
 
-    def __init__(self, file: OpenFile, began: int = 0) -> None:
+    def __init__(self, file: Output, began: int = 0) -> None:
         self._file = file
-        self._writer = RecordWriter(file, f"pushplan {version_of('pushplan')}")
+        self._writer = mcap_writer(file, f"pushplan {version_of('pushplan')}")
+        self._sequence: Counter[int] = Counter()
         self._now = self.began = began
         self._channels: dict[Topic, int] = {}
 
@@ -41,8 +51,8 @@ class Channels:
         schemas: dict[str, int] = {}
         for topic in TOPICS:
             if topic.kind not in schemas:
-                schemas[topic.kind] = self._writer.add_schema(topic.kind, topic.schema)
-            self._channels[topic] = self._writer.add_channel(topic.name, schemas[topic.kind])
+                schemas[topic.kind] = self._writer.register_schema(topic.kind, "protobuf", topic.schema)
+            self._channels[topic] = self._writer.register_channel(topic.name, "protobuf", schemas[topic.kind])
 
     def begin_run(self) -> None:
         """Let a run begin now."""
@@ -69,7 +79,11 @@ class Channels:
     def send(self, topic: Topic, message: MessageClass | bytes) -> None:
         """Write `message` at the current simulated time."""
         data = message if isinstance(message, bytes) else message.SerializeToString(deterministic=True)
-        self._writer.add_message(self._channels[topic], self._now, data)
+        self._add(self._channels[topic], self._now, data)
+
+    def _add(self, channel: int, time: int, data: bytes) -> None:
+        self._writer.add_message(channel, time, data, time, self._sequence[channel])
+        self._sequence[channel] += 1
 
     def send_stamped(self, topic: Topic, message: MessageClass) -> None:
         """Write `message` with the current simulated time in its field `timestamp`."""
@@ -83,11 +97,13 @@ class Channels:
             rows: (n, bytes) for each topic; nothing else may be sent on them before all of these are.
             instants: As `instants` returned them.
         """
-        return self._writer.prepare({self._channels[topic]: data for topic, data in rows.items()}, instants)
+        return Batch({self._channels[topic]: data for topic, data in rows.items()}, instants)
 
     def send_batch(self, batch: Batch, begin: int = 0, end: int | None = None) -> None:
         """Write the messages at the instants from `begin` to `end`, excluded."""
-        self._writer.add_batch(batch, begin, len(batch.times) if end is None else end)
+        for k in range(begin, len(batch.times) if end is None else end):
+            for channel, rows in batch.rows.items():
+                self._add(channel, int(batch.times[k]), rows[k].tobytes())
 
     def advance(self, instant: int) -> None:
         """Set the simulated time, ns, for the messages to come."""
@@ -95,16 +111,16 @@ class Channels:
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Write an attachment."""
-        self._writer.add_attachment(self._now, name, media_type, data)
+        self._writer.add_attachment(self._now, self._now, name, media_type, data)
 
     def note(self, name: str, words: Mapping[str, str]) -> None:
         """Write metadata."""
-        self._writer.add_metadata(name, sealed(words))
+        self._writer.add_metadata(name, dict(sealed(words)))
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system, where a killed process cannot lose it."""
-        self._writer.flush()
+        self._writer.flush()  # type: ignore[no-untyped-call]
 
     def finish(self) -> None:
         """Write the end of the file."""
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]

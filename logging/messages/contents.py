@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pushplan.logging.mcap.items import Message
+from pushplan.logging.mcap_file import Message
 from pushplan.logging.messages import plan_message, schemas
 from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.execution_message import Collector

@@ -8,13 +8,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pushplan.errors import RunLogError, ScenarioError
-from pushplan.logging.mcap.cursor import DamageError
-from pushplan.logging.mcap.items import Attachment
+from pushplan.logging.mcap_file import Attachment, DamageError
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 
 if TYPE_CHECKING:
-    from pushplan.logging.mcap.mcap_file import McapFile
+    from pushplan.logging.mcap_file import McapFile
 
 SCENARIO_FILE, SCENARIO_JSON = "scenario.yaml", "scenario.json"
 """The scenario byte for byte, and with everything resolved that it leaves open."""
@@ -51,7 +50,7 @@ class ScenarioFiles:
         if attachment.name in self._files:
             raise ValueError("a name that was there already")
         if attachment.name in MEDIA_TYPES or attachment.name.startswith(SCENARIO_FOLDER):
-            self._file.budget.keep(_MEMORY * len(attachment.data), attachment.offset)
+            self._file.keep(_MEMORY * len(attachment.data), attachment.offset)
             self._files[attachment.name] = attachment
 
     def read(self) -> Scenario:
@@ -99,4 +98,4 @@ class ScenarioFiles:
         text, expected = self._files.get(SCENARIO_FILE), words.get("scenario_sha256")
         if text and expected and hashlib.sha256(text.data).hexdigest() != expected:
             what = "the scenario is not the one that the metadata name"
-            self._file.lose(DamageError(what, text.offset), "its trust")
+            self._file.lose(DamageError(what, text.offset))

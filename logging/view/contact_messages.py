@@ -12,7 +12,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
+from pushplan.logging.message_template import ByteRows, MessageTemplate
 from pushplan.logging.view.contacts import ContactShapes
 from pushplan.logging.view.scene import CHAIN
 from pushplan.logging.view.shapes import Paint, identity

@@ -13,7 +13,7 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.geometry import se2
-from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
+from pushplan.logging.message_template import ByteRows, MessageTemplate
 from pushplan.logging.view.scene import CHAIN, WORLD
 from pushplan.mechanics.chain import Chain
 from pushplan.util.arrays import FloatArray, IntArray

@@ -13,7 +13,7 @@ import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.geometry import se2
-from pushplan.logging.mcap.message_template import ByteRows, MessageTemplate
+from pushplan.logging.message_template import ByteRows, MessageTemplate
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.schemas import MessageClass, Topic
 from pushplan.logging.view import frames

@@ -110,7 +110,7 @@ def _write(found: Identification, logs: list[str], into: Scenario | None, path: 
 
     from pushplan.scenario.file import scenario_from_document
     from pushplan.sim.identify.learned import piece_of, with_learned
-    from pushplan.util.outputs.write import write_whole
+    from pushplan.util.files import write_whole
 
     document = piece_of(found)
     if into is not None:

@@ -111,7 +111,7 @@ def _pushed(args: argparse.Namespace, scenario: Scenario, console: Console) -> C
 
 def _write(args: argparse.Namespace, done: ClosedLoopRun, console: Console) -> Path | None:
     """Write what is asked for; return the log."""
-    from pushplan.logging.runs.folder import new_log, runs_folder
+    from pushplan.logging.runs import new_log, runs_folder
 
     path: Path | None = args.output
     if path is None and not args.no_log:
@@ -119,11 +119,9 @@ def _write(args: argparse.Namespace, done: ClosedLoopRun, console: Console) -> P
     if path is not None:
         done.write(path)
     if path is not None and args.output is None:
-        from pushplan.logging.runs.retention import Retention
+        from pushplan.logging.runs import prune
 
-        told = Retention.from_environment().let_go(path.parent, path)
-        if told:
-            console.note(told)
+        prune(path.parent, path)
     if args.html is not None:
         from pushplan.logging.page import write_html
 

@@ -14,7 +14,7 @@ from pushplan.cli.terminal.numbers import counted
 from pushplan.cli.terminal.options import add_runs, count
 
 if TYPE_CHECKING:
-    from pushplan.logging.runs.entries import RunEntry
+    from pushplan.logging.runs import RunEntry
 
 _COLOURS = {"solved": "green", "running": "yellow", "unsolved": "yellow"}
 _HEAD = ("", "outcome", "scenario", "planner", "set", "seed", "cost", "age", "size")
@@ -35,8 +35,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    from pushplan.logging.runs.entries import chosen, runs_of
-    from pushplan.logging.runs.folder import runs_folder
+    from pushplan.logging.runs import chosen, runs_folder, runs_of
 
     folder = runs_folder(args.runs)
     every = runs_of(folder)
@@ -101,8 +100,7 @@ def log_meant(word: str | None, runs: Path | None) -> str:
     """Return the log that a user means by a file, `@3` for the third last run, or nothing for the last one."""
     if word is not None and not word.startswith("@"):
         return word
-    from pushplan.logging.runs.entries import RunsError, run_numbered
-    from pushplan.logging.runs.folder import runs_folder
+    from pushplan.logging.runs import RunsError, run_numbered, runs_folder
 
     if word is not None and not (word[1:].isascii() and word[1:].isdigit()):
         if os.path.lexists(word):

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from pushplan.drawing.format import check_picture_path
-from pushplan.util.outputs.write import write_whole
+from pushplan.util.files import write_whole
 
 INK = "#2f3338"
 """Text and the outlines that matter."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from pushplan.errors import PushplanError
 from pushplan.scenario.schema.objects import NAME
 from pushplan.scenario.schema.types import NAME_PATTERN
-from pushplan.util.outputs.write import write_whole
+from pushplan.util.files import write_whole
 
 _SUFFIX = ".yaml"
 

@@ -9,7 +9,6 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 
-import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -254,16 +253,6 @@ def record_beyond_the_file(log: bytes) -> bytes:
 
 
 @kind
-def huge_record(log: bytes) -> bytes:
-    return build([*split(log), (ATTACHMENT, bytes(20 << 20))])
-
-
-@kind
-def huge_message(log: bytes) -> bytes:
-    return rebuild([*loose(log), (MESSAGE, bytes(20 << 20))])
-
-
-@kind
 def chunk_claims_exabytes(log: bytes) -> bytes:
     return with_chunk(log, chunk(b"", "zstd", 1 << 60, zstandard.compress(bytes(100))))
 
@@ -302,16 +291,6 @@ def zstd_window_of_a_gigabyte(log: bytes) -> bytes:
 
 
 @kind
-def lz4_bomb_that_lies(log: bytes) -> bytes:
-    return with_chunk(log, chunk(b"", "lz4", 1000, lz4.frame.compress(bytes(64 << 20))))
-
-
-@kind
-def lz4_bomb_within_the_limit(log: bytes) -> bytes:
-    return with_chunk(log, chunk(b"", "lz4", 16 << 20, lz4.frame.compress(bytes(16 << 20))))
-
-
-@kind
 def zstd_cut(log: bytes) -> bytes:
     data = random.Random(3).randbytes(5000)
     return with_chunk(log, chunk(data, "zstd", None, zstandard.compress(data)[:-100]))
@@ -320,11 +299,6 @@ def zstd_cut(log: bytes) -> bytes:
 @kind
 def zstd_junk(log: bytes) -> bytes:
     return with_chunk(log, chunk(b"", "zstd", 100, b"junk" * 20))
-
-
-@kind
-def lz4_junk(log: bytes) -> bytes:
-    return with_chunk(log, chunk(b"", "lz4", 100, b"junk" * 20))
 
 
 @kind
@@ -418,12 +392,6 @@ def topics_exchanged(log: bytes) -> bytes:
 @kind
 def metadata_beyond_its_record(log: bytes) -> bytes:
     return rebuild([*loose(log), (METADATA, text("x") + struct.pack("<I", 1 << 31))])
-
-
-@kind
-def metadata_key_twice(log: bytes) -> bytes:
-    pair = text("a") + text("b")
-    return rebuild([*loose(log), (METADATA, text("x") + struct.pack("<I", 20) + pair + pair)])
 
 
 @kind
@@ -752,15 +720,6 @@ def harmless(maker: Maker) -> Maker:
 @harmless
 def without_chunks_or_summary(log: bytes) -> bytes:
     return rebuild(loose(log))
-
-
-@harmless
-def compressed_with_lz4(log: bytes) -> bytes:
-    records: list[Record] = []
-    for opcode, body in split(log):
-        data = b"".join(raw(*record) for record in unchunk(body)) if opcode == CHUNK else b""
-        records.append((opcode, chunk(data, "lz4", None, lz4.frame.compress(data)) if data else body))
-    return build(records)
 
 
 @harmless

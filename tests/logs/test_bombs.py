@@ -56,14 +56,3 @@ def test_a_bomb_takes_little(
         assert verdict["kind"] in ("read", "RunLogError"), verdict
         assert verdict["peak_mb"] < MOST_MB, verdict
         assert verdict["seconds"] < MOST_SECONDS, verdict
-
-
-def test_the_bomb_of_lines_is_refused_by_its_first_line(whole_log: bytes, tmp_path: Path) -> None:
-    """3.37 GB and 37 s it took once."""
-    from pushplan.errors import RunLogError
-    from pushplan.logging.reader import read_run
-
-    path = tmp_path / "bomb.mcap"
-    path.write_bytes(bombs.lines_of_16_megabytes(whole_log))
-    with pytest.raises(RunLogError, match=r"a message on /log: 167\d+ bytes; at most 2097152 are allowed"):
-        read_run(path)

@@ -8,7 +8,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pushplan.logging.mcap.message_template import MessageTemplate
+from pushplan.logging.message_template import MessageTemplate
 from pushplan.logging.messages.schemas import MessageClass, Twist
 
 

@@ -17,9 +17,16 @@ from pushplan.cli.main import main
 from pushplan.cli.runs import age_text
 from pushplan.errors import OutputError, PlanningError
 from pushplan.logging.reader import read_run
-from pushplan.logging.runs.entries import RunsError, chosen, run_numbered, runs_of
-from pushplan.logging.runs.folder import new_log, recorded_logs, runs_folder
-from pushplan.logging.runs.retention import Retention
+from pushplan.logging.runs import (
+    RunsError,
+    chosen,
+    new_log,
+    prune,
+    recorded_logs,
+    run_numbered,
+    runs_folder,
+    runs_of,
+)
 from pushplan.recording import IncompleteLogError
 
 Captured = pytest.CaptureFixture[str]
@@ -200,43 +207,38 @@ def _fill(folder: Path, count: int, size: int = 1000) -> list[Path]:
     return logs
 
 
-@pytest.mark.parametrize(("retention", "kept"), [(Retention(3, 1000.0), 3), (Retention(1000, 0.0045), 4)])
-def test_the_oldest_are_let_go_and_that_is_told_once(retention: Retention, kept: int, tmp_path: Path) -> None:
+def test_the_oldest_are_removed_beyond_the_size_cap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.mcap").write_bytes(bytes(10_000))
     logs = _fill(tmp_path, 10)
-    told = retention.let_go(tmp_path, logs[-1])
-    assert [log.exists() for log in logs] == [False] * (10 - kept) + [True] * kept
-    assert "are kept in" in told
-    assert "PUSHPLAN_RUNS_COUNT and PUSHPLAN_RUNS_MB set other limits" in told
-    logs = _fill(tmp_path, 10)
-    assert retention.let_go(tmp_path, logs[-1]) == ""
-    assert sum(log.exists() for log in logs) == kept
+    monkeypatch.setenv("PUSHPLAN_RUNS_MB", "0.0045")
+    prune(tmp_path, logs[-1])
+    assert [log.exists() for log in logs] == [False] * 6 + [True] * 4
     assert (tmp_path / "mine.mcap").exists()
+    for wrong in ("0", "many", "nan"):
+        monkeypatch.setenv("PUSHPLAN_RUNS_MB", wrong)
+        with pytest.raises(OutputError, match=f"PUSHPLAN_RUNS_MB: '{wrong}' is no limit"):
+            prune(tmp_path, logs[-1])
 
 
-def test_neither_the_run_just_written_nor_one_being_written_is_let_go(tmp_path: Path) -> None:
+def test_neither_the_run_just_written_nor_one_being_written_is_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     logs = _fill(tmp_path, 5)
+    monkeypatch.setenv("PUSHPLAN_RUNS_MB", "0.0005")
     written = tmp_path / "20250101T000000.000Z-a-seed1.mcap.partial"
     cut = tmp_path / "20250102T000000.000Z-a-seed1.mcap.partial"
     with written.open("w") as file:
         cut.touch()
         fcntl.flock(file, fcntl.LOCK_EX)
-        Retention(1, 1e-6).let_go(tmp_path, logs[2])
+        prune(tmp_path, logs[2])
     assert {entry.name for entry in recorded_logs(tmp_path)} == {written.name, logs[2].name}
 
 
-def test_limits_are_set_by_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert Retention.from_environment() == Retention()
-    monkeypatch.setenv("PUSHPLAN_RUNS_COUNT", "2")
-    monkeypatch.setenv("PUSHPLAN_RUNS_MB", "0.5")
-    assert Retention.from_environment() == Retention(2, 0.5)
+def test_every_recorded_run_makes_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PUSHPLAN_RUNS_MB", "0.001")
     _fill(tmp_path, 5)
-    pushplan.run(pushplan.load_scenario("one-box"), first=True, runs=tmp_path, tell=print)
-    assert len(recorded_logs(tmp_path)) == 2
-    for wrong in ("0", "1.5", "many", "nan"):
-        monkeypatch.setenv("PUSHPLAN_RUNS_COUNT", wrong)
-        with pytest.raises(OutputError, match=f"PUSHPLAN_RUNS_COUNT: '{wrong}' is no limit"):
-            Retention.from_environment()
+    done = pushplan.run(pushplan.load_scenario("one-box"), first=True, runs=tmp_path, tell=print)
+    assert [Path(entry.path) for entry in recorded_logs(tmp_path)] == [done.log]
 
 
 def test_a_hundred_runs_are_listed_with_less_than_is_read_of_ten(tmp_path: Path, one: bytes) -> None:
@@ -263,10 +265,13 @@ def test_ages_are_told_in_the_unit_that_people_would_choose() -> None:
     assert told == ["0 s", "0 s", "90 s", "2 min", "2 h", "2 d"]
 
 
-def test_a_log_that_leads_elsewhere_is_none_of_the_recorded(folder: Path, tmp_path: Path) -> None:
+def test_a_log_that_leads_elsewhere_is_none_of_the_recorded(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     victim = tmp_path / "victim.mcap"
     shutil.copy(folder / "mine.mcap", victim)
     (folder / "20240101T000000.000Z-a-seed1.mcap").symlink_to(victim)
-    Retention(1, 1000.0).let_go(folder, folder / "none")
+    monkeypatch.setenv("PUSHPLAN_RUNS_MB", "0.001")
+    prune(folder, folder / "none")
     assert victim.exists()
-    assert len(list(folder.iterdir())) >= 3
+    assert (folder / "20240101T000000.000Z-a-seed1.mcap").is_symlink()

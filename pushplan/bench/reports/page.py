@@ -14,7 +14,7 @@ from pushplan.bench.reports import plots, tables
 from pushplan.bench.reports.tables import Table
 from pushplan.bench.reports.worst import failures, pictures, worst_runs
 from pushplan.bench.storage.results import MISSING, Results, RunRow
-from pushplan.util.outputs.write import write_whole
+from pushplan.util.files import write_whole
 
 MOST_FAILURES = 200
 """Failed runs that are listed, at most."""

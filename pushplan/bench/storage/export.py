@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pushplan.bench.storage.arena import ATTRIBUTES
 from pushplan.bench.storage.results import Results, RunRow
-from pushplan.util.outputs.write import write_whole
+from pushplan.util.files import write_whole
 
 WORDS = ("key", "problem", "planner", "stable_set", "seed", "outcome", "message", "log", "host")
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from pushplan.bench.processes.outcome import Outcome
 from pushplan.bench.suites.suite import RunSpec, Suite
 from pushplan.errors import PushplanError
-from pushplan.util.outputs.write import write_whole
+from pushplan.util.files import write_whole
 
 
 class FolderError(PushplanError, ValueError):

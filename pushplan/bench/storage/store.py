@@ -17,7 +17,7 @@ from pushplan.bench.storage.arena_parameters import parameter_values
 from pushplan.bench.storage.arena_progress import sampled
 from pushplan.bench.suites.suite import Problem, RunSpec, Suite
 from pushplan.errors import PushplanError
-from pushplan.util.outputs.target import look
+from pushplan.util.files import check_output
 
 FORMAT = 1
 """Version of our own tables."""
@@ -40,7 +40,7 @@ class Store:
     def __init__(self, path: Path) -> None:
         """Open the file, or create it."""
         self.path = path
-        if look(path).streamed:
+        if check_output(path).streamed:
             raise StoreError(f"{path} is a pipe or a device; name another folder")
         self._database = sqlite3.connect(path, timeout=BUSY, isolation_level=None)
         try:

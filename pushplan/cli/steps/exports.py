@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from pushplan.cli.terminal.console import Console
 from pushplan.cli.terminal.options import add_output
 from pushplan.errors import PushplanError, RunLogError
+from pushplan.util.files import check_output
 from pushplan.util.names import BESIDE_A_BAG
-from pushplan.util.outputs.target import look
 
 if TYPE_CHECKING:
     from pushplan.logging.messages.recorded import RecordedRun
@@ -85,7 +85,7 @@ def asked_for(args: argparse.Namespace) -> dict[str, Path]:
 def outputs(args: argparse.Namespace) -> list[Path]:
     """Return all files that are written for those asked for."""
     bag = asked_for(args).get("ros2")
-    beside = [] if bag is None or look(bag).streamed else [bag.with_suffix(BESIDE_A_BAG)]
+    beside = [] if bag is None or check_output(bag).streamed else [bag.with_suffix(BESIDE_A_BAG)]
     return [*asked_for(args).values(), *beside]
 
 

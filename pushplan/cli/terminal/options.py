@@ -11,8 +11,8 @@ from typing import Literal
 
 from pushplan.drawing.format import check_picture_path
 from pushplan.errors import OutputError
+from pushplan.util.files import check_output
 from pushplan.util.names import AUTO, LOG_MAGIC
-from pushplan.util.outputs.target import look
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
@@ -127,7 +127,7 @@ def check_outputs(
     for path in (picture, log, *others):
         if path is None:
             continue
-        target = look(path)
+        target = check_output(path)
         if path.resolve() in taken and not (target.streamed and path.is_char_device()):
             raise OutputError(str(path), "this file is read or written already; name another one")
         taken.add(path.resolve())

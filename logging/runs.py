@@ -1,0 +1,246 @@
+"""The folder of recorded runs: a log of each, named by its time; what they say of themselves; one size cap."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime
+from fnmatch import fnmatchcase
+from math import isfinite
+from pathlib import Path
+
+from pushplan.errors import OutputError, PushplanError
+from pushplan.logging.mcap_file import DamageError, metadata_of
+from pushplan.logging.messages.seal import unsealed
+from pushplan.util.files import PARTIAL, is_being_written
+
+FOLDER, MEGABYTES = "PUSHPLAN_RUNS", "PUSHPLAN_RUNS_MB"
+"""Name the folder, and how much it may hold, in the environment."""
+
+_MEGABYTES = 1000.0
+"""What the folder may hold where the environment does not say, MB."""
+
+RUNNING, CUT_OFF, DAMAGED = "running", "cut off", "damaged"
+"""Outcomes that no log states."""
+
+FILTERS = ("outcome", "scenario", "planner", "set", "seed")
+
+_RESULT = "pushplan.result"  # as in `messages.metadata`, which takes long to load
+
+_NAME = re.compile(r"\d{8}T\d{6}\.\d{3}Z-[\w.+-]+-seed-?\d+(-\d+)?\.mcap(\.partial)?", re.ASCII)
+
+
+class RunsError(PushplanError, ValueError):
+    """No recorded run is meant by what was written."""
+
+
+def runs_folder(asked: Path | str | None = None) -> Path:
+    """Return the folder of the runs, whether it is there or not.
+
+    That is `asked`, else $PUSHPLAN_RUNS, else `pushplan/runs` in $XDG_STATE_HOME or in ~/.local/state.
+
+    Raises:
+        OutputError: When the user has no home.
+    """
+    if asked or os.environ.get(FOLDER):
+        return Path(asked or os.environ[FOLDER])
+    state = os.environ.get("XDG_STATE_HOME", "")
+    if os.path.isabs(state):  # the specification: others are to be ignored
+        return Path(state, "pushplan", "runs")
+    try:
+        return Path.home() / ".local" / "state" / "pushplan" / "runs"
+    except RuntimeError as error:
+        raise OutputError("~", f"there is no home folder; set {FOLDER}") from error
+
+
+def new_log(folder: Path, scenario: str, seed: int) -> Path:
+    """Return a name for the log of a run that begins now; names in the order of time are in alphabetical order.
+
+    Raises:
+        OutputError: When the folder is not there and cannot be made.
+    """
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(str(folder), f"cannot make this folder: {error.strerror}") from error
+    now = datetime.now(UTC)
+    plain = re.sub(r"[^\w.+-]+", "_", scenario, flags=re.ASCII)[:64] or "_"
+    stem = f"{now:%Y%m%dT%H%M%S}.{now.microsecond // 1000:03d}Z-{plain}-seed{seed}"
+    tried = 1
+    path = folder / f"{stem}.mcap"
+    while os.path.lexists(path) or os.path.lexists(f"{path}{PARTIAL}"):
+        tried += 1
+        path = folder / f"{stem}-{tried}.mcap"
+    return path
+
+
+def recorded_logs(folder: Path) -> list[os.DirEntry[str]]:
+    """Return the logs that were recorded in a folder, oldest first; other files and links are none of ours.
+
+    Raises:
+        OSError: When the folder is there but cannot be read.
+    """
+    try:
+        with os.scandir(folder) as entries:
+            found = [
+                entry
+                for entry in entries
+                if _NAME.fullmatch(entry.name) and entry.is_file(follow_symlinks=False)
+            ]
+    except FileNotFoundError:
+        return []
+    return sorted(found, key=lambda entry: entry.name)
+
+
+def prune(folder: Path, newest: Path) -> None:
+    """Remove the oldest runs beyond the size cap, never `newest` nor one that is being written.
+
+    Raises:
+        OutputError: When the folder cannot be read or written, or the environment sets no size.
+    """
+    cap, size = 1e6 * _megabytes(), 0
+    try:
+        for entry in reversed(recorded_logs(folder)):
+            size += entry.stat(follow_symlinks=False).st_size
+            if size > cap and entry.name != newest.name and not _is_running(entry):
+                os.unlink(entry.path)
+    except OSError as error:
+        raise OutputError(str(folder), f"cannot remove old runs: {error.strerror}") from error
+
+
+def _megabytes() -> float:
+    text = os.environ.get(MEGABYTES, "")
+    cap = _number(text) if text else _MEGABYTES
+    if cap is None or not (isfinite(cap) and cap > 0.0):
+        raise OutputError(MEGABYTES, f"'{text}' is no limit; it must be a number above 0")
+    return cap
+
+
+def _is_running(log: os.DirEntry[str]) -> bool:
+    return log.name.endswith(PARTIAL) and is_being_written(log.path)
+
+
+@dataclass(frozen=True)
+class RunEntry:
+    """A recorded run.
+
+    Attributes:
+        number: 1 for the last run, 2 for the one before, ...; None while it is being written.
+        path: Its log.
+        outcome: How it ended, `running`, `cut off` or `damaged`.
+        scenario: Name of the scenario.
+        planner: Name of the planner; empty where the log does not say, here as below.
+        set: Name of the stable set.
+        seed: In words.
+        cost: Of its path, m; None without one.
+        started: When it began.
+        size: Of the log, bytes.
+    """
+
+    number: int | None
+    path: Path
+    outcome: str
+    scenario: str
+    planner: str
+    set: str
+    seed: str
+    cost: float | None
+    started: datetime | None
+    size: int
+
+
+def runs_of(folder: Path) -> list[RunEntry]:
+    """Return the runs recorded in a folder, the last one first.
+
+    Raises:
+        RunsError: When the folder cannot be read.
+    """
+    try:
+        logs = [(log, log.stat().st_size) for log in reversed(recorded_logs(folder))]
+    except OSError as error:
+        raise RunsError(f"{folder}: cannot read the recorded runs: {error.strerror}") from error
+    found: list[RunEntry] = []
+    number = 0
+    for log, size in logs:
+        running = _is_running(log)
+        number += not running
+        found.append(_entry(None if running else number, log, size))
+    return found
+
+
+def run_numbered(folder: Path, number: int) -> Path:
+    """Return the log of the last run (1), the one before (2), ...
+
+    Raises:
+        RunsError: When there are not so many.
+    """
+    runs = [log for log in reversed(recorded_logs(folder)) if not _is_running(log)]
+    if not 1 <= number <= len(runs):
+        raise RunsError(
+            f"{folder}: there is no run @{number}; {len(runs)} are recorded, the last one is @1"
+            if runs
+            else f"{folder}: no run is recorded here yet"
+        )
+    return Path(runs[number - 1].path)
+
+
+def chosen(runs: list[RunEntry], filters: list[str]) -> list[RunEntry]:
+    """Return the runs that fit all texts FIELD=PATTERN, where `*` stands for anything.
+
+    Raises:
+        RunsError: When one is written wrongly.
+    """
+    for text in filters:
+        field, sign, pattern = text.partition("=")
+        if not sign or field not in FILTERS:
+            raise RunsError(
+                f"'{text}' is no filter; allowed: FIELD=PATTERN, FIELD one of {', '.join(FILTERS)}"
+            )
+        runs = [run for run in runs if fnmatchcase(getattr(run, field), pattern)]
+    return runs
+
+
+def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
+    words: dict[str, str] = {}
+    costs: list[float] = []
+    outcome = RUNNING if number is None else CUT_OFF
+    try:
+        for name, group in metadata_of(Path(log.path)):
+            if name == _RESULT:
+                words.pop("path_cost", None)  # of an improvement: the result has the last word
+            if name.startswith("pushplan."):
+                words |= {key: value for key, value in unsealed(group).items() if key in _WORDS}
+            if name == _RESULT and "path_cost" in words:  # of several objects each transfer has one
+                costs.append(_number(words["path_cost"]) or 0.0)
+    except (DamageError, OSError, ValueError):
+        outcome = DAMAGED
+    return RunEntry(
+        number=number,
+        path=Path(log.path),
+        outcome=words.get("outcome", outcome),
+        cost=sum(costs) if costs else _number(words.get("path_cost", "")),
+        started=_time(words.get("started_at", "")),
+        size=size,
+        scenario=words.get("scenario", ""),
+        planner=words.get("planner", ""),
+        set=words.get("set", ""),
+        seed=words.get("seed", ""),
+    )
+
+
+_WORDS = {*(field.name for field in fields(RunEntry)), "path_cost", "started_at"}
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _time(text: str) -> datetime | None:
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        return None

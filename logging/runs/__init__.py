@@ -1,1 +1,0 @@
-"""The folder in which every run is recorded: its names, what it holds, and how old ones are let go."""
