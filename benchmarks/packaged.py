@@ -16,11 +16,11 @@ from pushplan.bench.processes.machine import Machine
 from pushplan.bench.processes.validation import exactly, flaw, with_kept_margin
 from pushplan.kernels import warm_up
 from pushplan.plan import plan
+from pushplan.plans.judge import execute
 from pushplan.plans.result import PlanResult
 from pushplan.scenario.examples import example_names
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
-from pushplan.sim.judging import execute
 
 
 def failure(scenario: Scenario, result: PlanResult) -> str:

@@ -15,8 +15,9 @@ from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import Posing
 from pushplan.planners.trajectories import make_trajectory
+from pushplan.plans.judge import planning_set
 from pushplan.plans.result import PlanResult
-from pushplan.sim.judging import execute_trajectory, planning_set
+from pushplan.sim.judging import execute_trajectory
 from pushplan.sim.robustness.work_out import tolerance_of
 
 

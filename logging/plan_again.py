@@ -12,9 +12,9 @@ from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import Posing
 from pushplan.planners.trajectories import make_trajectory
+from pushplan.plans.judge import planning_set
 from pushplan.plans.result import PlanResult
 from pushplan.scenario.model import Scenario
-from pushplan.sim.judging import planning_set
 from pushplan.sim.robustness.work_out import tolerance_of
 from pushplan.util.names import AUTO, COSTS
 

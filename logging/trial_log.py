@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from pushplan.logging.writer import RunLogWriter
+from pushplan.plans.judge import judging_set
 from pushplan.plans.result import PlanResult
-from pushplan.sim.judging import judging_set
 from pushplan.sim.slip.executed import executed
 from pushplan.sim.trials.result import Trials
 

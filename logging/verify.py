@@ -18,11 +18,11 @@ from pushplan.logging.verify_file import verify_file
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.validation.checker import find_collision
 from pushplan.plans.execution import Execution
+from pushplan.plans.judge import planning_set
 from pushplan.plans.path import PushPath
 from pushplan.plans.result import PlanResult
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
-from pushplan.sim.judging import planning_set
 from pushplan.util.arrays import FloatArray
 
 _SERIES = {

@@ -75,6 +75,7 @@ class Search:
     progress: Callable[[ProgressPoint], None] | None = None
     pose: Posing = field(default_factory=Posing)
     known: FloatArray | None = None
+    points: list[ProgressPoint] = field(default_factory=list)
 
     def with_margins(self, scenario: Scenario, margins: Sequence[float]) -> Attempt:
         """Search with one margin after the other; return the first attempt with a path, or the last.
@@ -147,12 +148,18 @@ class Search:
             objective = make_objective(scenario, self.stable, before.problem.segments)
             problem = before.problem._replace(objective=objective)
         monitor = InfeasibilityMonitor(scenario, self.stable, problem, budget.time_limit)
+
+        def improved(path: PushPath, cost: float, iterations: int, seconds: float) -> None:
+            self.points.append(ProgressPoint(seconds, cost, iterations, path))
+            if self.progress is not None:
+                self.progress(self.points[-1])
+
         session = Session(
             problem,
             scenario.start,
             budget,
             self.seed,
-            self.progress,
+            improved,
             monitor.settled,
             before,
             time.perf_counter() - self.began,

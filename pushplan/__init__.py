@@ -44,7 +44,7 @@ _HOMES = {
     "sim.identify.course": "Course",
     "sim.identify.identification": "Estimate Identification",
     "sim.identify.identify": "identify_courses",
-    "sim.kinematic": "simulate_rigid",
+    "sim.rigid": "simulate_rigid",
     "sim.slip.report": "ContactLoss Mode SlipReport",
     "sim.slip.settings": "SlipSettings",
     "sim.slip.simulate": "simulate",
@@ -174,7 +174,7 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.sim.identify.identification import Estimate as Estimate
     from pushplan.sim.identify.identification import Identification as Identification
     from pushplan.sim.identify.identify import identify_courses as identify_courses
-    from pushplan.sim.kinematic import simulate_rigid as simulate_rigid
+    from pushplan.sim.rigid import simulate_rigid as simulate_rigid
     from pushplan.sim.robustness.tolerance import Tolerance as Tolerance
     from pushplan.sim.slip.report import ContactLoss as ContactLoss
     from pushplan.sim.slip.report import Mode as Mode

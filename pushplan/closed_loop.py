@@ -13,6 +13,7 @@ from pushplan.logging.writer import RunLogWriter
 from pushplan.plan import plan as plan_push
 from pushplan.plans.events import Event, Feedback, Replan
 from pushplan.plans.execution import Execution
+from pushplan.plans.judge import judging_set
 from pushplan.plans.result import PlanResult
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.again import CONTROL
@@ -21,7 +22,6 @@ from pushplan.sim.control.controller import DEFAULTS, Controller
 from pushplan.sim.control.course import SENSOR, Course, OpenLoop, course_in
 from pushplan.sim.control.sensor import Sensor
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.judging import judging_set
 from pushplan.sim.slip.executed import executed
 from pushplan.sim.worlds.kick import Kick
 from pushplan.sim.worlds.world import World

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +26,13 @@ from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.polish import shorten
 from pushplan.planners.improve.session import Session
 from pushplan.planners.infeasible.pocket import LEVELS, make_steps, push_hull, reached
+from pushplan.planners.multi.descents import MOVES, descend, pack_modes, pushed_at_random, random_descent
+from pushplan.planners.multi.multi_push import MultiPushSearch
+from pushplan.planners.multi.pushing import joined
+from pushplan.planners.multi.room import Question
+from pushplan.planners.multi.search import Limits
+from pushplan.planners.multi.search import search as search_pushes
+from pushplan.planners.multi.transit import transit_is_free
 from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.factories import PLANNERS, planner_named
 from pushplan.planners.ompl.search import search
@@ -34,6 +43,8 @@ from pushplan.planners.search.lattice_rounds import LatticeRounds
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath
+from pushplan.plans.settings import PlanSettings
+from pushplan.scenario.file import scenario_from_document
 from pushplan.sets.boundary.peaks import margin_peaks
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
@@ -46,7 +57,11 @@ _HEADING_LENGTH = 0.1
 
 
 def warm_up(
-    planner: str, tell: Callable[[str], None] | None = None, stable: str = "ecof", intervals: bool = False
+    planner: str,
+    tell: Callable[[str], None] | None = None,
+    stable: str = "ecof",
+    intervals: bool = False,
+    multi_push: bool = False,
 ) -> None:
     """Make all compiled code of a plan ready.
 
@@ -55,11 +70,46 @@ def warm_up(
         tell: Called with a sentence for the user if that takes long.
         stable: Name of the stable set to plan in.
         intervals: Whether loads or frictions are intervals.
+        multi_push: Whether the robot may push several times, and drives in between.
     """
     with announced(tell):
         _compile(planner if planner in PLANNERS else "rrt")
         if stable == "robust" or (intervals and stable == "ecof"):
             _compile_worst_case(stable)
+        if multi_push:
+            _compile_multi_push()
+
+
+@cache
+def _compile_multi_push() -> None:
+    """Search for several pushes of a box with something between it and the robot."""
+    scenario = scenario_from_document(_BOX_ANYWHERE)
+    search = MultiPushSearch.of(scenario, PlanSettings().completed(scenario))
+    room = search.room(0)
+    question = Question(scenario.robot_start, scenario.start, scenario.goal.pose_chain[None])
+    search_pushes(room, question, Limits(time.perf_counter() + 3600.0, iterations=2), seed=1)
+    modes, state = pack_modes([contact.packed for contact in room.contacts]), np.ones(1, dtype=np.uint64)
+    changes, poses = np.zeros_like(room.shortest), np.zeros((1, 3))
+    every = np.arange(len(modes.contact))
+    random_descent(modes, question.load, question.goals, every, every, 2, changes, np.inf, state, poses)
+    poses[0] = pushed_at_random(modes, 0, question.load, 1.0, state)
+    ends, sequence = np.stack([question.load, question.goals[0]]), np.zeros(2, dtype=np.int64)
+    descend(modes, sequence, ends, poses, 0.1, MOVES, state)
+    joined(question.load, room.contacts[0].packed.contact)
+    way = room.transit_around(0, 1)
+    transit_is_free(room.around(question.load), question.robot, np.zeros((1, 4)) if way is None else way)
+
+
+_BOX_ANYWHERE: dict[str, Any] = {
+    "format": "pushplan/1",
+    "floor": {"friction": 0.3},
+    "objects": [{"name": "box", "shape": {"box": [0.1, 0.1]}, "mass": 1.0}],
+    "pusher": {"width": 0.1, "friction": 0.3, "faces": ["rear", "left"]},
+    "robot": {"start": [-0.2, 0.3, 0.0]},
+    "goal": {"pose": [0.3, 0.2, 0.0]},
+    "pushes": {"most": 3},
+    "obstacles": [{"box": [0.1, 0.1], "pose": [-0.1, 0.2, 0.0]}],
+}
 
 
 @cache

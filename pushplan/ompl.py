@@ -19,11 +19,11 @@ from pushplan.planners.ompl.posing import information_of, pose_problem
 from pushplan.planners.ompl.solution import push_path as path_of
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
+from pushplan.plans.judge import planning_set
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import add_set
 from pushplan.sets.stable_set import StableSet
-from pushplan.sim.judging import planning_set
 
 __all__ = ["pose", "push_path"]
 

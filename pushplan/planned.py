@@ -23,13 +23,14 @@ from pushplan.planners.problem.posing import Posing
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.validation.room import Room
 from pushplan.planners.validation.verdict import EXACT, path_verdict, verdict
+from pushplan.plans.judge import planning_set
 from pushplan.plans.path import PushPath
 from pushplan.plans.result import Diagnosis, PlanResult, ProgressPoint
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
 from pushplan.scenario.arrangement.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
-from pushplan.sim.judging import execute_trajectory, planning_set
+from pushplan.sim.judging import execute_trajectory
 from pushplan.sim.robustness.work_out import tolerance_of
 from pushplan.util.arrays import FloatArray
 from pushplan.util.collection import no_collection
@@ -144,7 +145,7 @@ def planned(scenario: Scenario, means: Means, wanted: Wanted, watch: Stopwatch, 
         return _without_search(scenario, means, wanted, seed, time.perf_counter() - began, str(error))
     seconds = time.perf_counter() - began
     with no_collection():
-        return _checked(attempt, means, wanted, scenario, seed, seconds, watch)
+        return _checked(attempt, search.points, means, wanted, scenario, seed, seconds, watch)
 
 
 def _without_search(
@@ -173,6 +174,7 @@ def _without_search(
 
 def _checked(
     attempt: Attempt,
+    points: list[ProgressPoint],
     means: Means,
     wanted: Wanted,
     scenario: Scenario,
@@ -205,9 +207,9 @@ def _checked(
         seed=seed,
         path=path if solved else None,
         trajectory=trajectory if solved else None,
-        first_solution_s=session.progress[0].seconds if session.progress else None,
+        first_solution_s=points[0].seconds if points else None,
         planning_s=seconds,
-        progress=tuple(session.progress),
+        progress=tuple(points),
         extensions=session.extensions,
         min_margin=None if path is None or not len(path.twists) else float(stable.margin(path.twists).min()),
         tree=session.branches.ends,

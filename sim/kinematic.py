@@ -1,66 +1,139 @@
-"""Kinematic execution: the chain follows the pusher rigidly for as long as every contact holds."""
+"""Kinematic execution: loads follow the plate rigidly for as long as every contact holds, and else rest."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts.contact_state import contact_state
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
-from pushplan.plans.execution import Execution, StabilityLoss
+from pushplan.plans.judge import contact_dynamics, judging_set
+from pushplan.plans.plan import Segment, join
+from pushplan.plans.run import Execution, StabilityLoss, goal_error
 from pushplan.plans.trajectory import Trajectory, advance
+from pushplan.scenario.model import Scenario
 from pushplan.sets.ecof_set import EcofSet
-from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, columns_of
 
 
-def simulate_rigid(
-    trajectory: Trajectory,
-    judge: StableSet,
-    goal: FloatArray,
-    contacts: ContactDynamics | None = None,
-    inertia_decides: bool = True,
-) -> Execution:
-    """Execute a trajectory: integrate the commanded twist exactly and watch every contact.
+class Contacts(NamedTuple):
+    """The n contacts of a load along m samples of a push, all arrays (m, n) but `forces` (m, n, 2).
 
-    The integration does not use the trajectory's own poses. It stops at the first sample at which a
-    contact's margin is not positive.
+    Attributes:
+        judge: Name of the set that the margins are of.
+        margins: Without inertia.
+        dynamic: With inertia.
+        friction_margins: See `Execution`; like the next two None where the loads on the floor are not known.
+        lambdas: See `Execution`.
+        forces: See `Execution`.
+    """
+
+    judge: str
+    margins: FloatArray
+    dynamic: FloatArray
+    friction_margins: FloatArray | None
+    lambdas: FloatArray | None
+    forces: FloatArray | None
+
+
+def execute(scenario: Scenario, segments: tuple[Segment, ...], planned: str) -> Execution:
+    """Execute the segments of a plan: integrate the commanded twist exactly and watch every contact.
+
+    The integration does not use the trajectory's own poses. It stops at the first sample at which a contact's margin
+    is not positive, with inertia unless the scenario leaves that out.
 
     Args:
-        trajectory: What is commanded.
-        judge: The stable set whose margins decide; the exact one (`ecof`) where the loads are known.
-        goal: (3,) pose of the chain frame in the world, for the error at the end.
-        contacts: The contact conditions with inertia; None leaves inertia out.
-        inertia_decides: A contact is lost, too, where its margin with inertia is not positive.
+        scenario: Where the objects are at first, and their goals.
+        segments: Timed.
+        planned: Name of the stable set that was planned in; it judges where the loads are not known.
+
+    Raises:
+        PushplanError: When a segment is not timed.
     """
-    poses = integrated(trajectory)
-    asked = trajectory.directions
+    trajectory = join(segments)
+    if trajectory is None:
+        raise PushplanError("there is nothing to execute: a plan has segments, each with a trajectory")
+    t, poses = trajectory.t, integrated(trajectory)
+    now = dict(scenario.poses)
+    names = tuple(now)
+    objects = np.empty((len(t), len(names), 3))
+    columns: dict[str, FloatArray] = {}
+    ends = np.cumsum([segment.duration for segment in segments])
+    owner = np.clip(np.searchsorted(ends, t, side="right"), 0, len(segments) - 1)
+    judge = ""
+    for k, segment in enumerate(segments):
+        inside = np.flatnonzero(owner == k)
+        objects[inside] = np.stack([now[name] for name in names])
+        if not segment.pushes or segment.load is None:
+            continue
+        begin, end = segment.path.start, _timed(segment).break_poses[-1]
+        moved = np.array([names.index(name) for name in segment.load.names])
+        # Objects rest where the push before has left them, whatever the plan says.
+        held = {name: se2.relative(begin, now[name]) for name in segment.load.names}
+        for name, column in zip(segment.load.names, moved, strict=True):
+            objects[inside, column] = se2.compose(poses[inside], held[name])
+            now[name] = se2.compose(end, held[name])
+        found = contacts_along(segment, planned, t[inside] - (ends[k] - segment.duration))
+        judge = found.judge
+        for field in ("margins", "dynamic", "friction_margins", "lambdas", "forces"):
+            values = getattr(found, field)
+            if values is not None:
+                whole = columns.setdefault(field, np.full((len(t), len(names), *values.shape[2:]), np.nan))
+                whole[np.ix_(inside, moved)] = values
+    objects[..., 2] = np.unwrap(objects[..., 2], axis=0)  # the robot may have turned fully between two pushes
+    unknown = np.full((len(t), len(names)), np.nan)
+    margins, dynamic = columns.get("margins", unknown), columns.get("dynamic", unknown)
+    decides = scenario.pusher.limits.contact == "dynamic"
+    deciding = np.fmin(margins, dynamic) if decides else margins
+    lost = np.flatnonzero((columns_of(deciding) <= 0.0).any(axis=0))
+    count = int(lost[0]) + 1 if len(lost) else len(t)
+    last = dict(zip(names, objects[count - 1], strict=True))
+
+    def kept(name: str) -> FloatArray | None:
+        return columns[name][:count] if name in columns else None
+
+    return Execution(
+        names,
+        judge,
+        t[:count],
+        poses[:count],
+        trajectory.twists[:count],
+        objects[:count],
+        owner[:count],
+        margins[:count],
+        _loss(segments, t, poses, owner, names, deciding, count - 1) if len(lost) else None,
+        goal_error(scenario, last),
+        dynamic[:count],
+        kept("friction_margins"),
+        kept("lambdas"),
+        kept("forces"),
+    )
+
+
+def contacts_along(segment: Segment, planned: str, t: FloatArray) -> Contacts:
+    """Return the contacts of a push at times (m,) from its beginning, s.
+
+    Args:
+        segment: A push, timed.
+        planned: Name of the stable set that was planned in.
+        t: Where the plate rests, the twist counts that comes next (at the end: came last).
+    """
+    assert segment.load is not None
+    problem = segment.load.problem
+    own = segment.contact_trajectory
+    asked, rates = own.directions_at(t), own.rates_at(t)
+    judge = judging_set(problem, planned)
     state = contact_state(judge.chain, asked) if judge.loads_known else None
     exact = state is not None and isinstance(judge, EcofSet)
-    margins = deciding = state.margins if state is not None and exact else judge.contact_margins(asked)
-    floor = (
-        state.wrenches
-        if state is not None and contacts is not None and contacts.chain is judge.chain
-        else None
-    )
-    dynamic = None if contacts is None else contacts.margins(asked, trajectory.rates_at(trajectory.t), floor)
-    if dynamic is not None and inertia_decides:
-        deciding = np.minimum(margins, dynamic)
-    lost = np.flatnonzero(columns_of(deciding).min(axis=0) <= 0.0)
-    last = int(lost[0]) + 1 if len(lost) else len(poses)
-    loss = _loss(trajectory, poses, deciding, last - 1) if len(lost) else None
-    return Execution(
-        trajectory.t[:last],
-        poses[:last],
-        trajectory.twists[:last],
-        margins[:last],
-        None if state is None else state.friction_margins[:last],
-        None if state is None else state.lambdas[:last],
-        None if state is None else state.forces[:last],
-        loss,
-        se2.pose_error(poses[last - 1], goal),
-        None if dynamic is None else dynamic[:last],
-    )
+    margins = state.margins if state is not None and exact else judge.contact_margins(asked)
+    dynamics = contact_dynamics(problem, judge.name)
+    floor = state.wrenches if state is not None and dynamics.chain is judge.chain else None
+    dynamic = dynamics.margins(asked, rates, floor)
+    if state is None:
+        return Contacts(judge.name, margins, dynamic, None, None, None)
+    return Contacts(judge.name, margins, dynamic, state.friction_margins, state.lambdas, state.forces)
 
 
 def integrated(trajectory: Trajectory) -> FloatArray:
@@ -72,7 +145,24 @@ def integrated(trajectory: Trajectory) -> FloatArray:
     return se2.chained(trajectory.start, steps)[np.searchsorted(ticks, trajectory.t)]
 
 
-def _loss(trajectory: Trajectory, poses: FloatArray, margins: FloatArray, i: int) -> StabilityLoss:
-    contact = int(np.argmin(margins[i]))
+def _timed(segment: Segment) -> Trajectory:
+    assert segment.trajectory is not None  # `join` has looked
+    return segment.trajectory
+
+
+def _loss(
+    segments: tuple[Segment, ...],
+    t: FloatArray,
+    poses: FloatArray,
+    owner: np.ndarray,
+    names: tuple[str, ...],
+    margins: FloatArray,
+    i: int,
+) -> StabilityLoss:
+    column = int(np.nanargmin(margins[i]))
+    k = int(owner[i])
+    load = segments[k].load
+    assert load is not None
     x, y, theta = (float(value) for value in poses[i])
-    return StabilityLoss(float(trajectory.t[i]), contact, float(margins[i, contact]), (x, y, theta))
+    contact = load.contact_name(names[column])
+    return StabilityLoss(float(t[i]), k, names[column], contact, float(margins[i, column]), (x, y, theta))

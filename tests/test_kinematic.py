@@ -17,7 +17,7 @@ from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
-from pushplan.sim.kinematic import simulate_rigid
+from pushplan.sim.rigid import simulate_rigid
 from pushplan.util.arrays import FloatArray
 
 

@@ -32,7 +32,7 @@ from pushplan.plans.result import PlanResult
 from pushplan.scenario.model import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.named import stable_set
-from pushplan.sim.kinematic import simulate_rigid
+from pushplan.sim.rigid import simulate_rigid
 from pushplan.sim.robustness.tolerance import Tolerance
 from pushplan.util.arrays import FloatArray
 

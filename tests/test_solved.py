@@ -17,13 +17,13 @@ from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.plan import plan
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
+from pushplan.plans.judge import judging_set, planning_set
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
-from pushplan.sim.judging import judging_set, planning_set
 from pushplan.util.stopwatch import Stopwatch
 
 ITERATIONS = 4000

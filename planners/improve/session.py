@@ -15,7 +15,6 @@ from pushplan.planners.improve.polish import merged, shorten
 from pushplan.planners.improve.shortcuts import cut_short
 from pushplan.planners.problem.problem import Problem, remaining
 from pushplan.plans.path import PushPath
-from pushplan.plans.result import ProgressPoint
 from pushplan.util.arrays import FloatArray
 
 CHUNK = 128
@@ -49,7 +48,7 @@ class Session:
         start: (3,) pose of the chain frame in the world.
         budget: When it is over.
         seed: Of the random numbers.
-        on_progress: Called with every improvement.
+        on_progress: Called with every better path, its cost (m), the iterations and the seconds until then.
         hopeless: Asked, with the seconds that the search has taken, whether there is no path, as long as none is
             found.
         before: The search whose time, extensions, iterations and nearest path count to this one's, if it goes on from
@@ -63,7 +62,6 @@ class Session:
         best: The best path.
         nearest: The free path that ends nearest to the goal, kept up while there is none to it.
         branches: What is kept of the trees.
-        progress: Every improvement.
         extensions: Arcs propagated.
         iterations: Arcs propagated, some as a share of one, and shortcuts tried.
         stop: What tells planners that the search is over; by default when the budget is used up (`settled`).
@@ -75,7 +73,7 @@ class Session:
         start: FloatArray,
         budget: Budget,
         seed: int,
-        on_progress: Callable[[ProgressPoint], None] | None = None,
+        on_progress: Callable[[PushPath, float, int, float], None] | None = None,
         hopeless: Callable[[float], bool] | None = None,
         before: Session | None = None,
         set_up: float = 0.0,
@@ -86,7 +84,6 @@ class Session:
         self.seed = seed
         self.random = np.array([seed], dtype=np.uint64)
         self.best = Incumbent(problem.objective)
-        self.progress: list[ProgressPoint] = [] if before is None else list(before.progress)
         self.extensions: int = 0 if before is None else before.extensions
         self.iterations: int = 0 if before is None else before.iterations
         # stable then, stable now: searches go on with lower margins, never higher
@@ -221,7 +218,6 @@ class Session:
             return
         if self.best.horizon < self._worth_beating * (1.0 - WORTHWHILE):
             self._worth_beating, self._improved_at = self.best.horizon, self.iterations
-        path = path_from(self.start, arcs)
-        self.progress.append(ProgressPoint(self.elapsed, self.best.cost, self.iterations, path))
         if self._on_progress is not None:
-            self._on_progress(self.progress[-1])
+            path = path_from(self.start, arcs)
+            self._on_progress(path, self.best.cost, self.iterations, self.elapsed)

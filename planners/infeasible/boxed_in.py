@@ -11,7 +11,7 @@ from pushplan.planners.infeasible.pocket import Pocket, find_pocket
 from pushplan.planners.infeasible.turning import tightest_turn
 from pushplan.planners.problem.problem import Problem
 from pushplan.plans.path import cost_rate
-from pushplan.plans.result import Diagnosis
+from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

@@ -15,7 +15,7 @@ from pushplan.planners.infeasible.passage import passage_faults
 from pushplan.planners.infeasible.turning import turning_faults
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.problem import Problem
-from pushplan.plans.result import Diagnosis
+from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.stable_set import StableSet
 

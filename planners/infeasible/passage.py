@@ -13,7 +13,7 @@ import shapely
 
 from pushplan.mechanics.body import as_one
 from pushplan.planners.infeasible.free_space import largest_disc, room
-from pushplan.plans.result import Diagnosis
+from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM

@@ -14,7 +14,7 @@ from pushplan.mechanics.sphere import TurningRadii
 from pushplan.planners.problem.controls import control_segments, segment_ends, steering_families
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
 from pushplan.plans.path import PushPath
-from pushplan.plans.result import Diagnosis
+from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pushplan.errors import EmptyStableSetError
 from pushplan.planners.collision.convex_pieces import convex_pieces
 from pushplan.planners.collision.scene import bounding_circle, flatten, scene_of
 from pushplan.planners.collision.separation import Scene, sweep_is_free
+from pushplan.planners.multi.contact_modes import ContactMode
 from pushplan.planners.multi.driving import Surroundings, Wheels, shortest_drive, wheels_of
-from pushplan.planners.multi.push_mode import PushMode
 from pushplan.planners.multi.pushing import PackedMode, robot_at
 from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened
 from pushplan.planners.problem.controls import MARGIN_FLOOR
@@ -34,11 +35,13 @@ class Contact:
 
     Attributes:
         mode: What it can do.
+        margin: That its twists exceed.
         packed: The same for compiled code.
         scene: The chain with this contact among what stands in the room.
     """
 
-    mode: PushMode
+    mode: ContactMode
+    margin: float
     packed: PackedMode
     scene: Scene
 
@@ -66,20 +69,29 @@ class PushRoom:
     _transits: dict[tuple[int, int], FloatArray | None] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, scenario: Scenario, modes: tuple[PushMode, ...]) -> PushRoom:
-        """Return what planning with some modes rests on in the scenario's room."""
+    def of(cls, scenario: Scenario, modes: tuple[ContactMode, ...], level: int) -> PushRoom:
+        """Return what planning with some modes rests on in a room; those that cannot be used are left out.
+
+        Args:
+            scenario: Chain, room and settings.
+            modes: The contacts.
+            level: Of their margins.
+        """
         robot, load = _scenes(scenario)
         body = bounding_circle(robot.body.corners[:, :2])
         wheels = wheels_of(scenario.chain.pusher.drive, body[:2])
-        contacts = tuple(
-            Contact(mode, packed, _with_body(robot, mode.scenario))
-            for mode in modes
-            if _reaches(load, packed := _packed(mode, scenario))
-        )
+        contacts = []
+        for mode in modes:
+            packed = _packed(mode, mode.margin(level), scenario)
+            if packed is not None and _reaches(load, packed):
+                contacts.append(
+                    Contact(mode, mode.margin(level), packed, _with_body(robot, mode.load.problem))
+                )
         packed_modes = [contact.packed for contact in contacts]
         ends = [(robot_at(m, NOWHERE, m.retreat), robot_at(m, NOWHERE, m.approach)) for m in packed_modes]
         shortest = [[shortest_drive(wheels, left[0], taken[1]) for taken in ends] for left in ends]
-        return cls(scenario, wheels, robot, load, contacts, np.array(shortest).reshape(len(ends), len(ends)))
+        table = np.array(shortest).reshape(len(ends), len(ends))
+        return cls(scenario, wheels, robot, load, tuple(contacts), table)
 
     def with_obstacles(self, scenario: Scenario) -> PushRoom:
         """Return it for a scenario that differs in what stands in the room; ways around the load are kept."""
@@ -166,14 +178,21 @@ def _with_body(room: Scene, scenario: Scenario) -> Scene:
     return room._replace(body=flatten(body), body_bound=bounding_circle(np.concatenate(body)))
 
 
-def _packed(mode: PushMode, scenario: Scenario) -> PackedMode:
+def _packed(mode: ContactMode, margin: float, scenario: Scenario) -> PackedMode | None:
+    """Return a mode for compiled code; None where it can push nothing straight ahead with the margin."""
     pushes = scenario.pushes
     assert pushes is not None
+    try:
+        settling = mode.settling(margin)
+    except EmptyStableSetError:
+        return None
+    if settling is None:
+        return None
     return PackedMode(
-        _families(mode),
+        _families(mode, margin),
         np.array(mode.place.contact),
         np.array(mode.robot),
-        np.array(mode.settling),
+        settling,
         pushes.settle,
         pushes.approach,
         pushes.retreat,
@@ -182,16 +201,16 @@ def _packed(mode: PushMode, scenario: Scenario) -> PackedMode:
     )
 
 
-def _families(mode: PushMode) -> FloatArray:
+def _families(mode: ContactMode, margin: float) -> FloatArray:
     """Return the families that differ, and where there is room for one more, one with gentler turns."""
     kept: list[FloatArray] = []
-    for family in mode.controls.families:
+    for family in mode.controls(margin).families:
         if not any(np.array_equal(family, other) for other in kept):
             kept.append(family)
     if len(kept) < MOST_FAMILIES and kept[0][1].any():
         gentler = _gentler(kept[0])
         margins = mode.stable.margin(gentler[gentler.any(axis=1)])
-        if (margins > mode.scenario.required_margin + MARGIN_FLOOR).all():
+        if (margins > margin + MARGIN_FLOOR).all():
             kept.append(gentler)
     return np.array(kept)
 

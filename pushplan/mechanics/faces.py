@@ -244,7 +244,8 @@ def _is_asked_for(normal: float, faces: Sequence[str | float] | None) -> bool:
     return any(abs(float(se2.wrap_angle(normal - angle))) < SAME_DIRECTION for angle in wanted)
 
 
-def _name(normal: float) -> str:
+def face_name(normal: float) -> str:
+    """Return what a face with its outward normal at an angle (rad) is called."""
     for name, angle in _NORMALS.items():
         if abs(float(se2.wrap_angle(normal - angle))) < SAME_DIRECTION:
             return name
@@ -253,7 +254,7 @@ def _name(normal: float) -> str:
 
 def _named(chain: Chain, touched: list[int], normal: float) -> str:
     owners = " and ".join(chain.objects[i].name for i in touched)
-    return f"{owners} {_name(normal)}" if len(chain.objects) > 1 else _name(normal)
+    return f"{owners} {face_name(normal)}" if len(chain.objects) > 1 else face_name(normal)
 
 
 def _contacts(plate: FloatArray, found: list[list[int]], outlines: list[FloatArray]) -> dict[int, FloatArray]:

@@ -62,6 +62,18 @@ class PushPath:
         """(3,) pose in the world at the end."""
         return np.asarray(self.knots[-1])
 
+    def of_frame(self, frame: FloatArray) -> PushPath:
+        """Return the path of another frame of the same body.
+
+        Args:
+            frame: (3,) its pose in this path's frame.
+        """
+        if not np.any(frame):
+            return self
+        twists = se2.twist_of(frame, self.twists)
+        rate = cost_rate(twists)
+        return PushPath(se2.compose(self.start, frame), twists / rate[:, None], self.lengths * rate)
+
     def poses_at(self, s: ArrayLike) -> FloatArray:
         """Return the poses (m, 3) in the world at the costs `s` (m,), clipped to the path."""
         s = np.clip(np.asarray(s, dtype=np.float64), 0.0, self.cost)

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pushplan.plans.path import PushPath
+from pushplan.plans.plan import CAUSES as CAUSES
+from pushplan.plans.plan import Diagnosis as Diagnosis
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray
@@ -32,35 +34,6 @@ class ProgressPoint:
     cost: float
     iterations: int
     path: PushPath | None = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """One reason why there is no plan.
-
-    Attributes:
-        cause: A word of `CAUSES`.
-        text: The same in a sentence, with the numbers.
-        proven: There is no plan for this reason; False stands for a guess.
-        numbers: The numbers by name, SI units.
-    """
-
-    cause: str
-    text: str
-    proven: bool
-    numbers: Mapping[str, float] = field(default_factory=dict)
-
-
-CAUSES = {
-    "gap": "a passage between start and goal is too narrow for the chain",
-    "heading": "no stable push turns the chain, and the goal asks for another heading",
-    "direction": "no stable push turns the chain, and the goal lies in a direction that none goes",
-    "one-sided": "the chain turns to one side only",
-    "wide turns": "the turns are wide for the room there is",
-    "boxed in": "hardly any push is possible from the start, or into the goal",
-    "time": "the search was not over",
-}
-"""What a diagnosis may name, and what it means."""
 
 
 @dataclass(frozen=True, eq=False)

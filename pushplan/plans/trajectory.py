@@ -170,6 +170,23 @@ class Trajectory:
         """Return the body twists (m, 3) of the robot's base at times (m,), clipped to the trajectory."""
         return se2.twist_of(self.base, self.twists_at(t))
 
+    def of_frame(self, frame: FloatArray) -> Trajectory:
+        """Return the motion of another frame of the same body.
+
+        Args:
+            frame: (3,) its pose in this trajectory's frame.
+        """
+        if not np.any(frame):
+            return self
+        return Trajectory(
+            se2.compose(self.start, frame),
+            self.breaks,
+            se2.twist_of(frame, self.coefficients),
+            self.arc,
+            self.rate,
+            se2.relative(frame, self.base),
+        )
+
     def sample(self, rate: float) -> Trajectory:
         """Return the same motion with `t`, `poses`, `twists`, `base_poses` and `base_twists` at another rate, Hz.
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pushplan.errors import ChainError, PushplanError
 from pushplan.geometry import se2
-from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.chain import Chain, Pusher
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.scenario.parts import (
     DEFAULT_TOLERANCE,
@@ -26,6 +26,7 @@ from pushplan.scenario.parts import (
     Snapped,
     Snapping,
     StabilitySettings,
+    Task,
     Uncertainty,
     Workspace,
 )
@@ -205,6 +206,36 @@ class Scenario:
             if self.interval is None
             else stable_set_over(self.interval, wanted)
         )
+
+    @property
+    def pusher(self) -> Pusher:
+        """The plate and the robot that carries it."""
+        return self.tasks[0].chain.pusher
+
+    @property
+    def has_intervals(self) -> bool:
+        """Whether masses, loads or floor frictions are intervals."""
+        return any(body.interval is not None for body in self.bodies.values()) or self.interval is not None
+
+    @property
+    def tasks(self) -> tuple[Task, ...]:
+        """What has to be brought where, one for each load that is pushed on its own."""
+        if self.bodies:
+            return tuple(Task(body.chain, body.start, body.goals) for body in self.bodies.values())
+        goals = (self.goal,) if self.pushes is None else self.pushes.goals
+        return (Task(self.chain, self.start, goals),)
+
+    @property
+    def poses(self) -> dict[str, FloatArray]:
+        """(3,) poses of all objects' own frames in the world before anything moves, by name."""
+        return {name: pose for task in self.tasks for name, pose in task.poses(task.start).items()}
+
+    @property
+    def plate_start(self) -> FloatArray:
+        """(3,) pose of the plate frame in the world before anything moves."""
+        if self.pushes is not None:
+            return self.pushes.robot_start
+        return se2.compose(self.start, self.chain.pusher.plate_pose)
 
     @property
     def required_margin(self) -> float:

@@ -105,6 +105,26 @@ class PlacedObject:
         return se2.compose(self.pose, se2.inverse(self.chain.objects[0].pose_chain))
 
 
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A load that has to be brought to a goal.
+
+    Attributes:
+        chain: The load, as the scenario states it.
+        start: (3,) pose of its chain frame in the world.
+        goals: Any of which will do; none where it is moved only if it is in the way.
+    """
+
+    chain: Chain
+    start: FloatArray
+    goals: tuple[Goal, ...]
+
+    def poses(self, load: FloatArray) -> dict[str, FloatArray]:
+        """Return where the objects' own frames (3,) are with the chain frame at a pose (3,) in the world."""
+        names = (obj.name for obj in self.chain.objects)
+        return dict(zip(names, se2.compose(load, self.chain.places), strict=True))
+
+
 @dataclass(frozen=True)
 class Workspace:
     """The rectangle, in the world, that pusher and objects do not leave, m."""

@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from pushplan.geometry import se2
-from pushplan.planners.timing.bounds import contact_dynamics
 from pushplan.plans.execution import Execution, StabilityLoss
+from pushplan.plans.judge import contact_dynamics, judging_set
 from pushplan.plans.segment import Segment, trajectory_of
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Goal, Scenario
 from pushplan.several.modes import Mode
 from pushplan.several.segments import mode_of, push_problem
-from pushplan.sim.judging import judging_set
-from pushplan.sim.kinematic import integrated
+from pushplan.sim.rigid import integrated
 from pushplan.util.arrays import FloatArray
 
 NOTHING_TO_LOSE = 1.0

@@ -9,7 +9,7 @@ import numpy as np
 from pushplan.errors import EmptyStableSetError
 from pushplan.planners.multi.room import PushRoom
 from pushplan.scenario.model import Scenario
-from pushplan.several.modes import Mode, find_modes, push_modes_with
+from pushplan.several.modes import Mode, find_modes
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Prepared:
             EmptyStableSetError: When no contact can be driven up to and push straight ahead.
         """
         if level not in self._rooms:
-            room = PushRoom.of(self.scenario, tuple(push_modes_with(self.modes, level)))
+            room = PushRoom.of(self.scenario, tuple(mode.contact_mode for mode in self.modes), level)
             if not room.contacts:
                 raise EmptyStableSetError(
                     "no contact can be used: the robot touches the load elsewhere when it drives up to a face, or no "

@@ -50,7 +50,7 @@ def segments_of(room: PushRoom, robot: FloatArray, sequence: Sequence) -> tuple[
         if len(step.transit):
             found.append(_alone(TRANSIT, ("", 0.0), _path(at, step.transit), step.before))
         found.append(_alone(APPROACH, where, _straight(far, pushes.approach), step.before))
-        margin = mode.scenario.required_margin
+        margin = contact.margin
         found.append(Segment(PUSH, *where, push, mode.robot, step.before, step.after, margin))
         left = se2.compose(push.end, mode.robot)
         found.append(_alone(RETREAT, where, _straight(left, -pushes.retreat), step.after))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 
 import numpy as np
 
 from pushplan.mechanics.chain import Chain
+from pushplan.plans.plan import Segment
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.robustness.changes import Change, FloorChange, LoadChange, Shift, Turn
 from pushplan.sim.robustness.instants import thinned_instants
@@ -41,6 +43,22 @@ def tolerance_of(chain: Chain, trajectory: Trajectory) -> Tolerance:
         return Tolerance()
     twists, rates = trajectory.directions, trajectory.rates_at(trajectory.t)
     return tolerance_along(chain, twists, rates)
+
+
+def least_tolerance(segments: Sequence[Segment]) -> Tolerance:
+    """Return what all pushes among the segments of a plan can bear."""
+    each = [
+        tolerance_of(push.load.chain, push.contact_trajectory)
+        for push in segments
+        if push.pushes and push.load is not None
+    ]
+    if not all(one.known for one in each):
+        return Tolerance()
+    # A contact friction is the factor down to which it may go; all others are what may be off.
+    numbers = {field.name: [getattr(one, field.name) for one in each] for field in fields(Tolerance)}
+    return Tolerance(
+        **{name: (max if name == "contact_friction" else min)(found) for name, found in numbers.items()}
+    )
 
 
 def tolerance_along(chain: Chain, twists: FloatArray, rates: FloatArray) -> Tolerance:

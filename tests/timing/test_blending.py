@@ -31,7 +31,7 @@ from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
-from pushplan.sim.kinematic import simulate_rigid
+from pushplan.sim.rigid import simulate_rigid
 from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -1,0 +1,288 @@
+"""Several pushes of one load: searched with one margin after the other, and put into segments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pushplan.errors import EmptyStableSetError, PlanningError
+from pushplan.geometry import se2
+from pushplan.planners.collision.separation import separation
+from pushplan.planners.multi.contact_modes import ContactMode, find_modes
+from pushplan.planners.multi.pushing import joined, robot_at
+from pushplan.planners.multi.room import Contact, PushRoom, Question
+from pushplan.planners.multi.search import Found, Limits, search
+from pushplan.planners.multi.sequence import Sequence
+from pushplan.planners.outcome import Improvements, Outcome, Segments
+from pushplan.planners.problem.posing import SLACK
+from pushplan.plans.path import PushPath
+from pushplan.plans.plan import Diagnosis, Nearest, Poses, Segment
+from pushplan.plans.settings import PlanSettings
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.several_pushes import troubles_at
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import APPROACH, RETREAT, TRANSIT, TRANSIT_CLEARANCE
+
+PATIENCE = 0.5
+"""Share of what is left of the time that a margin may take without a plan, before a lower one is tried."""
+
+SHORTEST_ARC = 1e-12
+"""Arcs below this (m) are left out."""
+
+AHEAD = np.array([[1.0, 0.0, 0.0]])
+
+BOXED_IN = "boxed in"
+
+
+class MultiPushSearch:
+    """Searches for several pushes of one load; what does not depend on start and goals is kept.
+
+    Args:
+        scenario: Load, room and settings.
+        modes: The contacts.
+        rooms: What is known already of the room, by level of the margin.
+    """
+
+    def __init__(
+        self, scenario: Scenario, modes: tuple[ContactMode, ...], rooms: dict[int, PushRoom] | None = None
+    ) -> None:
+        self.scenario, self.modes = scenario, modes
+        self._rooms = {} if rooms is None else rooms
+
+    @classmethod
+    def of(cls, scenario: Scenario, settings: PlanSettings) -> MultiPushSearch:
+        """Return the search in a scenario.
+
+        Raises:
+            EmptyStableSetError: When no contact can push the load.
+        """
+        return cls(scenario, find_modes(scenario, settings))
+
+    @property
+    def levels(self) -> int:
+        """How many margins can be tried, one after the other."""
+        return max(len(mode.margins) for mode in self.modes)
+
+    def room(self, level: int) -> PushRoom:
+        """Return robot, load and contacts among what stands in the room, with the margins of a level.
+
+        Raises:
+            EmptyStableSetError: When no contact can be driven up to and push straight ahead.
+        """
+        if level not in self._rooms:
+            room = PushRoom.of(self.scenario, self.modes, level)
+            if not room.contacts:
+                raise EmptyStableSetError(
+                    "no contact can be used: the robot touches the load elsewhere when it drives up to a face, or no "
+                    "straight push is stable; allowed: other pusher.faces or offsets, a smaller stability.margin"
+                )
+            self._rooms[level] = room
+        return self._rooms[level]
+
+    def with_obstacles(self, scenario: Scenario) -> MultiPushSearch:
+        """Return it for a scenario that differs in what stands in the room."""
+        rooms = {level: room.with_obstacles(scenario) for level, room in self._rooms.items()}
+        return MultiPushSearch(scenario, self.modes, rooms)
+
+    def asked(self, scenario: Scenario) -> MultiPushSearch:
+        """Return it for a scenario that differs in start, goals and place of the robot only."""
+        rooms = {level: replace(room, scenario=scenario) for level, room in self._rooms.items()}
+        return MultiPushSearch(scenario, self.modes, rooms)
+
+    def search(self, settings: PlanSettings, began: float) -> Outcome:
+        """Return the best plan that was found.
+
+        Args:
+            settings: Complete.
+            began: `time.perf_counter` from which the time limit counts.
+
+        Raises:
+            PlanningError: When no goal is free, or the load is at one already.
+            EmptyStableSetError: When no contact can be used.
+        """
+        scenario = self.scenario
+        limit, gap = settings.time_limit, settings.gap
+        assert limit is not None
+        assert gap is not None
+        assert settings.seed is not None
+        goals = free_goals(scenario)
+        improvements = Improvements(settings.observer, began)
+        share = 0.0
+        for level in range(self.levels):
+            last = level + 1 == self.levels
+            share = 1.0 if last else share + PATIENCE * (1.0 - share)
+            room = self.room(level)
+            question = Question(backed_off(room, scenario), np.array(scenario.start), goals)
+            limits = Limits(
+                began + limit,
+                began + share * limit,
+                settings.first,
+                settings.iterations,
+                gap,
+                settings.observer.cancelled,
+            )
+
+            def improved(best: Sequence, looked_at: int, room: PushRoom = room) -> None:
+                improvements.add(best.cost, looked_at, self.segments(room, best, scenario.poses))
+
+            found = search(room, question, limits, settings.seed, improved)
+            if found.best is not None or limits.over(0):
+                break
+        candidates = () if found.best is None else (self.segments(room, found.best, scenario.poses),)
+        return Outcome(
+            candidates,
+            min(mode.margins[0] for mode in self.modes),
+            min(mode.margin(level) for mode in self.modes),
+            found.looked_at,
+            tuple(improvements.found),
+            lambda segments: plan_cost(scenario, segments),
+            found.lower_bound,
+            explain=lambda: _explanation(room, question, found, limit),
+        )
+
+    def segments(self, room: PushRoom, sequence: Sequence, before: Poses) -> Segments:
+        """Return the segments of what a search found, not timed.
+
+        Args:
+            room: That it was found in.
+            sequence: What was found.
+            before: Where all bodies are at the beginning.
+        """
+        scenario = room.scenario
+        pushes, plate = scenario.pushes, scenario.chain.pusher.plate_pose
+        assert pushes is not None
+        at = backed_off(room, scenario)
+        found: list[Segment] = []
+        away = float(np.linalg.norm(scenario.robot_start[:2] - at[:2]))
+        if away > 0.0:
+            load = self.modes[0].load
+            near = replace(load, links=tuple(replace(link, face="", offset=0.0) for link in load.links))
+            back = _straight(scenario.robot_start, -away)
+            found.append(Segment(RETREAT, back.of_frame(plate), before, before, near))
+        for step in sequence.steps:
+            contact = room.contacts[step.contact]
+            mode, load = contact.mode, contact.mode.load
+            push = _path(se2.compose(step.before, mode.place.contact), step.arcs)
+            far = se2.compose(se2.compose(push.start, mode.robot), [-pushes.approach, 0.0, 0.0])
+            if len(step.transit):
+                transit = _path(at, step.transit).of_frame(plate)
+                found.append(Segment(TRANSIT, transit, before, before))
+            ahead = _straight(far, pushes.approach).of_frame(plate)
+            found.append(Segment(APPROACH, ahead, before, before, load))
+            found.append(Segment.push(load, push, before, contact.margin))
+            before = found[-1].after
+            back = _straight(se2.compose(push.end, mode.robot), -pushes.retreat)
+            found.append(Segment(RETREAT, back.of_frame(plate), before, before, load))
+            at = back.end
+        return tuple(found)
+
+
+def _path(start: FloatArray, arcs: FloatArray) -> PushPath:
+    kept = arcs[arcs[:, 3] > SHORTEST_ARC]
+    return PushPath(start, kept[:, :3], kept[:, 3])
+
+
+def _straight(start: FloatArray, length: float) -> PushPath:
+    """Return a straight path ahead, or back where the length is negative."""
+    return PushPath(start, np.copysign(1.0, length) * AHEAD, np.array([abs(length)]))
+
+
+def plan_cost(scenario: Scenario, segments: Segments) -> float:
+    """Return what the segments of a plan cost in all, m: pushed distance, transits, changes of the contact.
+
+    What a load costs counts for itself: no change of the contact is paid for where another load is taken.
+    """
+    pushes = scenario.pushes
+    assert pushes is not None
+    cost, before = 0.0, None
+    for segment in segments:
+        if not segment.pushes or segment.load is None:
+            cost += pushes.transit_weight * segment.path.cost
+            continue
+        changed = segment.load.names == before
+        cost += segment.cost + (pushes.switch_cost if changed else 0.0)
+        before = segment.load.names
+    return cost
+
+
+def free_goals(scenario: Scenario) -> FloatArray:
+    """Return the goals (g, 3) at which the load is free.
+
+    Raises:
+        PlanningError: When there are none, or the load is at one already.
+    """
+    assert scenario.pushes is not None
+    free: list[FloatArray] = []
+    wrong: list[str] = []
+    for goal in scenario.pushes.goals:
+        if max(se2.pose_error(scenario.start, goal.pose_chain)) < 1e-7:
+            raise PlanningError("the load is at a goal already: there is nothing to push")
+        there = list(troubles_at(scenario, goal.pose_chain, "goal"))
+        wrong += there
+        if not there:
+            free.append(goal.pose_chain)
+    if not free:
+        raise PlanningError("the goal is occupied: " + "; ".join(dict.fromkeys(wrong)))
+    return np.array(free)
+
+
+def backed_off(room: PushRoom, scenario: Scenario) -> FloatArray:
+    """Return where the robot's frame (3,) is once it is clear of the load: it backs off where it is near at first."""
+    robot = scenario.robot_start
+    assert scenario.pushes is not None
+    enough = max(scenario.clearance, TRANSIT_CLEARANCE) + SLACK
+    x, y, theta = se2.relative(scenario.start, robot)
+    gap = separation(room.load, x, y, theta, enough)
+    return robot if gap >= enough else se2.compose(robot, [-scenario.pushes.retreat, 0.0, 0.0])
+
+
+def _explanation(
+    room: PushRoom, question: Question, found: Found, limit: float
+) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
+    """Return why a search found nothing, most certain first."""
+    told = sorted(_reasons(room, question, found), key=lambda reason: not reason.proven)
+    if not told:
+        text = f"the search was not over after {found.looked_at} pushes and transits"
+        told = [Diagnosis("time", text, False)]
+    words = "; ".join(reason.text for reason in told)
+    if not any(reason.proven for reason in told):
+        words = f"no plan found within the time limit of {limit:g} s: {words}"
+    return words, tuple(told), None
+
+
+def _reasons(room: PushRoom, question: Question, found: Found) -> Iterator[Diagnosis]:
+    usable = [contact for contact, begins in zip(room.contacts, found.begins, strict=True) if begins]
+    if not usable:
+        what = "at the start, the robot has no room to drive up to any face that it may push"
+        yield Diagnosis(BOXED_IN, what, _all_taken(room, question.load[None]))
+        return
+    faces = ", ".join(dict.fromkeys(contact.mode.place.face for contact in usable))
+    if not (found.begins & found.leaves).any():
+        what = f"at the start, the robot can drive up to {faces} only, and from there the load is against something"
+        # If every settling push ends in something, no longer one is free either.
+        against = all(_ends_in_something(contact, question) for contact in usable)
+        yield Diagnosis(BOXED_IN, what, against)
+        return
+    if not found.ends.any():
+        what = "at the goal, the robot has no room to push the load there from any face, and to back off"
+        yield Diagnosis(BOXED_IN, what, _all_taken(room, question.goals))
+        return
+    if not found.arrives:
+        what = f"the robot found no transit to where it would push first ({faces})"
+        yield Diagnosis(BOXED_IN, what, False)
+
+
+def _ends_in_something(contact: Contact, question: Question) -> bool:
+    mode = contact.packed
+    x, y, theta = (float(value) for value in joined(question.load, mode.contact))
+    c, s = np.cos(theta), np.sin(theta)
+    dx, dy = mode.settle * mode.settling[:2]
+    return bool(separation(contact.scene, x + c * dx - s * dy, y + s * dx + c * dy, theta, 1.0) <= 0.0)
+
+
+def _all_taken(room: PushRoom, loads: FloatArray) -> bool:
+    """Tell whether the robot would overlap something at every contact, with the load at any of the poses (k, 3)."""
+    poses = [robot_at(contact.packed, load, 0.0) for contact in room.contacts for load in loads]
+    return all(separation(room.robot, p[0], p[1], p[2], 1.0) < room.scenario.clearance for p in poses)

@@ -1,0 +1,484 @@
+"""Several objects, each to a goal of its own: in which order, and which of them have to make room first.
+
+A depth-first search over situations. A body is brought to its goal only where every other one that is left keeps a
+plan of its own (or waits for another body to leave its goal); where none can be, one that is in the way is put
+somewhere from where the rest goes on, and has to be brought to its goal afterwards, also where it stood there before.
+As few are moved as possible. What is spent on each transfer grows while there is no order.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from pushplan.errors import PlanningError
+from pushplan.geometry import se2
+from pushplan.planners.multi.multi_push import MultiPushSearch, backed_off, free_goals, plan_cost
+from pushplan.planners.multi.pushing import robot_at
+from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.search import Found, Limits, search
+from pushplan.planners.outcome import Improvements, Outcome, Segments
+from pushplan.plans.plan import Diagnosis, Nearest, Poses
+from pushplan.plans.settings import PlanSettings
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Goal, PolygonObstacle, Workspace
+from pushplan.util.arrays import FloatArray, frozen
+
+STAGES = ((1, 0), (1, 1), (4, 1), (16, 1), (4, 2), (16, 2), (16, 3), (64, 3), (256, 6))
+"""How many batches of poses the search for one transfer may take, and how often bodies are put out of the way in all,
+at most, one after the other while there is no order.
+
+Batches, not seconds: the same seed finds the same order, however busy the machine is.
+"""
+
+PLACES = 4
+"""Places that are tried for a body that is in the way."""
+
+NEAR = 0.8
+"""A body nearer than this (m) to another, or to its goal, may be in its way."""
+
+AWAY = np.concatenate([np.arange(0.1, 1.05, 0.1), np.arange(1.25, 3.1, 0.25)])
+"""How far straight pushes lead to where a body may be put out of the way, m."""
+
+SCATTERED = 60
+"""Places around a body that may be used likewise."""
+
+MOST_PLACES = 24
+"""Places that are offered, the nearest ones."""
+
+ROOM = 0.05
+"""What such a place keeps from other bodies and from goals, beside the clearance, m."""
+
+GAIN = 1e-6
+"""Smallest saving that counts, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A body that can be pushed on its own.
+
+    Attributes:
+        name: Of the object.
+        search: For several pushes of it, in the room without the other bodies.
+        goals: Any of which will do; none where it is moved only when it is in the way.
+    """
+
+    name: str
+    search: MultiPushSearch
+    goals: tuple[Goal, ...]
+
+    def is_at_goal(self, pose: FloatArray) -> bool:
+        """Tell whether its frame (3,) is at one of its goals."""
+        for goal in self.goals:
+            position, angle = se2.pose_error(pose, goal.pose_chain)
+            if position <= goal.position_tolerance and angle <= goal.angle_tolerance:
+                return True
+        return False
+
+    def outlines(self, pose: FloatArray) -> list[FloatArray]:
+        """Return the outlines of its objects in the world, its frame being at a pose (3,)."""
+        chain = self.search.scenario.chain
+        return [se2.transform_points(pose, obj.outline_chain) for obj in chain.objects]
+
+    def area(self, pose: FloatArray) -> shapely.MultiPolygon:
+        """Return what it covers, its frame being at a pose (3,)."""
+        return shapely.MultiPolygon([shapely.Polygon(outline) for outline in self.outlines(pose)])
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """Where everything is.
+
+    Attributes:
+        plate: (3,) pose of the plate frame in the world.
+        poses: (n, 3) poses of the chain frames of the pieces.
+        left: Indices of the pieces that have to be brought to a goal yet.
+    """
+
+    plate: FloatArray
+    poses: FloatArray
+    left: frozenset[int]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "plate", frozen(self.plate, (3,), "plate"))
+        object.__setattr__(self, "poses", frozen(self.poses, (None, 3), "poses of the pieces"))
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """One body is brought somewhere while the others stand.
+
+    Attributes:
+        piece: Its index.
+        search: For it among the others, with this transfer's start, goals and place of the robot.
+        room: That was searched in.
+        found: What the search came to; it has a plan.
+        delivers: It ends at a goal of the piece; else the piece was in the way.
+    """
+
+    piece: int
+    search: MultiPushSearch
+    room: PushRoom
+    found: Found
+    delivers: bool
+
+    @property
+    def cost(self) -> float:
+        """Of its plan, m."""
+        assert self.found.best is not None
+        return self.found.best.cost
+
+    @cached_property
+    def end(self) -> FloatArray:
+        """(3,) where the piece is afterwards."""
+        assert self.found.best is not None
+        return self.found.best.steps[-1].after
+
+    @property
+    def plate(self) -> FloatArray:
+        """(3,) pose of the plate frame after the last retreat."""
+        assert self.found.best is not None
+        mode = self.room.contacts[self.found.best.steps[-1].contact].packed
+        robot = robot_at(mode, self.end, mode.retreat)
+        return se2.compose(robot, self.search.scenario.chain.pusher.plate_pose)
+
+    def segments(self, before: Poses) -> Segments:
+        """Return its segments with all bodies where they are before it."""
+        assert self.found.best is not None
+        return self.search.segments(self.room, self.found.best, before)
+
+
+class RearrangementSearch:
+    """Searches for an order of several objects; what is known of each of them is kept.
+
+    Args:
+        scenario: With `bodies`.
+        pieces: All of them.
+    """
+
+    def __init__(self, scenario: Scenario, pieces: tuple[Piece, ...]) -> None:
+        self.scenario, self.pieces = scenario, pieces
+
+    @classmethod
+    def of(cls, scenario: Scenario, settings: PlanSettings) -> RearrangementSearch:
+        """Return the search in a scenario.
+
+        Raises:
+            EmptyStableSetError: When no contact can push one of the bodies.
+        """
+        pieces = tuple(
+            Piece(name, MultiPushSearch.of(scenario.alone(name), settings), body.goals)
+            for name, body in scenario.bodies.items()
+        )
+        return cls(scenario, pieces)
+
+    def with_obstacles(self, scenario: Scenario) -> RearrangementSearch:
+        """Return it for a scenario that differs in what stands in the room."""
+        return RearrangementSearch(
+            scenario,
+            tuple(
+                replace(piece, search=piece.search.with_obstacles(scenario.alone(piece.name)))
+                for piece in self.pieces
+            ),
+        )
+
+    def search(self, settings: PlanSettings, began: float) -> Outcome:
+        """Return the best plan that was found.
+
+        Args:
+            settings: Complete.
+            began: `time.perf_counter` from which the time limit counts.
+
+        Raises:
+            PlanningError: When every object is at its goal already.
+        """
+        scenario, seed, limit = self.scenario, settings.seed, settings.time_limit
+        assert scenario.pushes is not None
+        assert seed is not None
+        assert limit is not None
+        poses = np.array([scenario.bodies[piece.name].start for piece in self.pieces])
+        left = frozenset(
+            k for k, piece in enumerate(self.pieces) if piece.goals and not piece.is_at_goal(poses[k])
+        )
+        if not left:
+            raise PlanningError("every object is at a goal already: there is nothing to push")
+        now, until = Situation(scenario.pushes.robot_start, poses, left), began + limit
+        improvements = Improvements(settings.observer, began)
+        order = _Order(self.pieces, seed, until, settings.observer.cancelled)
+        transfers = order.find(now)
+        candidates: tuple[Segments, ...] = ()
+        if transfers is not None:
+            candidates = (self._take(transfers, order.looked_at, improvements),)
+            if not settings.first:
+                better = self._better(now, transfers, until, settings)
+                if better is not None:
+                    candidates = (self._take(better, order.looked_at, improvements), *candidates)
+        margin = min(mode.margin(0) for piece in self.pieces for mode in piece.search.modes)
+        return Outcome(
+            candidates[:1],
+            margin,
+            margin,
+            order.looked_at,
+            tuple(improvements.found),
+            lambda segments: plan_cost(scenario, segments),
+            explain=lambda: self._explanation(now, limit),
+        )
+
+    def _take(self, transfers: tuple[Transfer, ...], looked_at: int, improvements: Improvements) -> Segments:
+        """Return the segments of transfers, one after the other."""
+        found: Segments = ()
+        before: Poses = self.scenario.poses
+        for transfer in transfers:
+            found = (*found, *transfer.segments(before))
+            before = found[-1].after
+        improvements.add(plan_cost(self.scenario, found), looked_at, found)
+        return found
+
+    def _better(
+        self, now: Situation, transfers: tuple[Transfer, ...], until: float, settings: PlanSettings
+    ) -> tuple[Transfer, ...] | None:
+        """Return the same transfers with better plans, each searched from where the last ends, or None."""
+        found: list[Transfer] = []
+        assert settings.seed is not None
+        for k, one in enumerate(transfers):
+            share = (until - time.perf_counter()) / (len(transfers) - k)
+            limits = Limits(time.perf_counter() + max(share, 0.0), stop=settings.observer.cancelled)
+            places = () if one.delivers else (self._put(one),)
+            again = _transfer(self.pieces, now, one.piece, limits, settings.seed, places)
+            if again is None:
+                return None
+            found.append(again)
+            now = _after(self.pieces, again, now)
+        saved = sum(one.cost for one in transfers) - sum(one.cost for one in found)
+        return tuple(found) if saved > GAIN else None
+
+    def _put(self, one: Transfer) -> Goal:
+        """Return where a transfer puts a piece that is in the way."""
+        stated = self.pieces[one.piece].search.scenario.goal
+        return replace(stated, pose=one.end, of=None, pose_chain=one.end)
+
+    def _explanation(self, now: Situation, limit: float) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
+        names = ", ".join(f"'{self.pieces[k].name}'" for k in sorted(now.left))
+        reason = (
+            f"no order was found within the time limit of {limit:g} s in which {names} get to their goals, with what "
+            "is in the way moved first"
+        )
+        return reason, (Diagnosis("order", reason, False),), None
+
+
+def _after(pieces: tuple[Piece, ...], one: Transfer, before: Situation) -> Situation:
+    """Return where everything is after a transfer."""
+    poses = np.array(before.poses)
+    poses[one.piece] = one.end
+    left = before.left - {one.piece}
+    if not one.delivers and pieces[one.piece].goals:
+        left |= {one.piece}
+    return Situation(one.plate, poses, left)
+
+
+def _transfer(
+    pieces: tuple[Piece, ...],
+    now: Situation,
+    piece: int,
+    limits: Limits,
+    seed: int,
+    places: tuple[Goal, ...] = (),
+) -> Transfer | None:
+    """Return a transfer of one piece to one of its goals, or of other places; None where none was found."""
+    own = pieces[piece].search.scenario
+    assert own.pushes is not None
+    goals = places or pieces[piece].goals
+    others = tuple(
+        PolygonObstacle(outline)
+        for k, other in enumerate(pieces)
+        if k != piece
+        for outline in other.outlines(now.poses[k])
+    )
+    scenario = replace(
+        own,
+        start=now.poses[piece],
+        goal=goals[0],
+        obstacles=(*own.obstacles, *others),
+        pushes=replace(own.pushes, robot_start=now.plate, goals=goals),
+    )
+    try:
+        free = free_goals(scenario)
+    except PlanningError:
+        return None
+    searching = pieces[piece].search
+    searching.room(0)  # kept with the piece: what does not depend on the others is made once
+    searching = searching.with_obstacles(scenario)
+    room = searching.room(0)
+    question = Question(backed_off(room, scenario), np.array(scenario.start), free)
+    found = search(room, question, limits, seed)
+    return None if found.best is None else Transfer(piece, searching, room, found, not places)
+
+
+class _Order:
+    """The search for an order.
+
+    Args:
+        pieces: All that can be pushed.
+        seed: Of the random numbers.
+        until: `time.perf_counter` at which it is over.
+        cancelled: Asked whether to end at once.
+
+    Attributes:
+        looked_at: Transfers that were searched for.
+    """
+
+    def __init__(
+        self, pieces: tuple[Piece, ...], seed: int, until: float, cancelled: Callable[[], bool]
+    ) -> None:
+        self._pieces, self._seed, self._until, self._cancelled = pieces, seed, until, cancelled
+        self._random = np.random.default_rng(seed)
+        self._patience = STAGES[0][0]
+        self._known: dict[tuple[object, ...], Transfer | None] = {}
+        self.looked_at = 0
+
+    def find(self, now: Situation) -> tuple[Transfer, ...] | None:
+        """Return transfers that bring every piece that is left to a goal, None where none were found in time."""
+        for self._patience, relocations in STAGES:
+            self._known = {key: one for key, one in self._known.items() if one is not None}
+            found = self._go_on(now, relocations)
+            if found is not None or self._over():
+                return found
+        return None
+
+    def _over(self) -> bool:
+        return time.perf_counter() >= self._until or self._cancelled()
+
+    def _go_on(self, now: Situation, relocations: int) -> tuple[Transfer, ...] | None:
+        if not now.left:
+            return ()
+        for step in self._deliveries(now):
+            after = _after(self._pieces, step, now)
+            if self._over():
+                return None
+            if all(self._is_open(after, k) for k in after.left):
+                rest = self._go_on(after, relocations)
+                if rest is not None:
+                    return (step, *rest)
+        return self._make_way(now, relocations) if relocations else None
+
+    def _deliveries(self, now: Situation) -> list[Transfer]:
+        """Return the transfers that bring a piece to a goal now, cheapest first."""
+        found = [self._delivery(now, k) for k in sorted(now.left)]
+        return sorted((one for one in found if one is not None), key=lambda one: one.cost)
+
+    def _delivery(self, now: Situation, piece: int) -> Transfer | None:
+        key = (piece, now.plate.tobytes(), now.poses.tobytes())
+        if key not in self._known:
+            self._known[key] = self._search(now, piece)
+        return self._known[key]
+
+    def _search(self, now: Situation, piece: int, places: tuple[Goal, ...] = ()) -> Transfer | None:
+        self.looked_at += 1
+        limits = Limits(self._until, first=True, iterations=self._patience, stop=self._cancelled)
+        return _transfer(self._pieces, now, piece, limits, self._seed, places)
+
+    def _is_open(self, now: Situation, piece: int) -> bool:
+        """Tell whether a piece has a plan, or only waits for others that are left to leave all its goals."""
+        return self._waits(now, piece) or self._delivery(now, piece) is not None
+
+    def _waits(self, now: Situation, piece: int) -> bool:
+        return all(
+            self._on_goal(now, piece, goal) & now.left for goal in range(len(self._pieces[piece].goals))
+        )
+
+    def _on_goal(self, now: Situation, piece: int, goal: int) -> frozenset[int]:
+        """Return the pieces that stand on a goal of another."""
+        own = self._pieces[piece]
+        area = own.area(own.goals[goal].pose_chain).buffer(own.search.scenario.clearance)
+        others = (k for k in range(len(self._pieces)) if k != piece)
+        return frozenset(k for k in others if self._pieces[k].area(now.poses[k]).intersects(area))
+
+    def _make_way(self, now: Situation, relocations: int) -> tuple[Transfer, ...] | None:
+        """Put a piece that is in the way somewhere else, and go on from there."""
+        for piece in self._in_the_way(now):
+            places = self._parking(now, piece)
+            for _ in range(PLACES):
+                step = self._search(now, piece, places) if places else None
+                if step is None or self._over():
+                    break
+                after = _after(self._pieces, step, now)
+                if relocations > 1 or any(self._delivery(after, k) is not None for k in after.left):
+                    rest = self._go_on(after, relocations - 1)
+                    if rest is not None:
+                        return (step, *rest)
+                reached = step.end
+                places = tuple(p for p in places if np.hypot(*(p.pose_chain - reached)[:2]) > 0.2)
+        return None
+
+    def _in_the_way(self, now: Situation) -> Iterator[int]:
+        """Yield the pieces that may be in the way: those on goals first, then those near, then what is shut in."""
+        on_goals = [
+            k
+            for piece in sorted(now.left)
+            for goal in range(len(self._pieces[piece].goals))
+            for k in sorted(self._on_goal(now, piece, goal))
+        ]
+        near = [k for piece in sorted(now.left) for k in self._near(now, piece)]
+        yield from dict.fromkeys([*on_goals, *near, *sorted(now.left)])
+
+    def _near(self, now: Situation, piece: int) -> list[int]:
+        """Return the pieces near another or its goals, nearest first."""
+        spots = np.array([now.poses[piece], *(goal.pose_chain for goal in self._pieces[piece].goals)])[:, :2]
+        away = [float(np.linalg.norm(spots - pose[:2], axis=1).min()) for pose in now.poses]
+        return [int(k) for k in np.argsort(away) if k != piece and away[k] < NEAR]
+
+    def _parking(self, now: Situation, piece: int) -> tuple[Goal, ...]:
+        """Return places for a piece that no goal needs, nearest first: along straight pushes, and around it."""
+        own, pose = self._pieces[piece], now.poses[piece]
+        taken = self._taken(now, piece)
+        tolerance = own.search.scenario.goal
+        places = [p for p in (*_straight(own, pose), *self._scattered(pose)) if _is_free(own, p, taken)]
+        nearest = sorted(places, key=lambda p: math.hypot(*(p - pose)[:2]))[:MOST_PLACES]
+        return tuple(
+            Goal(p, None, p, tolerance.position_tolerance, tolerance.angle_tolerance) for p in nearest
+        )
+
+    def _taken(self, now: Situation, piece: int) -> BaseGeometry:
+        """What other pieces cover, where they are and where those that are left shall go."""
+        pieces = self._pieces
+        kept = pieces[piece].search.scenario.clearance + ROOM
+        areas = [other.area(now.poses[k]) for k, other in enumerate(pieces) if k != piece]
+        areas += [pieces[k].area(goal.pose_chain) for k in now.left if k != piece for goal in pieces[k].goals]
+        return shapely.union_all(areas).buffer(kept)
+
+    def _scattered(self, pose: FloatArray) -> Iterator[FloatArray]:
+        for _ in range(SCATTERED):
+            away, way = self._random.uniform(AWAY[0], AWAY[-1]), self._random.uniform(-np.pi, np.pi)
+            turn = self._random.uniform(-np.pi, np.pi)
+            yield pose + np.array([away * math.cos(way), away * math.sin(way), turn])
+
+
+def _straight(piece: Piece, pose: FloatArray) -> Iterator[FloatArray]:
+    for contact in piece.search.room(0).contacts:
+        ahead = se2.rotate(contact.packed.contact[2], contact.packed.settling[:2])
+        for away in AWAY:
+            yield se2.compose(pose, np.append(away * ahead, 0.0))
+
+
+def _is_free(piece: Piece, pose: FloatArray, taken: BaseGeometry) -> bool:
+    area = piece.area(pose)
+    return _is_inside(area, piece.search.scenario.workspace) and not taken.intersects(area)
+
+
+def _is_inside(area: BaseGeometry, workspace: Workspace | None) -> bool:
+    if workspace is None:
+        return True
+    x0, y0, x1, y1 = area.bounds
+    return bool(
+        workspace.xmin + ROOM < x0
+        and x1 < workspace.xmax - ROOM
+        and workspace.ymin + ROOM < y0
+        and y1 < workspace.ymax - ROOM
+    )

@@ -1,0 +1,515 @@
+"""Planning: prepare once, search, time, execute and validate, whatever the scenario asks for."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pushplan.compiled.announcement import announced
+from pushplan.errors import PlanningError, TimingError
+from pushplan.geometry.se2 import pose_error, relative
+from pushplan.kernels import warm_up
+from pushplan.planners.blending.blending import blend_path
+from pushplan.planners.collision.separation import Scene
+from pushplan.planners.multi.multi_push import MultiPushSearch
+from pushplan.planners.multi.rearrangement import RearrangementSearch
+from pushplan.planners.ompl.factories import planner_named
+from pushplan.planners.outcome import Outcome, Segments
+from pushplan.planners.problem.controls import MERIDIANS
+from pushplan.planners.problem.posing import Posing, open_scene
+from pushplan.planners.problem.reach import reach as costs_of_words
+from pushplan.planners.problem.rejoin import rejoin
+from pushplan.planners.push_search import PushSearch
+from pushplan.planners.timing.bounds import Bounds, motion_bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.planners.validation.validator import EXACT, Validator
+from pushplan.plans.path import PushPath
+from pushplan.plans.plan import Diagnosis, Load, Nearest, Plan, Segment
+from pushplan.plans.settings import Observer, PlanOptions, PlanSettings
+from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
+from pushplan.scenario.arrangement.placement import Surroundings, bodies_at, placement_troubles
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import Goal, Obstacle
+from pushplan.scenario.several_pushes import troubles_at_first
+from pushplan.sets.named import add_set
+from pushplan.sets.stable_set import StableSet
+from pushplan.sim.kinematic import execute
+from pushplan.sim.robustness.work_out import least_tolerance
+from pushplan.util.arrays import FloatArray
+from pushplan.util.collection import no_collection
+from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY
+from pushplan.util.stopwatch import Stopwatch
+
+
+def plan(scenario: Scenario, *, watch: Stopwatch | None = None, **options: Unpack[PlanOptions]) -> Plan:
+    """Plan how every object of a scenario gets to its goal.
+
+    Args:
+        scenario: One push, several pushes of one load, or several objects.
+        watch: Takes the time of the phases `preparing`, `search`, `timing`, `execution` and `validation`.
+        **options: See `PlanSettings`; what they leave open is taken from the scenario.
+
+    Returns:
+        The plan; it is not `solved`, and has the reason, where none was found in time.
+
+    Raises:
+        PlanningError: When the problem cannot be posed.
+        EmptyStableSetError: When no pusher twist keeps every contact.
+    """
+    watch, settings = watch or Stopwatch(), PlanSettings(**options)
+    planner = Planner(scenario, settings=settings, watch=watch)
+    return planner.solve(planner.scenario, planner.settings, watch, planner.began)
+
+
+class Planner:
+    """Plans in one scenario, prepared once: stable sets, contacts, collision scene and compiled code are kept.
+
+    Args:
+        scenario: Loads, room and settings.
+        settings: How to plan, as far as a question does not say otherwise.
+        meridians: How finely an omnidirectional pusher's twists are taken from the stable set; half as many take half
+            the time to make. Of a single push only.
+        rate: Samples per second of trajectories, at which they are executed and validated.
+        watch: Takes the time of the phase `preparing`.
+        **options: See `PlanSettings`, in place of `settings`.
+
+    Attributes:
+        scenario: With which questions are asked.
+        settings: Complete.
+        began: `time.perf_counter` when it began to prepare, compiled code being ready.
+
+    Raises:
+        PlanningError: When the settings do not go together with the scenario.
+        EmptyStableSetError: When no pusher twist keeps every contact.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        settings: PlanSettings | None = None,
+        meridians: int = MERIDIANS,
+        rate: float = SAMPLE_RATE,
+        watch: Stopwatch | None = None,
+        **options: Unpack[PlanOptions],
+    ) -> None:
+        asked = PlanSettings(**options) if settings is None else settings
+        self.scenario = asked.applied(scenario)
+        name, make = planner_named(asked.planner or scenario.planner.name)
+        set_name = add_set(asked.stable_set or scenario.stability.set)
+        self.settings = replace(asked.completed(scenario), planner=make, stable_set=set_name)
+        self.planner_name, self.rate = name, rate
+        if scenario.kind != "push":
+            _require_own_search(self.scenario, name)
+        with (watch or Stopwatch())("preparing"):
+            warm_up(
+                name,
+                self.settings.observer.message,
+                set_name,
+                scenario.has_intervals,
+                scenario.kind != "push",
+            )
+            self.began = time.perf_counter()
+            with no_collection():
+                self._search = self._prepared(meridians)
+            self._validator = Validator(self.scenario)
+
+    def _prepared(self, meridians: int) -> PushSearch | MultiPushSearch | RearrangementSearch:
+        if self.scenario.kind == "push":
+            return PushSearch(
+                Load.of(self.scenario), self.scenario, self.settings, Posing(meridians=meridians)
+            )
+        if self.scenario.kind == "multi-push":
+            return MultiPushSearch.of(self.scenario, self.settings)
+        return RearrangementSearch.of(self.scenario, self.settings)
+
+    def plan(
+        self,
+        start: ArrayLike | None = None,
+        goal: ArrayLike | None = None,
+        *,
+        robot: ArrayLike | None = None,
+        timed: bool = True,
+        previous: PushPath | None = None,
+        explain: bool = True,
+        first: bool = True,
+        seed: int | None = None,
+        time_limit: float | None = None,
+        iterations: int | None = None,
+        gap: float | None = None,
+        observer: Observer | None = None,
+    ) -> Plan:
+        """Return the first plan from one place to another, validated like every plan.
+
+        Args:
+            start: (3,) pose of the chain frame in the world; None stands for the scenario's. Of one load only.
+            goal: (3,) likewise, or (g, 3) any of which will do where there may be several pushes.
+            robot: (3,) pose of the plate frame in the world, where the plate need not be in contact.
+            timed: Make, execute and validate the trajectory. Without it the paths alone are validated, which takes a
+                tenth of the time; `trajectory`, `execution` and `robustness` are None.
+            previous: An earlier path of a single push, in the contact's frame; a way onto it and along its rest,
+                moved so that it ends at the goal, is the first candidate, so that a plan that is still good is kept.
+            explain: Find out why there is no plan where none is found, which takes longer than some searches.
+            first: See `PlanSettings`, like the next ones; None stands for the planner's.
+            seed: Of the random numbers.
+            time_limit: Seconds.
+            iterations: Of the search, at most.
+            gap: Share above the lower bound that is good enough.
+            observer: Who is told.
+
+        Raises:
+            PlanningError: When a pose is none, too near to something, or start and goal are the same.
+        """
+        began = time.perf_counter()
+        own = self.settings
+        settings = replace(
+            own,
+            first=first,
+            seed=own.seed if seed is None else seed,
+            time_limit=own.time_limit if time_limit is None else time_limit,
+            iterations=own.iterations if iterations is None else iterations,
+            gap=own.gap if gap is None else gap,
+            observer=own.observer if observer is None else observer,
+        )
+        scenario = self._asked(start, goal, robot)
+        return self.solve(scenario, settings, Stopwatch(), began, timed, previous, explain)
+
+    def _asked(self, start: ArrayLike | None, goal: ArrayLike | None, robot: ArrayLike | None) -> Scenario:
+        """Return the scenario with another start, goal and place of the robot."""
+        scenario = self.scenario
+        given = {"start": start, "goal": goal, "robot": robot}
+        if all(value is None for value in given.values()):
+            return scenario
+        if scenario.kind == "rearrangement":
+            wrong = ", ".join(name for name, value in given.items() if value is not None)
+            raise PlanningError(
+                f"{wrong}: allowed where there is one load; here several objects have their own places"
+            )
+        if start is not None:
+            scenario = replace(scenario, start=_poses(start, "start")[0])
+        tolerance = (scenario.goal.position_tolerance, scenario.goal.angle_tolerance)
+        if goal is not None:
+            goals = tuple(Goal(pose, None, pose, *tolerance) for pose in _poses(goal, "goal"))
+            scenario = replace(scenario, goal=goals[0])
+            if scenario.pushes is not None:
+                scenario = replace(scenario, pushes=replace(scenario.pushes, goals=goals))
+            elif len(goals) > 1:
+                raise PlanningError(f"a single push has one goal, not {len(goals)}")
+        if robot is not None:
+            if scenario.pushes is None:
+                raise PlanningError(
+                    "robot: allowed where the scenario has a robot.start; here the plate is in contact"
+                )
+            pushes = replace(scenario.pushes, robot_start=_poses(robot, "robot")[0])
+            scenario = replace(scenario, pushes=pushes)
+        if scenario.pushes is not None:
+            wrong = "; ".join(text for _, text in troubles_at_first(scenario))
+            if wrong:
+                raise PlanningError(wrong)
+        return scenario
+
+    def reach(self, starts: ArrayLike, goals: ArrayLike) -> FloatArray:
+        """Return the costs (n, m), m, of the cheapest collision-free steering paths between poses.
+
+        From each of the starts (n, 3) to each of the goals (m, 3). A steering path is three stable arcs with the
+        margin that is asked for first. The cost is inf where none is
+        free, which does not say that there is no path; `plan` searches for one.
+
+        Raises:
+            PlanningError: When poses are not finite or not (k, 3), or the scenario is not of a single push.
+        """
+        search = self._single("reach")
+        both = (_poses(starts, "starts"), _poses(goals, "goals"))
+        asked = self.scenario.with_margin(search.margins[0])
+        scene = search.posing.scene(asked)
+        families = search.posing.controls(asked, search.stable).families
+        with announced(
+            self.settings.observer.message
+        ):  # plans do without: it is compiled by the first who asks
+            return np.asarray(costs_of_words(scene, families, *both, self.scenario.clearance))
+
+    def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Planner:
+        """Return a planner among other obstacles; stable sets and contacts are kept."""
+        other: Planner = object.__new__(Planner)
+        other.__dict__.update(self.__dict__)
+        other.scenario = replace(self.scenario, obstacles=tuple(obstacles))
+        if isinstance(self._search, PushSearch):
+            posing = self._search.posing.in_room(open_scene(other.scenario))
+            other._search = self._search.of(other.scenario, posing)
+        else:
+            other._search = self._search.with_obstacles(other.scenario)
+        other._validator = Validator(other.scenario)
+        return other
+
+    @property
+    def stable(self) -> StableSet:
+        """The set that a single push is planned in."""
+        return self._single("stable").stable
+
+    @property
+    def margin(self) -> float:
+        """The margin that a single push is planned with first."""
+        return self._single("margin").margins[0]
+
+    @property
+    def twists(self) -> FloatArray:
+        """(k, 3) stable twists that steering paths are made of, scaled to a cost rate of 1."""
+        search = self._single("twists")
+        asked = self.scenario.with_margin(search.margins[0])
+        families = search.posing.controls(asked, search.stable).families
+        twists = np.unique(families.reshape(-1, 3), axis=0)
+        return np.asarray(twists[np.abs(twists).max(axis=1) > 0.0])
+
+    def _single(self, what: str) -> PushSearch:
+        if not isinstance(self._search, PushSearch):
+            raise PlanningError(f"{what}: allowed for a single push; this scenario is a {self.scenario.kind}")
+        return self._search
+
+    def solve(
+        self,
+        scenario: Scenario,
+        settings: PlanSettings,
+        watch: Stopwatch,
+        began: float,
+        timed: bool = True,
+        previous: PushPath | None = None,
+        explain: bool = True,
+    ) -> Plan:
+        """Search, time, execute and validate.
+
+        Args:
+            scenario: As the planner's, but for starts and goals.
+            settings: Complete.
+            watch: Takes the time of the phases.
+            began: `time.perf_counter` from which the time limit counts.
+            timed: See `plan`.
+            previous: See `plan`.
+            explain: See `plan`.
+
+        Raises:
+            PlanningError: When a start or a goal is too near to something, or they are the same.
+            EmptyStableSetError: When no pusher twist keeps every contact.
+        """
+        search = self._search
+        validator = self._validator.of(scenario)
+        with watch("search"), no_collection():
+            if isinstance(search, PushSearch):
+                self._check_ends(search, scenario, validator)
+                known = None if previous is None else self._rest(search, previous, scenario)
+                search = search if scenario is self.scenario else search.of(scenario)
+                outcome = search.search(scenario, settings, began, known)
+            elif isinstance(search, MultiPushSearch):
+                outcome = search.asked(scenario).search(settings, began)
+            else:
+                outcome = search.search(settings, began)
+        seconds = time.perf_counter() - began
+        with no_collection():
+            return self._finished(scenario, settings, outcome, validator, watch, seconds, timed, explain)
+
+    def _finished(
+        self,
+        scenario: Scenario,
+        settings: PlanSettings,
+        outcome: Outcome,
+        validator: Validator,
+        watch: Stopwatch,
+        seconds: float,
+        timed: bool,
+        explain: bool,
+    ) -> Plan:
+        """Return what was found timed, executed and validated; else why nothing was found."""
+        reason, execution = "", None
+        diagnosis: tuple[Diagnosis, ...] = ()
+        nearest: Nearest | None = None
+        segments = outcome.candidates[0] if outcome.candidates else ()
+        set_name = settings.set_name
+        with watch("timing"):
+            if segments and timed:
+                segments, reason = self._soonest(scenario, outcome, set_name)
+        executed = bool(segments) and timed and not reason
+        name = self._set_name(segments)
+        with watch("execution"):
+            if executed:
+                execution = execute(scenario, segments, name)
+        with watch("validation"):
+            if not segments and not reason:
+                if settings.observer.cancelled():
+                    reason = "the search was interrupted before it found a plan"
+                elif not explain or outcome.explain is None:
+                    reason = "no plan was found in time"
+                else:
+                    reason, diagnosis, nearest = outcome.explain()
+            elif not reason:
+                reason = validator.flaw(segments, execution, set_name)
+        found = segments if not reason else ()
+        return Plan(
+            scenario,
+            found,
+            reason,
+            self.planner_name,
+            name,
+            settings.seed or 0,
+            cost=outcome.cost(found) if found else None,
+            objective=scenario.planner.cost,
+            lower_bound=_bound(outcome, found),
+            first_solution_s=outcome.improvements[0].seconds if outcome.improvements else None,
+            planning_s=seconds,
+            iterations=outcome.iterations,
+            improvements=outcome.improvements,
+            margin_asked=outcome.margin_asked,
+            margin=outcome.margin,
+            tree=outcome.tree,
+            diagnosis=diagnosis,
+            nearest=nearest,
+            execution=execution if found else None,
+            robustness=(lambda: least_tolerance(found)) if found and timed else None,
+        )
+
+    def _set_name(self, segments: Segments) -> str:
+        loads = [segment.load for segment in segments if segment.load is not None]
+        if loads:
+            return loads[0].stable_set(self.settings.set_name).name
+        search = self._search
+        if isinstance(search, PushSearch):
+            return search.stable.name
+        modes = search.modes if isinstance(search, MultiPushSearch) else search.pieces[0].search.modes
+        return modes[0].stable.name
+
+    def _soonest(self, scenario: Scenario, outcome: Outcome, set_name: str | None) -> tuple[Segments, str]:
+        """Return the plan that is driven soonest, timed; or the best one, and why none can be driven.
+
+        Where paths are ranked by time, the ones that were best by travel are driven as well: an objective knows a
+        motion only roughly.
+        """
+        found: list[Segments] = []
+        reason = ""
+        for segments in outcome.candidates:
+            try:
+                found.append(time_segments(scenario, segments, self.rate, set_name, outcome.scene))
+            except TimingError as error:
+                reason = reason or f"a plan was found that cannot be driven: {error}"
+        if not found:
+            return outcome.candidates[0], reason
+        return min(found, key=lambda segments: sum(segment.duration for segment in segments)), ""
+
+    def _check_ends(self, search: PushSearch, scenario: Scenario, validator: Validator) -> None:
+        """Refuse a start or a goal that is too near to something, and a goal that is the start.
+
+        Raises:
+            PlanningError: With what is wrong.
+        """
+        both = np.stack([scenario.start, scenario.goal.pose_chain])
+        if max(pose_error(*both)) < EXACT:
+            raise PlanningError("the chain is at the goal already: there is nothing to push")
+        if not validator.too_near(search.load, both):
+            return
+        surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
+        wrong: list[str] = []
+        for what, pose in (("start", scenario.start), ("goal", scenario.goal.pose_chain)):
+            wrong += placement_troubles(what, bodies_at(scenario.chain, pose), surroundings)
+        if wrong:
+            raise PlanningError("; ".join(wrong))
+
+    def _rest(self, search: PushSearch, previous: PushPath, asked: Scenario) -> FloatArray | None:
+        """Return the arcs of a way onto an earlier path and along its rest, None where none is free and stable."""
+        stable, least = search.stable, search.margins[0]
+        posed = self.scenario.with_margin(least)
+        with announced(self.settings.observer.message):  # like `reach`
+            return rejoin(
+                search.posing.scene(posed),
+                search.posing.controls(posed, stable).families,
+                asked.clearance,
+                lambda twists: stable.margin(twists) > least,
+                previous,
+                asked.start,
+                asked.goal.pose_chain,
+            )
+
+
+def _bound(outcome: Outcome, found: Segments) -> float | Callable[[], float | None] | None:
+    bound = outcome.lower_bound
+    return (lambda: bound(found)) if callable(bound) else bound
+
+
+def _require_own_search(scenario: Scenario, planner: str) -> None:
+    """Refuse what the search for several pushes cannot take into account.
+
+    Raises:
+        PlanningError: When another planner or another cost is asked for.
+    """
+    if planner != DEFAULT_PLANNER:
+        raise PlanningError(
+            f"several pushes (robot.start) have a search of their own, {DEFAULT_PLANNER}; the planner {planner!r} is "
+            "for a single push"
+        )
+    if scenario.planner.cost != RANKED_BY:
+        raise PlanningError(
+            f"several pushes (robot.start) are ranked by {RANKED_BY}, with the weights in 'pushes'; "
+            f"the cost {scenario.planner.cost!r} is for a single push"
+        )
+
+
+def time_segments(
+    scenario: Scenario,
+    segments: Segments,
+    rate: float = SAMPLE_RATE,
+    stable_set: str | None = None,
+    scene: Scene | None = None,
+) -> Segments:
+    """Return segments with their trajectories, within the limits of the pusher and, if asked for, of the contacts.
+
+    Args:
+        scenario: Chooses by `trajectory` whether the pusher stops at every corner of a push (`exact`) or at as few as
+            possible (`blended`), and by `limits.contact` whether inertia may make a contact slip.
+        segments: Of a plan: free of collision and stable.
+        rate: Samples per second of the trajectories.
+        stable_set: That they were planned in; None stands for the scenario's.
+        scene: Of a single push, where it is there already.
+
+    Raises:
+        TimingError: When an arc cannot be timed within the limits.
+    """
+    return tuple(_timed(scenario, segment, rate, stable_set, scene) for segment in segments)
+
+
+def _timed(
+    scenario: Scenario,
+    segment: Segment,
+    rate: float,
+    stable_set: str | None,
+    scene: Scene | None,
+) -> Segment:
+    pusher = scenario.pusher
+    if not segment.pushes or segment.load is None:
+        alone = time_path(segment.path, Bounds(pusher.limits), rate)
+        return replace(segment, trajectory=replace(alone, base=relative(pusher.plate_pose, pusher.base_pose)))
+    problem, stable = segment.problem(scenario), segment.load.stable_set(stable_set)
+    bounds = motion_bounds(problem, stable)
+    if scenario.trajectory == "blended":
+        timed: Trajectory = blend_path(problem, segment.contact_path, stable, bounds, rate, scene).trajectory
+    else:
+        timed = time_path(segment.contact_path, bounds, rate)
+    own = segment.load.chain.pusher
+    least = float(stable.margin(segment.contact_path.twists).min())
+    return replace(
+        segment,
+        trajectory=replace(timed, base=own.base_pose).of_frame(own.plate_pose),
+        min_margin=least,
+    )
+
+
+def _poses(poses: ArrayLike, what: str) -> FloatArray:
+    """Return poses as (k, 3) numbers.
+
+    Raises:
+        PlanningError: When they are none.
+    """
+    array = np.array(poses, dtype=np.float64, ndmin=2)
+    if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.isfinite(array).all():
+        raise PlanningError(f"{what} have the shape {array.shape}; allowed: finite poses (k, 3)")
+    return array

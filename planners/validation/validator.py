@@ -1,0 +1,212 @@
+"""Whether a plan is a solution: judged by code that the searches do not use, over all segments and all bodies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import shapely
+
+from pushplan.geometry import se2
+from pushplan.geometry.contact_segments import TOUCH
+from pushplan.planners.validation.checker import collision_along
+from pushplan.planners.validation.limits import excess
+from pushplan.planners.validation.motion import Motion, densify
+from pushplan.planners.validation.room import Room
+from pushplan.plans.plan import Load, Poses, Segment
+from pushplan.plans.run import Execution
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import APPROACH, RETREAT, TRANSIT
+
+EXACT = 1e-7
+"""Largest error (m, rad) of a plan's end, or of where two segments meet, that counts as none."""
+
+STRAIGHT = 1e-9
+"""What an approach or a retreat may turn or move sideways, rad or m for each m."""
+
+NEAR = 1e-3
+"""Poses of an approach or a retreat that are looked at are no farther apart, m."""
+
+
+class Validator:
+    """Judges the plans of a scenario; what stands in the room is made once.
+
+    Args:
+        scenario: What stands in the room, where everything is at first, and the goals.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._rooms: dict[tuple[int, tuple[str, ...], bytes], tuple[object, Room]] = {}
+
+    def of(self, scenario: Scenario) -> Validator:
+        """Return it for a scenario with the same room and the same loads, but other starts, goals or settings."""
+        other = Validator(scenario)
+        other._rooms = self._rooms
+        return other
+
+    def flaw(
+        self, segments: tuple[Segment, ...], execution: Execution | None, stable_set: str | None = None
+    ) -> str:
+        """Return why segments are no solution, empty if they are one.
+
+        Args:
+            segments: Timed, or not: then their paths alone are judged.
+            execution: Of them; None where they are not timed.
+            stable_set: Name of the set that they were planned in; None stands for the scenario's.
+        """
+        return (
+            self._broken_joint(segments)
+            or self._missed_goal(segments)
+            or self._lost_contact(execution)
+            or next(filter(None, (self.flaw_of(segment, stable_set) for segment in segments)), "")
+        )
+
+    def flaw_of(self, segment: Segment, stable_set: str | None = None) -> str:
+        """Return what is wrong with a segment by itself, empty if nothing is."""
+        if not segment.pushes:
+            return self._flaw_alone(segment)
+        assert segment.load is not None
+        found = self._flaw_of_push(segment, segment.load, stable_set)
+        single = segment.load.problem is self._scenario
+        return found if single or not found else f"the push on {segment.load.face}: {found}"
+
+    def too_near(self, load: Load, poses: FloatArray) -> bool:
+        """Tell whether a load alone is too near to something at any of the poses (m, 3) of its contact's frame."""
+        room = self._room(load.problem, (), replace(load.problem, obstacles=self._scenario.obstacles))
+        clearance = self._scenario.clearance
+        return bool((room.gaps(poses, 2.0 * clearance) <= clearance).any())
+
+    def _broken_joint(self, segments: tuple[Segment, ...]) -> str:
+        """Return where a segment does not begin where the one before has ended, or moves what it does not push."""
+        plate, bodies = self._scenario.plate_start, self._scenario.poses
+        for k, segment in enumerate(segments, start=1):
+            if _apart({"plate": segment.path.start, **segment.before}, {"plate": plate, **bodies}) > EXACT:
+                return f"segment {k}, a {segment.kind}, does not begin where the one before ends"
+            expected = dict(segment.before)
+            if segment.pushes and segment.load is not None:
+                if _apart(segment.load.poses(segment.path.start), segment.before) > EXACT:
+                    return f"segment {k}, a push, does not begin with its contacts closed"
+                expected |= segment.load.poses(segment.path.end)
+            if _apart(segment.after, expected) > (EXACT if segment.pushes else 0.0):
+                return f"segment {k}, a {segment.kind}, moves what it does not push"
+            plate, bodies = segment.path.end, dict(segment.after)
+        return next(filter(None, (_wrong_order(a, b) for a, b in pairwise(segments))), "")
+
+    def _missed_goal(self, segments: tuple[Segment, ...]) -> str:
+        """Return that an object with a goal is not at one at the end: exactly where it was pushed."""
+        end = segments[-1].after if segments else self._scenario.poses
+        pushed = {name for s in segments if s.pushes and s.load is not None for name in s.load.names}
+        for task in self._scenario.tasks:
+            first = task.chain.objects[0]
+            load = se2.compose(end[first.name], se2.inverse(first.pose_chain))
+            errors = [(*se2.pose_error(load, goal.pose_chain), goal) for goal in task.goals]
+            exact = first.name in pushed
+            if errors and not any(
+                position <= (EXACT if exact else goal.position_tolerance)
+                and angle <= (EXACT if exact else goal.angle_tolerance)
+                for position, angle, goal in errors
+            ):
+                position, angle, _ = min(errors, key=lambda error: error[0] + task.chain.reach * error[1])
+                who = f"'{first.name}'" if len(self._scenario.tasks) > 1 else "the path"
+                return f"{who} misses the goal by {position:.2g} m and {angle:.2g} rad"
+        return ""
+
+    def _lost_contact(self, execution: Execution | None) -> str:
+        """Return where an execution loses a contact, empty if it does not."""
+        if execution is None or execution.loss is None:
+            return ""
+        loss = execution.loss
+        return (
+            f"the plan does not hold when it is executed: contact {loss.contact} is lost after {loss.time:.2f} s, "
+            f"with a margin of {loss.margin:.3g}"
+        )
+
+    def _flaw_of_push(self, segment: Segment, load: Load, stable_set: str | None) -> str:
+        problem = segment.problem(self._scenario)
+        path, margin = segment.contact_path, segment.margin
+        if segment.trajectory is None:
+            motion = Motion.along(path, load.chain.reach)
+        else:
+            own = segment.contact_trajectory
+            fast = excess(own, load.chain.pusher.limits)
+            if fast:
+                return fast
+            motion = Motion.through(own.poses, load.chain.reach)
+        least = float(load.stable_set(stable_set).margin(path.twists).min())
+        if least <= margin:
+            return f"the path's smallest margin is {least:.3g}; it must be above {margin:g}"
+        hit = collision_along(problem, motion, self._room(load.problem, _key(segment.standing()), problem))
+        if hit is not None:
+            return f"the path is not free: {hit}; it must stay {1e3 * self._scenario.clearance:.3g} mm away"
+        return ""
+
+    def _flaw_alone(self, segment: Segment) -> str:
+        """Return what the robot alone comes too near to, but for bodies that it comes up to or leaves."""
+        scenario, chain = self._scenario, self._scenario.tasks[0].chain
+        touched = () if segment.load is None or segment.kind == TRANSIT else segment.load.names
+        standing = segment.standing_obstacles(scenario, touched)
+        poses = segment.path.knots if segment.trajectory is None else segment.trajectory.poses
+        if segment.trajectory is not None:
+            fast = excess(segment.trajectory, chain.pusher.limits)
+            if fast:
+                return f"{segment.kind}: {fast}"
+        poses = se2.compose(poses, se2.inverse(chain.pusher.plate_pose))
+        free = replace(scenario, obstacles=(*scenario.obstacles, *standing), chain=chain)
+        kept = {name: pose for name, pose in segment.before.items() if name not in touched}
+        room = self._room(chain, ("alone", *_key(kept)), free).only(range(len(chain.carried)))
+        hit = collision_along(free, Motion.through(poses, chain.reach), room)
+        if hit is not None:
+            return f"a {segment.kind} is not free: {hit}"
+        return "" if segment.kind == TRANSIT else self._flaw_of_contact(segment, touched, poses)
+
+    def _flaw_of_contact(self, segment: Segment, touched: tuple[str, ...], poses: FloatArray) -> str:
+        """Return that the robot does not go straight to the load, or straight back, or overlaps it on the way."""
+        twists = segment.path.twists
+        sense = 1.0 if segment.kind == APPROACH else -1.0
+        if (np.abs(twists[:, 1:]) > STRAIGHT).any() or (np.sign(twists[:, 0]) != sense).any():
+            return f"the {segment.kind} is not straight"
+        outlines = [
+            shapely.Polygon(se2.transform_points(segment.before[obj.name], obj.outline))
+            for task in self._scenario.tasks
+            for obj in task.chain.objects
+            if obj.name in touched
+        ]
+        chain = self._scenario.tasks[0].chain
+        for pose in densify(poses, chain.reach, NEAR):
+            for body in chain.carried:
+                moved = shapely.Polygon(se2.transform_points(pose, body.outline))
+                # Drawn in by what touching bodies may overlap.
+                if any(moved.intersects(outline.buffer(-2.0 * TOUCH)) for outline in outlines):
+                    return f"'{body.name}' overlaps the load in the {segment.kind}"
+        return ""
+
+    def _room(self, owner: object, key: tuple[str, ...], scenario: Scenario) -> Room:
+        """Return what moves and stands in a scenario, kept by its owner and where all that rests is."""
+        known = (id(owner), key, b"")
+        if known not in self._rooms:
+            self._rooms[known] = (owner, Room.of(scenario))  # the owner is kept, so that its id stays its own
+        return self._rooms[known][1]
+
+
+def _key(poses: Poses) -> tuple[str, ...]:
+    return tuple(f"{name}:{np.asarray(pose).tobytes().hex()}" for name, pose in poses.items())
+
+
+def _apart(poses: Poses, others: Poses) -> float:
+    """Return the largest error (m or rad) between poses and those of the same names among others."""
+    return max(
+        (max(se2.pose_error(np.asarray(pose), np.asarray(others[name]))) for name, pose in poses.items())
+    )
+
+
+def _wrong_order(first: Segment, second: Segment) -> str:
+    """Return that a push does not follow the approach to its contact, or is not followed by the retreat from it."""
+    same = first.load is second.load
+    if second.pushes and not (first.kind == APPROACH and same):
+        return f"the push on {second.load.face if second.load else '?'} does not follow an approach to it"
+    if first.pushes and not (second.kind == RETREAT and same):
+        return f"the push on {first.load.face if first.load else '?'} is not followed by a retreat from it"
+    return ""

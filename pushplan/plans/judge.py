@@ -1,0 +1,56 @@
+"""Who judges pushes: the set to plan in, the set whose margins decide an execution, and the same with inertia."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain
+from pushplan.scenario.model import Scenario
+from pushplan.sets.intersection_set import IntersectionSet
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.names import KNOWN_LOAD_SETS, STABLE_SETS
+
+
+def judging_set(scenario: Scenario, planned: str) -> StableSet:
+    """Return the set that judges an execution: the exact one where loads are known numbers, else the planned one.
+
+    Args:
+        scenario: A push problem.
+        planned: Name of the set that was planned in.
+    """
+    known = scenario.interval is None and scenario.chain.loads_known
+    return scenario.stable_set("ecof" if known else planned)
+
+
+def planning_set(scenario: Scenario, name: str | None = None) -> StableSet:
+    """Return the set to plan in: the one called `name`, cut down to what the judge of the execution accepts.
+
+    Only `cof` may reach beyond its judge: it takes friction to act at a point that does not move with the COR.
+
+    Raises:
+        PushplanError: See `Scenario.stable_set`.
+    """
+    stable = scenario.stable_set(name)
+    if stable.name != "cof":
+        return stable
+    assert stable.name in KNOWN_LOAD_SETS
+    return IntersectionSet(stable, judging_set(scenario, stable.name))
+
+
+def contact_dynamics(scenario: Scenario, set_name: str) -> ContactDynamics:
+    """Return the contact conditions with inertia, for all that a stable set holds for.
+
+    That is every value of the scenario's intervals, and every pressure where the set is for that. A set of the user's
+    own is for the loads that are known, as its executions are judged.
+    """
+    own = set_name not in STABLE_SETS
+    all_pressures = not scenario.chain.loads_known if own else set_name not in KNOWN_LOAD_SETS
+    return _dynamics(scenario.chain, all_pressures, scenario.interval)
+
+
+@lru_cache(maxsize=8)
+def _dynamics(chain: Chain, worst_case: bool, interval: IntervalChain | None) -> ContactDynamics:
+    """What timing and execution of the plans of a chain all ask for."""
+    return ContactDynamics(chain, worst_case, interval)

@@ -1,0 +1,569 @@
+"""What is planned: loads, segments, and plans made of them.
+
+Frames: the *plate frame* is the middle of the plate's front edge, +x along the push. Paths and trajectories of
+segments are of the plate frame. A load has a *contact frame* beside it, the chain frame of its push problem: stable
+sets, margins, contact limits and the cost of pushed paths refer to that one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pushplan.errors import PushplanError
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.mechanics.faces import face_name
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.parts import Goal, Obstacle, PolygonObstacle
+from pushplan.util.arrays import FloatArray, IntArray, frozen
+from pushplan.util.lazy_field import LazyField
+from pushplan.util.names import DEFAULT_COST, PUSH, SEGMENT_KINDS
+
+if TYPE_CHECKING:
+    from pushplan.plans.run import Execution
+    from pushplan.scenario.model import Scenario
+    from pushplan.sets.stable_set import StableSet
+    from pushplan.sim.robustness.tolerance import Tolerance
+
+Poses = Mapping[str, FloatArray]
+"""Poses (3,) of bodies' own frames in the world, by name."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """An object in a load, and what pushes it.
+
+    Attributes:
+        object: Its name.
+        pusher: Name of the object that pushes it; None stands for the plate.
+        face: Of the object, through which it is pushed.
+        offset: Of the pushing body's middle (the plate's, or the object's frame) from that of the face, to the left
+            of the push, m.
+    """
+
+    object: str
+    pusher: str | None
+    face: str
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """What the plate pushes while every contact holds: a tree of objects.
+
+    Attributes:
+        links: One for each object, in the order of the chain.
+        problem: The push problem of this load alone: its chain with all that is uncertain about it, and the settings.
+            Start, goal and what stands in the room do not belong to the load.
+        sets: Stable sets of the load by what asked for them, made once.
+    """
+
+    links: tuple[Link, ...]
+    problem: Scenario
+    sets: dict[object, StableSet] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, problem: Scenario, face: str = "", offset: float | None = None) -> Load:
+        """Return the load of a push problem.
+
+        Args:
+            problem: Its chain is the load.
+            face: That the plate pushes; worked out from the contact where it is empty.
+            offset: Of the plate on it; likewise.
+        """
+        chain = problem.chain
+        links = []
+        for i, contact in enumerate(chain.contacts):
+            normal, middle = contact.normal, 0.5 * (contact.right + contact.left)
+            by_plate = contact.pusher == PLATE
+            if by_plate:
+                origin, pusher = chain.pusher.plate_pose[:2], None
+            else:
+                other = chain.objects[contact.pusher]
+                origin, pusher = other.pose_chain[:2], other.name
+            named = face_name(math.atan2(-normal[1], -normal[0]))
+            aside = float((origin - middle) @ contact.tangent)
+            if by_plate and face:
+                named = face
+            if by_plate and offset is not None:
+                aside = offset
+            links.append(Link(chain.objects[i].name, pusher, named, aside))
+        return cls(tuple(links), problem)
+
+    def with_problem(self, problem: Scenario) -> Load:
+        """Return the same load with other settings, or another start, goal or room, in its push problem."""
+        return Load(self.links, problem, self.sets)
+
+    @property
+    def chain(self) -> Chain:
+        """Objects, contacts and pusher in the contact's frame."""
+        return self.problem.chain
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the objects, from the plate outward."""
+        return tuple(obj.name for obj in self.chain.objects)
+
+    @property
+    def face(self) -> str:
+        """That the plate pushes, of the first object."""
+        return self.links[0].face
+
+    @property
+    def offset(self) -> float:
+        """Of the plate's middle from that of the face, to the left of the push, m."""
+        return self.links[0].offset
+
+    @cached_property
+    def frame_plate(self) -> FloatArray:
+        """(3,) pose of the contact's frame in the plate frame."""
+        return frozen(se2.inverse(self.chain.pusher.plate_pose), (3,), "pose of the contact's frame")
+
+    @cached_property
+    def places_plate(self) -> FloatArray:
+        """(n, 3) poses of the objects' own frames in the plate frame."""
+        return frozen(se2.compose(self.frame_plate, self.chain.places), (None, 3), "places of the objects")
+
+    def poses(self, plate: FloatArray) -> dict[str, FloatArray]:
+        """Return where the objects are with the plate at a pose (3,) in the world and every contact closed."""
+        return dict(zip(self.names, se2.compose(plate, self.places_plate), strict=True))
+
+    def stable_set(self, name: str | None = None) -> StableSet:
+        """Return the set to plan pushes of this load in, see `judge.planning_set`; made once.
+
+        Raises:
+            PushplanError: When there is no such set.
+        """
+        from pushplan.plans.judge import planning_set  # loads the compiled mechanics
+
+        if name not in self.sets:
+            self.sets[name] = planning_set(self.problem, name)
+        return self.sets[name]
+
+    def contact_name(self, name: str) -> str:
+        """Return what the contact is called through which an object is pushed."""
+        return self.chain.contact_name(self.names.index(name))
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A part of a plan, from rest to rest.
+
+    Attributes:
+        kind: One of `names.SEGMENT_KINDS`.
+        path: Of the plate frame.
+        before: Where all bodies are at the beginning.
+        after: Likewise at the end.
+        load: What the plate comes up to, pushes or leaves; None in a transit.
+        margin: That the twists of a push exceed; 0 for others.
+        trajectory: Of the plate frame, from time 0; None where it is not timed.
+        min_margin: Smallest margin of any contact along the path; None where nothing is pushed.
+        min_dynamic_margin: Likewise with inertia, along the execution.
+    """
+
+    kind: str
+    path: PushPath
+    before: Poses
+    after: Poses
+    load: Load | None = None
+    margin: float = 0.0
+    trajectory: Trajectory | None = None
+    min_margin: float | None = None
+    min_dynamic_margin: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in SEGMENT_KINDS:
+            raise PushplanError(f"no segment is a {self.kind!r}; there are {', '.join(SEGMENT_KINDS)}")
+
+    @classmethod
+    def push(cls, load: Load, contact_path: PushPath, before: Poses, margin: float) -> Segment:
+        """Return a push of a load along a path (of the contact's frame); all other bodies rest."""
+        path = contact_path.of_frame(load.chain.pusher.plate_pose)
+        after = {**before, **load.poses(path.end)}
+        return cls(PUSH, path, before, after, load, margin)
+
+    @property
+    def pushes(self) -> bool:
+        """Whether the load moves."""
+        return self.kind == PUSH
+
+    @cached_property
+    def contact_path(self) -> PushPath:
+        """The path of the load's contact frame; of the plate frame where there is no load."""
+        return self.path if self.load is None else self.path.of_frame(self.load.frame_plate)
+
+    @cached_property
+    def contact_trajectory(self) -> Trajectory:
+        """The trajectory of the load's contact frame; of the plate frame where there is no load.
+
+        Raises:
+            PushplanError: When the segment is not timed.
+        """
+        if self.trajectory is None:
+            raise PushplanError(f"the {self.kind} has no trajectory: it is not timed")
+        return self.trajectory if self.load is None else self.trajectory.of_frame(self.load.frame_plate)
+
+    @property
+    def cost(self) -> float:
+        """Of the path: of its contact's frame in a push, else of the plate frame, m."""
+        return self.contact_path.cost if self.pushes else self.path.cost
+
+    @property
+    def duration(self) -> float:
+        """Length in time, s; 0 where it is not timed."""
+        return 0.0 if self.trajectory is None else self.trajectory.duration
+
+    def problem(self, scenario: Scenario) -> Scenario:
+        """Return this push as a push problem of its own: bodies at rest are among what stands in the room.
+
+        Args:
+            scenario: Of the plan: what stands in its room.
+
+        Raises:
+            PushplanError: When nothing is pushed.
+        """
+        if self.load is None or not self.pushes:
+            raise PushplanError(f"a {self.kind} is no push")
+        own = self.load.problem
+        if own is scenario:
+            return own.with_margin(self.margin)
+        end = self.contact_path.end
+        goal = Goal(end, None, end, own.goal.position_tolerance, own.goal.angle_tolerance)
+        return replace(
+            own.with_margin(self.margin),
+            start=self.contact_path.start,
+            goal=goal,
+            workspace=scenario.workspace,
+            obstacles=(*scenario.obstacles, *self.standing_obstacles(scenario)),
+            clearance=scenario.clearance,
+            trajectory=scenario.trajectory,
+            pushes=None,
+            name=f"{scenario.name}: {self.load.face}",
+        )
+
+    def standing_obstacles(self, scenario: Scenario, leave_out: tuple[str, ...] = ()) -> tuple[Obstacle, ...]:
+        """Return the bodies that rest during the segment as obstacles, but for those left out by name."""
+        poses = self.standing()
+        return tuple(
+            PolygonObstacle(se2.transform_points(poses[obj.name], obj.outline))
+            for task in scenario.tasks
+            for obj in task.chain.objects
+            if obj.name in poses and obj.name not in leave_out
+        )
+
+    def standing(self) -> dict[str, FloatArray]:
+        """Return where the bodies are that rest during the segment."""
+        moving = self.load.names if self.pushes and self.load is not None else ()
+        return {name: pose for name, pose in self.before.items() if name not in moving}
+
+
+def join(segments: tuple[Segment, ...]) -> Trajectory | None:
+    """Return the trajectory of the plate frame through all segments; None where one is not timed."""
+    trajectories = [segment.trajectory for segment in segments]
+    if not trajectories or any(one is None for one in trajectories):
+        return None
+    timed = [one for one in trajectories if one is not None]
+    if len(timed) == 1:
+        return timed[0]
+    breaks, arcs, now, before = [np.zeros(1)], [], 0.0, 0
+    for segment, trajectory in zip(segments, timed, strict=True):
+        breaks.append(now + trajectory.breaks[1:])
+        arcs.append(before + trajectory.arc)
+        now, before = float(breaks[-1][-1]), before + len(segment.path.lengths)
+    coefficients = np.concatenate([one.coefficients for one in timed])
+    first = timed[0]
+    return Trajectory(
+        first.start, np.concatenate(breaks), coefficients, np.concatenate(arcs), first.rate, first.base
+    )
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """A plan that was better than those before it.
+
+    Attributes:
+        seconds: Of planning until then (wall clock).
+        cost: Of the plan, m.
+        iterations: Of the search until then.
+        segments: The plan, not timed; empty in what only tells of one.
+    """
+
+    seconds: float
+    cost: float
+    iterations: int
+    segments: tuple[Segment, ...] = field(default=(), compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """One reason why there is no plan.
+
+    Attributes:
+        cause: A word of `CAUSES`.
+        text: The same in a sentence, with the numbers.
+        proven: There is no plan for this reason; False stands for a guess.
+        numbers: The numbers by name, SI units.
+    """
+
+    cause: str
+    text: str
+    proven: bool
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+
+CAUSES = {
+    "gap": "a passage between start and goal is too narrow for the chain",
+    "heading": "no stable push turns the chain, and the goal asks for another heading",
+    "direction": "no stable push turns the chain, and the goal lies in a direction that none goes",
+    "one-sided": "the chain turns to one side only",
+    "wide turns": "the turns are wide for the room there is",
+    "boxed in": "hardly any push is possible from the start, or into the goal",
+    "order": "no order of the objects was found",
+    "time": "the search was not over",
+}
+"""What a diagnosis may name, and what it means."""
+
+
+@dataclass(frozen=True, eq=False)
+class Nearest:
+    """Where no plan reaches the goal, the one that ends nearest to it.
+
+    Attributes:
+        segments: Free and stable, not timed; empty where there is none.
+        error: How far from the goal it ends (m, rad).
+    """
+
+    segments: tuple[Segment, ...]
+    error: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """How the plate moves so that every object gets to its goal, or why no way was found.
+
+    What takes long and is not always wanted is worked out when it is first asked for.
+
+    Attributes:
+        scenario: What was asked.
+        segments: In their order; empty when not solved.
+        reason: Why there is no plan; empty when solved.
+        planner: Name of the planner that ran.
+        stable_set: Name of the stable set that limited the twists.
+        seed: Of the random numbers.
+        cost: By which plans were compared, m: pushed distance, transits and changes of the contact with their
+            weights; of a single push its path's. None when not solved.
+        objective: What ranked plans, one of `names.COSTS`.
+        lower_bound: Cost (m) that no plan beats; None where none is known.
+        first_solution_s: Wall-clock seconds to the first plan, or None.
+        planning_s: Wall-clock seconds of preparing and searching.
+        iterations: Of the search: arcs propagated, or pushes and transits that were looked at.
+        improvements: Better and better plans.
+        margin_asked: What the twists' margins had to exceed at first.
+        margin: What they had to exceed in the end: less, where no plan was found with `margin_asked`.
+        tree: (q, 2, 3) poses at both ends of the search tree's branches, thinned.
+        diagnosis: What kept the search from finding a plan, most certain first.
+        nearest: Where there is no plan; None where not even that is known.
+        execution: What the kinematic simulator makes of the plan; None when there is none.
+        robustness: How far single numbers may be off; None when not solved or not timed.
+    """
+
+    scenario: Scenario
+    segments: tuple[Segment, ...]
+    reason: str
+    planner: str
+    stable_set: str
+    seed: int
+    cost: float | None = None
+    objective: str = DEFAULT_COST
+    lower_bound: LazyField[float | None] = LazyField(None)
+    first_solution_s: float | None = None
+    planning_s: float = 0.0
+    iterations: int = 0
+    improvements: tuple[Improvement, ...] = ()
+    margin_asked: float | None = None
+    margin: float | None = None
+    tree: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    diagnosis: tuple[Diagnosis, ...] = ()
+    nearest: Nearest | None = None
+    execution: Execution | None = None
+    robustness: LazyField[Tolerance | None] = LazyField(None)
+
+    @property
+    def solved(self) -> bool:
+        """Whether every goal is reached, and the plan passed the validation."""
+        return not self.reason
+
+    @cached_property
+    def trajectory(self) -> Trajectory | None:
+        """The motion of the plate frame through all segments; None when not solved or not timed."""
+        return join(self.segments)
+
+    @cached_property
+    def times(self) -> FloatArray:
+        """(k + 1,) when each segment begins, and the last one ends, s."""
+        ends = np.cumsum([segment.duration for segment in self.segments])
+        return frozen(np.concatenate([[0.0], ends]), (None,), "times of the segments")
+
+    def segment_at(self, t: FloatArray) -> IntArray:
+        """Return the index of the segment at each time (m,), s."""
+        inside = np.searchsorted(self.times, t, side="right") - 1
+        return np.asarray(np.clip(inside, 0, len(self.segments) - 1))
+
+    @property
+    def pushes(self) -> tuple[Segment, ...]:
+        """The segments in which a load moves."""
+        return tuple(segment for segment in self.segments if segment.pushes)
+
+    @property
+    def path(self) -> PushPath | None:
+        """Of a single push, in the contact's frame; None otherwise."""
+        single = len(self.segments) == 1 and self.segments[0].pushes
+        return self.segments[0].contact_path if single else None
+
+    @property
+    def duration(self) -> float | None:
+        """Of the trajectory, s; None where there is none."""
+        return None if self.trajectory is None else self.trajectory.duration
+
+    @property
+    def min_margin(self) -> float | None:
+        """Smallest margin of any contact in any push; of the execution where there is one."""
+        if self.execution is not None:
+            return self.execution.min_margin
+        return min((s.min_margin for s in self.pushes if s.min_margin is not None), default=None)
+
+    @property
+    def min_dynamic_margin(self) -> float | None:
+        """Smallest margin of any contact with inertia during the execution; None where there is none."""
+        return None if self.execution is None else self.execution.min_dynamic_margin
+
+    @property
+    def pushed_distance(self) -> float | None:
+        """Cost of all pushes together, m; None without a plan."""
+        return sum(segment.cost for segment in self.pushes) if self.segments else None
+
+    @property
+    def gap(self) -> float | None:
+        """Share by which the plan costs more than the lower bound; None where one of them is not known.
+
+        The optimum lies between: the plan wastes no more than this, mostly much less.
+        """
+        if self.cost is None or not self.lower_bound:
+            return None
+        return max(0.0, self.cost / self.lower_bound - 1.0)
+
+    @property
+    def lowered(self) -> str:
+        """That the margin was lowered, in a sentence; empty if it was not."""
+        if self.margin is None or self.margin_asked is None or self.margin >= self.margin_asked:
+            return ""
+        if not self.segments:
+            return f"margins from {self.margin_asked:.2g} down to {self.margin:.2g} were tried"
+        return f"margin {self.margin:.2g} instead of {self.margin_asked:.2g}: no path was found with more"
+
+    @property
+    def why_not(self) -> list[str]:
+        """Why there is no plan, and how near to the goal one comes, in sentences; none where there is one."""
+        if self.solved:
+            return []
+        causes = [found.text for found in self.diagnosis if found.text not in self.reason]
+        if self.nearest is None:
+            return [self.reason, *causes]
+        position, angle = self.nearest.error
+        near = f"the nearest path ends {position:.3f} m and {math.degrees(angle):.1f} deg from the goal"
+        return [self.reason, *causes, near]
+
+    def metrics(self) -> dict[str, float | int | str | bool | None]:
+        """Return the numbers of the plan by name: those that JSON, the terminal, the bench and reports show."""
+        execution = self.execution
+        error = (None, None) if execution is None else execution.goal_error
+        travel = sum(segment.path.cost for segment in self.segments) if self.segments else None
+        return {
+            "solved": self.solved,
+            "reason": self.reason,
+            "planner": self.planner,
+            "objective": self.objective,
+            "set": self.stable_set,
+            "seed": self.seed,
+            "first_solution_s": self.first_solution_s,
+            "planning_s": self.planning_s,
+            "iterations": self.iterations,
+            "cost": self.cost,
+            "path_cost": self.path.cost if self.path is not None else travel,
+            "lower_bound": self.lower_bound,
+            "gap": self.gap,
+            "pushed_distance": self.pushed_distance,
+            "travel": travel,
+            "pushes": len(self.pushes),
+            "arcs": sum(len(segment.path.lengths) for segment in self.pushes),
+            "duration_s": self.duration,
+            "goal_error_position": error[0],
+            "goal_error_angle": error[1],
+            "min_margin": self.min_margin,
+            "min_dynamic_margin": self.min_dynamic_margin,
+            "margin_asked": self.margin_asked,
+            "margin": self.margin,
+        }
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the plan as plain data, the one form that text and JSON are made from; arrays are lists."""
+        numbers = self.metrics()
+        arcs, position, angle = (
+            numbers.pop(key) for key in ("arcs", "goal_error_position", "goal_error_angle")
+        )
+        del arcs
+        loss = None if self.execution is None else self.execution.loss
+        robustness = self.robustness
+        return {
+            "scenario": self.scenario.name,
+            **numbers,
+            "diagnosis": [vars(found) for found in self.diagnosis],
+            "nearest": None if self.nearest is None else _nearest_dict(self.nearest),
+            "arcs": _arcs(self.path) if self.path is not None else [],
+            "goal_error": None if position is None else {"position": position, "angle": angle},
+            "robustness": None if robustness is None else vars(robustness),
+            "contact_lost": None if loss is None else vars(loss),
+            "segments": [self._segment_dict(k) for k in range(len(self.segments))],
+        }
+
+    def _segment_dict(self, k: int) -> dict[str, object]:
+        segment, (t0, t1) = self.segments[k], self.times[k : k + 2]
+        load = segment.load
+        moved = load.names if load is not None else tuple(segment.before)
+        return {
+            "kind": segment.kind,
+            "face": None if load is None else load.face,
+            "offset": None if load is None else load.offset,
+            "load": [] if load is None else [vars(link) for link in load.links],
+            "margin": segment.margin,
+            "arcs": _arcs(segment.contact_path if segment.pushes else segment.path),
+            "robot_before": segment.path.start.tolist(),
+            "robot_after": segment.path.end.tolist(),
+            "object_before": segment.before[moved[0]].tolist(),
+            "object_after": segment.after[moved[0]].tolist(),
+            "before": {name: pose.tolist() for name, pose in segment.before.items()},
+            "after": {name: pose.tolist() for name, pose in segment.after.items()},
+            "t0": float(t0),
+            "t1": float(t1),
+        }
+
+
+def _arcs(path: PushPath) -> list[dict[str, object]]:
+    return [
+        {"twist": twist.tolist(), "length": float(length)}
+        for twist, length in zip(path.twists, path.lengths, strict=True)
+    ]
+
+
+def _nearest_dict(nearest: Nearest) -> dict[str, object]:
+    position, angle = nearest.error
+    arcs = [arc for segment in nearest.segments if segment.pushes for arc in _arcs(segment.contact_path)]
+    cost = sum(segment.cost for segment in nearest.segments)
+    return {"path_cost": cost, "position": position, "angle": angle, "arcs": arcs}

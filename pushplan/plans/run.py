@@ -1,0 +1,146 @@
+"""What executing a plan comes to, and what a run log holds; kept apart from the simulators: they load slowly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pushplan.geometry import se2
+from pushplan.plans.plan import Plan, Poses
+from pushplan.util.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from pushplan.plans.events import Feedback
+    from pushplan.scenario.model import Scenario
+
+
+@dataclass(frozen=True)
+class StabilityLoss:
+    """Where an execution lost a contact; what happens after it is not predicted.
+
+    Attributes:
+        time: s.
+        segment: Index of the segment.
+        object: Name of the object that the contact pushes.
+        contact: What the contact is called: who pushes, and whom.
+        margin: The margin found there, <= 0.
+        pose: (3,) pose of the plate frame in the world.
+    """
+
+    time: float
+    segment: int
+    object: str
+    contact: str
+    margin: float
+    pose: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Execution:
+    """What happened, sampled at the trajectory's rate.
+
+    A contact is known by the object that it pushes; columns of contacts are those of the objects. They are NaN where
+    the object is not pushed.
+
+    Attributes:
+        names: Of the objects.
+        judge: Name of the stable set whose margins decide.
+        t: (m,) times, s; ends early when stability was lost.
+        poses: (m, 3) integrated pose of the plate frame in the world.
+        twists: (m, 3) executed body twists of the plate frame.
+        objects: (m, n, 3) poses of the objects' own frames in the world.
+        segment: (m,) index of the segment.
+        margins: (m, n) margin of each contact; where the pusher rests, that of the twist it is about to take (at
+            the end: has just taken). Where contacts may slip: what the twists would have if nothing had.
+        loss: The first loss of stability, or None.
+        goal_error: (position m, angle rad) of the final poses against the goals, the largest of all objects.
+        dynamic_margins: (m, n) with inertia; None where it was not looked at.
+        friction_margins: (m, n) angle of the contact force to the nearer edge of its friction cone, rad; like
+            `lambdas` and `forces`, None where the loads on the floor are not known.
+        lambdas: (m, n) where the force passes through the contact's segment, 0 at the right end, 1 at the left end.
+        forces: (m, n, 2) contact force on the pushed object, in the contact's frame of its load, N.
+        wrenches: (m, 3) with which the plate pushes on all that it touches, in the contact's frame, about its origin:
+            N, N, N m. None where contacts may not slip: it is then that of `forces`.
+    """
+
+    names: tuple[str, ...]
+    judge: str
+    t: FloatArray
+    poses: FloatArray
+    twists: FloatArray
+    objects: FloatArray
+    segment: IntArray
+    margins: FloatArray
+    loss: StabilityLoss | None
+    goal_error: tuple[float, float]
+    dynamic_margins: FloatArray | None = None
+    friction_margins: FloatArray | None = None
+    lambdas: FloatArray | None = None
+    forces: FloatArray | None = None
+    wrenches: FloatArray | None = None
+
+    @property
+    def min_margin(self) -> float | None:
+        """Smallest margin of any contact, without inertia; None where nothing was pushed."""
+        return _least(self.margins)
+
+    @property
+    def min_dynamic_margin(self) -> float | None:
+        """Smallest margin of any contact with inertia, None where it was not looked at or nothing was pushed."""
+        return None if self.dynamic_margins is None else _least(self.dynamic_margins)
+
+    def poses_at(self, time: float) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return where the plate frame (3,) and the objects are at a time, s."""
+
+        def at(columns: FloatArray) -> FloatArray:
+            return np.array([np.interp(time, self.t, column) for column in columns.T])
+
+        return at(self.poses), {name: at(self.objects[:, k]) for k, name in enumerate(self.names)}
+
+
+def _least(margins: FloatArray) -> float | None:
+    known = margins[~np.isnan(margins)]
+    return float(known.min()) if known.size else None
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A plan, its execution and the log of both.
+
+    Attributes:
+        scenario: What was asked.
+        plan: What was planned.
+        execution: What the simulator made of it; None when there was nothing to execute.
+        log: The log file; None when there is none, or it could not be written to its end.
+        seconds: Wall-clock time by phase: `preparing`, `search`, `timing`, `execution`, `validation`, `logging`; s.
+        feedback: What a closed loop measured, noticed and did; None for a plan that was executed as it was.
+    """
+
+    scenario: Scenario
+    plan: Plan
+    execution: Execution | None
+    log: Path | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    feedback: Feedback | None = None
+
+
+def goal_error(scenario: Scenario, poses: Poses) -> tuple[float, float]:
+    """Return how far (m, rad) the objects are from their goals: the largest errors of any of them.
+
+    Args:
+        scenario: Of several goals for one load, the nearest counts.
+        poses: Of all objects.
+    """
+    errors = []
+    for task in scenario.tasks:
+        first = task.chain.objects[0]
+        load = se2.compose(poses[first.name], se2.inverse(first.pose_chain))
+        reach = task.chain.reach
+        each = [se2.pose_error(load, goal.pose_chain) for goal in task.goals]
+        if each:
+            errors.append(min(each, key=lambda error: error[0] + reach * error[1]))
+    return (max((e[0] for e in errors), default=0.0), max((e[1] for e in errors), default=0.0))
