@@ -6,6 +6,7 @@ from pathlib import Path, PurePosixPath
 
 from pushplan.errors import SupportError
 from pushplan.scenario.yaml.node import shorten
+from pushplan.util.regular_file import read_regular
 
 MOST_ATTACHED = 16 << 20
 """Bytes up to which a file that a scenario names is read."""
@@ -41,8 +42,7 @@ class Attachments:
             raise SupportError(f"the file '{shorten(name)}' is not attached; needed: its contents")
         path = self._inside(name, self._folder)
         try:
-            with path.open("rb") as file:
-                data = file.read(MOST_ATTACHED + 1)
+            data = read_regular(path, MOST_ATTACHED + 1)
         except OSError as error:
             raise SupportError(f"cannot read '{shorten(name)}': {error.strerror or error}") from error
         if len(data) > MOST_ATTACHED:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +15,7 @@ import shapely
 from PIL import Image
 
 import pushplan
-from pushplan.errors import ImportedFileError, ScenarioError
+from pushplan.errors import ImportedFileError, PushplanError, ScenarioError
 from pushplan.logging.verify import verify
 from pushplan.scenario.imported.map_cells import cells_of
 from pushplan.scenario.imported.ros_map import read_ros_map
@@ -173,3 +176,72 @@ def test_a_map_that_cannot_be_had_is_told_with_its_place(obstacle: str, what: st
     with pytest.raises(ScenarioError) as caught:
         pushplan.load_scenario(_write(tmp_path, obstacle))
     assert what in str(caught.value)
+
+
+EPS = b"""\
+%!PS-Adobe-3.0 EPSF-3.0
+%%BoundingBox: 0 0 10 10
+%%EndComments
+showpage
+"""
+
+
+@pytest.fixture
+def started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where a `gs` that stands in for Ghostscript leaves a mark; Pillow starts it for an EPS picture."""
+    mark, folder = tmp_path / "started", tmp_path / "programs"
+    folder.mkdir()
+    (folder / "gs").write_text(f"#!/bin/sh\ntouch '{mark}'\n")
+    (folder / "gs").chmod(0o755)
+    monkeypatch.setenv("PATH", str(folder), prepend=os.pathsep)
+    monkeypatch.setattr("PIL.EpsImagePlugin.gs_binary", None)
+    with contextlib.suppress(OSError), Image.open(io.BytesIO(EPS)) as image:
+        image.load()
+    assert mark.exists()
+    mark.unlink()
+    return mark
+
+
+def test_no_map_starts_a_program(tmp_path: Path, started: Path) -> None:
+    file = _write(tmp_path)
+    (tmp_path / "maps" / "office.pgm").write_bytes(EPS)
+    told = r"obstacles\[1\].map: maps/office.pgm: is no PGM, PPM, PNG or BMP picture"
+    with pytest.raises(ScenarioError, match=told):
+        pushplan.load_scenario(file)
+    with pytest.raises(ImportedFileError, match="is no PGM"):
+        read_ros_map(tmp_path / "maps" / "office.yaml")
+    assert not started.exists()
+
+
+def test_no_map_in_a_log_starts_a_program(tmp_path: Path, started: Path) -> None:
+    scenario = pushplan.load_scenario(_write(tmp_path))
+    evil = replace(scenario, attachments={**scenario.attachments, "maps/office.pgm": EPS})
+    log = tmp_path / "evil.mcap"
+    pushplan.run(evil, log=log, first=True, time_limit=60.0)
+    with pytest.raises(PushplanError, match="is no PGM, PPM, PNG or BMP picture"):
+        pushplan.read_run(log)
+    assert not started.exists()
+
+
+@pytest.mark.parametrize("kind", ["PPM", "PNG", "BMP"])
+def test_pictures_of_maps_are_read(kind: str) -> None:
+    picture = _bytes(Image.fromarray(np.array([[254, 0]], np.uint8)), kind)
+    assert cells_of(picture, "map", "trinary", False, 0.65, 0.25).occupied.tolist() == [[False, True]]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+@pytest.mark.parametrize("pipe", ["maps/office.pgm", "maps/office.yaml"])
+def test_a_pipe_is_no_map(tmp_path: Path, pipe: str) -> None:
+    file = _write(tmp_path)
+    (tmp_path / pipe).unlink()
+    os.mkfifo(tmp_path / pipe)
+    with pytest.raises(ScenarioError, match="this is no regular file"):
+        pushplan.load_scenario(file)
+    with pytest.raises(ImportedFileError, match="this is no regular file"):
+        read_ros_map(tmp_path / "maps" / "office.yaml")
+
+
+def test_a_picture_is_bounded_before_it_is_decoded() -> None:
+    header = b"P5 9000 9000 255\n"
+    with pytest.raises(ImportedFileError, match="9000 x 9000 cells"):
+        cells_of(header, "huge.pgm", "trinary", False, 0.65, 0.25)

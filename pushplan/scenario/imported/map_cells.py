@@ -14,6 +14,9 @@ from pushplan.util.arrays import BoolArray, FloatArray
 MOST_CELLS = 1 << 26
 """Cells up to which a map is read."""
 
+FORMATS = ("PPM", "PNG", "BMP")
+"""Decoders of Pillow that may be used, PGM is read by PPM's; the one for EPS, for example, starts Ghostscript."""
+
 UNKNOWN_GREY = 205
 """map_saver writes this for what is unknown, with thresholds by which it would be free: 50/255 < 0.25."""
 
@@ -36,7 +39,7 @@ def cells_of(picture: bytes, name: str, mode: str, negate: bool, occupied: float
     the grey value 205 in trinary, whatever the thresholds say.
 
     Args:
-        picture: A file of a kind that Pillow knows.
+        picture: A PGM, PPM, PNG or BMP file.
         name: What messages call it.
         mode: trinary, scale or raw.
         negate: Whether bright cells are occupied.
@@ -61,10 +64,10 @@ def cells_of(picture: bytes, name: str, mode: str, negate: bool, occupied: float
 
 def _grey(picture: bytes, name: str) -> tuple[FloatArray, BoolArray]:
     """Return the grey values (rows from the top, columns) of a picture, and where it is not opaque."""
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(io.BytesIO(picture)) as image:
+        with Image.open(io.BytesIO(picture), formats=FORMATS) as image:
             if image.width * image.height > MOST_CELLS:
                 raise ImportedFileError(
                     f"{name}: has {image.width} x {image.height} cells; allowed: {MOST_CELLS} cells"
@@ -72,6 +75,8 @@ def _grey(picture: bytes, name: str) -> tuple[FloatArray, BoolArray]:
             values: npt.NDArray[Any] = np.asarray(image.convert("RGBA"), dtype=np.uint8)
     except ImportedFileError:
         raise
+    except UnidentifiedImageError as error:
+        raise ImportedFileError(f"{name}: is no PGM, PPM, PNG or BMP picture; others are not read") from error
     except Exception as error:  # Pillow's plugins raise whatever they stumble over
         raise ImportedFileError(f"{name}: cannot read the picture: {error}") from error
     return values[:, :, :3].mean(axis=2, dtype=np.float64), values[:, :, 3] < 255

@@ -23,6 +23,7 @@ from pushplan.scenario.values.quantity import Quantity
 from pushplan.scenario.yaml.text import MOST_BYTES, DocumentError
 from pushplan.scenario.yaml.tree import read_document
 from pushplan.util.arrays import BoolArray, FloatArray
+from pushplan.util.regular_file import read_regular
 
 MOST_PICTURE = 1 << 28
 """Bytes up to which a picture is read."""
@@ -63,7 +64,7 @@ class RosMap:
 def read_ros_map(
     path: str | Path, *, unknown_is_free: bool = False, tolerance: float | None = None
 ) -> RosMap:
-    """Read a map file and its picture (PGM, PNG, ...).
+    """Read a map file and its picture (PGM, PNG or BMP).
 
     Args:
         path: The YAML file.
@@ -92,8 +93,7 @@ def map_files(path: Path, name: str) -> dict[str, bytes]:
 
 def _bytes_of(file: Path) -> bytes:
     try:
-        with file.open("rb") as stream:
-            return stream.read(MOST_PICTURE)
+        return read_regular(file, MOST_PICTURE)
     except OSError as error:
         raise ImportedFileError(f"{file}: cannot read the file: {error.strerror or error}") from error
 
