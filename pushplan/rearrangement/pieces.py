@@ -41,6 +41,10 @@ class Piece:
         assert pushes is not None
         return pushes.goals if self.wanted else ()
 
+    def is_at_goal(self, pose: FloatArray) -> bool:
+        """Tell whether it is at one of its goals, its frame being at a pose (3,)."""
+        return any(goal.is_reached(pose) for goal in self.goals)
+
     def outlines(self, pose: FloatArray) -> list[FloatArray]:
         """Return the outlines of its objects in the world, its frame being at a pose (3,)."""
         chain = self.prepared.scenario.chain
@@ -81,6 +85,7 @@ class Errand:
         question: From where to where.
         found: What the search came to; it has a plan.
         delivers: It ends at a goal of the piece.
+        wanted: The piece has goals: put out of the way, from one of them too, it has to be brought to one later.
     """
 
     piece: int
@@ -89,6 +94,7 @@ class Errand:
     question: Question
     found: Found
     delivers: bool
+    wanted: bool
 
     @property
     def cost(self) -> float:
@@ -115,7 +121,8 @@ class Errand:
         """Return where everything is afterwards."""
         poses = np.array(before.poses)
         poses[self.piece] = self.end
-        return Situation(self.plate, poses, before.left - {self.piece} if self.delivers else before.left)
+        left = before.left - {self.piece}
+        return Situation(self.plate, poses, left if self.delivers or not self.wanted else left | {self.piece})
 
 
 def posed(pieces: tuple[Piece, ...], now: Situation, piece: int, goals: tuple[Goal, ...]) -> Scenario:
@@ -155,4 +162,5 @@ def errand(
     room = prepared.room(0)
     question = Question(backed_off(room, scenario), np.array(scenario.start), free)
     found = search(room, question, limits, seed)
-    return None if found.best is None else Errand(piece, prepared, room, question, found, not places)
+    wanted = pieces[piece].wanted
+    return None if found.best is None else Errand(piece, prepared, room, question, found, not places, wanted)

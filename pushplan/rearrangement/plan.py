@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushplan.errors import PlanningError
-from pushplan.geometry import se2
 from pushplan.planners.multi.search import Limits
 from pushplan.plans.result import PlanResult, ProgressPoint
 from pushplan.rearrangement.order import Order
@@ -17,10 +16,10 @@ from pushplan.rearrangement.pieces import Errand, Piece, Situation, errand
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal
+from pushplan.scenario.several_objects import overlapping_goals
 from pushplan.several.plan import Asked, Outcome, checked
 from pushplan.several.prepared import Prepared
 from pushplan.several.warm import warm_up_several
-from pushplan.util.arrays import FloatArray
 from pushplan.util.stopwatch import Stopwatch
 
 GAIN = 1e-6
@@ -101,24 +100,26 @@ class Rearranging:
             movable: Names of those that have no goal: they are moved where they are in the way.
 
         Raises:
-            PlanningError: When there are none, or one asks for a single push.
-            EmptyStableSetError: When no contact can push a piece.
+            PlanningError: When there are none, one asks for a single push, or goals of two of them overlap.
+                EmptyStableSetError: When no contact can push a piece.
         """
         if not scenarios:
             raise PlanningError("there is no object to push")
         first = next(iter(scenarios.values()))
         if any(scenario.pushes is None for scenario in scenarios.values()) or first.pushes is None:
             raise PlanningError("several objects need a robot.start, the plate's pose in the world")
-        warm_up_several(None, first.stability.set, first.interval is not None)
         unwanted = set(movable)
+        for what in overlapping_goals(
+            {name: scenario for name, scenario in scenarios.items() if name not in unwanted}
+        ).values():
+            raise PlanningError(what)
+        warm_up_several(None, first.stability.set, first.interval is not None)
         pieces = tuple(
             Piece(name, Prepared.of(scenario), name not in unwanted) for name, scenario in scenarios.items()
         )
         poses = np.array([scenario.start for scenario in scenarios.values()])
         left = frozenset(
-            k
-            for k, piece in enumerate(pieces)
-            if piece.wanted and not any(_reaches(goal, poses[k]) for goal in piece.goals)
+            k for k, piece in enumerate(pieces) if piece.wanted and not piece.is_at_goal(poses[k])
         )
         return cls(pieces, Situation(first.pushes.robot_start, poses, left))
 
@@ -149,8 +150,19 @@ class Rearranging:
             errands = self._better(errands, until, seed, stop)
         spent = time.perf_counter() - began
         legs = tuple(leg_of(self.pieces, one, seed) for one in errands)
-        wrong = "; ".join(f"{leg.name}: {leg.plan.reason}" for leg in legs if not leg.plan.solved)
+        faults = [f"{leg.name}: {leg.plan.reason}" for leg in legs if not leg.plan.solved]
+        wrong = "; ".join(faults or self._not_at_goals(legs))
         return Rearrangement(() if wrong else legs, wrong, soon, spent, order.looked_at)
+
+    def _not_at_goals(self, legs: tuple[Leg, ...]) -> list[str]:
+        """Return which of all pieces with goals are not at one of them after the last leg, in words."""
+        ends = {piece.name: pose for piece, pose in zip(self.pieces, self.now.poses, strict=True)}
+        ends |= {leg.name: leg.plan.segments[-1].load_after for leg in legs}
+        return [
+            f"{piece.name}: ends {min(goal.errors(ends[piece.name])[0] for goal in piece.goals):.3f} m from its goal"
+            for piece in self.pieces
+            if piece.wanted and not piece.is_at_goal(ends[piece.name])
+        ]
 
     def _better(
         self, errands: tuple[Errand, ...], until: float, seed: int, stop: Callable[[], bool] | None
@@ -195,8 +207,3 @@ def _standalone(scenario: Scenario) -> Scenario:
     assert scenario.pushes is not None
     stated["robot"] = {**stated.get("robot", {}), "start": scenario.pushes.robot_start.tolist()}
     return scenario_from_document(stated, scenario.path, scenario.attachments)
-
-
-def _reaches(goal: Goal, pose: FloatArray) -> bool:
-    position, angle = se2.pose_error(pose, goal.pose_chain)
-    return position <= goal.position_tolerance and angle <= goal.angle_tolerance

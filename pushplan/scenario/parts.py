@@ -43,6 +43,18 @@ class Goal:
         object.__setattr__(self, "pose", frozen(self.pose, (3,), "pose of the goal"))
         object.__setattr__(self, "pose_chain", frozen(self.pose_chain, (3,), "chain's pose at the goal"))
 
+    def errors(self, pose_chain: FloatArray) -> tuple[float, float]:
+        """Return how far (m, rad) what the goal is stated for is from it, the chain frame being at a pose (3,)."""
+        position, angle = se2.pose_error(
+            se2.compose(pose_chain, se2.relative(self.pose_chain, self.pose)), self.pose
+        )
+        return float(position), float(angle)
+
+    def is_reached(self, pose_chain: FloatArray) -> bool:
+        """Tell whether the chain frame at a pose (3,) is at the goal, within the tolerance."""
+        position, angle = self.errors(pose_chain)
+        return position <= self.position_tolerance and angle <= self.angle_tolerance
+
 
 @dataclass(frozen=True, eq=False)
 class Pushes:

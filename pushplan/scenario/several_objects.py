@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 
 from pushplan.geometry import se2
+from pushplan.mechanics.chain import Chain
 from pushplan.scenario.arrangement.meeting import millimetres
 from pushplan.scenario.build import check_room_for_inertia, planner_settings
 from pushplan.scenario.chain import build_bodies
@@ -25,6 +26,7 @@ from pushplan.scenario.several_pushes import check_places, make_goals, make_push
 from pushplan.scenario.surroundings import build_surroundings
 from pushplan.scenario.yaml.node import Document, Place, shorten
 from pushplan.scenario.yaml.report import Report
+from pushplan.util.arrays import FloatArray
 
 
 def build_rearrangement(
@@ -70,6 +72,8 @@ def build_rearrangement(
             _check(scenario, obj.name, _report_of(report, i, obj.name), report)
     if not report.findings:
         _check_apart(scenario, report)
+        for name, what in overlapping_goals({name: scenario.alone(name) for name in file.goals}).items():
+            report.add(("goals", name), what)
     return None if report.findings else scenario
 
 
@@ -154,21 +158,48 @@ def _check(scenario: Scenario, name: str, own: Report, report: Report) -> None:
 
 def _check_apart(scenario: Scenario, report: Report) -> None:
     """Report objects that touch one another at first."""
-    placed = {
-        name: shapely.MultiPolygon(
-            [
-                shapely.Polygon(se2.transform_points(body.start, obj.outline_chain))
-                for obj in body.chain.objects
-            ]
-        )
-        for name, body in scenario.bodies.items()
-    }
+    placed = {name: _area(body.chain, body.start) for name, body in scenario.bodies.items()}
     index = {name: i for i, name in enumerate(placed)}
     for one, other in combinations(placed, 2):
         gap, kept = float(placed[one].distance(placed[other])), scenario.clearance
         if gap < kept:
             what = f"'{other}' is {millimetres(gap)} from '{one}'; allowed: at least {millimetres(kept)}"
             report.add(("objects", index[other], "pose"), what)
+
+
+def overlapping_goals(scenarios: Mapping[str, Scenario]) -> dict[str, str]:
+    """Return in words which objects cannot be at their goals together with another, by the name of the later one.
+
+    Args:
+        scenarios: The problem of each object that has goals, alone in the room, by its name.
+    """
+    ends = {name: _ends(scenario) for name, scenario in scenarios.items()}
+    found = {}
+    for one, other in combinations(ends, 2):
+        gap, kept = (
+            max(float(a.distance(b)) for a in ends[one] for b in ends[other]),
+            scenarios[other].clearance,
+        )
+        if gap < kept:
+            found[other] = (
+                f"at their goals, '{one}' and '{other}' are {millimetres(gap)} apart; "
+                f"allowed: at least {millimetres(kept)}"
+            )
+    return found
+
+
+def _ends(scenario: Scenario) -> list[shapely.MultiPolygon]:
+    """Return what the objects of one problem cover at each goal, and at the start where that reaches one."""
+    goals = (scenario.goal,) if scenario.pushes is None else scenario.pushes.goals
+    poses = [goal.pose_chain for goal in goals]
+    poses += [scenario.start for goal in goals if goal.is_reached(scenario.start)]
+    return [_area(scenario.chain, pose) for pose in poses]
+
+
+def _area(chain: Chain, pose: FloatArray) -> shapely.MultiPolygon:
+    """Return what the objects cover with the chain frame at a pose (3,)."""
+    outlines = (se2.transform_points(pose, obj.outline_chain) for obj in chain.objects)
+    return shapely.MultiPolygon([shapely.Polygon(outline) for outline in outlines])
 
 
 @dataclass(frozen=True, eq=False)

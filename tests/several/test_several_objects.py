@@ -264,3 +264,57 @@ def test_editors_know_goals(file: Path) -> None:
 def test_what_is_for_one_load_is_refused(file: Path, capsys: Captured) -> None:
     assert main(["plan", str(file), "--plot", str(file.with_name("x.png"))]) == 2
     assert "--plot does not go together with goals of several objects" in capsys.readouterr().err
+
+
+ALCOVE = """\
+format: pushplan/1
+name: into-the-alcove
+floor: {friction: 0.30}
+objects:
+  - {name: red, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [2.0, 1.2, 0.0]}
+  - {name: blue, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [2.0, 1.85, 0.0]}
+pusher: {width: 0.24, friction: 0.50}
+robot:
+  footprint: {box: [0.30, 0.24], pose: [-0.155, 0, 0]}
+  drive: omnidirectional
+  start: [2.0, 0.5, 90 deg]
+goals:
+  red: {pose: [2.0, 2.6, 0.0], symmetry: 4}
+  blue: {pose: [2.0, 1.85, 0.0], symmetry: 4}
+workspace: {x: [0.0, 4.0], y: [0.0, 3.0]}
+obstacles:
+  - {box: [1.75, 1.0], pose: [0.875, 2.5, 0.0]}
+  - {box: [1.75, 1.0], pose: [3.125, 2.5, 0.0]}
+"""
+
+
+def test_what_makes_room_on_its_goal_is_brought_back(tmp_path: Path, capsys: Captured) -> None:
+    """Blue stands on its goal, in the mouth of the alcove in which red's goal is."""
+    path = tmp_path / "alcove.yaml"
+    path.write_text(ALCOVE, "utf-8")
+    assert main(["plan", str(path), "--first", "--time-limit", "120", "--no-log", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    ends = {errand["object"]: errand["segments"][-1]["object_after"] for errand in told["errands"]}
+    for name, goal in {"red": [2.0, 2.6], "blue": [2.0, 1.85]}.items():
+        assert np.hypot(*(np.array(ends[name][:2]) - goal)) < 0.1 + 1e-6, (
+            name
+        )  # of the rear face's middle, or nearer
+
+
+@pytest.mark.parametrize("command", ["check", "plan"])
+@pytest.mark.parametrize("goals", ["[1.2, 1.1, 90 deg]", "[{pose: [1.2, 1.0, 0]}, {pose: [1.1, 1.0, 0]}]"])
+def test_goals_that_overlap_are_refused_at_once(
+    file: Path, command: str, goals: str, capsys: Captured
+) -> None:
+    """Red starts on its goal; wherever blue goes, it would stand on it."""
+    stated = FILE.replace("red: {pose: [1.2, 2.2, 0.0], symmetry: 2}", "red: [1.2, 1.0, 0.0]")
+    file.write_text(stated.replace("blue: [1.2, 1.0, 90 deg]", f"blue: {goals}"), "utf-8")
+    assert main([command, str(file)]) == 2
+    told = capsys.readouterr().err
+    assert "15:9: goals.blue: at their goals, 'red' and 'blue' are 0 mm apart; allowed: at least" in told
+
+
+def test_one_goal_of_several_that_is_apart_is_enough(file: Path) -> None:
+    stated = FILE.replace("blue: [1.2, 1.0, 90 deg]", "blue: [[1.2, 2.2, 0], [1.2, 1.0, 90 deg]]")
+    file.write_text(stated, "utf-8")
+    assert load_several_objects(file).movable == ("bin",)
