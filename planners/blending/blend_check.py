@@ -60,7 +60,7 @@ def off_chords(trajectory: Trajectory, reach: float) -> float:
     along = (rates * twists).sum(axis=1) / np.maximum((twists * twists).sum(axis=1), RESTING**2)
     rest = rates - along[:, None] * twists
     most = np.hypot(rest[:, 0], rest[:, 1]) + np.abs(rest[:, 2])
-    return float(most.max(initial=0.0)) / (8.0 * trajectory.rate**2)
+    return float(most.max(initial=0.0)) / (8.0 * trajectory.sample_rate**2)
 
 
 def collision_times(scenario: Scenario, trajectory: Trajectory) -> FloatArray:

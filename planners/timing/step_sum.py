@@ -24,6 +24,10 @@ from pushplan.util.arrays import FloatArray, IntArray
 FINEST = 0.02
 """Longest piece (s) on which the twist changes direction: a Magnus step over it is good to about 1e-11 m."""
 
+MOST_OF_PHASE = 500
+"""Pieces of one phase of a step, at most: 10 s of the finest. A slower step needs no more of them, since the error of
+Magnus steps falls with the fourth power of their number, however long the phase takes."""
+
 SAME_TIME = 1e-9
 """Phases that begin closer together (s) are one."""
 
@@ -97,7 +101,7 @@ def _breaks(begin: FloatArray, end: FloatArray, widths: FloatArray) -> FloatArra
     for i in range(len(counts)):
         middle = 0.5 * (phases[i] + phases[i + 1])
         if ((begin < middle) & (middle < end)).any():
-            counts[i] = math.ceil((phases[i + 1] - phases[i]) / FINEST)
+            counts[i] = min(math.ceil((phases[i + 1] - phases[i]) / FINEST), MOST_OF_PHASE)
     breaks, q = np.empty(counts.sum() + 1), 0
     for i in range(len(counts)):
         for k in range(counts[i]):

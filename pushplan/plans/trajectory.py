@@ -15,6 +15,10 @@ from pushplan.util.arrays import FloatArray, columns_of, frozen
 SAMPLE_RATE = 100.0
 """Default rate at which trajectories are sampled and executed, Hz."""
 
+MOST_SAMPLES = 100_000
+"""Samples of a trajectory, at most: 17 minutes at the default rate. A drive that takes longer, as limits near zero
+make it, has them farther apart instead of taking gigabytes; they are exact wherever they are."""
+
 RESTING = 1e-6
 """Twist components below this (m/s, rad/s) count as rest."""
 
@@ -60,7 +64,7 @@ class Trajectory:
         breaks: (q + 1,) times between which the twist is one polynomial, s; the first is 0.
         coefficients: (q, 3, 3) twist on piece i at time t: sum_j coefficients[i, j] (t - breaks[i])^j.
         arc: (q,) index of the path's arc that a piece belongs to (a blend counts to the arc it leaves).
-        rate: Samples per second of `t`, `poses` and `twists`, and of the same of the base.
+        rate: Samples per second of `t`, `poses` and `twists`, and of the same of the base; see also `sample_rate`.
         base: (3,) pose in the chain frame of the robot's base, the frame that path followers steer.
     """
 
@@ -93,10 +97,15 @@ class Trajectory:
         """Length in time, s."""
         return float(self.breaks[-1])
 
+    @property
+    def sample_rate(self) -> float:
+        """Samples per second of `t`: `rate`, or less where that would make more than `MOST_SAMPLES`, Hz."""
+        return min(self.rate, MOST_SAMPLES / self.duration) if self.duration > 0.0 else self.rate
+
     @cached_property
     def t(self) -> FloatArray:
-        """(m,) sample times at the fixed rate, the end included, s."""
-        steps = np.arange(int(np.floor(self.duration * self.rate)) + 1) / self.rate
+        """(m,) sample times at `sample_rate`, the end included, s."""
+        steps = np.arange(int(np.floor(self.duration * self.sample_rate)) + 1) / self.sample_rate
         times = steps if steps[-1] == self.duration else np.append(steps, self.duration)
         return frozen(times, (None,), "sample times")
 

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from pushplan.geometry.se2 import chained
 from pushplan.planners.timing.motion_kernel import poses_after
-from pushplan.planners.timing.step_sum import Pieces, ordered_widths, step_sum
-from pushplan.plans.trajectory import Trajectory
+from pushplan.planners.timing.step_sum import MOST_OF_PHASE, Pieces, ordered_widths, step_sum
+from pushplan.plans.trajectory import Trajectory, advance
 from pushplan.util.arrays import FloatArray
 
 
@@ -134,3 +135,17 @@ def test_where_a_motion_leads_is_the_same_compiled_and_not() -> None:
     np.testing.assert_allclose(
         motion.break_poses, poses_after(start, pieces.coefficients, pieces.durations), atol=1e-13
     )
+
+
+@pytest.mark.parametrize("slower", [1.0, 100.0])
+def test_slow_steps_have_few_pieces_and_are_as_exact(slower: float) -> None:
+    """The same turns, a hundred times slower, in a tenth of the pieces: each is cut into ten and integrated again."""
+    levels, centers, widths = _random(3, 6)
+    pieces = step_sum(levels / slower, centers * 10.0 * slower, widths * 10.0 * slower)
+    assert len(pieces.durations) <= 4 * 6 * MOST_OF_PHASE
+    breaks = np.concatenate([[0.0], np.cumsum(pieces.durations)])
+    whole = Trajectory(np.zeros(3), breaks, pieces.coefficients, pieces.level.astype(np.float64))
+    tau = (np.arange(10) / 10.0 * pieces.durations[:, None]).ravel()
+    piece = np.repeat(np.arange(len(pieces.durations)), 10)
+    steps = advance(whole.columns.take(piece, axis=2), tau, tau + pieces.durations[piece] / 10.0)
+    np.testing.assert_allclose(chained(np.zeros(3), steps)[-1], pieces.motion, atol=1e-9)
