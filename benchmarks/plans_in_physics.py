@@ -37,19 +37,20 @@ from pushplan.bench.random_problems.parameters import DRIVES, ProblemParameters
 from pushplan.errors import PushplanError
 from pushplan.kernels import warm_up
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.perturb import (
+    shifted_places,
+    turned,
+    turned_places,
+    with_contact_friction,
+    with_floor_friction,
+    with_leaning_load,
+)
 from pushplan.plan import plan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.examples import example_names, example_text
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.physics.model.engine import engine
 from pushplan.sim.physics.verdict import verdict_of_physics
-from pushplan.sim.worlds.misjudged import (
-    with_contact_friction,
-    with_floor_friction,
-    with_loads_shifted,
-    with_slanted_face,
-)
-from pushplan.sim.worlds.misplaced import shifted, turned
 from pushplan.util.arrays import FloatArray
 
 Document = dict[str, Any]
@@ -92,33 +93,35 @@ def perturbed(name: str, chain: Chain) -> dict[str, World]:
     return {
         "as stated": World(chain),
         "contact x0.9": World(with_contact_friction(chain, 0.9)),
-        "floor x0.8": World(with_floor_friction(chain, low, 0.8)),
-        "floor x1.2": World(with_floor_friction(chain, high, 1.2)),
-        "load left": World(with_loads_shifted(chain, LEFT, 0.1)),
-        "load right": World(with_loads_shifted(chain, RIGHT, 0.1)),
-        "load front": World(with_loads_shifted(chain, FRONT, 0.1)),
-        "1 mm off": World(chain, shifted(chain, aside, sides[0] * ASIDE)),
-        "0.5 deg off": World(chain, turned(chain, askew, sides[1] * TURN)),
+        "floor x0.8": World(with_floor_friction(chain, 0.8, low)),
+        "floor x1.2": World(with_floor_friction(chain, 1.2, high)),
+        "load left": World(with_leaning_load(chain, LEFT, 0.1)),
+        "load right": World(with_leaning_load(chain, RIGHT, 0.1)),
+        "load front": World(with_leaning_load(chain, FRONT, 0.1)),
+        "1 mm off": World(chain, shifted_places(chain, aside, sides[0] * ASIDE)),
+        "0.5 deg off": World(chain, turned_places(chain, askew, sides[1] * TURN)),
     }
 
 
-def within(tolerance: Any, chain: Chain) -> dict[str, World]:
-    """Return worlds that differ by 0.9 of a plan's tolerance in one thing each."""
+def within(robustness: Any, chain: Chain) -> dict[str, World]:
+    """Return worlds that differ by 0.9 of a plan's robustness in one thing each."""
     share = OF_TOLERANCE
     worlds = {
         "contact friction": World(
-            with_contact_friction(chain, 1.0 - share * (1.0 - tolerance.contact_friction))
+            with_contact_friction(chain, 1.0 - share * (1.0 - robustness.contact_friction))
         )
     }
     for i in range(len(chain.objects)):
         for sign in (1.0, -1.0):
             told = f"{i}{sign:+.0f}"
-            floor = with_floor_friction(chain, i, 1.0 + sign * share * tolerance.floor_friction)
+            floor = with_floor_friction(chain, 1.0 + sign * share * robustness.floor_friction, i)
             worlds[f"floor friction {told}"] = World(floor)
-            worlds[f"position {told}"] = World(chain, shifted(chain, i, sign * share * tolerance.position))
-            worlds[f"angle {told}"] = World(with_slanted_face(chain, i, sign * share * tolerance.angle))
+            worlds[f"position {told}"] = World(
+                chain, shifted_places(chain, i, sign * share * robustness.position)
+            )
+            worlds[f"angle {told}"] = World(turned(chain, i, sign * share * robustness.angle))
         for direction in (LEFT, RIGHT, FRONT, BACK):
-            leaned = with_loads_shifted(chain, direction, share * tolerance.load, i)
+            leaned = with_leaning_load(chain, direction, share * robustness.load, i)
             worlds[f"load {i} {direction}"] = World(leaned)
     return worlds
 
@@ -149,7 +152,7 @@ def attempt(name: str, document: Document, setting: str, tolerance: bool) -> Doc
             return {**told, "reason": result.reason}
     except PushplanError as error:
         return {**told, "reason": str(error)}
-    worlds = within(result.tolerance, chain) if tolerance else perturbed(name, chain)
+    worlds = within(result.robustness, chain) if tolerance else perturbed(name, chain)
     return {
         **told,
         "objects": len(chain.objects),

@@ -18,7 +18,7 @@ from pushplan.planners.trajectories import make_trajectory
 from pushplan.plans.judge import planning_set
 from pushplan.plans.result import PlanResult
 from pushplan.sim.judging import execute_trajectory
-from pushplan.sim.robustness.work_out import tolerance_of
+from pushplan.sim.robustness import robustness_of
 
 
 def with_best_path(run: RecordedRun) -> RecordedRun:
@@ -68,5 +68,5 @@ def _plan(run: RecordedRun) -> PlanResult:
         margin_asked=margins[0],
         margin=margin,
         execution=execution,
-        tolerance=tolerance_of(scenario.chain, trajectory),
+        robustness=robustness_of(scenario.chain, trajectory),
     )

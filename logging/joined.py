@@ -118,7 +118,7 @@ class _Errands:
             path=join_paths(segments),
             objective_cost=sum(plan.objective_cost or 0.0 for plan in plans),
             min_margin=min(margins, default=None),
-            tolerance=None,
+            robustness=None,
         )
 
     @property

@@ -15,7 +15,7 @@ from pushplan.planners.trajectories import make_trajectory
 from pushplan.plans.judge import planning_set
 from pushplan.plans.result import PlanResult
 from pushplan.scenario.model import Scenario
-from pushplan.sim.robustness.work_out import tolerance_of
+from pushplan.sim.robustness import robustness_of
 from pushplan.util.names import AUTO, COSTS
 
 
@@ -51,7 +51,7 @@ def plan_again(run: RecordedRun) -> PlanResult:
     return replace(
         settled,
         trajectory=trajectory,
-        tolerance=None if plan.tolerance is None else tolerance_of(scenario.chain, trajectory),
+        robustness=None if plan.robustness is None else robustness_of(scenario.chain, trajectory),
         min_margin=float(stable.margin(plan.path.twists).min()) if len(plan.path.twists) else None,
         lower_bound=None if plan.lower_bound is None else lower_bound(scenario, segments, plan.path.cost),
         diagnosis=(),

@@ -17,8 +17,8 @@ from pushplan.scenario.model import Scenario
 from pushplan.several.execution import execute_segments
 from pushplan.several.modes import Mode, find_modes
 from pushplan.several.plan import least_margin, objective_cost
+from pushplan.several.robustness import least_robustness
 from pushplan.several.segments import mode_of, timed
-from pushplan.several.tolerance import least_tolerance
 from pushplan.several.verdict import verdict_on
 from pushplan.sim.judging import execute
 
@@ -40,7 +40,7 @@ def segments_again(scenario: Scenario, plan: PlanResult, trajectory: Trajectory)
         objective=scenario.planner.cost,
         objective_cost=objective_cost(scenario, segments),
         min_margin=least_margin(segments, modes),
-        tolerance=None if plan.tolerance is None else least_tolerance(segments, again, modes),
+        robustness=None if plan.robustness is None else least_robustness(segments, again, modes),
     )
 
 

@@ -39,7 +39,7 @@ from pushplan.scenario.several_pushes import troubles_at_first
 from pushplan.sets.named import add_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
-from pushplan.sim.robustness.work_out import least_tolerance
+from pushplan.sim.robustness import least_robustness
 from pushplan.util.arrays import FloatArray
 from pushplan.util.collection import no_collection
 from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY
@@ -367,7 +367,7 @@ class Planner:
             diagnosis=diagnosis,
             nearest=nearest,
             execution=execution if found else None,
-            robustness=(lambda: least_tolerance(found)) if found and timed else None,
+            robustness=(lambda: least_robustness(found)) if found and timed else None,
         )
 
     def _set_name(self, segments: Segments) -> str:

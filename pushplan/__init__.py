@@ -59,7 +59,7 @@ _HOMES = {
     "sets.named": "stable_set",
     "sets.stable_set": "StableSet",
     "mechanics.support": "FeetSupport PressureMapSupport Support UniformSupport UnknownSupport",
-    "sim.robustness.tolerance": "Tolerance",
+    "plans.robustness": "Robustness",
     "plans.trajectory": "Trajectory",
     "trial": "trial",
     "sim.trials.result": "Trials",
@@ -127,6 +127,7 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.plans.result import PlanResult as PlanResult
     from pushplan.plans.result import ProgressPoint as ProgressPoint
     from pushplan.plans.result import Run as Run
+    from pushplan.plans.robustness import Robustness as Robustness
     from pushplan.plans.trajectory import Trajectory as Trajectory
     from pushplan.push_queries import PushQueries as PushQueries
     from pushplan.queries import Queries as Queries
@@ -175,7 +176,6 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.sim.identify.identification import Identification as Identification
     from pushplan.sim.identify.identify import identify_courses as identify_courses
     from pushplan.sim.rigid import simulate_rigid as simulate_rigid
-    from pushplan.sim.robustness.tolerance import Tolerance as Tolerance
     from pushplan.sim.slip.report import ContactLoss as ContactLoss
     from pushplan.sim.slip.report import Mode as Mode
     from pushplan.sim.slip.report import SlipReport as SlipReport

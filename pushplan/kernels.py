@@ -48,7 +48,7 @@ from pushplan.scenario.file import scenario_from_document
 from pushplan.sets.boundary.peaks import margin_peaks
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
-from pushplan.sim.robustness.work_out import tolerance_along
+from pushplan.sim.robustness import robustness_along
 
 _BOX = (-2.0, -2.0, 3.0, 4.0)
 """Where the search may look, m: around a start and a goal that a wall keeps apart."""
@@ -129,7 +129,7 @@ def _compile_mechanics() -> None:
     stable.meridians(count=8)
     margin_peaks(stable.margin_values, chain.characteristic_length)
     contact_state(chain, np.array([[1.0, 0.0, 0.0]]))
-    tolerance_along(chain, np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3)))
+    robustness_along(chain, np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3)))
 
 
 @cache

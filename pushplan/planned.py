@@ -31,7 +31,7 @@ from pushplan.scenario.arrangement.placement import Surroundings, bodies_at, pla
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.judging import execute_trajectory
-from pushplan.sim.robustness.work_out import tolerance_of
+from pushplan.sim.robustness import robustness_of
 from pushplan.util.arrays import FloatArray
 from pushplan.util.collection import no_collection
 from pushplan.util.stopwatch import Stopwatch
@@ -221,7 +221,7 @@ def _checked(
         margin_asked=means.margins[0],
         margin=posed.required_margin,
         execution=execution if solved else None,
-        tolerance=partial(tolerance_of, scenario.chain, trajectory) if solved and trajectory else None,
+        robustness=partial(robustness_of, scenario.chain, trajectory) if solved and trajectory else None,
     )
 
 

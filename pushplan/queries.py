@@ -83,7 +83,7 @@ class Queries:
             start: (3,) pose of the chain frame in the world.
             goal: Likewise.
             timed: Make, execute and check the trajectory, as `pushplan.plan` does. Without it the path alone is
-                checked, which takes a tenth of the time; `trajectory`, `execution` and `tolerance` are None.
+                checked, which takes a tenth of the time; `trajectory`, `execution` and `robustness` are None.
             seed: Of the random numbers; None stands for that of the scenario.
             time_limit: Seconds; None stands for that of the scenario.
             iterations: See `pushplan.plan`.

@@ -73,8 +73,8 @@ def test_plan_tells_all_numbers_and_they_fit_together(planned: Mapping[str, Any]
     assert 0.0 <= found["goal_error"]["angle"] <= 1e-6
     assert found["min_margin"] > 0.0
     assert found["duration_s"] > 1.0
-    assert set(found["tolerance"]) == {"contact_friction", "floor_friction", "load", "position", "angle"}
-    assert "  bears            " in planned["err"]
+    assert set(found["robustness"]) == {"contact_friction", "floor_friction", "load", "position", "angle"}
+    assert "  robustness       " in planned["err"]
     assert Path(found["log"]) == planned["log"]
 
 

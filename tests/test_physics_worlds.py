@@ -9,21 +9,24 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.errors import SupportError
+from pushplan.errors import ChainError, SupportError
 from pushplan.geometry.se2 import compose, relative, transform_points
 from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.mechanics.perturb import (
+    aside,
+    shifted_places,
+    slid,
+    turned,
+    turned_places,
+    with_contact_friction,
+    with_floor_friction,
+    with_leaning_load,
+)
 from pushplan.mechanics.support import FeetSupport, Support, UnknownSupport
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.physics import verdict as physics_verdict
 from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.sim.physics.verdict import HARD, STEPS, verdict_of_physics
-from pushplan.sim.worlds.misjudged import (
-    with_contact_friction,
-    with_floor_friction,
-    with_loads_shifted,
-    with_slanted_face,
-)
-from pushplan.sim.worlds.misplaced import shifted, subtree, turned
 from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -59,7 +62,7 @@ def body(chain: Chain, index: int, placed: FloatArray) -> shapely.Polygon:
 def test_a_turned_object_touches_with_a_corner_and_overlaps_nothing(
     chain: Chain, index: int, angle: float
 ) -> None:
-    placed = turned(chain, index, angle)
+    placed = turned_places(chain, index, angle)
     np.testing.assert_allclose(placed[:, 2], angle * (np.arange(3) == index))
     for contact in chain.contacts:
         pusher, pushed = body(chain, contact.pusher, placed), body(chain, contact.pushed, placed)
@@ -72,7 +75,7 @@ def test_a_turned_object_touches_with_a_corner_and_overlaps_nothing(
 
 
 def test_a_shifted_object_keeps_its_contact_and_leaves_the_others_in_place(chain: Chain) -> None:
-    placed = shifted(chain, 1, 0.004)
+    placed = shifted_places(chain, 1, 0.004)
     np.testing.assert_allclose(placed, [[0.0, 0.0, 0.0], [0.0, 0.004, 0.0], [0.0, 0.0, 0.0]], atol=1e-15)
 
 
@@ -80,7 +83,7 @@ def test_what_leans_on_a_shifted_object_follows_it(chain: Chain) -> None:
     """The face of the middle object leans: its shift to the left brings it ahead, and with it what it carries."""
     right, normal = chain.contacts[2].right, np.array([np.cos(0.1), np.sin(0.1)])
     leaning = replace(chain.contacts[2], left=right + 0.05 * np.array([-normal[1], normal[0]]))
-    placed = shifted(replace(chain, contacts=(*chain.contacts[:2], leaning)), 1, 0.004)
+    placed = shifted_places(replace(chain, contacts=(*chain.contacts[:2], leaning)), 1, 0.004)
     np.testing.assert_allclose(placed[2], [*(0.004 * normal[1] * normal), 0.0], atol=1e-15)
 
 
@@ -88,13 +91,13 @@ def test_frictions_are_scaled_alone(chain: Chain) -> None:
     low = with_contact_friction(chain, 0.9)
     assert [c.friction for c in low.contacts] == pytest.approx([0.9 * c.friction for c in chain.contacts])
     assert low.pusher.friction == pytest.approx(0.9 * chain.pusher.friction)
-    rough = with_floor_friction(chain, 1, 1.2)
+    rough = with_floor_friction(chain, 1.2, 1)
     assert [obj.floor_friction for obj in rough.objects] == pytest.approx([0.3, 0.36, 0.3])
 
 
 @pytest.mark.parametrize("index", [None, 1])
 def test_a_load_leans_by_the_share_at_its_outermost_foot(chain: Chain, index: int | None) -> None:
-    leaned = with_loads_shifted(chain, [0.0, 1.0], 0.1, index)
+    leaned = with_leaning_load(chain, [0.0, 1.0], 0.1, index)
     for i, obj in enumerate(leaned.objects):
         assert isinstance(obj.support, FeetSupport)
         assert obj.support.fractions is not None
@@ -104,22 +107,40 @@ def test_a_load_leans_by_the_share_at_its_outermost_foot(chain: Chain, index: in
             np.testing.assert_allclose(obj.support.fractions, 0.25)
 
 
-def test_even_pressure_leans_as_points_with_its_moments(make_chain: ChainMaker) -> None:
-    leaned = with_loads_shifted(make_chain.boxes(1), [1.0, 0.0], 0.1).objects[0].support
-    assert leaned.center[0] > 1e-3
-    assert abs(leaned.center[1]) < 1e-9
+def test_even_pressure_leans_by_a_share_of_its_mean(make_chain: ChainMaker) -> None:
+    """On a square of side a, p (1 + s 2 x / a) has its centre at s a / 6."""
+    leaned = with_leaning_load(make_chain.boxes(1), [1.0, 0.0], 0.3).objects[0].support
+    np.testing.assert_allclose(leaned.center, [0.3 * 0.1 / 6.0, 0.0], atol=1e-15)
+    assert leaned.most_lean(np.array([1.0, 0.0])) == pytest.approx(0.7)
+
+
+def test_an_object_aside_leaves_what_it_carries_and_shortens_both_contacts(chain: Chain) -> None:
+    moved = aside(chain, 1, [0.0, 0.004, 0.12])
+    np.testing.assert_allclose(
+        moved.poses[1], [[0.0, 0.0, 0.0], [0.0, 0.004, 0.0], [0.0, 0.0, 0.0]], atol=1e-15
+    )
+    np.testing.assert_allclose(moved.lengths[:2], [[0.1, 0.1, 0.1], [0.1, 0.096, 0.096]], atol=1e-12)
+    assert moved.lengths[2, 1] < 0.0
+    with pytest.raises(ChainError, match="'box1' has slid off"):
+        moved.applied(chain, 2)
+
+
+def test_what_slides_takes_along_what_it_carries(chain: Chain) -> None:
+    found = slid(chain, [0.01, 0.02, 0.0])
+    np.testing.assert_allclose([obj.pose_chain[1] for obj in found.objects], [0.01, 0.03, 0.03], atol=1e-15)
+    ends = [(contact.right[1], contact.left[1]) for contact in found.contacts]
+    np.testing.assert_allclose(ends, [(-0.04, 0.06), (-0.02, 0.06), (-0.02, 0.08)], atol=1e-12)
 
 
 def test_a_load_that_is_not_known_does_not_lean(make_chain: ChainMaker) -> None:
-    with pytest.raises(SupportError, match="load under 'box0' can only be shifted where it is known"):
-        with_loads_shifted(make_chain.boxes(1, support=UnknownSupport), [1.0, 0.0], 0.1)
+    with pytest.raises(SupportError, match="a load that is not known cannot lean"):
+        with_leaning_load(make_chain.boxes(1, support=UnknownSupport), [1.0, 0.0], 0.1)
 
 
 def test_a_slanted_face_turns_all_that_is_carried_as_one(chain: Chain) -> None:
-    slanted = with_slanted_face(chain, 1, 0.2)
+    slanted = turned(chain, 1, 0.2)
     contact = chain.contacts[1]
     assert slanted.contacts[1] == contact
-    assert subtree(chain, 1) == [1, 2]
     before, after = ([obj.pose_chain for obj in c.objects] for c in (chain, slanted))
     np.testing.assert_array_equal(before[0], after[0])
     np.testing.assert_allclose(relative(after[1], after[2]), relative(before[1], before[2]), atol=1e-15)
@@ -138,7 +159,7 @@ def _engine() -> None:
 
 @pytest.mark.usefixtures("_engine")
 def test_a_turned_object_closes_and_counts_from_there_on(chain: Chain) -> None:
-    report = verdict_of_physics(chain, ahead(0.2, 1.0), placed=turned(chain, 1, -0.01))
+    report = verdict_of_physics(chain, ahead(0.2, 1.0), placed=turned_places(chain, 1, -0.01))
     assert report.kept
     assert 0.01 < report.counted_from < 0.2
     start = relative(report.object_poses[0, 0], report.object_poses[0, 1])
@@ -149,7 +170,7 @@ def test_a_turned_object_closes_and_counts_from_there_on(chain: Chain) -> None:
 
 @pytest.mark.usefixtures("_engine")
 def test_an_object_that_starts_aside_ends_aside(chain: Chain) -> None:
-    report = verdict_of_physics(chain, ahead(0.2, 1.0), placed=shifted(chain, 2, 1e-3))
+    report = verdict_of_physics(chain, ahead(0.2, 1.0), placed=shifted_places(chain, 2, 1e-3))
     assert report.kept
     assert report.counted_from == 0.0
     np.testing.assert_allclose(report.object_errors, [[0.0, 0.0], [0.0, 0.0], [1e-3, 0.0]], atol=2e-5)

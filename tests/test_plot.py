@@ -29,11 +29,11 @@ from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.execution import Execution
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.result import PlanResult
+from pushplan.plans.robustness import Robustness
 from pushplan.scenario.model import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.named import stable_set
 from pushplan.sim.rigid import simulate_rigid
-from pushplan.sim.robustness.tolerance import Tolerance
 from pushplan.util.arrays import FloatArray
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
@@ -96,9 +96,9 @@ def test_a_plan_is_drawn_in_every_form_with_the_same_bytes_each_time(
 def test_a_plan_shows_what_it_bears(
     scenario: Scenario, plan: PlanResult, execution: Execution, tmp_path: Path
 ) -> None:
-    bearing = replace(plan, tolerance=Tolerance(0.5, 0.25, 0.5, 0.01, 0.1))
+    bearing = replace(plan, robustness=Robustness(0.5, 0.25, 0.5, 0.01, 0.1))
     plot_plan(scenario, bearing, execution, tmp_path / "p.svg")
-    assert "<!-- bears contact friction down to 0.50 of what is stated," in (tmp_path / "p.svg").read_text()
+    assert "<!-- tolerates 50 % lower contact friction than nominal," in (tmp_path / "p.svg").read_text()
 
 
 def test_a_plan_shows_its_name_numbers_and_labels(
@@ -143,7 +143,7 @@ def test_the_legend_of_a_plan_covers_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     figures = _kept_figures(monkeypatch)
-    bearing = replace(plan, tolerance=Tolerance(0.5, 0.25, 0.5, 0.01, 0.1))
+    bearing = replace(plan, robustness=Robustness(0.5, 0.25, 0.5, 0.01, 0.1))
     named = replace(scenario, name="a-long-name-" * 20)
     plot_plan(named, bearing if solved else unsolved, execution if solved else None, tmp_path / "p.png")
     assert len(figures[0].texts) == solved

@@ -49,14 +49,14 @@ def test_a_plan_is_the_first_plan_of_its_own_scenario(queries: Queries, clutter:
     assert own.trajectory is not None
     np.testing.assert_array_equal(asked.path.twists, own.path.twists)
     np.testing.assert_array_equal(asked.trajectory.poses, own.trajectory.poses)
-    assert asked.tolerance == own.tolerance
+    assert asked.robustness == own.robustness
     assert asked.lower_bound == own.lower_bound
 
 
 def test_a_path_without_times_is_the_same_path_and_checked(queries: Queries, clutter: Scenario) -> None:
     timed, path = (queries.plan(START, GOAL, seed=3, timed=timed) for timed in (True, False))
     assert path.solved
-    assert (path.trajectory, path.execution, path.tolerance) == (None, None, None)
+    assert (path.trajectory, path.execution, path.robustness) == (None, None, None)
     assert path.path is not None
     assert timed.path is not None
     np.testing.assert_array_equal(path.path.lengths, timed.path.lengths)

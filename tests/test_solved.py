@@ -79,7 +79,7 @@ def test_a_path_that_loses_a_contact_when_driven_is_not_solved(hurried: None) ->
     result = plan(scenario, time_limit=60.0, iterations=ITERATIONS)
     assert not result.solved
     assert result.reason.startswith("the plan does not hold when it is executed: contact ")
-    assert (result.path, result.trajectory, result.execution, result.tolerance) == (None, None, None, None)
+    assert (result.path, result.trajectory, result.execution, result.robustness) == (None, None, None, None)
     assert result.min_dynamic_margin is None
     assert result.first_solution_s is not None
 

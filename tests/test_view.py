@@ -110,7 +110,7 @@ def test_every_stage_of_an_answer_leads_from_the_dragged_start_to_the_dragged_go
         assert answer.result.path is not None
         np.testing.assert_allclose(answer.result.path.end, goal, atol=2e-3)
     assert timed.result is not None
-    assert timed.result.tolerance is not None
+    assert timed.result.robustness is not None
 
 
 def test_another_chain_has_another_stable_set_and_the_first_one_its_own_again(

@@ -13,9 +13,9 @@ from pushplan.logging.messages.effort import Effort
 from pushplan.logging.messages.schemas import MessageClass, Plan
 from pushplan.plans.path import PushPath
 from pushplan.plans.result import Diagnosis, PlanResult, ProgressPoint
+from pushplan.plans.robustness import Robustness
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
-from pushplan.sim.robustness.tolerance import Tolerance
 from pushplan.util.arrays import FloatArray, frozen
 
 _MOST_REASONS = 1000
@@ -50,11 +50,11 @@ def encode(plan: PlanResult) -> MessageClass:
     for field, path in (("path", plan.path), ("approximate_path", plan.approximate_path)):
         if path is not None:
             _fill(getattr(message, field), path)
-    if plan.tolerance is not None:
-        message.tolerance.SetInParent()
-        for name, value in vars(plan.tolerance).items():
+    if plan.robustness is not None:
+        message.robustness.SetInParent()
+        for name, value in vars(plan.robustness).items():
             if value is not None:
-                setattr(message.tolerance, name, value)
+                setattr(message.robustness, name, value)
     if plan.trajectory is not None:
         for name in ("start", "breaks", "coefficients", "arc"):
             getattr(message.trajectory, name).extend(getattr(plan.trajectory, name).ravel())
@@ -143,7 +143,7 @@ def decode(message: MessageClass, effort: Effort, progress: Sequence[ProgressPoi
         objective=message.objective,
         margin_asked=_optional(message, "margin_asked"),
         margin=_optional(message, "margin"),
-        tolerance=_tolerance(message.tolerance) if message.HasField("tolerance") else None,
+        robustness=_robustness(message.robustness) if message.HasField("robustness") else None,
         segments=tuple(map(_segment, message.segments)),
         objective_cost=_optional(message, "objective_cost"),
     )
@@ -204,9 +204,9 @@ def _optional(message: MessageClass, field: str) -> float | None:
     return getattr(message, field) if message.HasField(field) else None
 
 
-def _tolerance(message: MessageClass) -> Tolerance:
-    names = [field.name for field in fields(Tolerance)]
-    return Tolerance(**{name: getattr(message, name) if message.HasField(name) else None for name in names})
+def _robustness(message: MessageClass) -> Robustness:
+    names = [field.name for field in fields(Robustness)]
+    return Robustness(**{name: getattr(message, name) if message.HasField(name) else None for name in names})
 
 
 def _path(message: MessageClass) -> PushPath:

@@ -73,11 +73,11 @@ _MESSAGES: dict[str, tuple[str, ...]] = {
         "15 string objective",
         "16 optional double margin_asked",
         "17 optional double margin",
-        "20 pushplan.Tolerance tolerance",
+        "20 pushplan.Robustness robustness",
         "30 repeated pushplan.Segment segments",
         "31 optional double objective_cost",
     ),
-    "Tolerance": (
+    "Robustness": (
         "1 optional double contact_friction",
         "2 optional double floor_friction",
         "3 optional double load",

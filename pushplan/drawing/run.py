@@ -64,7 +64,7 @@ def plot_plan(scenario: Scenario, plan: PlanResult, execution: Execution | None,
     side = _LEFT + width + _GAP
     full = side + _SIDE_WIDTH + _RIGHT
     with figure_for(path, full, _FLOOR_HEIGHT) as figure:
-        bears = "" if plan.tolerance is None else f"bears {plan.tolerance.sentence}"
+        bears = "" if plan.robustness is None else plan.robustness.sentence
         bottom = draw_footer(figure, _LEFT, _keys(scenario, plan), bears) + _AXIS
         figure.set_size_inches(full, bottom + _FLOOR_HEIGHT + _TOP)
         _draw_floor(axes_at(figure, _LEFT, bottom, width, _FLOOR_HEIGHT), scenario, plan, view)

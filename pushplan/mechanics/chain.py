@@ -86,17 +86,17 @@ class Contact:
         if not self.length > 0.0:
             raise ChainError(f"contact of object {self.pushed} has length {self.length} m; it must be > 0")
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Length of the segment, m."""
         return float(np.linalg.norm(self.left - self.right))
 
-    @property
+    @cached_property
     def tangent(self) -> FloatArray:
         """(2,) unit vector from the right end to the left end."""
         return (self.left - self.right) / self.length
 
-    @property
+    @cached_property
     def normal(self) -> FloatArray:
         """(2,) unit vector from the pushing into the pushed body."""
         tangent = self.tangent

@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -22,6 +23,20 @@ FRACTION_TOLERANCE = 1e-6
 """By how much the load fractions of the feet may miss 1 in sum."""
 
 _ROUNDING = 1e-12
+
+
+class PointLoads(NamedTuple):
+    """A known load on k points.
+
+    Attributes:
+        positions: (k, 2) m.
+        fractions: (k,) part of the weight on each, summing to 1.
+        stiffness: (k,) share in carrying a load that a push above the floor shifts, summing to 1.
+    """
+
+    positions: FloatArray
+    fractions: FloatArray
+    stiffness: FloatArray
 
 
 class Support(ABC):
@@ -41,6 +56,45 @@ class Support(ABC):
     @abstractmethod
     def hull(self) -> FloatArray:
         """(h, 2) corners of the convex hull of all points that may carry load, counter-clockwise, m."""
+
+    @property
+    def point_loads(self) -> PointLoads:
+        """The load as points, where that is exact.
+
+        Raises:
+            SupportError: Where it is not known, or a pressure on a whole polygon.
+        """
+        raise SupportError("the load is not known, or does not rest on points")
+
+    def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return e . (x - g) / h (k,) at corners or points x, and what it is a share of there: see `leaning`.
+
+        Raises:
+            SupportError: When the load is not known.
+        """
+        raise SupportError("a load that is not known cannot lean to one side")
+
+    def most_lean(self, direction: FloatArray) -> float:
+        """Return the largest share of `leaning` at which no load is negative."""
+        lean, headroom = self.lean(direction)
+        lost = np.maximum(-lean, 0.0)
+        return float(np.min(headroom[lost > 0.0] / lost[lost > 0.0], initial=np.inf))
+
+    def leaning(self, direction: FloatArray, share: float) -> Support:
+        """Return the load with p(x) + share e . (x - g) / h in place of p(x), its centre moved with it.
+
+        h is the largest |e . (x - g)| under the object, so that the outermost load changes by the share: on a polygon
+        by one of the mean pressure, and g is the centroid; on points by one of each point's load, and g their centre.
+        What rests on one line across e cannot lean: it stays as it is.
+
+        Args:
+            direction: (2,) unit vector e in the object's own frame.
+            share: May be negative.
+
+        Raises:
+            SupportError: When the load is not known, or would be negative somewhere.
+        """
+        raise SupportError("a load that is not known cannot lean to one side")
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +150,17 @@ class UniformSupport(Support):
         """(h, 2) convex hull of the outline, m."""
         return convex_hull(self.outline)
 
+    def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Support.lean`: of the mean pressure, at the corners."""
+        arms = self.outline - self.moments.centroid
+        return _scaled(arms @ direction), 1.0 + self.moments.area * arms @ self.gradient
+
+    def leaning(self, direction: FloatArray, share: float) -> UniformSupport:
+        """See `Support.leaning`."""
+        reach = float(np.abs((self.outline - self.moments.centroid) @ direction).max())
+        shift = share * self.moments.second @ direction / (self.moments.area * reach)
+        return UniformSupport(self.outline, self.center + shift)
+
 
 @dataclass(frozen=True, eq=False)
 class FeetSupport(Support):
@@ -144,6 +209,27 @@ class FeetSupport(Support):
     def hull(self) -> FloatArray:
         """(h, 2) convex hull of the feet, m."""
         return convex_hull(self.positions)
+
+    @property
+    def point_loads(self) -> PointLoads:
+        """The feet, which share a load that shifts evenly."""
+        if self.fractions is None:
+            return super().point_loads
+        return PointLoads(
+            self.positions, self.fractions, np.full(len(self.positions), 1.0 / len(self.positions))
+        )
+
+    def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Support.lean`."""
+        if self.fractions is None:
+            return super().lean(direction)
+        return _scaled((self.positions - self.center) @ direction), np.ones(len(self.positions))
+
+    def leaning(self, direction: FloatArray, share: float) -> FeetSupport:
+        """See `Support.leaning`."""
+        lean, _ = self.lean(direction)
+        assert self.fractions is not None
+        return FeetSupport(self.positions, self.fractions * (1.0 + share * lean))
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +285,19 @@ class PressureMapSupport(Support):
         """(h, 2) convex hull of the loaded points, m."""
         return convex_hull(self.points)
 
+    @property
+    def point_loads(self) -> PointLoads:
+        """The points, which take their parts of a load that shifts, too."""
+        return PointLoads(self.points, self.fractions, self.fractions)
+
+    def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Support.lean`."""
+        return _scaled((self.points - self.center) @ direction), np.ones(len(self.points))
+
+    def leaning(self, direction: FloatArray, share: float) -> PressureMapSupport:
+        """See `Support.leaning`."""
+        return PressureMapSupport(self.points, self.fractions * (1.0 + share * self.lean(direction)[0]))
+
 
 @dataclass(frozen=True, eq=False)
 class UnknownSupport(Support):
@@ -235,6 +334,12 @@ class UnknownSupport(Support):
     def hull(self) -> FloatArray:
         """(h, 2) convex hull of the outline, m."""
         return convex_hull(self.outline)
+
+
+def _scaled(along: FloatArray) -> FloatArray:
+    """Return coordinates (k,) as shares of the largest one; 0 where everything lies on one line across them."""
+    reach = float(np.abs(along).max())
+    return along / reach if reach > 1e-9 else np.zeros_like(along)
 
 
 def _point(point: FloatArray) -> str:

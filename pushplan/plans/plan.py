@@ -27,10 +27,10 @@ from pushplan.util.lazy_field import LazyField
 from pushplan.util.names import DEFAULT_COST, PUSH, SEGMENT_KINDS
 
 if TYPE_CHECKING:
+    from pushplan.plans.robustness import Robustness
     from pushplan.plans.run import Execution
     from pushplan.scenario.model import Scenario
     from pushplan.sets.stable_set import StableSet
-    from pushplan.sim.robustness.tolerance import Tolerance
 
 Poses = Mapping[str, FloatArray]
 """Poses (3,) of bodies' own frames in the world, by name."""
@@ -393,7 +393,7 @@ class Plan:
     diagnosis: tuple[Diagnosis, ...] = ()
     nearest: Nearest | None = None
     execution: Execution | None = None
-    robustness: LazyField[Tolerance | None] = LazyField(None)
+    robustness: LazyField[Robustness | None] = LazyField(None)
 
     @property
     def solved(self) -> bool:

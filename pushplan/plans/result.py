@@ -19,8 +19,8 @@ from pushplan.util.names import DEFAULT_COST
 
 if TYPE_CHECKING:
     from pushplan.plans.execution import Execution
+    from pushplan.plans.robustness import Robustness
     from pushplan.scenario.model import Scenario
-    from pushplan.sim.robustness.tolerance import Tolerance
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class PlanResult:
         segments: Of a plan of several pushes, in their order: `path` and `trajectory` are then those of the robot's
             frame (see `plans.segment`) through all of them. Empty for a single push.
         objective_cost: What such a plan costs in all: way pushed, ways of the robot alone, changes of the contact, m.
-        tolerance: What the plan can bear; None when not solved, and in older logs.
+        robustness: How far numbers may be off; None when not solved, and in older logs.
     """
 
     solved: bool
@@ -85,7 +85,7 @@ class PlanResult:
     diagnosis: tuple[Diagnosis, ...] = ()
     approximate_path: PushPath | None = None
     approximate_error: tuple[float, float] | None = None
-    tolerance: LazyField[Tolerance | None] = LazyField(None)
+    robustness: LazyField[Robustness | None] = LazyField(None)
     objective: str = DEFAULT_COST
     margin_asked: float | None = None
     margin: float | None = None

@@ -25,8 +25,8 @@ from pushplan.several.execution import execute_segments
 from pushplan.several.modes import Mode
 from pushplan.several.prepared import Prepared
 from pushplan.several.reasons import reasons
+from pushplan.several.robustness import least_robustness
 from pushplan.several.segments import mode_of, segments_of, timed
-from pushplan.several.tolerance import least_tolerance
 from pushplan.several.verdict import verdict_on
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import DEFAULT_PLANNER, RETREAT, TRANSIT_CLEARANCE
@@ -245,7 +245,7 @@ def _driven(prepared: Prepared, result: PlanResult, watch: Stopwatch) -> PlanRes
         segments=segments,
         trajectory=trajectory,
         execution=execution,
-        tolerance=lambda: least_tolerance(segments, trajectory, modes),
+        robustness=lambda: least_robustness(segments, trajectory, modes),
     )
 
 

@@ -41,8 +41,8 @@ def _plan(answer: Answer, milliseconds: float) -> str:
         rows.append(("least margin", f"{result.min_margin:.3f}"))
     if result.trajectory is not None:
         rows.append(("drive", f"{result.trajectory.duration:.1f} s"))
-    if result.tolerance is not None:
-        rows.append(("bears", result.tolerance.sentence))
+    if result.robustness is not None:
+        rows.append(("robustness", result.robustness.sentence))
     if result.lowered:
         rows.append(("note", result.lowered))
     rows.append(("answered in", f"{milliseconds:.0f} ms ({_STAGES[answer.stage]})"))

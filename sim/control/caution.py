@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.perturb import with_contact_friction
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.scenario.model import Scenario
 
@@ -23,7 +24,7 @@ def cautious(scenario: Scenario, share: float, room: float = 0.0) -> Scenario:
     scenario = replace(scenario, clearance=max(scenario.clearance, room))
     if share == 0.0 or scenario.interval is not None:
         return scenario
-    chain = slippery(scenario.chain, 1.0 - share)
+    chain = with_contact_friction(scenario.chain, 1.0 - share)
     if scenario.stability.set not in INTERVAL_SETS:
         return replace(scenario, chain=chain)
     spans = {
@@ -31,12 +32,6 @@ def cautious(scenario: Scenario, share: float, room: float = 0.0) -> Scenario:
         for obj in chain.objects
     }
     return replace(scenario, chain=chain, interval=IntervalChain.from_ranges(chain, floor_friction=spans))
-
-
-def slippery(chain: Chain, factor: float) -> Chain:
-    """Return the chain with the friction of all contacts times `factor`."""
-    contacts = tuple(replace(contact, friction=factor * contact.friction) for contact in chain.contacts)
-    return replace(chain, contacts=contacts)
 
 
 def with_chain(scenario: Scenario, chain: Chain) -> Scenario:

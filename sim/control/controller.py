@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import ChainError, PlanningError
 from pushplan.geometry.se2 import compose, log, relative
+from pushplan.mechanics.perturb import slid
 from pushplan.planners.timing.bounds import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.events import Event, Replan
@@ -25,7 +26,7 @@ from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.sim.control.closing import ClosingPush, Spread, closing_push
 from pushplan.sim.control.driving import Driving
-from pushplan.sim.control.measured_chain import Contacts, contacts_at, slid
+from pushplan.sim.control.measured_chain import Contacts, contacts_at
 from pushplan.sim.control.replanner import Replanner
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.control.sightings import Sightings

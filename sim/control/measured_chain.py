@@ -1,16 +1,13 @@
-"""A chain as it was measured: how far each contact is from flush, and the chain whose objects have slid."""
+"""A chain as it was measured: how far each contact is from flush, and each object off its place."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.errors import ChainError
-from pushplan.geometry.contact_segments import find_touch
 from pushplan.geometry.se2 import compose, inverse, relative, wrap_angle
-from pushplan.mechanics.chain import PLATE, Chain, Contact
+from pushplan.mechanics.chain import Chain
 from pushplan.sim.physics.report import contact_motion
 from pushplan.util.arrays import BoolArray, FloatArray
 
@@ -48,36 +45,3 @@ def off_places(chain: Chain, places: FloatArray) -> tuple[FloatArray, FloatArray
     """Return how far (n,), m, and by what angle (n,), rad, objects at `places` (n, 3) are off the chain's."""
     apart = relative(chain.places, places)
     return np.hypot(apart[:, 0], apart[:, 1]), np.abs(wrap_angle(apart[:, 2]))
-
-
-def slid(chain: Chain, slides: Sequence[float] | FloatArray) -> Chain:
-    """Return the chain with every object slid along the contact that pushes it, to the left by `slides` (n,), m.
-
-    What an object carries goes along with it.
-
-    Raises:
-        ChainError: When a contact is left without a segment.
-    """
-    shifts = {PLATE: np.zeros(2)}
-    for k, contact in enumerate(chain.contacts):
-        shifts[k] = shifts[contact.pusher] + slides[k] * contact.tangent
-    objects = tuple(
-        replace(obj, pose_chain=obj.pose_chain + np.append(shifts[i], 0.0))
-        for i, obj in enumerate(chain.objects)
-    )
-    outlines = {PLATE: chain.pusher.outline, **{i: obj.outline_chain for i, obj in enumerate(objects)}}
-    contacts = tuple(
-        _again(contact, outlines[contact.pusher], outlines[k]) for k, contact in enumerate(chain.contacts)
-    )
-    return replace(chain, objects=objects, contacts=contacts)
-
-
-def _again(contact: Contact, pushing: FloatArray, pushed: FloatArray) -> Contact:
-    """Return the contact with the segment along which the outlines touch now."""
-    touch = find_touch(pushing, pushed)
-    segments = [] if touch is None else list(touch)
-    facing = [s for s in segments if (s[1] - s[0]) @ contact.tangent > 0.99 * np.linalg.norm(s[1] - s[0])]
-    if not facing:
-        raise ChainError(f"object {contact.pushed} has slid off what pushes it")
-    right, left = max(facing, key=lambda s: float(np.linalg.norm(s[1] - s[0])))
-    return replace(contact, right=right, left=left)

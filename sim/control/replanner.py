@@ -11,6 +11,7 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import pose_error
+from pushplan.mechanics.perturb import slid
 from pushplan.plan import plan
 from pushplan.planners.validation.checker import find_collision
 from pushplan.plans.events import Replan
@@ -20,7 +21,6 @@ from pushplan.queries import Queries
 from pushplan.scenario.model import Obstacle, Scenario
 from pushplan.sim.control.aims import Aim
 from pushplan.sim.control.caution import cautious, with_chain
-from pushplan.sim.control.measured_chain import slid
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.util.arrays import FloatArray
 

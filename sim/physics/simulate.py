@@ -78,8 +78,8 @@ def simulate_trajectory(
         trajectory: What the plate is made to do.
         quasi_static: Follow it so slowly instead that inertia does not matter; times are reported as planned.
         settings: See there.
-        placed: (n, 3) how the objects stand off their places (see `sim.misplaced`); slides and gaps then count from
-            the moment on in which all contacts are closed. None for not at all.
+        placed: (n, 3) how the objects stand off their places (see `perturb.shifted_places`); slides and gaps then
+            count from the moment on in which all contacts are closed. None for not at all.
         until_moved: End as soon as a contact counts as moved.
         progress: Called now and then with the share of the trajectory that is done.
 

@@ -41,7 +41,8 @@ def verdict_of_physics(
     Args:
         chain: Objects with known loads.
         trajectory: What the plate is made to do.
-        placed: (n, 3) how the objects stand off their places (see `sim.misplaced`), None for not at all.
+        placed: (n, 3) how the objects stand off their places (see `mechanics.perturb.shifted_places`), None for
+            not at all.
         until_moved: End as soon as a contact counts as moved.
         progress: Called now and then with the share of the trajectory that is done.
 

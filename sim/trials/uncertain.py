@@ -126,7 +126,10 @@ def _leaning(world: World, name: str, share: float, rng: np.random.Generator) ->
     angle, part = rng.uniform(-np.pi, np.pi), share * rng.uniform()
     if part == 0.0:
         return world
-    return world.with_load_shifted((np.cos(angle), np.sin(angle)), part, name)
+    direction, obj = np.array([np.cos(angle), np.sin(angle)]), world.chain.objects[world.chain.index_of(name)]
+    most = obj.support.most_lean(rotate(-float(obj.pose_chain[2]), direction))
+    # A pressure that leans already is 0 at its lightest corner for less than the share.
+    return world.with_load_shifted(direction, min(part, most * (1.0 - 1e-9)), name)
 
 
 def _offsets(chain: Chain, off: TrialUncertainty, rng: np.random.Generator) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from pushplan.geometry.penetration import exit_distance
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE
-from pushplan.sim.worlds.misplaced import subtree
+from pushplan.mechanics.contacts.carried import carried_objects
 from pushplan.sim.worlds.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -46,14 +46,14 @@ def kicked(world: World, object_poses: FloatArray, plate: FloatArray, kick: Kick
     """
     poses = np.array(object_poses)
     poses[kick.index] = compose(poses[kick.index], [kick.x, kick.y, kick.turn])
-    for k in subtree(world.chain, kick.index):
+    carried = carried_objects(world.chain)
+    for k in np.flatnonzero(carried[kick.index]):
         contact = world.chain.contacts[k]
         ahead = rotate(plate[2], contact.normal)
         shift = exit_distance(
-            _outline(world, poses, plate, contact.pusher), _outline(world, poses, plate, k), ahead
+            _outline(world, poses, plate, contact.pusher), _outline(world, poses, plate, int(k)), ahead
         )
-        for carried in subtree(world.chain, k):
-            poses[carried, :2] += shift * ahead
+        poses[carried[k], :2] += shift * ahead
     return poses
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,11 +10,11 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, relative, wrap_angle
+from pushplan.mechanics import perturb
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.support import Support
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle, Workspace
-from pushplan.sim.worlds.misjudged import with_floor_friction, with_loads_shifted
 from pushplan.util.arrays import FloatArray, frozen
 
 
@@ -81,51 +80,35 @@ class World:
             name: Of the object that is pushed through the contact; None for all contacts, other ones included.
         """
         _require_factor(factor, least=0.0)
-        which = self._indices(name)
-        contacts = tuple(
-            replace(contact, friction=factor * contact.friction) if k in which else contact
-            for k, contact in enumerate(self.chain.contacts)
-        )
-        if name is not None:
-            return replace(self, chain=replace(self.chain, contacts=contacts))
-        pusher = replace(self.chain.pusher, friction=factor * self.chain.pusher.friction)
-        chain = replace(self.chain, contacts=contacts, pusher=pusher)
-        return replace(self, chain=chain, other_friction=factor * self.other_friction)
+        chain = perturb.with_contact_friction(self.chain, factor, self._index(name))
+        other = self.other_friction * (factor if name is None else 1.0)
+        return replace(self, chain=chain, other_friction=other)
 
     def with_floor_friction(self, factor: float, name: str | None = None) -> World:
         """Return the world with the friction between floor and objects times `factor`, > 0."""
         _require_factor(factor)
-        chain = self.chain
-        for i in self._indices(name):
-            chain = with_floor_friction(chain, i, factor)
-        return replace(self, chain=chain)
+        return replace(self, chain=perturb.with_floor_friction(self.chain, factor, self._index(name)))
 
     def with_mass(self, factor: float, name: str | None = None) -> World:
         """Return the world with masses times `factor`, > 0."""
         _require_factor(factor)
-        objects = list(self.chain.objects)
-        for i in self._indices(name):
-            objects[i] = replace(objects[i], mass=factor * objects[i].mass)
-        return replace(self, chain=replace(self.chain, objects=tuple(objects)))
+        return replace(self, chain=perturb.with_mass(self.chain, factor, self._index(name)))
 
     def with_support(self, support: Support, name: str) -> World:
         """Return the world with another support under an object, in the object's own frame."""
-        objects = list(self.chain.objects)
-        i = self.chain.index_of(name)
-        objects[i] = replace(objects[i], support=support)
-        return replace(self, chain=replace(self.chain, objects=tuple(objects)))
+        return replace(self, chain=perturb.with_objects(self.chain, self._index(name), support=support))
 
     def with_load_shifted(self, direction: ArrayLike, share: float, name: str | None = None) -> World:
-        """Return the world with loads shifted towards `direction`; see `sim.worlds.misjudged.with_loads_shifted`."""
-        chain = self.chain
-        for i in self._indices(name):
-            chain = with_loads_shifted(chain, direction, share, i)
+        """Return the world with loads that lean towards `direction`; see `mechanics.perturb.with_leaning_load`."""
+        chain = perturb.with_leaning_load(self.chain, direction, share, self._index(name))
         return replace(self, chain=chain)
 
     def with_offset(self, offset: ArrayLike, name: str | None = None) -> World:
         """Return the world with `offset` (3,) added to that of objects; see `offsets`."""
         offsets = np.array(self.offsets)
-        offsets[list(self._indices(name))] += frozen(offset, (3,), "offset of an object")
+        offsets[slice(None) if name is None else self.chain.index_of(name)] += frozen(
+            offset, (3,), "offset of an object"
+        )
         return replace(self, offsets=offsets)
 
     def with_object_poses(self, poses: ArrayLike) -> World:
@@ -135,8 +118,8 @@ class World:
         offsets[:, 2] = wrap_angle(offsets[:, 2])
         return replace(self, offsets=offsets)
 
-    def _indices(self, name: str | None) -> Iterable[int]:
-        return range(len(self.chain.objects)) if name is None else (self.chain.index_of(name),)
+    def _index(self, name: str | None) -> int | None:
+        return None if name is None else self.chain.index_of(name)
 
 
 def _others(chain: Chain) -> float:

@@ -22,9 +22,9 @@ from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.execution import Execution
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.result import Diagnosis, PlanResult, ProgressPoint
+from pushplan.plans.robustness import Robustness
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
-from pushplan.sim.robustness.tolerance import Tolerance
 
 SCENARIO = """\
 format: pushplan/1
@@ -108,7 +108,7 @@ def _plan() -> PlanResult:
         objective="margin",
         margin_asked=1.0 / 3.0,
         margin=0.1 + 0.2,
-        tolerance=Tolerance(0.1 + 0.2, 0.0, 1.0, 5e-324, 1.0 / 3.0),
+        robustness=Robustness(0.1 + 0.2, 0.0, 1.0, 5e-324, 1.0 / 3.0),
     )
 
 

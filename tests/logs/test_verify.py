@@ -16,7 +16,7 @@ from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import Posing
 from pushplan.sim.judging import execute
-from pushplan.sim.robustness.work_out import tolerance_of
+from pushplan.sim.robustness import robustness_of
 
 SERIES = ("t", "poses", "twists", "margins", "dynamic_margins", "friction_margins", "lambdas", "forces")
 
@@ -43,7 +43,7 @@ def sincere(case: Any) -> Any:
         objective=case.scenario.planner.cost,
         margin_asked=asked,
         margin=asked,
-        tolerance=tolerance_of(case.scenario.chain, case.plan.trajectory),
+        robustness=robustness_of(case.scenario.chain, case.plan.trajectory),
     )
     return dataclasses.replace(case, plan=plan, execution=execute(case.scenario, plan))
 

@@ -58,7 +58,7 @@ def document(
         "min_dynamic_margin": execution.min_dynamic_margin if execution else None,
         "margin_asked": plan.margin_asked,
         "margin": plan.margin,
-        "tolerance": asdict(plan.tolerance) if plan.tolerance else None,
+        "robustness": asdict(plan.robustness) if plan.robustness else None,
         "contact_lost": _loss(execution.loss) if execution and execution.loss else None,
         "segments": [_segment(segment) for segment in plan.segments],
         **_of_several(plan),
@@ -141,8 +141,8 @@ def rows(
     found.append(("planning", first + spent))
     if execution:
         found += _execution_rows(scenario, execution)
-    if plan.tolerance:
-        found.append(("bears", plan.tolerance.sentence))
+    if plan.robustness:
+        found.append(("robustness", plan.robustness.sentence))
     if plan.lowered:
         found.append(("note", plan.lowered))
     return found if log is None else [*found, ("log", str(log))]

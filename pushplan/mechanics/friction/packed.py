@@ -13,7 +13,7 @@ from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject
 from pushplan.mechanics.friction.closed_form import EDGE_COLUMNS
 from pushplan.mechanics.friction.series import TERMS, WEIGHTS, ComplexArray, series_coefficients
-from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
+from pushplan.mechanics.support import UniformSupport
 from pushplan.util.arrays import FloatArray, IntArray
 
 UNIFORM, AFFINE, POINTS = 0, 1, 2
@@ -70,24 +70,33 @@ def pack_objects(objects: Sequence[PushedObject], contact_height: float = 0.0) -
 def contact_rows(contact: Contact, length: float) -> FloatArray:
     """Return the unit facets (4, 3) of the wrenches that a contact transmits: the paper's [C1] and [C2].
 
-    Forces at the two ends of the segment span the cone of these wrenches, and its facets are: the two sides
-    of the friction cone, no tipping about the right end, no tipping about the left end.
-
     Args:
         contact: Its force acts on the pushed body, moments are about the chain frame's origin.
         length: Characteristic length by which the moments are divided, m.
     """
-    normal, tangent, mu = contact.normal, contact.tangent, contact.friction
-    right, left = contact.right, contact.left
+    return contact_facets(contact.right, contact.left, np.asarray(contact.friction), length)
+
+
+def contact_facets(right: FloatArray, left: FloatArray, friction: FloatArray, length: float) -> FloatArray:
+    """Return `contact_rows` (..., 4, 3) of contacts with ends (..., 2) and coefficients of friction (...).
+
+    Forces at the two ends of the segment span the cone of these wrenches, and its facets are: the two sides
+    of the friction cone, no tipping about the right end, no tipping about the left end.
+    """
+    along = left - right
+    tangent = along / np.sqrt((along * along).sum(axis=-1, keepdims=True))
+    t_x, t_y, mu, zero = tangent[..., 0], tangent[..., 1], friction, np.zeros(right.shape[:-1])
+    n_x, n_y, arm = t_y, -t_x, np.full(right.shape[:-1], length)
     rows = np.array(
         [
-            [*(mu * normal - tangent), 0.0],
-            [*(mu * normal + tangent), 0.0],
-            [-right[1], right[0], -length],
-            [left[1], -left[0], length],
+            [mu * n_x - t_x, mu * n_y - t_y, zero],
+            [mu * n_x + t_x, mu * n_y + t_y, zero],
+            [-right[..., 1], right[..., 0], -arm],
+            [left[..., 1], -left[..., 0], arm],
         ]
     )
-    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True), dtype=np.float64)
+    rows /= np.sqrt((rows * rows).sum(axis=1, keepdims=True))
+    return np.ascontiguousarray(np.moveaxis(rows, (0, 1), (-2, -1)))
 
 
 def _pack(
@@ -115,52 +124,89 @@ def _pack(
 
 def _pack_support(obj: PushedObject, height: float) -> tuple[int, list[float], FloatArray, ComplexArray]:
     """Return kind, row of `objects`, parts and series of one object."""
-    support = obj.support
+    support, turn = obj.support, float(obj.pose_chain[2])
+    spread, shift = _Spread.of(obj), height * obj.floor_friction
+    _require_pressed(obj, spread, height)
+    radius = float(np.linalg.norm(spread.offsets, axis=1).max())
+    last = [shift, *spread.second[[0, 0, 1], [0, 1, 1]]]
     if isinstance(support, UniformSupport):
-        return _pack_polygon(obj, support, height)
-    if isinstance(support, FeetSupport) and support.fractions is not None:
-        even = np.full(len(support.positions), 1.0 / len(support.positions))
-        return _pack_points(obj, support.positions, support.fractions, even, height)
-    if isinstance(support, PressureMapSupport):
-        return _pack_points(obj, support.points, support.fractions, support.fractions, height)
-    raise SupportError(
-        f"the load under {obj.name!r} is unknown; this needs known loads: give load fractions or a pressure, "
-        f"or use the stable set 'stable' or 'robust'"
-    )
-
-
-def _pack_polygon(
-    obj: PushedObject, support: UniformSupport, height: float
-) -> tuple[int, list[float], FloatArray, ComplexArray]:
-    turn = float(obj.pose_chain[2])
-    moments = support.moments
-    corners = rotate(turn, support.outline - moments.centroid)
-    gradient = rotate(turn, support.gradient)
-    rotation = rotate(turn, np.eye(2)).T
-    second = rotation @ moments.second @ rotation.T
-    radius = float(np.linalg.norm(corners, axis=1).max())
-    density = 1.0 / moments.area
-    shift = height * obj.floor_friction
-    _require_pressed(obj, density + corners @ gradient, np.ones(len(corners)), corners, second, height)
-    anchor = transform_points(obj.pose_chain, moments.centroid)
-    row = [obj.friction_load, *anchor, radius, density, *gradient, shift, *second[[0, 0, 1], [0, 1, 1]]]
-    kind = AFFINE if shift > 0.0 or gradient.any() else UNIFORM
-    return kind, row, _edges(corners), series_coefficients(corners, radius)
-
-
-def _pack_points(
-    obj: PushedObject, points: FloatArray, fractions: FloatArray, stiffness: FloatArray, height: float
-) -> tuple[int, list[float], FloatArray, ComplexArray]:
-    center = stiffness @ points
-    offsets = rotate(float(obj.pose_chain[2]), points - center)
-    second = (offsets * stiffness[:, None]).T @ offsets
-    radius = float(np.linalg.norm(offsets, axis=1).max())
-    shift = height * obj.floor_friction
-    _require_pressed(obj, fractions, stiffness, offsets, second, height)
-    anchor = transform_points(obj.pose_chain, center)
-    row = [obj.friction_load, *anchor, radius, 0.0, 0.0, 0.0, shift, *second[[0, 0, 1], [0, 1, 1]]]
-    parts = np.column_stack([offsets, fractions, stiffness, np.zeros(len(points))])
+        anchor, gradient = (
+            transform_points(obj.pose_chain, support.moments.centroid),
+            rotate(turn, support.gradient),
+        )
+        row = [obj.friction_load, *anchor, radius, 1.0 / support.moments.area, *gradient, *last]
+        kind = AFFINE if shift > 0.0 or gradient.any() else UNIFORM
+        return kind, row, _edges(spread.offsets), series_coefficients(spread.offsets, radius)
+    positions, fractions, stiffness = support.point_loads
+    row = [
+        obj.friction_load,
+        *transform_points(obj.pose_chain, stiffness @ positions),
+        radius,
+        0.0,
+        0.0,
+        0.0,
+        *last,
+    ]
+    parts = np.column_stack([spread.offsets, fractions, stiffness, np.zeros(len(positions))])
     return POINTS, row, parts, np.zeros((len(WEIGHTS), TERMS), dtype=np.complex128)
+
+
+class _Spread(NamedTuple):
+    """How a load is spread over the k corners of a polygon, or over k points, in the chain frame's directions.
+
+    Attributes:
+        base: (k,) pressure per weight at the corners, 1/m^2, or load fractions of points.
+        stiffness: (k,) how much each takes of a load that a push shifts.
+        offsets: (k, 2) from the stiffness' centre, m.
+        second: (2, 2) second moments of the stiffness.
+    """
+
+    base: FloatArray
+    stiffness: FloatArray
+    offsets: FloatArray
+    second: FloatArray
+
+    @classmethod
+    def of(cls, obj: PushedObject) -> _Spread:
+        """Return that of a known load.
+
+        Raises:
+            SupportError: When it is not known.
+        """
+        support, turn = obj.support, float(obj.pose_chain[2])
+        if isinstance(support, UniformSupport):
+            corners, rotation = (
+                rotate(turn, support.outline - support.moments.centroid),
+                rotate(turn, np.eye(2)).T,
+            )
+            base = 1.0 / support.moments.area + corners @ rotate(turn, support.gradient)
+            return cls(base, np.ones(len(corners)), corners, rotation @ support.moments.second @ rotation.T)
+        if not support.known:
+            raise SupportError(
+                f"the load under {obj.name!r} is unknown; this needs known loads: give load fractions or a pressure, "
+                f"or use the stable set 'stable' or 'robust'"
+            )
+        positions, fractions, stiffness = support.point_loads
+        offsets = rotate(turn, positions - stiffness @ positions)
+        return cls(fractions, stiffness, offsets, (offsets * stiffness[:, None]).T @ offsets)
+
+    @property
+    def highest_push(self) -> float:
+        """The largest h mu (m) by which a push may shift the load any way, no part of it turning negative."""
+        values = np.linalg.eigvalsh(self.second)
+        if values[0] <= 1e-12 * values[1]:
+            return 0.0  # on a line
+        lever = np.linalg.norm(np.linalg.solve(self.second, self.offsets.T), axis=0) * self.stiffness
+        return float(np.min(self.base / np.maximum(lever, 1e-300)))
+
+
+def push_room(obj: PushedObject, height: float) -> float:
+    """Return by how much more (m) a push at a height could shift the load of an object before a part of it lifts.
+
+    Raises:
+        SupportError: When the load is not known.
+    """
+    return _Spread.of(obj).highest_push - height * obj.floor_friction
 
 
 def _edges(corners: FloatArray) -> FloatArray:
@@ -176,24 +222,15 @@ def _edges(corners: FloatArray) -> FloatArray:
     return edges
 
 
-def _require_pressed(
-    obj: PushedObject,
-    base: FloatArray,
-    stiffness: FloatArray,
-    offsets: FloatArray,
-    second: FloatArray,
-    height: float,
-) -> None:
+def _require_pressed(obj: PushedObject, spread: _Spread, height: float) -> None:
     """Raise SupportError if the load's shift, up to h mu in any direction, could make a pressure negative."""
     if height * obj.floor_friction == 0.0:
         return
-    values = np.linalg.eigvalsh(second)
-    if values[0] <= 1e-12 * values[1]:
+    highest = spread.highest_push / obj.floor_friction
+    if highest == 0.0:
         raise SupportError(
             f"the support points of {obj.name!r} lie on a line: a push at height {height:.6g} m would tip it"
         )
-    lever = np.linalg.norm(np.linalg.solve(second, offsets.T), axis=0) * stiffness
-    highest = float(np.min(base / np.maximum(lever, 1e-300))) / obj.floor_friction
     if height > highest:
         raise SupportError(
             f"a push at height {height:.6g} m could lift a part of {obj.name!r}: the load's centre moves by up "

@@ -1,8 +1,9 @@
-"""What a plan can bear, as numbers and in words."""
+"""How far single numbers of a chain may be off before a plan loses a contact, as numbers and in words."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 from math import degrees, floor, log10, pi
 
 MOST_SHARE = 1.0
@@ -13,11 +14,11 @@ MOST_ANGLE = pi / 2
 
 
 @dataclass(frozen=True)
-class Tolerance:
+class Robustness:
     """How far single numbers of the chain may be off before a contact's margin with inertia is used up on the way.
 
-    Each alone, all others as stated; None where the loads on the floor are not known. A plan on which a contact
-    does not hold even as stated bears nothing: 1 for the contact friction, 0 for the others.
+    Each alone, all others nominal; None where the loads on the floor are not known. A plan on which a contact does
+    not hold even with the nominal numbers tolerates nothing: 1 for the contact friction, 0 for the others.
 
     Attributes:
         contact_friction: Smallest factor, in [0, 1], of all contact frictions together, the plate's included.
@@ -37,9 +38,20 @@ class Tolerance:
     position: float | None = None
     angle: float | None = None
 
+    @classmethod
+    def least_of(cls, parts: Iterable[Robustness]) -> Robustness:
+        """Return what all parts of a plan tolerate; unknown where one of them is, and where there are none."""
+        each = list(parts)
+        if not each or not all(part.known for part in each):
+            return cls()
+        numbers = {field.name: [getattr(part, field.name) for part in each] for field in fields(cls)}
+        # A contact friction is the factor down to which it may go; all others are what may be off.
+        worst = {name: (max if name == "contact_friction" else min)(found) for name, found in numbers.items()}
+        return cls(**worst)
+
     @property
     def used_up(self) -> bool:
-        """Whether a contact does not hold even as stated."""
+        """Whether a contact does not hold even with the nominal numbers."""
         return self.contact_friction == 1.0 and self.floor_friction == 0.0
 
     @property
@@ -59,18 +71,17 @@ class Tolerance:
         ):
             return "not known, as the loads on the floor are not"
         if self.used_up:
-            return "nothing: once inertia counts, a contact does not hold even as stated"
+            return "tolerates nothing: once inertia counts, a contact does not hold even with nominal numbers"
         return (
-            f"contact friction down to {_up(self.contact_friction)} of what is stated, "
+            f"tolerates {_share(1.0 - self.contact_friction)} lower contact friction than nominal, "
             f"floor friction of an object off by {_share(self.floor_friction)}, load by {_share(self.load)}, "
             f"an object off by {_down(1e3 * self.position)} mm or {_at_least(self.angle, MOST_ANGLE)}"
             f"{_down(degrees(self.angle))} deg"
         )
 
 
-def _up(factor: float) -> str:
-    """Return a factor in two decimals, never lower than it is."""
-    return f"{-(-100.0 * factor // 1.0) / 100.0:.2f}"
+USED_UP = Robustness(contact_friction=1.0, floor_friction=0.0, load=0.0, position=0.0, angle=0.0)
+"""What a plan tolerates on which a contact does not hold with the nominal numbers."""
 
 
 def _down(value: float) -> str:

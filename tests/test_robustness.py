@@ -1,4 +1,4 @@
-"""What a plan bears: true just below and just above, by chains that are built anew; closed forms; words."""
+"""What a plan tolerates: true just below and just above, by chains that are built anew; closed forms; words."""
 
 from __future__ import annotations
 
@@ -15,12 +15,10 @@ from pushplan.errors import ChainError
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.plan import plan
+from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
-from pushplan.sim.robustness.instants import thinned_instants
-from pushplan.sim.robustness.overlap import NOWHERE, Overlap
-from pushplan.sim.robustness.tolerance import MOST_ANGLE, MOST_SHARE, Tolerance
-from pushplan.sim.robustness.work_out import USED_UP, tolerance_along, tolerance_of
+from pushplan.sim.robustness import robustness_along, robustness_of, thinned
 from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -38,19 +36,19 @@ def _load(name: str) -> ModuleType:
 
 perturbed = _load("perturbed")
 SEEDS = (2, 3, 4, 6, 8, 9, 11, 12, 13, 14, 15, 16, 17, 19, 21, 22, 23, 24, 25, 27)
-"""Of random motions that keep every contact as stated; 500 of them are asked in benchmarks/tolerance.py."""
+"""Of random motions that keep every contact as stated; 500 of them are asked in benchmarks/robustness.py."""
 MOST = {"contact_friction": 1.0, "floor_friction": MOST_SHARE, "load": MOST_SHARE, "angle": MOST_ANGLE}
 AHEAD, STILL = np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_every_margin_is_positive_just_below_the_tolerance_and_one_is_not_just_above(seed: int) -> None:
+def test_every_margin_is_positive_just_below_the_robustness_and_one_is_not_just_above(seed: int) -> None:
     scenario = perturbed.random_scenario(seed)
     trajectory = perturbed.random_trajectory(scenario, seed)
-    tolerance = tolerance_of(scenario.chain, trajectory)
-    assert not tolerance.used_up
+    robustness = robustness_of(scenario.chain, trajectory)
+    assert not robustness.used_up
     for kind in perturbed.KINDS:
-        value = getattr(tolerance, kind)
+        value = getattr(robustness, kind)
         size = 1.0 - value if kind == "contact_friction" else value
 
         def least(share: float, kind: str = kind, size: float = size) -> float:
@@ -72,33 +70,33 @@ def test_a_plan_says_what_it_bears(how: str) -> None:
     scenario = replace(scenario, chain=chain, trajectory=how, stability=stability)
     result = plan(scenario, seed=1, time_limit=60.0, iterations=300)
     assert result.trajectory is not None
-    assert result.tolerance == tolerance_of(chain, result.trajectory)
-    assert result.tolerance is not None
+    assert result.robustness == robustness_of(chain, result.trajectory)
+    assert result.robustness is not None
     for kind in ("floor_friction", "position", "angle"):
-        size = getattr(result.tolerance, kind)
+        size = getattr(result.robustness, kind)
         assert perturbed.least_at(chain, result.trajectory, kind, 0.98 * size) > 0.0
         assert perturbed.least_at(chain, result.trajectory, kind, 1.02 * size) <= 0.0
 
 
 def test_a_box_pushed_straight_ahead_bears_no_friction_but_half_its_width(make_chain: ChainMaker) -> None:
     """No friction is asked for; the force passes through the box's middle, which stays in front of the plate."""
-    tolerance = tolerance_along(make_chain.boxes(1), AHEAD, STILL)  # the plate is 0.2 m wide, the box 0.1 m
-    assert tolerance.contact_friction == pytest.approx(0.0, abs=1e-12)
-    assert tolerance.floor_friction == tolerance.load == MOST_SHARE
-    assert tolerance.position == pytest.approx(0.1, rel=1e-6)
+    robustness = robustness_along(make_chain.boxes(1), AHEAD, STILL)  # the plate is 0.2 m wide, the box 0.1 m
+    assert robustness.contact_friction == pytest.approx(0.0, abs=1e-12)
+    assert robustness.floor_friction == robustness.load == MOST_SHARE
+    assert robustness.position == pytest.approx(0.1, rel=1e-6)
 
 
 def test_a_box_behind_another_may_stand_aside_by_half_its_width(make_chain: ChainMaker) -> None:
     """Pushed straight ahead, the far box's force passes through its middle, which must stay behind the near box."""
-    tolerance = tolerance_along(make_chain.boxes(2), AHEAD, STILL)
-    assert tolerance.position == pytest.approx(0.05, rel=1e-6)
+    robustness = robustness_along(make_chain.boxes(2), AHEAD, STILL)
+    assert robustness.position == pytest.approx(0.05, rel=1e-6)
 
 
 def test_the_contact_friction_is_the_one_that_a_slanting_push_needs(make_chain: ChainMaker) -> None:
     """Friction against the floor is opposite to a translation: the contact needs tan of its angle."""
     chain = make_chain.boxes(2, contact_friction=0.3, pusher_friction=0.5)
-    tolerance = tolerance_along(chain, np.array([[0.1, 0.02, 0.0]]), STILL)
-    assert tolerance.contact_friction == pytest.approx(0.2 / 0.3, rel=1e-12)
+    robustness = robustness_along(chain, np.array([[0.1, 0.02, 0.0]]), STILL)
+    assert robustness.contact_friction == pytest.approx(0.2 / 0.3, rel=1e-12)
 
 
 def test_inertia_counts(make_chain: ChainMaker) -> None:
@@ -107,14 +105,19 @@ def test_inertia_counts(make_chain: ChainMaker) -> None:
     twist = np.array([[0.1, 0.02, 0.0]])
     unit = 1.0 / np.hypot(1.0, 0.2)
     braking = np.array([[-0.5 * 0.3 * 9.80665 * unit, 0.0, 0.0]])
-    assert tolerance_along(chain, twist, braking).contact_friction == pytest.approx(0.2 / 0.5 / 0.5, rel=1e-9)
+    assert robustness_along(chain, twist, braking).contact_friction == pytest.approx(
+        0.2 / 0.5 / 0.5, rel=1e-9
+    )
 
 
 def test_a_motion_that_loses_a_contact_as_stated_bears_nothing(make_chain: ChainMaker) -> None:
     chain = make_chain.boxes(2, contact_friction=0.1)
-    tolerance = tolerance_along(chain, np.array([[0.1, 0.02, 0.0]]), STILL)
-    assert tolerance == USED_UP
-    assert tolerance.sentence == "nothing: once inertia counts, a contact does not hold even as stated"
+    robustness = robustness_along(chain, np.array([[0.1, 0.02, 0.0]]), STILL)
+    assert robustness == USED_UP
+    assert (
+        robustness.sentence
+        == "tolerates nothing: once inertia counts, a contact does not hold even with nominal numbers"
+    )
 
 
 @pytest.mark.parametrize(
@@ -124,9 +127,9 @@ def test_a_motion_that_loses_a_contact_as_stated_bears_nothing(make_chain: Chain
 )
 def test_nothing_is_said_where_loads_are_not_known(make_chain: ChainMaker, support: object) -> None:
     assert callable(support)
-    tolerance = tolerance_of(make_chain.boxes(2, support=support), _straight())
-    assert tolerance == Tolerance()
-    assert tolerance.sentence == "not known, as the loads on the floor are not"
+    robustness = robustness_of(make_chain.boxes(2, support=support), _straight())
+    assert robustness == Robustness()
+    assert robustness.sentence == "not known, as the loads on the floor are not"
 
 
 def test_thinned_moments_have_the_least_values_of_all(make_chain: ChainMaker) -> None:
@@ -134,7 +137,7 @@ def test_thinned_moments_have_the_least_values_of_all(make_chain: ChainMaker) ->
     twists, rates = _arcs(rng)
     for seed in range(5):
         chain = make_chain.random(seed, 3, tree=True)
-        few = thinned_instants(twists, rates, 0.3)
+        few = thinned(twists, rates, 0.3)
         assert len(few.group) < 0.6 * len(twists)
         dynamics = ContactDynamics(chain)
         least = _facets(dynamics, twists, rates).min(axis=0)
@@ -145,36 +148,25 @@ def test_thinned_moments_have_the_least_values_of_all(make_chain: ChainMaker) ->
 def test_moments_of_changing_direction_are_all_kept() -> None:
     rng = np.random.default_rng(5)
     twists, rates = rng.normal(size=(50, 3)), rng.normal(size=(50, 3))
-    few = thinned_instants(twists, rates, 0.3)
+    few = thinned(twists, rates, 0.3)
     np.testing.assert_allclose(few.twists, twists, rtol=1e-12)
     np.testing.assert_array_equal(few.rates, rates)
 
 
-def test_a_contact_is_the_overlap_of_edges_that_slide(make_chain: ChainMaker) -> None:
-    overlap = Overlap.of(make_chain.boxes(2), 0)  # a box of 0.1 m in front of a plate of 0.2 m
-    np.testing.assert_allclose(
-        overlap.change(np.array([0.04, 0.07, -0.12]), pushed=True),
-        [[0.04, 0.07, -0.05], [0.04, 0.05, -0.12]],
-        atol=1e-12,
-    )
-    assert (overlap.change(np.array([0.16, 0.2]), pushed=True)[0] > 0.9 * NOWHERE).all()
-    np.testing.assert_allclose(overlap.change(np.array([0.07]), pushed=False), [[0.02], [0.0]], atol=1e-12)
-
-
 def test_a_contact_off_the_edges_is_refused(make_chain: ChainMaker) -> None:
     with pytest.raises(ChainError, match="contact pusher-object0 does not lie on an edge of both bodies"):
-        Overlap.of(make_chain.random(1, 2), 0)
+        robustness_along(make_chain.random(1, 2), AHEAD, STILL)
 
 
 def test_the_numbers_are_told_in_words_rounded_to_what_holds() -> None:
-    tolerance = Tolerance(0.861, 0.124, 1.0, 0.0031, 0.021)
-    assert tolerance.sentence == (
-        "contact friction down to 0.87 of what is stated, floor friction of an object off by 12 %, "
+    robustness = Robustness(0.861, 0.124, 1.0, 0.0031, 0.021)
+    assert robustness.sentence == (
+        "tolerates 13 % lower contact friction than nominal, floor friction of an object off by 12 %, "
         "load by at least 100 %, an object off by 3.1 mm or 1.2 deg"
     )
-    small = Tolerance(1.0, 0.0099, 5e-324, 0.1279, MOST_ANGLE)
+    small = Robustness(1.0, 0.0099, 5e-324, 0.1279, MOST_ANGLE)
     assert small.sentence == (
-        "contact friction down to 1.00 of what is stated, floor friction of an object off by 0.99 %, "
+        "tolerates 0 % lower contact friction than nominal, floor friction of an object off by 0.99 %, "
         "load by 0 %, an object off by 120 mm or at least 90 deg"
     )
 

@@ -1,9 +1,9 @@
-"""Whether the stated tolerance is true: just below it every margin stays positive, just above it one does not.
+"""Whether the stated robustness is true: just below it every margin stays positive, just above it one does not.
 
-Run `python benchmarks/tolerance.py [--plans 500]`: about a quarter of an hour of CPU. Random chains on known loads of
+Run `python benchmarks/robustness.py [--plans 500]`: a quarter of an hour of CPU. Random chains on known loads of
 all kinds, a third of them pushed above the floor; every tenth motion is a plan, the others are random stable twists,
 exact or blended. The chains that are off are built anew from changed objects (`tests/perturbed.py`) and asked at
-every sample by `dynamic_margins`. Where a tolerance is the largest change that is looked at, nothing above is asked.
+every sample by `dynamic_margins`. Where a robustness is the largest change that is looked at, nothing above is asked.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from types import ModuleType
 import numpy as np
 
 from pushplan.plan import plan
+from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, Robustness
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
-from pushplan.sim.robustness.tolerance import MOST_ANGLE, MOST_SHARE, Tolerance
-from pushplan.sim.robustness.work_out import tolerance_of
+from pushplan.sim.robustness import robustness_of
 
 REPORT = 50
 """Motions after which the table so far is printed."""
@@ -59,8 +59,8 @@ class Tally:
 
     Attributes:
         counts: By kind and word: `asked below`, `held`, `asked above`, `lost`.
-        cpu: CPU of each tolerance per second of motion, ms.
-        whole: CPU of each tolerance, ms.
+        cpu: CPU of each robustness per second of motion, ms.
+        whole: CPU of each robustness, ms.
         used_up: Motions that hold nothing, since a contact is lost as stated.
     """
 
@@ -72,16 +72,16 @@ class Tally:
     def take(self, scenario: Scenario, trajectory: Trajectory, seed: int) -> bool:
         """Count one motion; tell what is not true."""
         begin = time.process_time()
-        tolerance = tolerance_of(scenario.chain, trajectory)
+        robustness = robustness_of(scenario.chain, trajectory)
         spent = 1e3 * (time.process_time() - begin)
-        if tolerance.used_up:
+        if robustness.used_up:
             assert perturbed.least_margin(scenario.chain, trajectory) <= 0.0
             self.used_up += 1
             return False
         self.whole.append(spent)
         self.cpu.append(spent / trajectory.duration)
         for kind in MOST:
-            self._ask(scenario, trajectory, tolerance, kind, seed)
+            self._ask(scenario, trajectory, robustness, kind, seed)
         return True
 
     def tell(self, taken: int, planned: int) -> None:
@@ -91,15 +91,15 @@ class Tally:
         for kind, c in self.counts.items():
             print(f"| {kind} | {c['held']} | {c['asked below']} | {c['lost']} | {c['asked above']} |")
         print(
-            f"CPU of a tolerance: median {np.median(self.whole):.1f} ms, worst {max(self.whole):.0f} ms; "
+            f"CPU of a robustness: median {np.median(self.whole):.1f} ms, worst {max(self.whole):.0f} ms; "
             f"{np.median(self.cpu):.2f} ms for a second of motion",
             flush=True,
         )
 
     def _ask(
-        self, scenario: Scenario, trajectory: Trajectory, tolerance: Tolerance, kind: str, seed: int
+        self, scenario: Scenario, trajectory: Trajectory, robustness: Robustness, kind: str, seed: int
     ) -> None:
-        size = getattr(tolerance, kind)
+        size = getattr(robustness, kind)
         size = 1.0 - size if kind == "contact_friction" else size
 
         def least(share: float) -> float:

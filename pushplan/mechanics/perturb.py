@@ -1,0 +1,275 @@
+"""Chains that are not what a plan believes: another friction, mass or load, objects slid along a contact or turned.
+
+Robustness, simulated worlds, Monte Carlo samples, measured chains and the closed loop's caution all use these. What
+moves objects comes in two forms: for many sizes at once (`slide`, `turn`: a `Motion`), and as the chain of one size
+(`slid`, `turned`). All contacts of such a chain are flush again; `shifted_places` and `turned_places` leave objects
+where they touch with a corner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pushplan.errors import ChainError
+from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH
+from pushplan.geometry.se2 import compose, rotate, transform_points
+from pushplan.mechanics.chain import PLATE, Chain, Contact
+from pushplan.mechanics.contacts.carried import carried_objects
+from pushplan.util.arrays import BoolArray, FloatArray
+
+PARALLEL = 1e-3
+"""Largest angle between a contact and the edges that it lies on, rad."""
+
+NEAR = 4.0 * TOUCH
+"""Largest distance of an edge from the contact's line, taken where the edge is nearest to the contact's middle, m."""
+
+_NOWHERE = 1e6
+"""Right end of a contact without a segment, m; its left end is at minus that."""
+
+
+def with_objects(chain: Chain, index: int | None, **changes: Any) -> Chain:
+    """Return the chain with other attributes of one object, or of all; a callable is given the object."""
+    objects = list(chain.objects)
+    for i in range(len(objects)) if index is None else (index,):
+        values = {key: value(objects[i]) if callable(value) else value for key, value in changes.items()}
+        objects[i] = replace(objects[i], **values)
+    return replace(chain, objects=tuple(objects))
+
+
+def with_contact_friction(chain: Chain, factor: float, index: int | None = None) -> Chain:
+    """Return the chain with the friction of one contact, or of all and the plate's own, times `factor`."""
+    which = range(len(chain.contacts)) if index is None else (index,)
+    contacts = tuple(
+        replace(contact, friction=factor * contact.friction) if k in which else contact
+        for k, contact in enumerate(chain.contacts)
+    )
+    own = chain.pusher.friction * (factor if index is None else 1.0)
+    return replace(chain, contacts=contacts, pusher=replace(chain.pusher, friction=own))
+
+
+def with_floor_friction(chain: Chain, factor: float, index: int | None = None) -> Chain:
+    """Return the chain with the floor friction of one object, or of all, times `factor`."""
+    return with_objects(chain, index, floor_friction=lambda obj: factor * obj.floor_friction)
+
+
+def with_mass(chain: Chain, factor: float, index: int | None = None) -> Chain:
+    """Return the chain with the mass of one object, or of all, times `factor`."""
+    return with_objects(chain, index, mass=lambda obj: factor * obj.mass)
+
+
+def with_leaning_load(chain: Chain, direction: ArrayLike, share: float, index: int | None = None) -> Chain:
+    """Return the chain with the load of one object, or of all, leaning to one side; see `Support.leaning`.
+
+    Args:
+        chain: Objects with known loads.
+        direction: (2,) unit vector in the chain frame.
+        share: By which the outermost load is larger on that side and smaller on the other.
+        index: Of the object; None for all.
+
+    Raises:
+        SupportError: When a load is not known, or would be negative somewhere.
+    """
+    e = np.asarray(direction, dtype=np.float64)
+    return with_objects(
+        chain, index, support=lambda obj: obj.support.leaning(rotate(-obj.pose_chain[2], e), share)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Objects that stand elsewhere, and the contacts that they have there, for q sizes of one change.
+
+    Attributes:
+        moved: (n,) which objects move.
+        poses: (q, n, 3) motions of the chain frame that take each object from where it belongs to where it is.
+        ends: (q, n, 2, 2) right and left end of every contact, m.
+        lengths: (q, n) of the contacts along their line, m; not positive where nothing is left of one.
+    """
+
+    moved: BoolArray
+    poses: FloatArray
+    ends: FloatArray
+    lengths: FloatArray
+
+    def applied(self, chain: Chain, j: int = 0) -> Chain:
+        """Return the chain of the j-th size.
+
+        Raises:
+            ChainError: When a contact is left without a segment.
+        """
+        if (self.lengths[j] < SHORTEST_CONTACT).any():
+            k = int(self.lengths[j].argmin())
+            raise ChainError(f"object {chain.objects[k].name!r} has slid off what pushes it")
+        objects = tuple(
+            replace(obj, pose_chain=compose(self.poses[j, i], obj.pose_chain)) if self.moved[i] else obj
+            for i, obj in enumerate(chain.objects)
+        )
+        contacts = tuple(
+            replace(contact, right=ends[0], left=ends[1])
+            if (ends != [contact.right, contact.left]).any()
+            else contact
+            for contact, ends in zip(chain.contacts, self.ends[j], strict=True)
+        )
+        return replace(chain, objects=objects, contacts=contacts)
+
+
+def turn(chain: Chain, index: int, angles: ArrayLike) -> Motion:
+    """Return one object, with all that it carries, turned by angles (q,) about its contact's middle, rad.
+
+    The contact itself stays flush: the face of the object is not as square to it as the plan believes.
+    """
+    size = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+    moved = carried_objects(chain)[index]
+    middle = 0.5 * (chain.contacts[index].right + chain.contacts[index].left)
+    poses = np.zeros((len(size), len(moved), 3))
+    poses[:, moved, :2] = (middle - rotate(size, middle))[:, None]
+    poses[:, moved, 2] = size[:, None]
+    ends = np.repeat(_ends(chain)[None], len(size), axis=0)
+    beyond = moved & (np.arange(len(moved)) != index)
+    ends[:, beyond] = poses[:, beyond, None, :2] + rotate(size[:, None, None], ends[:, beyond])
+    lengths = np.array([contact.length for contact in chain.contacts])
+    return Motion(moved, poses, ends, np.repeat(lengths[None], len(size), axis=0))
+
+
+def slide(chain: Chain, slides: FloatArray) -> Motion:
+    """Return every object slid along the contact that pushes it, with all that it carries, to the left by (q, n), m.
+
+    A contact is the overlap of the edges that lie on its line.
+
+    Raises:
+        ChainError: When a contact does not lie on edges of both bodies.
+    """
+    many = np.asarray(slides, dtype=np.float64)
+    shifts = np.zeros((len(many), len(chain.contacts) + 1, 2))  # the last row is the plate's
+    ends = np.repeat(_ends(chain)[None], len(many), axis=0)
+    lengths = np.repeat([[contact.length for contact in chain.contacts]], len(many), axis=0)
+    sliding = np.asarray(many.any(axis=0))
+    for k, contact in enumerate(chain.contacts):
+        shifts[:, k] = shifts[:, contact.pusher]
+        ends[:, k] += shifts[:, contact.pusher, None]
+        if sliding[k]:
+            shifts[:, k] += many[:, k, None] * contact.tangent
+            edges = contact_edges(chain, k)
+            change = overlap(*edges, many[:, k]) - overlap(*edges, np.zeros(1))
+            ends[:, k] += change[..., None] * contact.tangent
+            lengths[:, k] += change[:, 1] - change[:, 0]
+    poses = np.concatenate([shifts[:, :-1], np.zeros((*many.shape, 1))], axis=2)
+    moved = np.asarray((poses != 0.0).any(axis=(0, 2)))
+    return Motion(moved, poses, ends, lengths)
+
+
+def aside(chain: Chain, index: int, distances: ArrayLike) -> Motion:
+    """Return one object slid to the left by distances (q,), m, and nothing of what it carries.
+
+    A carried object that leans on a contact of another direction follows along its normal until it touches.
+    """
+    size = np.atleast_1d(np.asarray(distances, dtype=np.float64))
+    slides = np.zeros((len(size), len(chain.contacts)))
+    tangent = chain.contacts[index].tangent
+    for k, contact in enumerate(chain.contacts):
+        back = -tangent @ contact.tangent if contact.pusher == index else 0.0
+        slides[:, k] = size * (1.0 if k == index else back)
+    return slide(chain, slides)
+
+
+def slid(chain: Chain, slides: Sequence[float] | FloatArray) -> Chain:
+    """Return the chain of `slide` by (n,), m.
+
+    Raises:
+        ChainError: When a contact is left without a segment.
+    """
+    return slide(chain, np.atleast_2d(np.asarray(slides, dtype=np.float64))).applied(chain)
+
+
+def turned(chain: Chain, index: int, angle: float) -> Chain:
+    """Return the chain of `turn` by one angle, rad."""
+    return turn(chain, index, angle).applied(chain)
+
+
+def _ends(chain: Chain) -> FloatArray:
+    return np.array([[contact.right, contact.left] for contact in chain.contacts])
+
+
+@lru_cache(maxsize=64)
+def contact_edges(chain: Chain, k: int) -> tuple[FloatArray, FloatArray]:
+    """Return the edges (a, 2) and (b, 2) of the pushing and the pushed body on the line of contact k.
+
+    They are intervals of the coordinate from the contact's right end to its left end, m.
+
+    Raises:
+        ChainError: When the contact does not lie on edges of both bodies.
+    """
+    contact = chain.contacts[k]
+    by_plate = contact.pusher == PLATE
+    outline = chain.pusher.outline if by_plate else chain.objects[contact.pusher].outline_chain
+    pushing = _edges_along(outline, contact, 1.0)
+    pushed = _edges_along(chain.objects[k].outline_chain, contact, -1.0)
+    right, left = overlap(pushing, pushed, np.zeros(1))[0]
+    if not left > right:
+        raise ChainError(f"contact {chain.contact_name(k)} does not lie on an edge of both bodies")
+    return pushing, pushed
+
+
+def overlap(pushing: FloatArray, pushed: FloatArray, slides: FloatArray) -> FloatArray:
+    """Return the right and left end (q, 2) of what edges (a, 2) and others (b, 2) slid by (q,) have in common, m."""
+    low = np.maximum(pushing[:, None, None, 0], pushed[None, :, None, 0] + slides)
+    high = np.minimum(pushing[:, None, None, 1], pushed[None, :, None, 1] + slides)
+    touching = high - low > TOUCH
+    right = np.where(touching, low, _NOWHERE).min(axis=(0, 1), initial=_NOWHERE)
+    left = np.where(touching, high, -_NOWHERE).max(axis=(0, 1), initial=-_NOWHERE)
+    return np.stack([right, left], axis=1)
+
+
+def _edges_along(outline: FloatArray, contact: Contact, sense: float) -> FloatArray:
+    """Return the edges (a, 2) of a counter-clockwise outline on the contact's line that run its way (+1) or back."""
+    s, away = ((outline - contact.right) @ axis for axis in (contact.tangent, contact.normal))
+    run, rise = (np.roll(values, -1) - values for values in (s, away))
+    kept = (sense * run > 0.0) & (np.abs(rise) <= PARALLEL * np.abs(run))
+    s, away, run, rise = s[kept], away[kept], run[kept], rise[kept]
+    low, high = np.minimum(s, s + run), np.maximum(s, s + run)
+    nearest = np.clip(0.5 * contact.length, low, high)
+    near = np.abs(away + (nearest - s) * rise / run) <= NEAR
+    return np.asarray(np.stack([low, high], axis=1)[near])
+
+
+def shifted_places(chain: Chain, index: int, distance: float) -> FloatArray:
+    """Return motions (n, 3), as in `Motion.poses`, with one object to the left along its contact by a distance, m.
+
+    What it carries stays, but for what leans: that follows until it touches again, and nothing overlaps.
+    """
+    moved = np.zeros((len(chain.objects), 3))
+    moved[index, :2] = distance * chain.contacts[index].tangent
+    return _followed(chain, moved, index)
+
+
+def turned_places(chain: Chain, index: int, angle: float) -> FloatArray:
+    """Return motions (n, 3) with one object turned by an angle (rad), so that one end of its contact still touches.
+
+    What it carries keeps its heading and is moved ahead until it touches with a corner.
+    """
+    contact = chain.contacts[index]
+    pivot = contact.left if angle > 0.0 else contact.right
+    moved = np.zeros((len(chain.objects), 3))
+    moved[index, 2] = angle
+    moved[index, :2] = pivot - transform_points(moved[index], pivot)
+    return _followed(chain, moved, index)
+
+
+def _followed(chain: Chain, moved: FloatArray, index: int) -> FloatArray:
+    """Return motions where all that an object carries has been moved along its contact's normal until it touches."""
+    carried = carried_objects(chain)
+    for child, contact in enumerate(chain.contacts):
+        if contact.pusher == index:
+            # The segment is taken longer by what the face moves along it, so that nothing overlaps at its ends.
+            ends = np.stack([contact.right, contact.left])
+            along = np.abs((transform_points(moved[index], ends) - ends) @ contact.tangent).max()
+            ends = ends + along * np.outer([-1.0, 1.0], contact.tangent)
+            gap = float(((transform_points(moved[index], ends) - ends) @ contact.normal).max())
+            moved[carried[child], :2] = gap * contact.normal
+    return moved
