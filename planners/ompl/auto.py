@@ -22,8 +22,11 @@ from pushplan.planners.search.forest import NODE, Forest, plant
 from pushplan.planners.search.lattice_rounds import LatticeRounds
 from pushplan.util.arrays import FloatArray
 
-ROUND = 256
-"""Extensions of a round of trees."""
+ROUND, DOUBLINGS = 256, 4
+"""Extensions of a round of trees, and how often they are doubled at most.
+
+Short rounds suffice where trees join within milliseconds, through rooms in series they have to grow longer.
+"""
 
 
 class Auto(AnytimePlanner):
@@ -36,20 +39,26 @@ class Auto(AnytimePlanner):
         session, box, heading_length = information.session, information.box, information.heading_length
         forest = _forest(session, box, heading_length)
         lattice = LatticeRounds(session, box)
+        extensions = 0
         for number in count(1):
             # A path that polishing will shorten may be longer than the best one: by 100 % or 30 %, in turn.
-            _round(session, forest, (1.3, 2.0)[number % 2])
+            extensions += _round(session, forest, (1.3, 2.0)[number % 2], _length(number, session.solved))
             session.refine()
             # The search over cells takes longer to set up; then it has 40 arcs for each extension of the trees, which
             # takes eight times as long as an arc.
             if session.solved or number > 5:
-                lattice.run(40.0 * ROUND * number)
+                lattice.run(40.0 * extensions)
             if session.finished:
                 return
 
 
+def _length(number: int, solved: bool) -> int:
+    """Return how many extensions a round has: as many as ever once there is a path, else by Luby's sequence."""
+    return ROUND if solved else ROUND << min((number & -number).bit_length() - 1, DOUBLINGS)
+
+
 def _forest(session: Session, box: Box, heading_length: float) -> Forest:
-    start_tree, goal_tree = np.zeros((2, ROUND + CHUNK, NODE))
+    start_tree, goal_tree = np.zeros((2, (ROUND << DOUBLINGS) + CHUNK, NODE))
     return Forest(
         start_tree=start_tree,
         goal_tree=goal_tree,
@@ -61,12 +70,12 @@ def _forest(session: Session, box: Box, heading_length: float) -> Forest:
     )
 
 
-def _round(session: Session, forest: Forest, excess: float) -> None:
-    """Grow fresh trees until they join or have used up their extensions."""
+def _round(session: Session, forest: Forest, excess: float, extensions: int) -> int:
+    """Grow fresh trees until they join or have used up their extensions; return what counts as used."""
     plant(forest, session.start, session.problem.goal)
     path = np.empty((3 * (len(forest.start_tree) + len(forest.goal_tree)) + 3, 4))
     used, arcs = 0, 0
-    while used < ROUND and not arcs and not session.finished:
+    while used < extensions and not arcs and not session.finished:
         done, arcs = grow_both(session.problem, forest, excess * session.best.horizon, CHUNK, path)
         used += done
         session.spent(done)
@@ -76,6 +85,7 @@ def _round(session: Session, forest: Forest, excess: float) -> None:
         session.offer(path[:arcs])
     else:
         session.note_nearest(start_tree[:, :3], lambda node: _way_to(start_tree, node))
+    return extensions
 
 
 def _way_to(tree: FloatArray, node: int) -> FloatArray:

@@ -28,8 +28,11 @@ from pushplan.util.arrays import FloatArray
 SHRINK = 0.8
 """Factor of the cells' sides from level to level."""
 
-MOST_ROOM = 1 << 18
-"""Nodes of a search on any level, at most."""
+FIRST_ROOM, MOST_ROOM = 1 << 15, 1 << 18
+"""Nodes of a search on the coarsest level, twice as many on the next one and so on, and on any level, at most.
+
+Mazes of a hundred cells and rooms in series take some 12,000 nodes on the coarsest level; with 4,096 none was solved.
+"""
 
 SET_UP = 400
 """A round takes as long as so many arcs before it begins; where no path can be better, it is over then."""
@@ -96,7 +99,8 @@ class LatticeRounds:
         headings = round(28 * SHRINK ** (-0.5 * level))  # these grow only as the root of one by the side
         # Cells begin elsewhere in every round: two passages that one grid cannot tell apart another one can.
         shift = np.array([side * random(session.random), side * random(session.random), 0.0, 0.0])
-        room = min(1 << 12 + level, MOST_ROOM)
+        room = min(FIRST_ROOM << level, MOST_ROOM)
+        tables.make_room(room)
         # Twice as many slots as nodes, so that chains of taken slots stay short.
         tables.keys[: 2 * room] = 0
         ends = session.start, session.problem.goal
@@ -123,9 +127,14 @@ class Tables:
     """What all rounds of a search share: room for nodes, and how far places are from the start and from the goal."""
 
     def __init__(self, session: Session, box: Box) -> None:
-        self.nodes, self.queue = np.empty((MOST_ROOM, NODE)), np.empty((MOST_ROOM, 2))
-        self.keys, self.costs = np.empty(2 * MOST_ROOM, dtype=np.int64), np.empty(2 * MOST_ROOM)
+        self.nodes = np.empty((0, NODE))
         self.away: list[FloatArray] = []
         for pose in (session.start, session.problem.goal):
             away, self.grid = distances_to(pose, session.problem, box)
             self.away.append(away)
+
+    def make_room(self, room: int) -> None:
+        """Have room for so many nodes; what was there is gone where there was less."""
+        if len(self.nodes) < room:
+            self.nodes, self.queue = np.empty((room, NODE)), np.empty((room, 2))
+            self.keys, self.costs = np.empty(2 * room, dtype=np.int64), np.empty(2 * room)

@@ -1,0 +1,164 @@
+"""Easy rooms in series: snakes, mazes, offices and walls with gaps, for two boxes of 8 x 14 cm.
+
+Every passage is wide; what makes them hard is how many follow one another. The same arguments give the same scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.model import Scenario
+
+Wall = tuple[float, float, float, float]
+"""xmin, ymin, xmax, ymax, m."""
+
+THICK = 0.05
+"""Of a wall, m."""
+
+
+def snake(lanes: int = 8, width: float = 1.6, length: float = 6.0, gap: float = 1.0) -> Scenario:
+    """Return lanes side by side, joined by gaps at alternate ends."""
+    walls = []
+    for k in range(1, lanes):
+        open_at = length - gap if k % 2 else 0.0
+        y = k * width
+        walls.append((0.0 if k % 2 else gap, y - THICK / 2, open_at if k % 2 else length, y + THICK / 2))
+    end = [length - 0.7, (lanes - 0.5) * width, 0.0] if lanes % 2 else [0.7, (lanes - 0.5) * width, np.pi]
+    return _scenario(f"snake-{lanes}", walls, (length, lanes * width), [0.7, width / 2, 0.0], end)
+
+
+def maze(side: int, seed: int, cell: float = 1.0) -> Scenario:
+    """Return a maze of square cells, all of which a depth-first walk has joined to a tree."""
+    rng = np.random.Generator(np.random.PCG64([23, side, seed]))
+    seen, stack, opened = {(0, 0)}, [(0, 0)], set()
+    while stack:
+        here = stack[-1]
+        free = [there for there in _neighbours(here, side) if there not in seen]
+        if not free:
+            stack.pop()
+            continue
+        there = free[int(rng.integers(len(free)))]
+        opened.add(frozenset((here, there)))
+        seen.add(there)
+        stack.append(there)
+    walls = [
+        _between(here, there, cell, 0.0, 0.0)
+        for here, there in _pairs(side)
+        if frozenset((here, there)) not in opened
+    ]
+    goal = (side - 1, side - 1)
+    start_turn = 0.0 if frozenset(((0, 0), (1, 0))) in opened else np.pi / 2
+    goal_turn = 0.0 if frozenset((goal, (side - 2, side - 1))) in opened else np.pi / 2
+    return _scenario(
+        f"maze-{side}-{seed}",
+        walls,
+        (side * cell, side * cell),
+        [0.5 * cell, 0.5 * cell, start_turn],
+        [(side - 0.5) * cell, (side - 0.5) * cell, goal_turn],
+    )
+
+
+def office(side: int, seed: int, room: float = 3.0, door: float = 1.0, closed: float = 0.3) -> Scenario:
+    """Return square rooms, most of which have doors somewhere in their walls; there may be no passage."""
+    rng = np.random.Generator(np.random.PCG64([29, side, seed]))
+    walls: list[Wall] = []
+    for here, there in _pairs(side):
+        if rng.random() < closed:
+            walls.append(_between(here, there, room, 0.0, 0.0))
+            continue
+        at = rng.uniform(0.2, room - door - 0.2)
+        walls.append(_between(here, there, room, 0.0, room - at))
+        walls.append(_between(here, there, room, at + door, 0.0))
+    far = (side - 0.5) * room
+    return _scenario(
+        f"office-{side}-{seed}", walls, (side * room, side * room), [room / 2, room / 2, 0.0], [far, far, 0.0]
+    )
+
+
+def three_walls(clearance: float) -> Scenario:
+    """Return three walls across a room, each with a gap that leaves the plate so much on each side."""
+    walls = []
+    for x, y in ((3.0, 2.2), (6.0, 3.8), (9.0, 2.6)):
+        half = PLATE / 2 + clearance
+        walls += [(x, 0.0, x + 0.1, y - half), (x, y + half, x + 0.1, 6.0)]
+    name = f"three-walls-{1e3 * clearance:g}mm"
+    return _scenario(name, walls, (12.0, 6.0), [1.0, 3.0, 0.0], [11.0, 3.0, 0.0])
+
+
+def gap(clearance: float) -> Scenario:
+    """Return one wall with a gap that leaves the plate so much on each side."""
+    half = PLATE / 2 + clearance
+    walls = [(2.0, 0.0, 2.1, 2.0 - half), (2.0, 2.0 + half, 2.1, 4.0)]
+    return _scenario(f"gap-{1e3 * clearance:g}mm", walls, (4.0, 4.0), [0.6, 1.2, 0.0], [3.4, 2.8, 0.0])
+
+
+def scenes(quick: bool = False) -> Iterator[Scenario]:
+    """Yield the rooms of the benchmark tables; only those that take milliseconds if `quick`."""
+    yield snake(8)
+    for side in (8, 10):
+        for seed in range(1, 4):
+            yield maze(side, seed)
+    yield office(10, 1)
+    if quick:
+        return
+    yield snake(20)
+    for seed in range(1, 4):
+        yield maze(14, seed)
+    for seed in (2, 3):
+        yield office(10, seed)
+    for seed in (1, 2, 3):
+        yield office(20, seed)
+    for clearance in (0.1, 0.02, 0.01, 0.003):
+        yield three_walls(clearance)
+
+
+PLATE = 0.20
+"""Width of the plate, m."""
+
+
+def _neighbours(cell: tuple[int, int], side: int) -> list[tuple[int, int]]:
+    i, j = cell
+    around = ((i + 1, j), (i, j + 1), (i - 1, j), (i, j - 1))
+    return [(a, b) for a, b in around if 0 <= a < side and 0 <= b < side]
+
+
+def _pairs(side: int) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Cells that have a side in common, the left or lower one first."""
+    cells = [(i, j) for i in range(side) for j in range(side)]
+    return [(cell, there) for cell in cells for there in _neighbours(cell, side) if there > cell]
+
+
+def _between(here: tuple[int, int], there: tuple[int, int], cell: float, low: float, high: float) -> Wall:
+    """Return the wall between two cells, the second right of or above the first, cut short at both ends."""
+    i, j = here
+    if there[0] > i:
+        x = (i + 1) * cell
+        return x - THICK / 2, j * cell + low, x + THICK / 2, (j + 1) * cell - high
+    y = (j + 1) * cell
+    return i * cell + low, y - THICK / 2, (i + 1) * cell - high, y + THICK / 2
+
+
+def _scenario(
+    name: str, walls: list[Wall], room: tuple[float, float], start: list[float], goal: list[float]
+) -> Scenario:
+    box = {"shape": {"box": [0.08, 0.14]}, "mass": 1.0}
+    document: dict[str, Any] = {
+        "format": "pushplan/1",
+        "name": name,
+        "floor": {"friction": 0.3},
+        "objects": [{"name": "near", **box}, {"name": "far", **box}],
+        "contacts": {"friction": 0.5},
+        "pusher": {"width": PLATE, "friction": 0.5},
+        "start": [float(value) for value in start],
+        "goal": {"pose": [float(value) for value in goal]},
+        "workspace": {"x": [0.0, room[0]], "y": [0.0, room[1]]},
+        "obstacles": [
+            {"polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]}
+            for x0, y0, x1, y1 in (tuple(float(value) for value in wall) for wall in walls)
+        ],
+    }
+    return scenario_from_document(document)
