@@ -30,8 +30,7 @@ from pushplan.planners.ompl import auto
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import build_problem
 from pushplan.planners.search import lattice_rounds
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 
 

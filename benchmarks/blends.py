@@ -25,8 +25,7 @@ from pushplan.planners.timing.bounds import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.profile import rest_to_rest
 from pushplan.plans.path import PushPath
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 
 

@@ -34,8 +34,7 @@ from pushplan.geometry.se2 import compose, inverse, relative
 from pushplan.plan import plan
 from pushplan.plans.events import Replan
 from pushplan.plans.result import PlanResult
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.aims import Aim
 from pushplan.sim.control.controller import Controller

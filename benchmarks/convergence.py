@@ -39,8 +39,7 @@ from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
 from pushplan.planners.problem.problem import Problem
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 
 MARKS = (0.1, 0.3, 1.0)

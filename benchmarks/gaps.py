@@ -20,8 +20,7 @@ from dense_scenes import scenes as dense_scenes
 
 from pushplan.bench.processes.machine import Machine
 from pushplan.plan import plan
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 
 KNOWN = ("free", "packaged")

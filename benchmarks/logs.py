@@ -29,8 +29,7 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
 from pushplan.logging.writer import RunLogWriter
 from pushplan.run import run
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.file import example_names, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
 
 ONE_RUN = """\

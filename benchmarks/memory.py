@@ -22,8 +22,7 @@ from pushplan.planners.ompl.auto import Auto
 from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.margins import margins_to_try
 from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, load_scenario
 
 NEVER = 10**12
 

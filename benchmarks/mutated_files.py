@@ -31,11 +31,10 @@ from pushplan.cli.main import main as pushplan
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.plan import plan
 from pushplan.scenario.check import check_scenario
-from pushplan.scenario.examples import example_names, example_text
-from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.source import Source
 from pushplan.scenario.template import new_scenario_text
-from pushplan.scenario.yaml.tree import read_document
 
 MOST_SECONDS, MOST_MB = 5.0, 500.0
 PLANNING = 0.2
@@ -159,7 +158,7 @@ def _widened(document: Any, random: Random) -> Any:
 
 
 def _document(text: str) -> Any:
-    return read_document(text.encode()).root.plain()
+    return Source(text.encode()).root.plain()
 
 
 def _judge(file: File, may_plan: bool) -> Verdict:

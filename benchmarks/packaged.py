@@ -18,8 +18,7 @@ from pushplan.kernels import warm_up
 from pushplan.plan import plan
 from pushplan.plans.judge import execute
 from pushplan.plans.result import PlanResult
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 
 

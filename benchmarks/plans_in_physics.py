@@ -47,8 +47,7 @@ from pushplan.mechanics.perturb import (
 )
 from pushplan.plan import plan
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.examples import example_names, example_text
-from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.file import example_names, example_text, scenario_from_document
 from pushplan.sim.physics.model.engine import engine
 from pushplan.sim.physics.verdict import verdict_of_physics
 from pushplan.util.arrays import FloatArray

@@ -21,8 +21,7 @@ import yaml
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.geometry import se2
 from pushplan.plan import plan
-from pushplan.scenario.examples import example_names, example_text
-from pushplan.scenario.file import load_scenario, scenario_from_document
+from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.several.warm import warm_up_several
 

@@ -24,8 +24,7 @@ from pushplan.bench.processes.machine import Machine
 from pushplan.cli.steps.trial_words import uncertainty
 from pushplan.plan import plan
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.examples import example_text
-from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.file import example_text, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim.physics.model.settings import SLIPPING
 from pushplan.sim.physics.simulate import simulate_trajectory

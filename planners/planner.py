@@ -32,10 +32,10 @@ from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Load, Nearest, Plan, Segment
 from pushplan.plans.settings import Observer, PlanOptions, PlanSettings
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
-from pushplan.scenario.arrangement.placement import Surroundings, bodies_at, placement_troubles
+from pushplan.scenario.build import troubles_at_first
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal, Obstacle
-from pushplan.scenario.several_pushes import troubles_at_first
+from pushplan.scenario.room import Surroundings, placed, placement_troubles
 from pushplan.sets.named import add_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
@@ -411,7 +411,7 @@ class Planner:
         surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
         wrong: list[str] = []
         for what, pose in (("start", scenario.start), ("goal", scenario.goal.pose_chain)):
-            wrong += placement_troubles(what, bodies_at(scenario.chain, pose), surroundings)
+            wrong += placement_troubles(what, placed(scenario.chain.bodies, pose), surroundings)
         if wrong:
             raise PlanningError("; ".join(wrong))
 

@@ -15,7 +15,6 @@ _HOMES = {
     "mechanics.chain": "Chain Contact Drive Limits PushedObject Pusher",
     "errors": "ChainError EmptyStableSetError Finding ImportedFileError OutputError PlanningError PushplanError "
     "RunLogError ScenarioError SupportError TimingError UndefinedEcofError",
-    "scenario.examples": "example_names example_text",
     "mechanics.contacts.friction": "cof ecof friction_wrench",
     "sim.following.follower": "Command Follower FollowerState",
     "logging.reader": "read_run read_runs",
@@ -31,11 +30,10 @@ _HOMES = {
     "plans.result": "Diagnosis PlanResult ProgressPoint Run",
     "run": "run",
     "scenario.model": "Scenario",
-    "scenario.imported.outlines": "read_csv_outlines read_svg_outlines",
-    "scenario.imported.ros_map": "RosMap read_ros_map",
+    "scenario.drawings": "read_csv_outlines read_svg_outlines",
+    "scenario.maps": "RosMap read_ros_map",
     "scenario.check": "check_scenario",
-    "scenario.file": "load_scenario scenario_from_document scenario_from_text",
-    "scenario.several_objects": "SeveralObjects load_several_objects",
+    "scenario.file": "example_names example_text load_scenario scenario_from_document scenario_from_text",
     "rearrangement.plan": "Leg Rearrangement Rearranging",
     "scenario.parts": "CircleObstacle Goal PlannerSettings PolygonObstacle Snapped Snapping StabilitySettings "
     "Uncertainty Workspace",
@@ -137,15 +135,15 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.recording import IncompleteLogError as IncompleteLogError
     from pushplan.run import run as run
     from pushplan.scenario.check import check_scenario as check_scenario
-    from pushplan.scenario.examples import example_names as example_names
-    from pushplan.scenario.examples import example_text as example_text
+    from pushplan.scenario.drawings import read_csv_outlines as read_csv_outlines
+    from pushplan.scenario.drawings import read_svg_outlines as read_svg_outlines
+    from pushplan.scenario.file import example_names as example_names
+    from pushplan.scenario.file import example_text as example_text
     from pushplan.scenario.file import load_scenario as load_scenario
     from pushplan.scenario.file import scenario_from_document as scenario_from_document
     from pushplan.scenario.file import scenario_from_text as scenario_from_text
-    from pushplan.scenario.imported.outlines import read_csv_outlines as read_csv_outlines
-    from pushplan.scenario.imported.outlines import read_svg_outlines as read_svg_outlines
-    from pushplan.scenario.imported.ros_map import RosMap as RosMap
-    from pushplan.scenario.imported.ros_map import read_ros_map as read_ros_map
+    from pushplan.scenario.maps import RosMap as RosMap
+    from pushplan.scenario.maps import read_ros_map as read_ros_map
     from pushplan.scenario.model import Scenario as Scenario
     from pushplan.scenario.parts import CircleObstacle as CircleObstacle
     from pushplan.scenario.parts import Goal as Goal
@@ -156,8 +154,6 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.scenario.parts import StabilitySettings as StabilitySettings
     from pushplan.scenario.parts import Uncertainty as Uncertainty
     from pushplan.scenario.parts import Workspace as Workspace
-    from pushplan.scenario.several_objects import SeveralObjects as SeveralObjects
-    from pushplan.scenario.several_objects import load_several_objects as load_several_objects
     from pushplan.sets.grid_cor_set import GridCorSet as GridCorSet
     from pushplan.sets.grid_cor_set import grid_cor_set as grid_cor_set
     from pushplan.sets.interval_set import stable_set_over as stable_set_over

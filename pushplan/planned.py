@@ -27,8 +27,8 @@ from pushplan.plans.judge import planning_set
 from pushplan.plans.path import PushPath
 from pushplan.plans.result import Diagnosis, PlanResult, ProgressPoint
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
-from pushplan.scenario.arrangement.placement import Surroundings, bodies_at, placement_troubles
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.room import Surroundings, placed, placement_troubles
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.judging import execute_trajectory
 from pushplan.sim.robustness import robustness_of
@@ -274,6 +274,6 @@ def check_ends(scenario: Scenario, room: Room) -> None:
     surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
     troubles: list[str] = []
     for what, pose in (("start", scenario.start), ("goal", scenario.goal.pose_chain)):
-        troubles += placement_troubles(what, bodies_at(scenario.chain, pose), surroundings)
+        troubles += placement_troubles(what, placed(scenario.chain.bodies, pose), surroundings)
     if troubles:
         raise PlanningError("; ".join(troubles))

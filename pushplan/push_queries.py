@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from pushplan.errors import PlanningError
 from pushplan.plan import settled
 from pushplan.plans.result import PlanResult
+from pushplan.scenario.build import troubles_at_first
 from pushplan.scenario.model import Goal, Obstacle, Scenario
-from pushplan.scenario.several_pushes import troubles_at_first
 from pushplan.several.plan import Asked, plan_pushes
 from pushplan.several.prepared import Prepared
 from pushplan.several.warm import warm_up_several

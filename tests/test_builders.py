@@ -10,8 +10,7 @@ import pytest
 
 from pushplan.errors import ScenarioError
 from pushplan.scenario.builders import box, build_scenario, plate, polygon
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
+from pushplan.scenario.file import example_names, load_scenario, scenario_from_document, scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
 

@@ -15,8 +15,7 @@ import shapely
 
 from pushplan.cli import plan as plan_command
 from pushplan.cli.main import COMMANDS, main
-from pushplan.scenario.examples import example_names, example_text
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, example_text, load_scenario
 from pushplan.sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]

@@ -10,7 +10,7 @@ import pytest
 
 from pushplan.cli.completion import SHELLS, completion_script
 from pushplan.cli.main import COMMANDS, main, parser
-from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import example_names
 
 
 @pytest.mark.parametrize("shell", SHELLS)

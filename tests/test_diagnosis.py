@@ -26,8 +26,7 @@ from pushplan.planners.problem.posing import build_problem
 from pushplan.planners.validation.checker import find_collision
 from pushplan.plans.result import CAUSES, Diagnosis, PlanResult
 from pushplan.run import run
-from pushplan.scenario.examples import example_names, example_text
-from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.file import example_names, example_text, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray

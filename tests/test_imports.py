@@ -15,10 +15,9 @@ from PIL import Image
 
 from pushplan.errors import ImportedFileError
 from pushplan.scenario.builders import box, build_scenario, plate
-from pushplan.scenario.imported.hole_free import covering, hole_free
-from pushplan.scenario.imported.outlines import read_csv_outlines, read_svg_outlines
-from pushplan.scenario.imported.ros_map import read_ros_map
-from pushplan.scenario.schema.types import MOST_CORNERS
+from pushplan.scenario.drawings import read_csv_outlines, read_svg_outlines
+from pushplan.scenario.fields import MOST_CORNERS
+from pushplan.scenario.maps import covering, hole_free, read_ros_map
 from pushplan.util.extras import MissingExtraError
 
 SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 400 200">
@@ -193,7 +192,7 @@ def test_a_map_can_be_pushed_through(tmp_path: Path) -> None:
         ("origin: [-1.0, 2.0, 0.0]", "origin: [0, 0]", "origin: is a list of 2; allowed: [x, y, theta]"),
         ("image: map.pgm\n", "", "image: is missing; needed: the name of a picture"),
         ("image: map.pgm", "image: none.pgm", "none.pgm: cannot read the file: No such file"),
-        ("image: map.pgm", "image: map.yaml", "map.yaml: cannot read the picture"),
+        ("image: map.pgm", "image: map.yaml", "map.yaml: is no PGM, PPM, PNG or BMP picture"),
         ("negate: 0", "negate: 0\nmode: grey", "mode: is the text 'grey'; allowed: trinary, scale or raw"),
         ("negate: 0", "negate: [", "map.yaml:"),
     ],

@@ -15,13 +15,12 @@ import pytest
 
 from pushplan.bench.suites.file import suite_names, suite_text
 from pushplan.cli.main import main
-from pushplan.scenario.examples import example_names, example_text
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, example_text, load_scenario
 from pushplan.scenario.json_schema import SCHEMAS, scenario_schema, schema_file, schema_text, suite_schema
-from pushplan.scenario.schema.findings import validate
-from pushplan.scenario.schema.scenario import ScenarioFile
+from pushplan.scenario.schema import ScenarioFile
+from pushplan.scenario.source import Source
 from pushplan.scenario.template import new_scenario_text
-from pushplan.scenario.yaml.tree import read_document
+from pushplan.scenario.validation import validate
 
 VARIED = ("two-crates", "feet", "carts", "hook")
 BEYOND_A_SCHEMA = re.compile(
@@ -53,7 +52,7 @@ def checker() -> jsonschema.protocols.Validator:
 
 
 def _document(text: str) -> Any:
-    return read_document(text.encode()).root.plain()
+    return Source(text.encode()).root.plain()
 
 
 @pytest.mark.parametrize("name", SCHEMAS)
@@ -102,12 +101,11 @@ def test_schema_and_loader_agree_on_mutated_files(checker: jsonschema.protocols.
     documents += [_document(example_text(name)) for name in VARIED]
     accepted = refused = 0
     for _ in range(500):
-        document = read_document(
-            json.dumps(mutators.mutated_document(random.choice(documents), random)).encode()
-        )
-        _, faults = validate(ScenarioFile, document)
+        document = Source(json.dumps(mutators.mutated_document(random.choice(documents), random)).encode())
+        validate(ScenarioFile, document)
+        faults = document.findings
         errors = list(checker.iter_errors(document.root.plain()))
-        sayable = [f for f in faults.values() if not BEYOND_A_SCHEMA.match(f.what)]
+        sayable = [f for f in faults if not BEYOND_A_SCHEMA.match(f.what)]
         assert bool(errors) == bool(sayable), (errors[:1], sayable)
         accepted, refused = accepted + (not faults), refused + bool(errors)
     assert accepted > 20
@@ -126,7 +124,7 @@ def test_names_are_the_same_for_editors_and_loader(
 ) -> None:
     document = _document(example_text("one-box")) | {"name": name}
     assert checker.is_valid(document) == valid
-    assert (not validate(ScenarioFile, read_document(json.dumps(document).encode()))[1]) == valid
+    assert (validate(ScenarioFile, Source(json.dumps(document).encode())) is not None) == valid
 
 
 def test_every_key_carries_the_words_that_messages_use() -> None:

@@ -15,8 +15,7 @@ from pushplan.planners.infeasible.free_space import disc_at, largest_disc
 from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.problem.posing import Posing
 from pushplan.plans.path import TURN_WEIGHT
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.file import example_names, scenario_from_text
 from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario
 from pushplan.util.arrays import FloatArray
 

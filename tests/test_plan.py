@@ -12,8 +12,7 @@ from pushplan.errors import PlanningError, ScenarioError
 from pushplan.plan import plan
 from pushplan.planners.validation.checker import find_collision
 from pushplan.plans.result import PlanResult
-from pushplan.scenario.examples import example_names, example_text
-from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.sim.judging import execute
 from pushplan.util.names import PLANNERS

@@ -21,8 +21,7 @@ from pushplan.planners.problem.controls import segment_ends
 from pushplan.planners.problem.posing import build_problem
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.validation.checker import find_collision
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.file import example_names, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, IntArray

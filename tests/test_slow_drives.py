@@ -11,7 +11,7 @@ import yaml
 import pushplan
 from pushplan.cli.main import main
 from pushplan.plans.trajectory import MOST_SAMPLES
-from pushplan.scenario.examples import example_text
+from pushplan.scenario.file import example_text
 
 
 def _with_limit(name: str, limit: tuple[str, float], path: Path) -> Path:

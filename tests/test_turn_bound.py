@@ -15,7 +15,7 @@ from pushplan.planners.infeasible.turn_bound import turn_bound
 from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
 from pushplan.plans.path import TURN_WEIGHT, PushPath
-from pushplan.scenario.examples import example_names
+from pushplan.scenario.file import example_names
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

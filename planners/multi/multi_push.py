@@ -20,8 +20,8 @@ from pushplan.planners.problem.posing import SLACK
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Nearest, Poses, Segment
 from pushplan.plans.settings import PlanSettings
+from pushplan.scenario.build import troubles_at
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.several_pushes import troubles_at
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import APPROACH, RETREAT, TRANSIT, TRANSIT_CLEARANCE
 

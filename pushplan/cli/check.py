@@ -26,13 +26,13 @@ def run(args: argparse.Namespace, console: Console) -> int:
     from pushplan.cli.stable_set import describe, document, rows
     from pushplan.cli.steps import understood
     from pushplan.cli.steps.pushable import require_pushable
-    from pushplan.cli.steps.several_objects import check_several_objects, states_several
+    from pushplan.cli.steps.several_objects import check_several_objects
     from pushplan.scenario.file import load_scenario
 
     check_outputs([args.scenario, *args.map], args.plot)
-    if states_several(args.scenario):
-        return check_several_objects(args, console)
     scenario = load_scenario(args.scenario, args.map)
+    if scenario.kind == "rearrangement":
+        return check_several_objects(scenario, args, console)
     asked = ask(scenario, console)
     console.say(console.paint(scenario.name, "bold"))
     console.table(understood.rows(scenario))
@@ -59,10 +59,9 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
 def ask(scenario: Scenario, console: Console) -> int:
     """Ask about numbers that the file may state but hardly means; return how many."""
-    from pushplan.scenario.questions import questions
-    from pushplan.scenario.yaml.tree import read_document
+    from pushplan.scenario.check import questions
 
-    found = questions(read_document(scenario.source))
+    found = () if scenario.origin is None else questions(scenario.origin)
     for question in found:
         console.note(f"question: {question.text(str(scenario.path))}")
     return len(found)

@@ -47,7 +47,7 @@ def completion_script(shell: str, top: argparse.ArgumentParser) -> str:
     """Return the script for one of `SHELLS` that completes what the parser `top` takes; it is changed by that."""
     import shtab
 
-    from pushplan.scenario.examples import example_names
+    from pushplan.scenario.file import example_names
 
     names = example_names()
     for action in _actions(top):

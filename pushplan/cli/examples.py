@@ -15,7 +15,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    from pushplan.scenario.examples import example_names, example_text
+    from pushplan.scenario.file import example_names, example_text
 
     if args.name is not None:
         text = example_text(args.name)

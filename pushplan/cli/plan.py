@@ -68,12 +68,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    from pushplan.cli.steps.several_objects import plan_several_objects, states_several
+    from pushplan.cli.steps.several_objects import plan_several_objects
 
-    if states_several(args.scenario):
-        return plan_several_objects(args, console)
     with leaving_at_once():  # nothing is lost yet
         scenario = load(args, console)
+    if scenario.kind == "rearrangement":
+        return plan_several_objects(scenario, args, console)
     interruption = Interruption()
     done, incomplete = plan_and_record(args, scenario, interruption, console)
     code, told = report(done, interruption.requested, console)

@@ -33,6 +33,8 @@ def load(args: argparse.Namespace, console: Console) -> Scenario:
     check_outputs([args.scenario, *args.map], args.plot, args.html, log=args.output)
     scenario = load_scenario(args.scenario, args.map)
     ask(scenario, console)
+    if scenario.kind == "rearrangement":
+        return scenario
     if args.physics:
         physics.require_executable(scenario)
     with console.computing("loading the planner"):

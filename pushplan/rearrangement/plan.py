@@ -13,10 +13,10 @@ from pushplan.planners.multi.search import Limits
 from pushplan.plans.result import PlanResult, ProgressPoint
 from pushplan.rearrangement.order import Order
 from pushplan.rearrangement.pieces import Errand, Piece, Situation, errand
+from pushplan.scenario.build import overlapping_goals
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal
-from pushplan.scenario.several_objects import overlapping_goals
 from pushplan.several.plan import Asked, Outcome, checked
 from pushplan.several.prepared import Prepared
 from pushplan.several.warm import warm_up_several

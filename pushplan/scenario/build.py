@@ -1,143 +1,390 @@
-"""From a scenario's document to the scenario, or to findings."""
+"""From a document to the scenario that it states, or to findings: one load, or several objects that stand apart."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
+from itertools import combinations
+from typing import Any, cast
 
 import numpy as np
+import shapely
 
-from pushplan.scenario.arrangement.placement import Surroundings, bodies_at, placement_troubles
-from pushplan.scenario.chain import Bodies, build_bodies
-from pushplan.scenario.files import Attachments
-from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import PlannerSettings, StabilitySettings, Uncertainty
-from pushplan.scenario.salvage import salvage
-from pushplan.scenario.schema.findings import nearest, validate
-from pushplan.scenario.schema.scenario import ScenarioFile, StatedRoom
-from pushplan.scenario.several_pushes import (
-    check_places,
-    make_goals,
-    make_pushes,
-    report_meaningless,
-    stated_goals,
+from pushplan.geometry import se2
+from pushplan.geometry.penetration import overlap_depth
+from pushplan.mechanics.body import Body, BodyKind
+from pushplan.mechanics.chain import Chain
+from pushplan.scenario import schema
+from pushplan.scenario.chain import build_bodies
+from pushplan.scenario.layout import millimetres
+from pushplan.scenario.model import NotOneLoad, Scenario
+from pushplan.scenario.parts import (
+    Goal,
+    PlacedObject,
+    PlannerSettings,
+    Pushes,
+    StabilitySettings,
+    Uncertainty,
 )
-from pushplan.scenario.surroundings import Stated, build_surroundings
-from pushplan.scenario.yaml.node import Document, shorten
-from pushplan.scenario.yaml.report import Report
-from pushplan.util.names import RANKED_BY
+from pushplan.scenario.room import Attachments, Surroundings, build_surroundings, placed, placement_troubles
+from pushplan.scenario.schema import GoalPose, ObjectGoal, RearrangementFile, RoomFile, ScenarioFile
+from pushplan.scenario.source import Place, Source, shorten
+from pushplan.scenario.validation import nearest, salvage, validate
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import DEFAULT_PLANNER, PUSHER, RANKED_BY, TRANSIT_CLEARANCE
+
+_NEAREST = 1e-3
+"""What an approach begins, and a retreat ends, farther from the objects than the clearance, m."""
+
+_OF_SEVERAL = {"name", "cost", "time_limit", "seed", "gap"}
+"""Keys of `planner` that bear on several pushes."""
 
 
-def build_scenario(
-    document: Document, path: Path, source: bytes, attachments: Attachments, report: Report
-) -> Scenario | None:
+def build_scenario(source: Source, attachments: Attachments) -> Scenario | None:
     """Return the scenario that a document states, or report all that is wrong with it and return None."""
-    file, faults = validate(ScenarioFile, document)
-    report.extend(tuple(faults.values()))
-    doubtful: set[str] = set()
-    if file is None:
-        mended = salvage(document.root.plain(), faults)
-        if mended is None:
-            return None
-        file, doubtful = mended
-    bodies = _bodies(file, attachments, doubtful, report)
-    if not _goal_exists(file, report):
-        doubtful.add("goal")
-    if bodies is None:
-        return None
-    check_room_for_inertia(file, report)
-    surroundings = build_surroundings(file, attachments.read, report)
-    scenario = _scenario(file, path, source, bodies, surroundings, attachments, report)
-    _check_ends(scenario, file, doubtful, report)
-    return None if report.findings else scenario
+    build = _rearrangement if source.holds(("goals",)) else _one_load
+    scenario = build(source, attachments)
+    return None if source.findings else scenario
 
 
-def _bodies(
-    file: ScenarioFile, attachments: Attachments, doubtful: set[str], report: Report
-) -> Bodies | None:
-    """Return the chain; what follows from stand-ins alone is not reported."""
-    own = Report(report.document)
-    bodies = build_bodies(file, attachments.read, own)
-    report.extend(tuple(f for f in own.findings if f.where.split(".")[0] not in doubtful))
-    return bodies
+def _shared(file: RoomFile, source: Source, room: Surroundings, attachments: Attachments) -> dict[str, Any]:
+    """Return what all kinds of scenarios have in common."""
+    planner = PlannerSettings(**file.planner.model_dump())
+    return {
+        "name": file.name or source.path.stem,
+        "path": source.path,
+        "source": source.data,
+        "origin": source,
+        "floor_friction": file.floor.friction,
+        "workspace": room.workspace,
+        "obstacles": room.obstacles,
+        "clearance": file.clearance,
+        "stability": StabilitySettings(file.stability.set, file.stability.margin),
+        "planner": planner if file.robot.start is None else replace(planner, cost=RANKED_BY),
+        "trajectory": file.trajectory,
+        "attachments": attachments.contents,
+        "uncertainty": Uncertainty(**file.uncertainty.model_dump()),
+    }
 
 
-def _goal_exists(file: ScenarioFile, report: Report) -> bool:
-    """Tell whether the object that the goal names exists, and report it if not."""
-    known = [obj.name for obj in file.objects]
-    for place, goal in stated_goals(file):
-        if goal.of is not None and goal.of not in known:
-            near = nearest(goal.of, known)
-            what = f"no object is called '{shorten(goal.of)}'{near} allowed: {', '.join(known)}"
-            report.add((*place, "of"), what)
-            return False
-    return True
-
-
-def check_room_for_inertia(file: StatedRoom, report: Report) -> None:
+def _check_room_for_inertia(file: RoomFile, source: Source) -> None:
     """Report dynamic contact limits where contacts may be pushed at their limit."""
     if file.pusher.limits.contact == "dynamic" and file.stability.margin == 0.0:
-        report.add(
+        source.error(
             ("pusher", "limits", "contact"),
             "'dynamic', the default, needs a stability.margin above 0, for a contact at its limit has nothing to "
             "spare for inertia; allowed: a stability.margin such as auto or 0.05, or quasi-static",
         )
 
 
-def _scenario(
-    file: ScenarioFile,
-    path: Path,
-    source: bytes,
-    bodies: Bodies,
-    surroundings: Stated,
-    attachments: Attachments,
-    report: Report,
-) -> Scenario:
-    goals = make_goals((goal for _, goal in stated_goals(file)), bodies.chain)
-    report_meaningless(file, report)
-    return Scenario(
-        name=file.name or path.stem,
-        path=path,
-        source=source,
+# --- one load ---
+
+
+def _one_load(source: Source, attachments: Attachments) -> Scenario | None:
+    file, doubtful = validate(ScenarioFile, source), set[str]()
+    if file is None:
+        mended = salvage(source)
+        if mended is None:
+            return None
+        file, doubtful = mended
+    part = source.moved(lambda place: place)
+    bodies = build_bodies(file, attachments.read, part)
+    source.take(part, *doubtful)  # without what follows from stand-ins alone
+    stated = _stated_goals(file)
+    if not _goals_exist(file, stated, source):
+        doubtful.add("goal")
+    if bodies is None:
+        return None
+    _check_room_for_inertia(file, source)
+    _check_for_several_only(file, source)
+    room = build_surroundings(file, attachments, source)
+    goals = tuple(goal for one in stated.values() for goal in _turned(one, bodies.chain))
+    scenario = Scenario(
+        **_shared(file, source, room, attachments),
         chain=bodies.chain,
-        floor_friction=file.floor.friction,
         start=np.array(file.start),
         goal=goals[0],
-        workspace=surroundings.workspace,
-        obstacles=surroundings.obstacles,
-        clearance=file.clearance,
-        stability=StabilitySettings(file.stability.set, file.stability.margin),
-        planner=planner_settings(file),
-        trajectory=file.trajectory,
-        attachments=attachments.contents,
         stated=bodies.stated,
         interval=bodies.interval,
-        uncertainty=Uncertainty(**file.uncertainty.model_dump()),
         contact_friction=bodies.contact_friction,
         snapping=bodies.snapping,
-        pushes=make_pushes(file, goals, report),
+        pushes=_pushes(file, goals, source),
+    )
+    if doubtful & {"workspace", "obstacles", "clearance"}:
+        return None
+    if scenario.pushes is None:
+        for what, place, pose in (
+            ("start", ("start",), scenario.start),
+            ("goal", ("goal", "pose"), scenario.goal.pose_chain),
+        ):
+            if what not in doubtful:
+                for trouble in placement_troubles(
+                    what, placed(scenario.chain.bodies, pose), _around(scenario)
+                ):
+                    source.error(place, trouble)
+    elif not doubtful & {"start", "goal", "robot"}:
+        _check_pushes(scenario, (*next(iter(stated)), "pose"), source)
+    return scenario
+
+
+def _stated_goals(file: ScenarioFile) -> dict[Place, GoalPose]:
+    """Return the goals of a file by where each stands."""
+    if isinstance(file.goal, GoalPose):
+        return {("goal",): file.goal}
+    return {("goal", i): goal for i, goal in enumerate(file.goal)}
+
+
+def _goals_exist(file: ScenarioFile, stated: Mapping[Place, GoalPose], source: Source) -> bool:
+    """Tell whether the object that each goal names exists, and report the first that does not."""
+    known = [obj.name for obj in file.objects]
+    for place, goal in stated.items():
+        if goal.of is not None and goal.of not in known:
+            near = nearest(goal.of, known)
+            what = f"no object is called '{shorten(goal.of)}'{near} allowed: {', '.join(known)}"
+            source.error((*place, "of"), what)
+            return False
+    return True
+
+
+def _turned(stated: GoalPose, chain: Chain) -> Iterator[Goal]:
+    """Yield a goal for each turn that the object's symmetry allows."""
+    known = [obj.name for obj in chain.objects]
+    for k in range(stated.symmetry):
+        turn = se2.wrap_angle(stated.pose[2] + 2.0 * np.pi * k / stated.symmetry) if k else stated.pose[2]
+        pose = pose_chain = np.array([*stated.pose[:2], turn])
+        if stated.of in known:
+            inner = chain.objects[chain.index_of(stated.of)].pose_chain
+            pose_chain = se2.compose(pose, se2.inverse(inner))
+        yield Goal(pose, stated.of, pose_chain, stated.tolerance.position, stated.tolerance.angle)
+
+
+# --- several pushes ---
+
+
+def _check_for_several_only(file: ScenarioFile, source: Source) -> None:
+    """Report what says nothing of one push with the plate in contact."""
+    if file.robot.start is not None:
+        return
+    several_goals = not isinstance(file.goal, GoalPose)
+    meaningless: dict[Place, bool] = {
+        ("goal",): several_goals,
+        ("goal", "symmetry"): isinstance(file.goal, GoalPose) and file.goal.symmetry > 1,
+        ("pusher", "faces"): file.pusher.faces is not None,
+        ("pusher", "offsets"): file.pusher.offsets is not None,
+        ("pushes",): file.pushes is not None,
+    }
+    for place in (place for place, stated in meaningless.items() if stated):
+        what = "is for several pushes: it needs a robot.start, the plate's pose in the world"
+        source.error(place, what, at_key=True)
+
+
+def _pushes(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes | None:
+    """Return what several pushes start from and may choose, or None where one push is asked for."""
+    if file.robot.start is None:
+        return None
+    for name in sorted(file.planner.model_fields_set - _OF_SEVERAL):
+        what = "is for a single push; several pushes (robot.start) are weighed by what 'pushes' says"
+        source.error(("planner", name), what, at_key=True)
+    for name, only in (("name", DEFAULT_PLANNER), ("cost", RANKED_BY)):
+        if name in file.planner.model_fields_set and getattr(file.planner, name) != only:
+            source.error(("planner", name), f"is for a single push; several pushes have {only} only")
+    plate, choice = file.pusher, file.pushes or schema.PushChoice()
+    faces = None if plate.faces in (None, "all") else tuple(plate.faces)
+    return Pushes(np.array(file.robot.start), goals, faces, plate.offsets or (0.0,), **choice.model_dump())
+
+
+def _check_pushes(scenario: Scenario, goal: Place, source: Source) -> None:
+    """Report what cannot be several pushes: short paths, what is not free at first, or at any goal, for the first."""
+    pushes = scenario.pushes
+    assert pushes is not None
+    for name in ("approach", "retreat"):
+        kept = max(scenario.clearance, TRANSIT_CLEARANCE)
+        least = kept + _NEAREST
+        if getattr(pushes, name) < least:
+            why = f"the robot keeps {kept:.6g} m from the objects when it drives on"
+            what = f"is {getattr(pushes, name):.6g} m, and {why}; allowed: at least {least:.6g}"
+            source.error(("pushes", name), what)
+    for place, what in troubles_at_first(scenario):
+        source.error(place, what)
+    taken = [list(troubles_at(scenario, one.pose_chain, "goal")) for one in pushes.goals]
+    if all(taken):
+        for what in taken[0]:
+            source.error(goal, what)
+
+
+def troubles_at_first(scenario: Scenario) -> Iterator[tuple[Place, str]]:
+    """Yield the place in a file and a sentence for objects, and parts of the robot, that are not free at first."""
+    chain = scenario.chain
+    for what in troubles_at(scenario, scenario.start, "start"):
+        yield ("start",), what
+    robot = placed(chain.carried, scenario.robot_start)
+    for what in placement_troubles("robot's start", robot, _around(scenario)):
+        yield ("robot", "start"), what
+    for name, outline in robot:
+        for other, standing in placed(_objects(chain), scenario.start):
+            depth = overlap_depth(standing, outline)
+            if depth > 0.0:
+                what = f"at the robot's start, '{name}' overlaps '{other}' by {millimetres(depth)}"
+                yield ("robot", "start"), what
+
+
+def troubles_at(scenario: Scenario, load: FloatArray, what: str) -> Iterator[str]:
+    """Yield a sentence for each object that is not free with the load at a pose (3,), its `start` or a `goal`."""
+    return placement_troubles(what, placed(_objects(scenario.chain), load), _around(scenario))
+
+
+def _around(scenario: Scenario) -> Surroundings:
+    return Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
+
+
+def _objects(chain: Chain) -> list[Body]:
+    return [body for body in chain.bodies if body.kind is BodyKind.OBJECT]
+
+
+# --- several objects ---
+
+
+def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
+    for key in ("goal", "start"):
+        if source.holds((key,)):
+            what = "does not go together with goals, and objects have their poses"
+            source.error((key,), what, at_key=True)
+    file = validate(RearrangementFile, source)
+    if file is None or not _names_are_known(file, source):
+        return None
+    _check_room_for_inertia(file, source)
+    room = build_surroundings(file, attachments, source)
+    pushes = _pushes(file, (), source)
+    found = {obj.name: _placed_object(file, i, attachments, source) for i, obj in enumerate(file.objects)}
+    bodies = {name: body for name, body in found.items() if body is not None}
+    if not bodies:
+        return None
+    stated = {**next(iter(bodies.values())).stated, "contacts": file.contacts.model_dump(exclude_none=True)}
+    del stated["objects"]
+    scenario = Scenario(
+        **_shared(file, source, room, attachments),
+        **{what: cast(Any, NotOneLoad(what, bodies)) for what in ("chain", "start", "goal")},
+        stated=stated,
+        pushes=pushes,
+        bodies=bodies,
+    )
+    for i, name in enumerate(found):
+        if name in bodies:
+            part = _part_of(source, i, name)
+            _check_pushes(scenario.alone(name), ("goal", "pose"), part)
+            source.take(part)
+    if not source.findings:
+        _check_apart(scenario, source)
+    return scenario
+
+
+def _names_are_known(file: RearrangementFile, source: Source) -> bool:
+    """Tell whether names differ, and goals are for objects, and report what is not so."""
+    names = [obj.name for obj in file.objects]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            what = f"'{name}' is also objects[{names.index(name)}]; give it another"
+            source.error(("objects", i, "name"), what)
+    for name in file.goals:
+        if name not in names:
+            near = nearest(str(name), names)
+            what = f"no object is called '{shorten(str(name))}'{near} allowed: {', '.join(names)}"
+            source.error(("goals", name), what, at_key=True)
+    return not source.findings
+
+
+def _part_of(source: Source, i: int, name: str) -> Source:
+    """Return the document for one object's own problem."""
+
+    def moved(place: Place) -> Place:
+        match place:
+            case ("objects", 0, *rest):
+                return ("objects", i, *rest)
+            case ("goal", *rest):
+                stated = ("goals", name, *rest)
+                return stated if source.holds(stated) else ("goals", name)
+            case ("start", *_):
+                return ("objects", i, "pose")
+        return place
+
+    return source.moved(moved)
+
+
+def _placed_object(
+    file: RearrangementFile, i: int, attachments: Attachments, source: Source
+) -> PlacedObject | None:
+    """Return one object of a file, with its chain and goals."""
+    obj, part = file.objects[i], _part_of(source, i, file.objects[i].name)
+    between = tuple(pair for pair in file.contacts.between if set(pair.objects) == {obj.name, PUSHER})
+    alone = {
+        "objects": (obj.model_copy(update={"pose": None, "offset": None}),),
+        "contacts": file.contacts.model_copy(update={"friction": None, "between": between}),
+    }
+    bodies = build_bodies(file.model_copy(update=alone), attachments.read, part)
+    source.take(part)
+    if bodies is None:
+        return None
+    goals = _goals_of(file.goals[obj.name], obj.name) if obj.name in file.goals else ()
+    return PlacedObject(
+        pose=np.array(obj.pose),
+        goals=tuple(goal for one in goals for goal in _turned(one, bodies.chain)),
+        chain=bodies.chain,
+        interval=bodies.interval,
+        contact_friction=bodies.contact_friction,
+        stated=bodies.stated,
     )
 
 
-def planner_settings(file: StatedRoom) -> PlannerSettings:
-    """Return how to search; several pushes have one cost only."""
-    stated = PlannerSettings(**file.planner.model_dump())
-    return stated if file.robot.start is None else replace(stated, cost=RANKED_BY)
+def _goals_of(stated: Any, name: str) -> tuple[GoalPose, ...]:
+    """Return the goals of one object as a file of one load has them."""
+    if isinstance(stated, ObjectGoal):
+        return (GoalPose.model_construct(of=name, **dict(stated)),)
+    if isinstance(stated[0], float):
+        return (GoalPose.model_construct(of=name, pose=stated),)
+    return tuple(goal for one in stated for goal in _goals_of(one, name))
 
 
-def _check_ends(scenario: Scenario, file: ScenarioFile, doubtful: set[str], report: Report) -> None:
-    """Report collisions at start and goal, as far as all that matters for them is known."""
-    if doubtful & {"workspace", "obstacles", "clearance"}:
-        return
-    surroundings = Surroundings(scenario.workspace, scenario.obstacles, scenario.clearance)
-    if scenario.pushes is not None:
-        if not doubtful & {"start", "goal", "robot"}:
-            check_places(scenario, (*stated_goals(file)[0][0], "pose"), report)
-        return
-    for what, place, pose in (
-        ("start", ("start",), scenario.start),
-        ("goal", ("goal", "pose"), scenario.goal.pose_chain),
-    ):
-        if what not in doubtful:
-            for trouble in placement_troubles(what, bodies_at(scenario.chain, pose), surroundings):
-                report.add(place, trouble)
+def _check_apart(scenario: Scenario, source: Source) -> None:
+    """Report objects that touch one another at first, and those that cannot all be at their goals."""
+    names, kept = list(scenario.bodies), scenario.clearance
+    standing = {name: _area(body.chain, body.start) for name, body in scenario.bodies.items()}
+    for one, other in combinations(names, 2):
+        gap = float(standing[one].distance(standing[other]))
+        if gap < kept:
+            what = f"'{other}' is {millimetres(gap)} from '{one}'; allowed: at least {millimetres(kept)}"
+            source.error(("objects", names.index(other), "pose"), what)
+    for name, what in overlapping_goals({name: scenario.alone(name) for name in scenario.goals}).items():
+        source.error(("goals", name), what)
+
+
+def overlapping_goals(scenarios: Mapping[str, Scenario]) -> dict[str, str]:
+    """Return in words which objects cannot be at their goals together with another, by the name of the later one.
+
+    Args:
+        scenarios: The problem of each object that has goals, alone in the room, by its name.
+    """
+    ends = {name: _ends(scenario) for name, scenario in scenarios.items()}
+    found = {}
+    for one, other in combinations(ends, 2):
+        gap = max(float(a.distance(b)) for a in ends[one] for b in ends[other])
+        kept = scenarios[other].clearance
+        if gap < kept:
+            found[other] = (
+                f"at their goals, '{one}' and '{other}' are {millimetres(gap)} apart; "
+                f"allowed: at least {millimetres(kept)}"
+            )
+    return found
+
+
+def _ends(scenario: Scenario) -> list[shapely.MultiPolygon]:
+    """Return what the objects of one problem cover at each goal, and at the start where that reaches one."""
+    goals = (scenario.goal,) if scenario.pushes is None else scenario.pushes.goals
+    poses = [goal.pose_chain for goal in goals]
+    poses += [scenario.start for goal in goals if goal.is_reached(scenario.start)]
+    return [_area(scenario.chain, pose) for pose in poses]
+
+
+def _area(chain: Chain, pose: FloatArray) -> shapely.MultiPolygon:
+    """Return what the objects cover with the chain frame at a pose (3,)."""
+    outlines = (se2.transform_points(pose, obj.outline_chain) for obj in chain.objects)
+    return shapely.MultiPolygon([shapely.Polygon(outline) for outline in outlines])

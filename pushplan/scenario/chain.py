@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+import shapely
 
-from pushplan.mechanics.chain import Chain, Limits, PushedObject, Pusher
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.scenario.arrangement.contact_friction import contact_frictions
-from pushplan.scenario.arrangement.contacts import find_segments, make_contacts
-from pushplan.scenario.arrangement.layout import Layout, Part, lay_out
-from pushplan.scenario.arrangement.shapes import outline_of
-from pushplan.scenario.arrangement.snapping import SnapTolerance
-from pushplan.scenario.intervals import make_interval_chain, stated_floor_friction
+from pushplan.errors import PushplanError, SupportError
+from pushplan.geometry import se2
+from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH, find_touch
+from pushplan.geometry.polygon import area_moments
+from pushplan.mechanics.chain import Chain, Drive, Limits, PushedObject, Pusher
+from pushplan.mechanics.support import (
+    FeetSupport,
+    PressureMapSupport,
+    Support,
+    UniformSupport,
+    UnknownSupport,
+)
+from pushplan.mechanics.worst_case.interval_chain import IntervalChain, fractions_within
+from pushplan.scenario import schema
+from pushplan.scenario.contacts import contact_frictions, find_segments, make_contacts
+from pushplan.scenario.layout import Layout, Part, SnapTolerance, describe_overlap, lay_out, outline_of
 from pushplan.scenario.parts import Snapping
-from pushplan.scenario.robot import footprint_parts, make_base, make_drive, make_footprint
-from pushplan.scenario.schema.scenario import Snap, StatedRoom
-from pushplan.scenario.supports import ReadFile, make_support
-from pushplan.scenario.uncertainty import widened
-from pushplan.scenario.values.interval import highest, lowest, middle
-from pushplan.scenario.yaml.report import Report
+from pushplan.scenario.schema import RoomFile
+from pushplan.scenario.source import Source
+from pushplan.scenario.units import Span, highest, lowest, middle
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import RESERVED_NAMES, ROBOT
+
+ReadFile = Callable[[str], bytes]
+"""Returns the bytes of a file that the scenario names; raises SupportError when it cannot."""
+
+File = TypeVar("File", bound=RoomFile)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,24 +57,29 @@ class Bodies:
     snapping: Snapping | None
 
 
-def build_bodies(file: StatedRoom, read: ReadFile, report: Report) -> Bodies | None:
+def build_bodies(stated: RoomFile, read: ReadFile, source: Source) -> Bodies | None:
     """Return the chain of a scenario file, or report what is wrong with it and return None."""
-    stated, file = file, widened(file)
-    _check_names(file, report)
-    parts = [_part(i, file) for i in range(len(file.objects))]
+    file = widened(stated)
+    _check_names(file, source)
+    parts = [
+        Part(obj.name, outline_of(obj.shape), obj.offset, None if obj.pose is None else np.array(obj.pose))
+        for obj in file.objects
+    ]
     supports = [
-        make_support(obj, part.outline, i, read, report)
+        _support(obj, part.outline, i, read, source)
         for i, (obj, part) in enumerate(zip(file.objects, parts, strict=True))
     ]
-    layout = lay_out(parts, file.pusher.width, file.pusher.thickness, report, _snap_tolerance(file))
+    snap = schema.Snap(position=file.snap) if isinstance(file.snap, float) else file.snap
+    within = None if snap is None else SnapTolerance(snap.position, snap.angle)
+    layout = lay_out(parts, file.pusher.width, file.pusher.thickness, source, within)
     if layout is None:
         return None
-    segments = find_segments(parts, layout, report)
-    frictions = contact_frictions(file, segments, report)
-    pusher = _pusher(file, parts, layout, report)
-    if report.findings:
+    segments = find_segments(parts, layout, source)
+    frictions = contact_frictions(file, segments, source)
+    pusher = _pusher(file, parts, layout, source)
+    if source.findings:
         return None
-    floors = [stated_floor_friction(obj, file) for obj in file.objects]
+    floors = [floor_friction(obj, file) for obj in file.objects]
     objects = tuple(
         PushedObject(obj.name, part.outline, middle(obj.mass), middle(floor), support, layout.poses[i])
         for i, (obj, part, support, floor) in enumerate(
@@ -72,72 +88,220 @@ def build_bodies(file: StatedRoom, read: ReadFile, report: Report) -> Bodies | N
         if support is not None
     )
     chain = Chain(objects, make_contacts(segments, frictions), pusher)
-    interval = make_interval_chain(stated, chain)
-    if report.findings:
-        return None
     spans = [frictions[contact.pusher, contact.pushed] for contact in chain.contacts]
     ends = np.array([[lowest(span), highest(span)] for span in spans])
-    return Bodies(chain, interval, ends, _stated(stated, layout), layout.snapping)
+    return Bodies(chain, _interval_chain(file, chain), ends, _resolved(stated, layout), layout.snapping)
 
 
-def _check_names(file: StatedRoom, report: Report) -> None:
+def _check_names(file: RoomFile, source: Source) -> None:
     names = [obj.name for obj in file.objects]
-    reserved = (*RESERVED_NAMES, *((ROBOT,) if footprint_parts(file) else ()))
+    reserved = (*RESERVED_NAMES, *((ROBOT,) if file.robot.footprint else ()))
     for i, name in enumerate(names):
         if name in names[:i]:
-            report.add(
-                ("objects", i, "name"), f"objects[{names.index(name)}] is called '{name}' too; names differ"
-            )
+            first = names.index(name)
+            source.error(("objects", i, "name"), f"objects[{first}] is called '{name}' too; names differ")
         if name.lower() in reserved:
             what = f"'{name}' is reserved; allowed: any name but {', '.join(reserved)}"
-            report.add(("objects", i, "name"), what)
+            source.error(("objects", i, "name"), what)
 
 
-def _part(i: int, file: StatedRoom) -> Part:
-    obj = file.objects[i]
-    pose = None if obj.pose is None else np.array(obj.pose)
-    return Part(obj.name, outline_of(obj.shape), obj.offset, pose)
+def floor_friction(obj: schema.Object, file: RoomFile) -> float | Span:
+    """Return the friction between an object and the floor."""
+    return file.floor.friction if obj.floor_friction is None else obj.floor_friction
 
 
-def _pusher(file: StatedRoom, parts: Sequence[Part], layout: Layout, report: Report) -> Pusher:
-    plate, limits = file.pusher, Limits(**file.pusher.limits.model_dump())
+# --- uncertain numbers ---
+
+
+def widened(file: File) -> File:
+    """Return a file with the intervals that its `uncertainty` stands for; those that it states itself stay.
+
+    A share s makes an interval [(1 - s) v, (1 + s) v] of a value v. What `load` does to a load that is not on feet is
+    no interval of a number: it is a share by which the pressure at every place may be off.
+    """
+    share = file.uncertainty
+    floor = file.floor.model_copy(update={"friction": around(file.floor.friction, share.floor_friction)})
+    pusher = {"friction": around(file.pusher.friction, share.contact_friction)}
+    between = tuple(
+        pair.model_copy(update={"friction": around(pair.friction, share.contact_friction)})
+        for pair in file.contacts.between
+    )
+    friction = file.contacts.friction
+    friction = None if friction is None else around(friction, share.contact_friction)
+    return file.model_copy(
+        update={
+            "floor": floor,
+            "objects": tuple(_widened(obj, share) for obj in file.objects),
+            "contacts": file.contacts.model_copy(update={"friction": friction, "between": between}),
+            "pusher": file.pusher.model_copy(update=pusher),
+        }
+    )
+
+
+def _widened(obj: schema.Object, share: schema.UncertaintyShares) -> schema.Object:
+    update = dict[str, Any]()
+    if obj.floor_friction is not None:
+        update["floor_friction"] = around(obj.floor_friction, share.floor_friction)
+    if isinstance(obj.support, schema.Feet):
+        feet = tuple(
+            (*foot[:2], *(around(f, share.load, 1.0) for f in foot[2:])) for foot in obj.support.feet
+        )
+        update["support"] = obj.support.model_copy(update={"feet": feet})
+    return obj.model_copy(update=update)
+
+
+def around(value: float | Span, share: float, most: float = float("inf")) -> float | Span:
+    """Return the interval around a number, up to `most`; an interval, or a number that is exact, as it is."""
+    if isinstance(value, tuple) or share == 0.0:
+        return value
+    return (1.0 - share) * value, min((1.0 + share) * value, most)
+
+
+def _interval_chain(file: RoomFile, chain: Chain) -> IntervalChain | None:
+    """Return the chain with the intervals of a widened file, None when loads and floor frictions are numbers.
+
+    Intervals of contact friction are not looked at: the chain has their lowest values, and these decide.
+    """
+    masses = {obj.name: obj.mass for obj in file.objects if isinstance(obj.mass, tuple)}
+    floors = {obj.name: floor_friction(obj, file) for obj in file.objects}
+    frictions = {name: value for name, value in floors.items() if isinstance(value, tuple)}
+    fractions = {obj.name: spans for obj in file.objects if (spans := _foot_spans(obj.support)) is not None}
+    share = file.uncertainty.load
+    known = [
+        obj.name
+        for obj in file.objects
+        if not isinstance(obj.support, schema.Feet) and obj.support != "unknown"
+    ]
+    pressures = dict.fromkeys(known, share) if share > 0.0 else {}
+    if not (masses or frictions or fractions or pressures):
+        return None
+    return IntervalChain.from_ranges(chain, masses, frictions, None, fractions, pressures)
+
+
+def _foot_spans(support: object) -> list[Span] | None:
+    """Return the interval of every foot's load fraction, or None when none of them is an interval."""
+    if not isinstance(support, schema.Feet):
+        return None
+    loads = [foot[2] for foot in support.feet if len(foot) == 3]
+    if not any(isinstance(load, tuple) for load in loads):
+        return None
+    return [load if isinstance(load, tuple) else (load, load) for load in loads]
+
+
+# --- supports ---
+
+
+def _support(
+    stated: schema.Object, outline: FloatArray, index: int, read: ReadFile, source: Source
+) -> Support | None:
+    """Return the support model of object `index` with the counter-clockwise `outline` (v, 2), or report why not."""
+    center = None if stated.center_of_mass is None else np.array(stated.center_of_mass)
+    try:
+        if isinstance(stated.support, str):
+            return (UniformSupport if stated.support == "uniform" else UnknownSupport)(outline, center)
+        return _placed_support(stated.support, outline, center, read)
+    except PushplanError as error:
+        about_center = "center_of_mass" in str(error) and center is not None
+        source.error(("objects", index, "center_of_mass" if about_center else "support"), str(error))
+        return None
+
+
+def _placed_support(
+    support: schema.Feet | schema.PressureMap, outline: FloatArray, center: FloatArray | None, read: ReadFile
+) -> Support:
+    """Return feet or a pressure map; the centre of feet without loads is the outline's centroid if not stated."""
+    bare = isinstance(support, schema.Feet) and len(support.feet[0]) == 2
+    if center is not None and not bare:
+        raise SupportError("center_of_mass follows from the stated loads; leave it out")
+    if isinstance(support, schema.PressureMap):
+        return PressureMapSupport.from_bytes(read(support.pressure_map), support.pressure_map)
+    positions = np.array([foot[:2] for foot in support.feet], dtype=np.float64)
+    if bare:
+        return FeetSupport(positions, None, area_moments(outline).centroid if center is None else center)
+    spans = _foot_spans(support)
+    if spans is not None:
+        return FeetSupport(positions, fractions_within(np.array(spans)))
+    return FeetSupport(positions, np.array([foot[2:] for foot in support.feet], dtype=np.float64)[:, 0])
+
+
+# --- plate and robot ---
+
+
+def _pusher(file: RoomFile, parts: Sequence[Part], layout: Layout, source: Source) -> Pusher:
+    plate, robot, frame = file.pusher, file.robot, layout.plate_pose
+    if robot.drive is not None and "drive" in plate.model_fields_set:
+        source.error(("robot", "drive"), "is stated in pusher.drive, too; keep one of them", at_key=True)
     return Pusher(
         layout.plate,
         lowest(plate.friction),
         plate.contact_height,
-        make_drive(file, layout, report),
-        limits,
-        make_footprint(file, parts, layout, report),
-        make_base(file, layout),
+        _drive(plate.drive, np.zeros(3)) if robot.drive is None else _drive(robot.drive, frame),
+        Limits(**plate.limits.model_dump()),
+        _footprint(file, parts, layout, source),
+        None if robot.base is None else se2.compose(frame, np.array(robot.base)),
     )
 
 
-def _snap_tolerance(file: StatedRoom) -> SnapTolerance | None:
-    stated = file.snap
-    if isinstance(stated, float):
-        stated = Snap(position=stated)
-    return None if stated is None else SnapTolerance(stated.position, stated.angle)
+def _drive(stated: schema.Drive, frame: FloatArray) -> Drive:
+    """Return a drive that is stated in a frame (3,) given in the chain frame."""
+    match stated:
+        case schema.Car(car=car):
+            return Drive("car", se2.compose(frame, np.array(car.axle)), car.min_radius)
+        case schema.Differential(differential=wheels):
+            return Drive("differential", se2.compose(frame, np.array(wheels.axle)))
+    return Drive()
 
 
-def _stated(file: StatedRoom, layout: Layout) -> dict[str, Any]:
+def _footprint(
+    file: RoomFile, parts: Sequence[Part], layout: Layout, source: Source
+) -> tuple[FloatArray, ...]:
+    """Return the outlines (v, 2) of the robot's parts in the chain frame, and report where they meet objects."""
+    stated = file.robot.footprint or ()
+    several = isinstance(stated, tuple)
+    outlines = []
+    for i, part in enumerate(stated if isinstance(stated, tuple) else (stated,)):
+        pose = se2.compose(layout.plate_pose, np.array(part.pose))
+        outlines.append(se2.transform_points(pose, outline_of(part)))
+        for trouble in _footprint_troubles(outlines[-1], parts, layout):
+            source.error(("robot", "footprint", i) if several else ("robot", "footprint"), trouble)
+    return tuple(outlines)
+
+
+def _footprint_troubles(outline: FloatArray, parts: Sequence[Part], layout: Layout) -> Iterator[str]:
+    """Yield a sentence on every object that a part of the robot meets."""
+    plate = shapely.Polygon(layout.plate).buffer(TOUCH, join_style="mitre")
+    for part, object_outline in zip(parts, layout.outlines, strict=True):
+        overlap = describe_overlap((f"'{part.name}'", object_outline), (ROBOT, outline))
+        if overlap is not None:
+            yield overlap
+            continue
+        touch = find_touch(outline, object_outline)
+        segments = [] if touch is None else list(touch)
+        # Along the plate's own contact the plate pushes; anywhere else the robot itself would.
+        if any(shapely.difference(shapely.LineString(s), plate).length > SHORTEST_CONTACT for s in segments):
+            yield f"'{ROBOT}' touches '{part.name}' beside the plate, which alone may push; move it back"
+
+
+# --- the same as plain data ---
+
+
+def _resolved(file: RoomFile, layout: Layout) -> dict[str, Any]:
+    """Return what is stated of objects, contacts, pusher and robot, with poses and defaults filled in."""
     objects = []
     for i, obj in enumerate(file.objects):
         stated = obj.model_dump(mode="json", exclude_none=True)
-        stated |= {"floor_friction": stated_floor_friction(obj, file), "pose": layout.poses[i].tolist()}
+        stated |= {"floor_friction": floor_friction(obj, file), "pose": layout.poses[i].tolist()}
         if i > 0:
             stated.pop("offset", None)
         elif obj.pose is None or obj.offset is None:
             stated["offset"] = float(layout.poses[0, 1] - layout.plate_pose[1])
         objects.append(stated)
-    sections = {"contacts": file.contacts, "pusher": file.pusher}
-    rest = {name: part.model_dump(mode="json", exclude_none=True) for name, part in sections.items()}
-    robot = _stated_robot(file)
+    contacts, pusher, robot = (
+        part.model_dump(mode="json", exclude_none=True) for part in (file.contacts, file.pusher, file.robot)
+    )
+    if isinstance(robot.get("footprint"), dict):
+        robot["footprint"] = [robot["footprint"]]
     if "drive" in robot:
-        del rest["pusher"]["drive"]  # its default would be a second drive
-    return {"objects": objects, **rest, **({"robot": robot} if robot else {})}
-
-
-def _stated_robot(file: StatedRoom) -> dict[str, Any]:
-    robot = file.robot.model_dump(mode="json", exclude_none=True)
-    parts = [part.model_dump(mode="json", exclude_none=True) for part in footprint_parts(file)]
-    return robot | ({"footprint": parts} if parts else {})
+        del pusher["drive"]  # its default would be a second drive
+    resolved = {"objects": objects, "contacts": contacts, "pusher": pusher}
+    return {**resolved, "robot": robot} if robot else resolved

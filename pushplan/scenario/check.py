@@ -1,42 +1,63 @@
-"""Whether a scenario's chain can be pushed at all: the check of the stable set, which takes longer than reading."""
+"""What reading leaves out: whether the stable set is empty, and what plain numbers say but hardly mean."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
 
 from pushplan.errors import Finding, PushplanError
 from pushplan.mechanics.chain import PLATE
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.yaml.report import Report
-from pushplan.scenario.yaml.tree import read_document
-from pushplan.sets.stable_set import StableSet
-from pushplan.sets.weakest import emptiness
+from pushplan.scenario.source import Place, Source
 from pushplan.util.names import AUTO, KNOWN_LOAD_SETS, STABLE_SETS
+
+LONGEST = 20.0
+"""Side, or distance of an axle, up to which a plain number is taken for metres without a question, m."""
+
+SPEEDS = 1e-3, 5.0
+"""Least and largest speed that is taken without a question, m/s."""
+
+_SHAPES = (("objects", "*", "shape"), ("robot", "footprint"), ("robot", "footprint", "*"))
+_AXLES = tuple(
+    (part, "drive", kind, "axle") for part in ("robot", "pusher") for kind in ("differential", "car")
+)
 
 
 def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
     """Return what `load_scenario` leaves out because it takes longer: whether the stable set is empty.
 
     The set is that of `scenario.stability`; one that needs loads which the scenario does not state is a finding too.
+    Of several pushes, the contact that the file states is only one of those that may be chosen.
     """
-    report = Report(read_document(scenario.source))
     unknown = [obj.name for obj in scenario.chain.objects if not obj.support.known]
     if unknown and scenario.stability.set in KNOWN_LOAD_SETS:
-        report.add(("stability", "set"), _needs_loads(scenario.stability.set, unknown))
-        return report.findings
+        return (_finding(scenario, ("stability", "set"), _needs_loads(scenario.stability.set, unknown)),)
     needed = _numbers_needed(scenario)
     if needed:
-        report.add(("uncertainty",), needed)
-        return report.findings
-    if (
-        scenario.pushes is not None
-    ):  # the contact that the file states is only one of those that may be chosen
-        return report.findings
+        return (_finding(scenario, ("uncertainty",), needed),)
+    if scenario.pushes is not None:
+        return ()
+    from pushplan.sets.weakest import emptiness
+
+    margin = scenario.stability.margin
     try:
         stable = scenario.stable_set()
-        margin = scenario.stability.margin
-        _check_not_empty(stable, 0.0 if margin == AUTO else margin, report)
+        what, contact = emptiness(stable, 0.0 if margin == AUTO else margin)
     except PushplanError as error:
-        report.add(("stability", "set"), str(error))
-    return report.findings
+        return (_finding(scenario, ("stability", "set"), str(error)),)
+    place: Place = ("stability", "margin")
+    if contact is not None:
+        on_plate = stable.chain.contacts[contact].pusher == PLATE
+        place = ("pusher", "friction") if on_plate else ("contacts",)
+    return (_finding(scenario, place, what),) if what else ()
+
+
+def _finding(scenario: Scenario, place: Place, what: str) -> Finding:
+    """Return a finding about a place of the file, or without a line where there is no file."""
+    return (
+        Finding(".".join(map(str, place)), what)
+        if scenario.origin is None
+        else scenario.origin.finding(place, what)
+    )
 
 
 def _needs_loads(name: str, unknown: list[str]) -> str:
@@ -65,10 +86,52 @@ def _numbers_needed(scenario: Scenario) -> str:
     )
 
 
-def _check_not_empty(stable: StableSet, minimum: float, report: Report) -> None:
-    what, contact = emptiness(stable, minimum)
-    if contact is not None:
-        on_plate = stable.chain.contacts[contact].pusher == PLATE
-        report.add(("pusher", "friction") if on_plate else ("contacts",), what)
-    elif what:
-        report.add(("stability", "margin"), what)
+def length_question(source: Source) -> Finding | None:
+    """Return the question whether a length that is a plain number is in mm; one with a unit is never asked about."""
+    stated = source.root.plain()
+    for place, shape in (found for pattern in _SHAPES for found in _at(stated, pattern)):
+        for kind in ("box", "polygon"):
+            numbers = _numbers(shape.get(kind)) if isinstance(shape, Mapping) else []
+            side = max(numbers, default=0.0) - (min(numbers, default=0.0) if kind == "polygon" else 0.0)
+            if side > LONGEST:
+                return _mm(source, (*place, kind), side, "long")
+    for place, pose in (found for pattern in _AXLES for found in _at(stated, pattern)):
+        first = _numbers(pose[0]) if isinstance(pose, list) and pose else []
+        if first and abs(first[0]) > LONGEST:
+            return _mm(source, (*place, 0), first[0], "from the plate")
+    return None
+
+
+def questions(source: Source) -> tuple[Finding, ...]:
+    """Return what is to be asked about numbers that a file states but hardly means."""
+    length = length_question(source)
+    found = [] if length is None else [length]
+    for place, speed in _at(source.root.plain(), ("pusher", "limits", "speed")):
+        most = max(_numbers(speed), default=SPEEDS[0])
+        if most > SPEEDS[1]:
+            found.append(source.finding(place, f'is {most:g} m/s: mm/s? write "{most:g} mm/s" if so'))
+        elif most < SPEEDS[0]:
+            found.append(source.finding(place, f"is {1e3 * most:g} mm/s: m/s? a push takes hours"))
+    return tuple(found)
+
+
+def _mm(source: Source, place: Place, length: float, what: str) -> Finding:
+    question = f'is {length:g} m {what}: mm? plain numbers are m; write "{length:g} mm" if so, everywhere'
+    return source.finding(place, question)
+
+
+def _at(stated: object, pattern: Sequence[str], place: Place = ()) -> Iterator[tuple[Place, object]]:
+    """Yield all that stands at a place of a document, with the place; `*` is any member of a list."""
+    if not pattern:
+        yield place, stated
+    elif pattern[0] == "*" and isinstance(stated, list):
+        for i, member in enumerate(stated):
+            yield from _at(member, pattern[1:], (*place, i))
+    elif isinstance(stated, Mapping) and pattern[0] in stated:
+        yield from _at(stated[pattern[0]], pattern[1:], (*place, pattern[0]))
+
+
+def _numbers(stated: object) -> list[float]:
+    if isinstance(stated, list):
+        return [number for member in stated for number in _numbers(member)]
+    return [float(stated)] if isinstance(stated, int | float) and not isinstance(stated, bool) else []

@@ -1,25 +1,49 @@
-"""Read scenario files: syntax, values, geometry, start and goal, with everything wrong told at once."""
+"""Read scenario files of every form, all that is wrong told at once: syntax, values, geometry, start and goals."""
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from pushplan.errors import Finding, ScenarioError
+from pushplan.errors import Finding, PushplanError, ScenarioError
 from pushplan.scenario.build import build_scenario
-from pushplan.scenario.examples import example_file, example_names
-from pushplan.scenario.files import Attachments
-from pushplan.scenario.imported.ros_map import map_files
+from pushplan.scenario.check import length_question
+from pushplan.scenario.maps import map_files
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.questions import length_question
-from pushplan.scenario.schema.findings import nearest
-from pushplan.scenario.several_objects import build_rearrangement
-from pushplan.scenario.yaml.report import Report
-from pushplan.scenario.yaml.text import MOST_BYTES, DocumentError
-from pushplan.scenario.yaml.tree import read_document
+from pushplan.scenario.room import Attachments
+from pushplan.scenario.source import MOST_BYTES, DocumentError, Source
+from pushplan.scenario.validation import nearest
+
+_SUFFIX = ".yaml"
+
+
+def example_names() -> tuple[str, ...]:
+    """Return the names of the packaged scenarios, in alphabetical order."""
+    found = (entry.name for entry in _folder().iterdir())
+    return tuple(sorted(name.removesuffix(_SUFFIX) for name in found if name.endswith(_SUFFIX)))
+
+
+def example_text(name: str) -> str:
+    """Return the file of a packaged scenario.
+
+    Raises:
+        PushplanError: When there is none of that name.
+    """
+    known = example_names()
+    if name not in known:
+        close = difflib.get_close_matches(name.lower(), known, n=1)
+        meant = f"did you mean '{close[0]}'? " if close else ""
+        raise PushplanError(f"no packaged scenario is called '{name}'; {meant}there are {', '.join(known)}")
+    return (_folder() / (name + _SUFFIX)).read_text(encoding="utf-8")
+
+
+def _folder() -> Traversable:
+    return files("pushplan") / "scenarios"
 
 
 def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenario:
@@ -32,43 +56,33 @@ def load_scenario(source: str | Path, maps: Sequence[str | Path] = ()) -> Scenar
         maps: YAML files of maps that are added to its obstacles.
 
     Raises:
-        ScenarioError: With everything found wrong: syntax, values, geometry, start and goal.
+        ScenarioError: With everything found wrong: syntax, values, geometry, start and goals.
         ImportedFileError: When a map cannot be read.
     """
     path = Path(source)
     if isinstance(source, str) and source in example_names() and not path.is_file():
-        path = Path(str(example_file(source)))
+        path = Path(str(_folder() / (source + _SUFFIX)))
     try:
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
     except (OSError, ValueError) as error:
         raise ScenarioError(str(source), [Finding("", _unreadable(source, error))]) from error
-    if maps:
-        return _with_maps(data, path, maps)
-    return read_scenario(data, path, Attachments({}, path.parent))
+    scenario = _read(data, path, Attachments({}, path.parent))
+    return _with_maps(scenario, maps) if maps else scenario
 
 
-def states_goals(path: Path) -> bool:
-    """Tell whether a file has `goals`; False where it cannot be read, which others tell of."""
-    try:
-        with path.open("rb") as file:
-            return read_document(file.read(MOST_BYTES + 1)).root.holds(("goals",))
-    except (OSError, ValueError, DocumentError):
-        return False
-
-
-def _with_maps(data: bytes, path: Path, maps: Sequence[str | Path]) -> Scenario:
-    """Read a scenario with more maps, as JSON, in which the log holds it."""
-    alone = read_scenario(data, path, Attachments({}, path.parent))
-    files: dict[str, bytes] = {}
-    document: Any = read_document(data).root.plain()
-    obstacles = list(document.get("obstacles", ()))
+def _with_maps(alone: Scenario, maps: Sequence[str | Path]) -> Scenario:
+    """Return a scenario with more maps, as JSON, in which the log holds it."""
+    assert alone.origin is not None
+    document: Any = alone.origin.root.plain()
+    attached, obstacles = dict(alone.attachments), list(document.get("obstacles", ()))
     for i, file in enumerate(maps):
         name = f"map-{i}/{Path(file).name}"
-        files |= map_files(Path(file), name)
+        attached |= map_files(Path(file), name)
         obstacles.append({"map": name})
-    named = document | {"name": alone.name, "obstacles": obstacles}
-    return scenario_from_document(named, path, {**alone.attachments, **files})
+    return scenario_from_document(
+        document | {"name": alone.name, "obstacles": obstacles}, alone.path, attached
+    )
 
 
 def scenario_from_text(
@@ -85,7 +99,7 @@ def scenario_from_text(
         ScenarioError: As for `load_scenario`.
     """
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
-    return read_scenario(data, Path(path), Attachments(dict(attachments or {})))
+    return _read(data, Path(path), Attachments(dict(attachments or {})))
 
 
 def scenario_from_document(
@@ -109,7 +123,7 @@ def scenario_from_document(
         raise ScenarioError(str(path), [Finding("", f"is no plain data: {error}")]) from error
     by_hand = "\\ud" in text  # LibYAML does not read JSON's pairs of escapes for signs such as emojis
     try:
-        return read_scenario(text.encode(), Path(path), Attachments(dict(attachments or {})), by_hand)
+        return _read(text.encode(), Path(path), Attachments(dict(attachments or {})), by_hand)
     except ScenarioError as error:
         placeless = [Finding(finding.where, finding.what) for finding in error.findings]
         raise ScenarioError(str(path), placeless) from error
@@ -126,36 +140,22 @@ def _plain(value: object) -> object:
     )
 
 
-def read_scenario(
-    data: bytes, path: Path, attachments: Attachments, written_by_hand: bool = True
-) -> Scenario:
-    """Return the scenario that the bytes of a file state.
-
-    Raises:
-        ScenarioError: As for `load_scenario`.
-    """
+def _read(data: bytes, path: Path, attachments: Attachments, by_hand: bool = True) -> Scenario:
+    """Return the scenario that the bytes of a file state."""
     try:
-        document = read_document(data, written_by_hand)
+        source = Source(data, path, by_hand)
     except DocumentError as error:
         raise ScenarioError(str(path), error.findings) from error
-    report = Report(document)
-    build = build_rearrangement if document.root.holds(("goals",)) else build_scenario
-    scenario = build(document, path, data, attachments, report)
-    if scenario is None:
-        raise ScenarioError(str(path), _told_first(report))
-    return scenario
-
-
-def _told_first(report: Report) -> tuple[Finding, ...]:
-    """Return what is wrong; lengths that are millimetres by all appearance stand for what follows from them."""
-    question = length_question(report.document)
+    scenario = build_scenario(source, attachments)
+    if scenario is not None:
+        return scenario
+    # Lengths that are millimetres by all appearance stand for what follows from them.
+    question, more = length_question(source), len(source.findings)
     if question is None:
-        return report.findings
-    more = len(report.findings)
-    follows = (
-        "one more finding may follow from it" if more == 1 else f"{more} more findings may follow from it"
-    )
-    return (replace(question, what=f"{question.what}; {follows}"),)
+        raise ScenarioError(str(path), source.findings)
+    follow = "one more finding may" if more == 1 else f"{more} more findings may"
+    what = f"{question.what}; {follow} follow from it"
+    raise ScenarioError(str(path), [Finding(question.where, what, question.line, question.column)])
 
 
 def _unreadable(source: str | Path, error: Exception) -> str:
@@ -165,8 +165,7 @@ def _unreadable(source: str | Path, error: Exception) -> str:
     if isinstance(error, FileNotFoundError) and beside.is_file():
         return f"{text}; did you mean '{beside}'?"
     if isinstance(error, FileNotFoundError) and isinstance(source, str) and Path(source).name == source:
-        names = list(example_names())
-        text += (
-            f"; no packaged scenario is called so either{nearest(source, names)} there are {', '.join(names)}"
-        )
+        known = list(example_names())
+        near = nearest(source, known)
+        text += f"; no packaged scenario is called so either{near} there are {', '.join(known)}"
     return text

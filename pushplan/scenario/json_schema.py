@@ -16,11 +16,11 @@ def scenario_schema() -> dict[str, Any]:
     It accepts every file that the loader accepts. The loader also checks what no schema can say: the range of numbers
     with a unit, polygons that cross themselves, contacts, collisions.
     """
-    from pushplan.scenario.schema.scenario import ScenarioFile
-    from pushplan.scenario.schema.several_objects import SeveralObjectsFile
+    from pushplan.scenario.schema import RearrangementFile, ScenarioFile
 
-    names, schema = models_json_schema([(ScenarioFile, "validation"), (SeveralObjectsFile, "validation")])
-    one, several = (names[model, "validation"] for model in (ScenarioFile, SeveralObjectsFile))
+    models = (ScenarioFile, RearrangementFile)
+    names, schema = models_json_schema([(model, "validation") for model in models])
+    one, several = (names[model, "validation"] for model in models)
     chosen = {"if": {"required": ["goals"]}, "then": several, "else": one}
     return _finished({"type": "object", **schema, **chosen}, "pushplan scenario")
 

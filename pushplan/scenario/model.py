@@ -30,6 +30,7 @@ from pushplan.scenario.parts import (
     Uncertainty,
     Workspace,
 )
+from pushplan.scenario.source import Source
 from pushplan.util import names
 from pushplan.util.arrays import FloatArray, frozen
 
@@ -101,6 +102,7 @@ class Scenario:
         name: For people.
         path: The file that it was read from.
         source: The bytes of that file.
+        origin: The file as it was read, for messages about places in it; None where there is none.
         chain: The objects, their contacts and the pusher. Where the file states an interval, the middle stands for a
             load or floor friction, and the lowest value for a contact friction.
         floor_friction: Coefficient, or interval, between the floor and objects that do not state their own.
@@ -144,6 +146,7 @@ class Scenario:
     snapping: Snapping | None = None
     pushes: Pushes | None = None
     bodies: Mapping[str, PlacedObject] = field(default_factory=dict)
+    origin: Source | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not self.bodies:
@@ -177,6 +180,7 @@ class Scenario:
         one = dataclasses.replace(
             self,
             source=b"",
+            origin=None,
             chain=body.chain,
             start=start,
             goal=goals[0],
@@ -290,6 +294,10 @@ class Scenario:
     def to_json(self) -> str:
         """Return `resolved` as JSON text."""
         return json.dumps(self.resolved(), allow_nan=False, indent=1)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process gets: all but the file as it was read, whose tree is large."""
+        return {**self.__dict__, "origin": None}
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scenario):

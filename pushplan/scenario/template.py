@@ -8,9 +8,14 @@ from importlib.resources import files
 from math import degrees
 from pathlib import Path
 
+import numpy as np
+import shapely
+
 from pushplan.errors import PushplanError
-from pushplan.scenario.schema.objects import NAME
-from pushplan.scenario.schema.types import NAME_PATTERN
+from pushplan.scenario.fields import NAME_PATTERN
+from pushplan.scenario.maps import RosMap, read_ros_map
+from pushplan.scenario.schema import NAME
+from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_whole
 
 _SUFFIX = ".yaml"
@@ -32,6 +37,9 @@ _ROOM = 0.75
 
 _APART = 3.0
 """Distance between start and goal in a map, m."""
+
+_ACROSS = 60
+"""Places that are looked at along the longer side of a map."""
 
 
 def write_new_scenario(name: str, *, drive: str = "omnidirectional", map_file: Path | None = None) -> Path:
@@ -70,9 +78,6 @@ def new_scenario_text(name: str, drive: str = "omnidirectional") -> str:
 
 def _in_map(text: str, map_file: Path, folder: Path) -> str:
     """Return a scenario's text with a map for its surroundings."""
-    from pushplan.scenario.imported.room_in_map import start_and_goal
-    from pushplan.scenario.imported.ros_map import read_ros_map
-
     ends = start_and_goal(read_ros_map(map_file), _ROOM, _APART)
     if ends is None:
         raise TemplateError(
@@ -104,3 +109,40 @@ def _with_line(text: str, beginning: str, rest: str) -> str:
     changed, count = re.subn(rf"(?m)^{re.escape(beginning)}.*$", lambda _: beginning + rest, text)
     assert count == 1, beginning
     return changed
+
+
+def start_and_goal(found: RosMap, radius: float, apart: float) -> tuple[FloatArray, FloatArray] | None:
+    """Return two poses (3,) that face the same way, the second straight ahead of the first.
+
+    The first is where there is most room; the second is about `apart` away from it, with `radius` free all along the
+    line between them.
+
+    Args:
+        found: The map.
+        radius: Room around both, m.
+        apart: Distance that is wanted, m; less where there is no more.
+
+    Returns:
+        None where the map has no such places.
+    """
+    area = found.workspace
+    blocked = shapely.union_all([shapely.Polygon(obstacle.outline) for obstacle in found.obstacles])
+    floor = shapely.box(area.xmin, area.ymin, area.xmax, area.ymax) - blocked
+    room = floor.buffer(-radius, quad_segs=4)
+    shapely.prepare(room)
+    spacing = max(area.xmax - area.xmin, area.ymax - area.ymin) / _ACROSS
+    x, y = np.meshgrid(np.arange(area.xmin, area.xmax, spacing), np.arange(area.ymin, area.ymax, spacing))
+    places = np.stack([x.ravel(), y.ravel()], axis=1).round(2)
+    places = places[shapely.contains(room, shapely.points(places))]
+    if len(places) == 0:
+        return None
+    walls = shapely.distance(shapely.points(places), room.boundary)
+    start = places[int(walls.argmax())]
+    lines = shapely.linestrings(np.stack([np.broadcast_to(start, places.shape), places], axis=1))
+    seen = places[shapely.covers(room, lines)]
+    far = np.hypot(*(seen - start).T)
+    goal = seen[int(np.abs(far - apart).argmin())]
+    if np.hypot(*(goal - start)) < radius:
+        return None
+    heading = np.round(np.degrees(np.arctan2(*(goal - start)[::-1])), 1)
+    return np.array([*start, np.radians(heading)]), np.array([*goal, np.radians(heading)])

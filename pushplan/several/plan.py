@@ -19,8 +19,8 @@ from pushplan.planners.problem.posing import SLACK
 from pushplan.plans.path import PushPath
 from pushplan.plans.result import PlanResult, ProgressPoint
 from pushplan.plans.segment import Segment, join_paths
+from pushplan.scenario.build import troubles_at
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.several_pushes import troubles_at
 from pushplan.several.execution import execute_segments
 from pushplan.several.modes import Mode
 from pushplan.several.prepared import Prepared

@@ -11,8 +11,7 @@ from pushplan.bench.on_feet import on_feet
 from pushplan.bench.random_problems.generator import generate
 from pushplan.bench.random_problems.parameters import ProblemParameters
 from pushplan.mechanics.support import FeetSupport
-from pushplan.scenario.examples import example_names, example_text
-from pushplan.scenario.file import scenario_from_document
+from pushplan.scenario.file import example_names, example_text, scenario_from_document
 
 TEXTS = {
     **{name: example_text(name) for name in example_names()},

@@ -19,7 +19,7 @@ from pushplan.bench.suites.file import SuiteError, load_suite, suite_from_text, 
 from pushplan.bench.suites.selection import SelectionError, chosen, with_key
 from pushplan.bench.suites.suite import RunSpec, Suite
 from pushplan.cli.bench import time_left
-from pushplan.scenario.examples import example_text
+from pushplan.scenario.file import example_text
 from pushplan.scenario.model import CircleObstacle, Scenario
 
 ROOT = Path(__file__).parents[2]

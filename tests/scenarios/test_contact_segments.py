@@ -15,7 +15,7 @@ from pushplan.geometry.contact_segments import TOUCH, find_touch
 from pushplan.geometry.penetration import exit_distance, overlap_depth
 from pushplan.geometry.polygon import simple_polygon
 from pushplan.geometry.simple import find_flaw
-from pushplan.scenario.arrangement.stacking import box_outline
+from pushplan.scenario.layout import box_outline
 from pushplan.util.arrays import FloatArray
 
 ANGLES = st.floats(-math.pi, math.pi)

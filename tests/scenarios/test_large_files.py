@@ -8,10 +8,10 @@ from collections.abc import Callable
 import pytest
 
 from pushplan.errors import ScenarioError
-from pushplan.scenario.arrangement import placement
-from pushplan.scenario.arrangement.placement import MOST_TOLD
+from pushplan.scenario import room
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.room import MOST_TOLD
 
 HEAD = """\
 format: pushplan/1
@@ -75,13 +75,13 @@ def test_more_obstacles_than_allowed_are_told_with_the_number() -> None:
 def test_a_body_amid_thousands_has_a_few_sentences(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """How deep it is in each takes long to find, and nobody reads thousands of lines."""
     looked: list[str] = []
-    too_near = placement._too_near
+    too_near = room._too_near
 
     def counted(*args: object) -> str:
         looked.append(str(args[2]))
         return too_near(*args)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(placement, "_too_near", counted)
+    monkeypatch.setattr(room, "_too_near", counted)
     findings = [finding.what for finding in _refusal(_met(form, 2_000)).findings]
     near = [what for what in findings if "'box'" in what]
     assert len(near) == MOST_TOLD + 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Protocol
 
 import numpy as np
@@ -173,39 +172,3 @@ def test_the_goal_of_an_object_brings_that_object_there(x: float, y: float, thet
     reached = se2.compose(scenario.goal.pose_chain, scenario.chain.objects[1].pose_chain)
     np.testing.assert_allclose(reached, [x, y, theta], atol=1e-12)
     np.testing.assert_array_equal(scenario.goal.pose, [x, y, theta])
-
-
-def test_two_hundred_objects_are_read_in_a_second() -> None:
-    objects = [f"name: b{i}, shape: {{box: [0.1, 0.2]}}, mass: 1" for i in range(200)]
-    assert len(load(*objects).chain.contacts) == 200
-
-
-@given(st.floats(0.001, 0.09), st.floats(-0.09, 0.09), st.floats(-20.0, 20.0))
-def test_following_the_hint_about_an_overlap_ends_it(depth: float, slide: float, degrees: float) -> None:
-    first = "name: a, shape: {box: [0.1, 0.2]}, mass: 1"
-    corners = "[[0, -0.1], [0.3, -0.12], [0.3, 0.12], [0, 0.1]]"
-    second = f"name: b, shape: {{{{polygon: {corners}}}}}, mass: 1, pose: [{{}}, {{}}, {{}}]"
-    pose = [0.1 - depth, slide, math.radians(degrees)]
-    (hint,) = (what for what in refusals(first, second.format(*pose)) if "'b' overlaps 'a'" in what)
-    axis, limit = re.fullmatch(r".*; move it to ([xy]) [<>]= (\S+)", hint).groups()  # type: ignore[union-attr]
-    pose["xy".index(axis)] = float(limit)
-    assert not any("overlaps 'a'" in what for what in refusals(first, second.format(*pose)))
-
-
-def refusals(*objects: str) -> list[str]:
-    """Return what is found wrong with a chain of these objects."""
-    try:
-        load(*objects)
-    except ScenarioError as error:
-        return [finding.what for finding in error.findings]
-    return []
-
-
-@given(st.floats(0.001, 0.5), st.floats(-0.15, 0.15))
-def test_following_the_hint_about_a_gap_closes_it(gap: float, slide: float) -> None:
-    first = "name: a, shape: {box: [0.1, 0.2]}, mass: 1"
-    second = "name: b, shape: {{box: [0.1, 0.2]}}, mass: 1, pose: {}"
-    with pytest.raises(ScenarioError) as caught:
-        load(first, second.format([0.15 + gap, slide, 0.0]))
-    pose = caught.value.findings[0].what.rpartition("write pose: ")[2].partition(", or state snap")[0]
-    assert len(load(first, second.format(pose)).chain.contacts) == 2

@@ -17,8 +17,7 @@ from PIL import Image
 import pushplan
 from pushplan.errors import ImportedFileError, PushplanError, ScenarioError
 from pushplan.logging.verify import verify
-from pushplan.scenario.imported.map_cells import cells_of
-from pushplan.scenario.imported.ros_map import read_ros_map
+from pushplan.scenario.maps import cells_of, read_ros_map
 from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
 
 SAVED = """\
@@ -167,9 +166,9 @@ def test_maps_from_anywhere_are_added_to_a_scenario(tmp_path: Path) -> None:
         ("{map: ../office.yaml}", "obstacles[1].map: is the name '../office.yaml'; allowed: a file in the"),
         ("{map: maps/office.pgm}", "obstacles[1].map: maps/office.pgm"),
         ("{map: maps/office.yaml, unknown: maybe}", "obstacles[1].unknown: is the text 'maybe'; allowed: obstacle"),
-        ("{map: maps/office.yaml, pose: [0, 0, 0]}", "obstacles[1]: is a map with a pose; allowed: {map: file.yaml}"),
-        ("{circle: 1, center: [9, 9], unknown: free}", "obstacles[1]: has unknown but is no map"),
-        ("{map: maps/office.yaml, circle: 1}", "obstacles[1]: has circle and map; allowed: exactly one of"),
+        ("{map: maps/office.yaml, pose: [0, 0, 0]}", "obstacles[1].pose: unknown key; allowed: map, unknown"),
+        ("{circle: 1, center: [9, 9], unknown: free}", "obstacles[1].unknown: unknown key; allowed: circle, center"),
+        ("{map: maps/office.yaml, circle: 1}", "obstacles[1]: has map and circle; allowed: a list of at most"),
     ],
 )  # fmt: skip
 def test_a_map_that_cannot_be_had_is_told_with_its_place(obstacle: str, what: str, tmp_path: Path) -> None:

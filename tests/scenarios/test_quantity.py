@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 from pydantic_core import PydanticCustomError
 
-from pushplan.scenario.schema.types import Coordinate, Seed
-from pushplan.scenario.values import units
-from pushplan.scenario.values.quantity import Quantity, friction
+from pushplan.scenario import units
+from pushplan.scenario.fields import Coordinate, Seed
+from pushplan.scenario.units import Quantity, friction
 
 LENGTH = Quantity("a length", units.LENGTH, 1e-3, 1e3, "5 mm")
 ANGLE = Quantity("an angle", units.ANGLE, -10.0, 10.0, "90 deg")

@@ -8,23 +8,20 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from pushplan.scenario.schema import objects as schema_objects
-from pushplan.scenario.schema import robot as schema_robot
-from pushplan.scenario.schema import scenario as scenario_schema
-from pushplan.scenario.schema.scenario import ScenarioFile
+from pushplan.scenario import schema
 from pushplan.util import names
 from pushplan.util.names import CLEARANCE_ROOM
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
 SECTIONS: dict[str, type[BaseModel]] = {
-    "Top level": ScenarioFile,
-    "`objects`": schema_objects.Object,
-    "`contacts`": schema_objects.Contacts,
-    "`pusher`": schema_objects.Plate,
-    "`robot`": schema_robot.Robot,
-    "`goal`": scenario_schema.GoalPose,
-    "`stability`": scenario_schema.StabilityChoice,
-    "`planner`": scenario_schema.PlannerChoice,
+    "Top level": schema.ScenarioFile,
+    "`objects`": schema.Object,
+    "`contacts`": schema.Contacts,
+    "`pusher`": schema.Plate,
+    "`robot`": schema.Robot,
+    "`goal`": schema.GoalPose,
+    "`stability`": schema.StabilityChoice,
+    "`planner`": schema.PlannerChoice,
 }
 
 
@@ -40,7 +37,7 @@ def test_every_key_is_described_with_its_default(section: str) -> None:
     described = rows(section)
     fields = dict(SECTIONS[section].model_fields)
     if section == "`pusher`":
-        fields |= schema_objects.MotionLimits.model_fields
+        fields |= schema.MotionLimits.model_fields
     elsewhere = {"limits", "goals"}  # files with `goals` state several problems, and are read by themselves
     assert set(described) - elsewhere == set(fields) - elsewhere
     for key, field in fields.items():

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 from pushplan.scenario.check import check_scenario
-from pushplan.scenario.examples import example_names, example_text
-from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import (
     CircleObstacle,
     PlannerSettings,

@@ -37,7 +37,8 @@ def mistakes() -> list[tuple[str, str, str]]:
 
 @pytest.mark.parametrize(("old", "new", "finding"), mistakes())
 def test_one_mistake_gives_one_finding(valid: Changed, old: str, new: str, finding: str) -> None:
-    assert valid.findings((old, new)) == [finding]
+    (found,) = valid.findings((old, new))
+    assert found.startswith(finding)
 
 
 def test_findings_of_all_stages_are_told_at_once_in_the_order_of_the_file(valid: Changed) -> None:
@@ -53,7 +54,7 @@ def test_findings_of_all_stages_are_told_at_once_in_the_order_of_the_file(valid:
     assert valid.findings(*changes) == [
         "f.yaml:3:25: floor.colour: unknown key; allowed: friction",
         f"f.yaml:7:11: objects[0].mass: is -1.2; allowed: {MASS}",
-        "f.yaml:9:5: objects[1]: 'far' overlaps 'near' by 3.2 mm; move it to x >= 0.15",
+        "f.yaml:9:5: objects[1]: 'far' overlaps 'near' by 3.2 mm; move them apart",
         "f.yaml:24:7: goal.of: no object is called 'nowhere'; allowed: near, far",
         "f.yaml:31:32: stability.margin: anchors (&m) are not supported; leave it out",
         "f.yaml:32:45: planner.seed: is the text 'one'; allowed: a whole number from 0 to 2147483647",
@@ -165,6 +166,5 @@ def test_keys_that_look_like_names_of_alternatives_are_just_unknown(valid: Chang
     )
     assert [text.split("; allowed")[0] for text in found] == [
         "f.yaml:1:1: <word>: unknown key",
-        "f.yaml:9:15: objects[0].support.<mapping>: unknown key",
-        "f.yaml:9:29: objects[0].support.<x: unknown key",
+        "f.yaml:9:14: objects[0].support: has <mapping> and <x",
     ]

@@ -9,15 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pushplan.errors import Finding
-from pushplan.scenario.yaml.scalars import resolve
-from pushplan.scenario.yaml.text import MOST_BYTES, DocumentError, Position, end_of
-from pushplan.scenario.yaml.tree import MOST_DEPTH, MOST_NODES, read_document
+from pushplan.scenario.source import MOST_BYTES, MOST_DEPTH, MOST_NODES, DocumentError, Source, resolve
 
 
 def findings_of(data: bytes) -> tuple[Finding, ...]:
     """Return the findings about a text that cannot be read, or only in part."""
     try:
-        return tuple(read_document(data).faults.values())
+        return Source(data).findings
     except DocumentError as error:
         return error.findings
 
@@ -74,19 +72,23 @@ def test_every_float_that_python_prints_is_read_back(value: float) -> None:
 
 
 def test_quoted_scalars_are_text() -> None:
-    assert read_document(b"a: '1'\nb: \"true\"\nc: |\n  1\n").root.plain() == {
+    assert Source(b"a: '1'\nb: \"true\"\nc: |\n  1\n").root.plain() == {
         "a": "1",
         "b": "true",
         "c": "1\n",
     }
 
 
-def test_nodes_know_their_place() -> None:
-    root = read_document("# é\na: 1\nb:\n  - x\n  - {c: [1, 2]}\n".encode()).root
-    assert root.locate(("b", 1, "c", 1)) == Position(5, 13)
-    assert root.locate(("b", 1, "c"), at_key=True) == Position(5, 6)
-    assert root.locate(("b", 1, "missing")) == Position(5, 5)
-    assert root.locate(("b", 9)) == Position(4, 3)
+def test_findings_know_their_place() -> None:
+    source = Source("# é\na: 1\nb:\n  - x\n  - {c: [1, 2]}\n".encode())
+    for place, at_key, position in (
+        (("b", 1, "c", 1), False, (5, 13)),
+        (("b", 1, "c"), True, (5, 6)),
+        (("b", 1, "missing"), False, (5, 5)),
+        (("b", 9), False, (4, 3)),
+    ):
+        found = source.finding(place, "is wrong", at_key)
+        assert (found.line, found.column) == position
 
 
 @pytest.mark.parametrize(
@@ -139,7 +141,7 @@ def test_size_depth_and_number_of_values_are_limited() -> None:
     assert (
         refusal(deep) == f"f:1:{MOST_DEPTH + 2}: [0][0]: nested deeper than the {MOST_DEPTH} levels allowed"
     )
-    assert read_document(("[" * MOST_DEPTH + "]" * MOST_DEPTH).encode()).faults == {}
+    assert Source(("[" * MOST_DEPTH + "]" * MOST_DEPTH).encode()).findings == ()
     many = "[" + "1," * MOST_NODES + "]"
     assert refusal(many).endswith(f"the file holds more than the {MOST_NODES} values allowed")
 
@@ -153,19 +155,12 @@ def test_a_billion_laughs_are_refused_at_the_first_alias() -> None:
 
 
 def test_an_empty_file_is_an_empty_value() -> None:
-    assert read_document(b"").root.plain() is None
-    assert read_document(b"# nothing\n").root.plain() is None
+    assert Source(b"").root.plain() is None
+    assert Source(b"# nothing\n").root.plain() is None
 
 
 def test_a_byte_order_mark_is_dropped() -> None:
-    assert read_document("\ufeffa: 1".encode()).root.plain() == {"a": 1}
-
-
-@pytest.mark.parametrize(
-    ("text", "position"), [("", (1, 1)), ("ab", (1, 3)), ("a\nb", (2, 2)), ("a\r\n\r", (3, 1))]
-)
-def test_positions_count_lines_of_every_kind(text: str, position: tuple[int, int]) -> None:
-    assert end_of(text) == position
+    assert Source("\ufeffa: 1".encode()).root.plain() == {"a": 1}
 
 
 @given(st.text(alphabet="\t\n :-[]{}&*!|>'\"%@`#,?.~<=\\0a1é\x85", max_size=30))

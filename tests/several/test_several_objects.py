@@ -22,8 +22,7 @@ from pushplan.logging.joined import joined
 from pushplan.logging.reader import read_run, read_runs
 from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
 from pushplan.scenario.json_schema import scenario_schema
-from pushplan.scenario.several_objects import load_several_objects
-from pushplan.scenario.yaml.tree import read_document
+from pushplan.scenario.source import Source
 
 FILE = """\
 format: pushplan/1
@@ -55,16 +54,16 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_every_object_is_where_its_pose_says_and_has_its_own_goals(file: Path) -> None:
-    stated = load_several_objects(file)
-    assert stated.movable == ("bin",)
+    stated = load_scenario(file)
+    assert set(stated.bodies) - set(stated.goals) == {"bin"}
     for name, place in {"red": (1.2, 1.0), "blue": (1.2, 2.2), "bin": (3.0, 3.0)}.items():
-        scenario = stated.scenarios[name]
+        scenario = stated.alone(name)
         (obj,) = scenario.chain.objects
         middle = scenario.start[:2] + np.array(
             [np.cos(scenario.start[2]), np.sin(scenario.start[2])]
         ) * float(obj.pose_chain[0])
         np.testing.assert_allclose(middle, place, atol=1e-9)
-    red, blue = (stated.scenarios[name].pushes for name in ("red", "blue"))
+    red, blue = (stated.alone(name).pushes for name in ("red", "blue"))
     assert red is not None
     assert blue is not None
     assert (len(red.goals), len(blue.goals)) == (2, 1)
@@ -95,7 +94,7 @@ def test_what_is_wrong_is_told_where_the_file_has_it(file: Path, wrong: str, rig
     assert wrong in FILE
     file.write_text(FILE.replace(wrong, right), "utf-8")
     with pytest.raises(ScenarioError) as caught:
-        load_several_objects(file)
+        load_scenario(file)
     assert told in str(caught.value)
 
 
@@ -246,7 +245,7 @@ def test_check_tells_of_every_object_what_becomes_of_it(file: Path, capsys: Capt
 
 def test_editors_know_goals(file: Path) -> None:
     checker = jsonschema.Draft202012Validator(scenario_schema())
-    stated = read_document(file.read_bytes()).root.plain()
+    stated = Source(file.read_bytes()).root.plain()
     checker.validate(stated)
     mistakes: list[dict[str, Any]] = [
         {"goal": {"pose": [0, 0, 0]}},
@@ -317,4 +316,4 @@ def test_goals_that_overlap_are_refused_at_once(
 def test_one_goal_of_several_that_is_apart_is_enough(file: Path) -> None:
     stated = FILE.replace("blue: [1.2, 1.0, 90 deg]", "blue: [[1.2, 2.2, 0], [1.2, 1.0, 90 deg]]")
     file.write_text(stated, "utf-8")
-    assert load_several_objects(file).movable == ("bin",)
+    assert list(load_scenario(file).goals) == ["red", "blue"]

@@ -26,8 +26,7 @@ from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
 from pushplan.planners.validation.checker import find_collision
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet

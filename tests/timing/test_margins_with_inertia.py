@@ -16,8 +16,7 @@ from pushplan.mechanics.support import FeetSupport
 from pushplan.plan import plan
 from pushplan.plans.result import PlanResult
 from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.examples import example_names
-from pushplan.scenario.file import load_scenario, scenario_from_document
+from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 

@@ -10,10 +10,8 @@ from pushplan.bench.suites.problems import make_problems
 from pushplan.bench.suites.schema import LimitSection, Planner, SuiteFile
 from pushplan.bench.suites.suite import PlannerSetup, Suite
 from pushplan.errors import Finding, ScenarioError
-from pushplan.scenario.schema.findings import nearest, validate
-from pushplan.scenario.yaml.report import Report
-from pushplan.scenario.yaml.text import MOST_BYTES, DocumentError
-from pushplan.scenario.yaml.tree import read_document
+from pushplan.scenario.source import MOST_BYTES, DocumentError, Source
+from pushplan.scenario.validation import nearest, validate
 
 _SUFFIX = ".yaml"
 
@@ -62,12 +60,10 @@ def suite_from_text(text: str | bytes, path: str | Path = "suite.yaml") -> Suite
     """
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     try:
-        document = read_document(data)
+        report = Source(data, path)
     except DocumentError as error:
         raise SuiteError(str(path), error.findings) from error
-    file, faults = validate(SuiteFile, document)
-    report = Report(document)
-    report.extend(tuple(faults.values()))
+    file = validate(SuiteFile, report)
     if file is not None:
         planners = _planners(file, report)
         problems = make_problems(file, Path(path).parent, report)
@@ -87,7 +83,7 @@ def suite_from_text(text: str | bytes, path: str | Path = "suite.yaml") -> Suite
     )
 
 
-def _planners(file: SuiteFile, report: Report) -> tuple[PlannerSetup, ...]:
+def _planners(file: SuiteFile, report: Source) -> tuple[PlannerSetup, ...]:
     """Return the planners, and report those that are called alike or do the same."""
     made: list[PlannerSetup] = []
     for i, stated in enumerate(file.planners):
@@ -97,13 +93,13 @@ def _planners(file: SuiteFile, report: Report) -> tuple[PlannerSetup, ...]:
     return tuple(made)
 
 
-def _report_twin(setup: PlannerSetup, others: list[PlannerSetup], i: int, report: Report) -> None:
+def _report_twin(setup: PlannerSetup, others: list[PlannerSetup], i: int, report: Source) -> None:
     for j, other in enumerate(others):
         if setup.settings == other.settings:
-            report.add(("planners", i), f"is the same as planners[{j}]; leave one of them out")
+            report.error(("planners", i), f"is the same as planners[{j}]; leave one of them out")
             return
         if setup.label == other.label:
-            report.add(
+            report.error(
                 ("planners", i), f"is called '{setup.label}' like planners[{j}]; give it another label"
             )
             return

@@ -14,11 +14,10 @@ from pushplan.bench.suites.schema import Problem as StatedProblem
 from pushplan.bench.suites.suite import Problem
 from pushplan.errors import ScenarioError
 from pushplan.scenario.file import load_scenario, scenario_from_text
-from pushplan.scenario.yaml.node import Place
-from pushplan.scenario.yaml.report import Report
+from pushplan.scenario.source import Place, Source
 
 
-def make_problems(file: SuiteFile, folder: Path, report: Report) -> tuple[Problem, ...]:
+def make_problems(file: SuiteFile, folder: Path, report: Source) -> tuple[Problem, ...]:
     """Return the problems of a suite, or report what is wrong with them.
 
     Args:
@@ -37,14 +36,14 @@ def make_problems(file: SuiteFile, folder: Path, report: Report) -> tuple[Proble
             ):
                 if sign in known:
                     what = f"'{problem.name}' {same} '{known[sign].name}'; leave it out or change it"
-                    report.add(("problems", i), what)
+                    report.error(("problems", i), what)
                     break
             known |= {problem.hash: problem, problem.name: problem}
             made.append(problem)
     return tuple(made)
 
 
-def _problems(entry: StatedProblem, folder: Path, place: Place, report: Report) -> Iterator[Problem]:
+def _problems(entry: StatedProblem, folder: Path, place: Place, report: Source) -> Iterator[Problem]:
     """Yield the problems of one entry, or report why there are none."""
     try:
         if entry.generate is not None:
@@ -55,9 +54,9 @@ def _problems(entry: StatedProblem, folder: Path, place: Place, report: Report) 
             yield from _scenario(entry, folder)
     except ScenarioError as error:
         for finding in error.findings:
-            report.add(place, f"cannot be used: {finding.text(error.path)}")
+            report.error(place, f"cannot be used: {finding.text(error.path)}")
     except GeneratorError as error:
-        report.add(place, str(error))
+        report.error(place, str(error))
 
 
 def _scenario(entry: StatedProblem, folder: Path) -> Iterator[Problem]:

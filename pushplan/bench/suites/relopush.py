@@ -16,13 +16,12 @@ from pydantic import BeforeValidator, Field, RootModel, model_validator
 
 from pushplan.errors import Finding, ScenarioError
 from pushplan.geometry import se2
+from pushplan.scenario import fields as t
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.schema import types as t
-from pushplan.scenario.schema.findings import validate
-from pushplan.scenario.values.quantity import fault, show
-from pushplan.scenario.yaml.text import MOST_BYTES, DocumentError
-from pushplan.scenario.yaml.tree import read_document
+from pushplan.scenario.source import MOST_BYTES, DocumentError, Source
+from pushplan.scenario.units import fault, show
+from pushplan.scenario.validation import validate
 from pushplan.util.arrays import FloatArray
 
 SIDE, AXLE, RADIUS = 0.15, 0.30, 1.008
@@ -94,14 +93,14 @@ def read_instances(path: Path) -> tuple[Instance, ...]:
     """
     try:
         with path.open("rb") as file:
-            document = read_document(file.read(MOST_BYTES + 1))
+            document = Source(file.read(MOST_BYTES + 1), path)
     except OSError as error:
         raise ScenarioError(str(path), [Finding("", f"cannot read the file: {error.strerror}")]) from error
     except DocumentError as error:
         raise ScenarioError(str(path), error.findings) from error
-    stated, faults = validate(_File, document)
+    stated = validate(_File, document)
     if stated is None:
-        raise ScenarioError(str(path), tuple(faults.values()))
+        raise ScenarioError(str(path), document.findings)
     return stated.root
 
 

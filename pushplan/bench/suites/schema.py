@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
 from pushplan.bench.random_problems import parameters as p
-from pushplan.scenario.schema import types as t
-from pushplan.scenario.values.quantity import Quantity, fault
+from pushplan.scenario import fields as t
+from pushplan.scenario.units import Quantity, fault
 from pushplan.util import names
 from pushplan.util.naming import PLACE, OpenNames, planner_names, stable_set_names
 

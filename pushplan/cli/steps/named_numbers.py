@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Mapping
 
-from pushplan.scenario.values.units import split_unit
+from pushplan.scenario.units import split_unit
 
 
 def pairs(text: str, names: Iterable[str], what: str) -> list[tuple[str, str]]:

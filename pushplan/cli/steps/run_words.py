@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from pushplan.cli.steps.named_numbers import number, pairs
-from pushplan.scenario.values import units
+from pushplan.scenario import units
 
 if TYPE_CHECKING:
     from pushplan.scenario.model import Scenario

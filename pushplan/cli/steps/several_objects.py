@@ -15,9 +15,9 @@ from pushplan.util.names import OUT_OF_THE_WAY, TO_ITS_GOAL
 
 if TYPE_CHECKING:
     from pushplan.rearrangement.plan import Rearrangement
-    from pushplan.scenario.several_objects import SeveralObjects
+    from pushplan.scenario.model import Scenario
 
-_NOT_HERE = ("map", "planner", "set", "iterations", "gap", "cost", "margin", "plot", "html", "physics")
+_NOT_HERE = ("planner", "set", "iterations", "gap", "cost", "margin", "plot", "html", "physics")
 """Options that are for one load; `replay` makes the outputs among them from the log."""
 
 
@@ -25,33 +25,25 @@ class SeveralObjectsError(PushplanError, ValueError):
     """Options do not go together with a file of several objects."""
 
 
-def states_several(source: str) -> bool:
-    """Tell whether a file has goals for several objects; names of packaged scenarios are no files."""
-    from pushplan.scenario.file import states_goals
-
-    return Path(source).is_file() and states_goals(Path(source))
-
-
-def check_several_objects(args: argparse.Namespace, console: Console) -> int:
+def check_several_objects(scenario: Scenario, args: argparse.Namespace, console: Console) -> int:
     """Check a file and show what was understood; return the exit code."""
     from pushplan.cli.steps import understood
     from pushplan.cli.steps.pushable import require_pushable
-    from pushplan.scenario.several_objects import load_several_objects
     from pushplan.several.modes import find_modes
 
-    _refuse(args, ("map", "plot"), "it is for one load")
-    stated = load_several_objects(args.scenario)
-    first = next(iter(stated.scenarios.values()))
-    console.say(console.paint(f"{stated.name}  (several objects)", "bold"))
+    _refuse(args, ("plot",), "it is for one load")
+    alone = {name: scenario.alone(name) for name in scenario.bodies}
+    first = next(iter(alone.values()))
+    console.say(console.paint(f"{scenario.name}  (several objects)", "bold"))
     rows, found = [("file", str(first.path))], []
-    for name, scenario in stated.scenarios.items():
+    for name, one in alone.items():
         with console.computing(f"looking at the contacts of {name}"):
-            require_pushable(scenario)
-            faces = list(dict.fromkeys(mode.place.face for mode in find_modes(scenario)))
-        goals = 0 if name in stated.movable or scenario.pushes is None else len(scenario.pushes.goals)
-        rows += understood.object_rows(scenario, 0)
+            require_pushable(one)
+            faces = list(dict.fromkeys(mode.place.face for mode in find_modes(one)))
+        goals = len(scenario.bodies[name].goals)
+        rows += understood.object_rows(one, 0)
         rows.append(("", _aim_text(goals, faces)))
-        found.append({**understood.document(scenario), "goals": goals, "faces": faces})
+        found.append({**understood.document(one), "goals": goals, "faces": faces})
     rows += [
         ("pusher", understood.pusher_text(first.chain.pusher)),
         ("robot", understood.robot_text(first.chain.pusher)),
@@ -59,8 +51,13 @@ def check_several_objects(args: argparse.Namespace, console: Console) -> int:
     ]
     console.table(rows)
     console.say(console.paint("no findings", "green"))
-    console.emit({"scenario": stated.name, "objects": found, "movable": stated.movable})
+    console.emit({"scenario": scenario.name, "objects": found, "movable": _movable(scenario)})
     return DONE
+
+
+def _movable(scenario: Scenario) -> list[str]:
+    """Return the names of the objects that have no goal."""
+    return [name for name in scenario.bodies if name not in scenario.goals]
 
 
 def _aim_text(goals: int, faces: list[str]) -> str:
@@ -82,17 +79,15 @@ def _refuse(args: argparse.Namespace, names: tuple[str, ...], why: str) -> None:
         )
 
 
-def plan_several_objects(args: argparse.Namespace, console: Console) -> int:
+def plan_several_objects(scenario: Scenario, args: argparse.Namespace, console: Console) -> int:
     """Plan, record and tell; return the exit code."""
-    from pushplan.scenario.several_objects import load_several_objects
-
     _refuse(args, _NOT_HERE, "replay makes the outputs among them from the log")
-    stated = load_several_objects(args.scenario)
     with console.computing("loading the planner"):
         from pushplan.rearrangement.plan import Rearranging
 
-        rearranging = Rearranging.of(stated.scenarios, stated.movable)
-    settings = next(iter(stated.scenarios.values())).planner
+        alone = {name: scenario.alone(name) for name in scenario.bodies}
+        rearranging = Rearranging.of(alone, _movable(scenario))
+    settings = scenario.planner
     limit = settings.time_limit if args.time_limit is None else args.time_limit
     interruption = Interruption()
     with console.working(f"planning, up to {limit:g} s"), interruption.listening():
@@ -103,8 +98,8 @@ def plan_several_objects(args: argparse.Namespace, console: Console) -> int:
             stop=interruption,
         )
     log = _recorded(found, args, console)
-    _tell(stated, found, log, console)
-    console.emit(_document(stated, found, log, interruption.requested))
+    _tell(scenario, found, log, console)
+    console.emit(_document(scenario, found, log, interruption.requested))
     return INTERRUPTED if interruption.requested else DONE if found.solved else NO_PLAN
 
 
@@ -116,11 +111,11 @@ def _recorded(found: Rearrangement, args: argparse.Namespace, console: Console) 
     return record_errands(found.legs, log=args.output, runs=args.runs, tell=console.note)
 
 
-def _tell(stated: SeveralObjects, found: Rearrangement, log: Path | None, console: Console) -> None:
+def _tell(scenario: Scenario, found: Rearrangement, log: Path | None, console: Console) -> None:
     from pushplan.cli.steps.report import segment_rows
 
     state = console.paint("solved", "green") if found.solved else console.paint("not solved", "red")
-    console.say(f"{console.paint(stated.name, 'bold')}: {state}  (several objects)")
+    console.say(f"{console.paint(scenario.name, 'bold')}: {state}  (several objects)")
     for k, leg in enumerate(found.legs, start=1):
         why = TO_ITS_GOAL if leg.delivers else OUT_OF_THE_WAY
         console.say(f"errand {k}: {leg.name} {why}")
@@ -148,12 +143,12 @@ def _tell(stated: SeveralObjects, found: Rearrangement, log: Path | None, consol
 
 
 def _document(
-    stated: SeveralObjects, found: Rearrangement, log: Path | None, interrupted: bool
+    scenario: Scenario, found: Rearrangement, log: Path | None, interrupted: bool
 ) -> dict[str, object]:
     from pushplan.cli.steps.report import document
 
     return {
-        "scenario": stated.name,
+        "scenario": scenario.name,
         "solved": found.solved,
         "reason": found.reason,
         "first_solution_s": found.first_solution_s,

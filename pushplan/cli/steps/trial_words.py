@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pushplan.cli.steps.named_numbers import number, pairs
 from pushplan.cli.terminal.numbers import angle_text, length_text
-from pushplan.scenario.values import units
+from pushplan.scenario import units
 
 if TYPE_CHECKING:
     from pushplan.sim.trials.result import Trials

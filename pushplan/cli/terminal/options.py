@@ -56,7 +56,7 @@ def seconds(text: str) -> float:
 
 def _time(text: str) -> float:
     """Return a time, s, plain or with a unit."""
-    from pushplan.scenario.values.units import TIME, split_unit
+    from pushplan.scenario.units import TIME, split_unit
 
     parts = split_unit(text)
     if parts is not None and parts[1] in TIME:

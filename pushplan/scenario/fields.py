@@ -1,9 +1,8 @@
-"""The building blocks of the file formats: quantities with their ranges, points, poses and polygons."""
+"""The building blocks of the file formats: quantities with their ranges, points, poses, polygons, names."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -16,7 +15,6 @@ from pydantic import (
     Discriminator,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
-    JsonValue,
     StringConstraints,
     Tag,
     WithJsonSchema,
@@ -24,89 +22,75 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from pushplan.geometry.simple import find_flaw
-from pushplan.scenario.values import units
-from pushplan.scenario.values.interval import OrInterval, Span
-from pushplan.scenario.values.quantity import (
+from pushplan.scenario import units
+from pushplan.scenario.units import (
     DESCRIBED_FAULT,
-    EitherWay,
-    OrAuto,
+    OrWord,
     Quantity,
+    Span,
+    either_way,
     fault,
     friction,
+    or_interval,
     show,
 )
 from pushplan.util.names import FACES
 
 MOST_CORNERS = 500
 
-ALTERNATIVES = frozenset({"<word>", "<mapping>", "<list>", "<bare>", "<loaded>", "<length>"})
-"""Names of the alternatives that a value's form decides between; they stand in pydantic's locations."""
-
 Coordinate = Annotated[float, Quantity("a coordinate", units.LENGTH, -1e4, 1e4, "5 mm")]
 Size = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 1e3, "5 mm")]
 Clearance = Annotated[float, Quantity("a length", units.LENGTH, 1e-4, 10.0, "5 mm")]
 Height = Annotated[float, Quantity("a height", units.LENGTH, 0.0, 100.0, "5 mm")]
+Travel = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 10.0, "50 mm")]
+ArcPrice = Annotated[float, Quantity("a length", units.LENGTH, 0.0, 100.0, "30 mm")]
+PositionTolerance = Annotated[float, Quantity("a length", units.LENGTH, 1e-9, 1.0, "2 mm")]
+SnapDistance = Annotated[float, Quantity("a length", units.LENGTH, 1e-6, 0.1, "5 mm")]
 Angle = Annotated[float, Quantity("an angle", units.ANGLE, -10.0, 10.0, "90 deg")]
 """Degrees without their unit are mostly out of this range, and so are not taken for radians."""
-
-Mass = Annotated[float | Span, OrInterval(Quantity("a mass", units.MASS, 1e-6, 1e6, "800 g"))]
+AngleTolerance = Annotated[float, Quantity("an angle", units.ANGLE, 1e-9, math.pi, "0.2 deg")]
+SnapAngle = Annotated[float, Quantity("an angle", units.ANGLE, 0.0, math.radians(20.0), "2 deg")]
+Mass = Annotated[float | Span, or_interval(Quantity("a mass", units.MASS, 1e-6, 1e6, "800 g"))]
 Duration = Annotated[float, Quantity("a time", units.TIME, 1e-3, 86400.0, "500 ms")]
-Friction = Annotated[float | Span, OrInterval(friction(0.0))]
-FloorFriction = Annotated[float | Span, OrInterval(friction(1e-3))]
+Friction = Annotated[float | Span, or_interval(friction(0.0))]
+FloorFriction = Annotated[float | Span, or_interval(friction(1e-3))]
 _LOAD = Quantity("a part of the load", units.FRACTION, 1e-6, 1.0, "25 %")
-LoadFraction = Annotated[float | Span, OrInterval(_LOAD, replace(_LOAD, low=0.0))]
-Margin = Annotated[float | Literal["auto"], OrAuto(Quantity("auto, or a margin", {}, 0.0, 0.99))]
-ArcPrice = Annotated[float, Quantity("a length", units.LENGTH, 0.0, 100.0, "30 mm")]
+LoadFraction = Annotated[float | Span, or_interval(_LOAD, replace(_LOAD, low=0.0))]
+Margin = Annotated[float | Literal["auto"], OrWord(Quantity("auto, or a margin", {}, 0.0, 0.99))]
 Weight = Annotated[float, Quantity("a weight", {}, 0.0, 1000.0)]
 Gap = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 100.0, "1 %")]
 Share = Annotated[float, Quantity("a share", units.FRACTION, 0.0, 0.9, "20 %")]
 Face = Annotated[
     float | str,
-    OrAuto(Quantity(f"{', '.join(FACES)}, or an angle", units.ANGLE, -10.0, 10.0, "120 deg"), FACES),
+    OrWord(Quantity(f"{', '.join(FACES)}, or an angle", units.ANGLE, -10.0, 10.0, "120 deg"), FACES),
 ]
 Most = Annotated[int, Quantity("a whole number", {}, 1, 100, whole=True)]
 Symmetry = Annotated[int, Quantity("a whole number", {}, 1, 360, whole=True)]
-Travel = Annotated[float, Quantity("a length", units.LENGTH, 1e-3, 10.0, "50 mm")]
 Seed = Annotated[int, Quantity("a whole number", {}, 0, 2**31 - 1, whole=True)]
-Speed = Annotated[
-    float | tuple[float, float], EitherWay(Quantity("a speed", units.SPEED, 1e-4, 100.0, "0.2 m/s"))
-]
+Speed = Annotated[float | Span, either_way(Quantity("a speed", units.SPEED, 1e-4, 100.0, "0.2 m/s"))]
 Acceleration = Annotated[
-    float | tuple[float, float],
-    EitherWay(Quantity("an acceleration", units.ACCELERATION, 1e-4, 1e3, "0.5 m/s^2")),
+    float | Span, either_way(Quantity("an acceleration", units.ACCELERATION, 1e-4, 1e3, "0.5 m/s^2"))
 ]
 Jerk = Annotated[float, Quantity("a jerk", units.JERK, 1e-4, 1e5, "5 m/s^3")]
 AngularSpeed = Annotated[
-    float | tuple[float, float],
-    EitherWay(Quantity("an angular speed", units.ANGULAR_SPEED, 1e-4, 100.0, "60 deg/s")),
+    float | Span, either_way(Quantity("an angular speed", units.ANGULAR_SPEED, 1e-4, 100.0, "60 deg/s"))
 ]
 AngularAcceleration = Annotated[
-    float | tuple[float, float],
-    EitherWay(Quantity("an angular acceleration", units.ANGULAR_ACCELERATION, 1e-4, 1e3, "90 deg/s^2")),
+    float | Span,
+    either_way(Quantity("an angular acceleration", units.ANGULAR_ACCELERATION, 1e-4, 1e3, "90 deg/s^2")),
 ]
 AngularJerk = Annotated[float, Quantity("an angular jerk", units.ANGULAR_JERK, 1e-4, 1e5, "900 deg/s^3")]
-PositionTolerance = Annotated[float, Quantity("a length", units.LENGTH, 1e-9, 1.0, "2 mm")]
-SnapDistance = Annotated[float, Quantity("a length", units.LENGTH, 1e-6, 0.1, "5 mm")]
-SnapAngle = Annotated[float, Quantity("an angle", units.ANGLE, 0.0, math.radians(20.0), "2 deg")]
-AngleTolerance = Annotated[float, Quantity("an angle", units.ANGLE, 1e-9, math.pi, "0.2 deg")]
-
-
-@dataclass(frozen=True)
-class Row:
-    """Requires a list with one value for each word in `form`, e.g. `[x, y, theta]`."""
-
-    form: str
-    or_else: str = ""
-
-    def read(self, value: Any) -> Any:
-        """Return `value` when it is such a list."""
-        if not isinstance(value, list) or len(value) != self.form.count(",") + 1:
-            raise fault(show(value), self.form + self.or_else)
-        return value
 
 
 def _row(form: str, or_else: str = "") -> BeforeValidator:
-    return BeforeValidator(Row(form, or_else).read)
+    """Return the validator of a list with one value for each word in `form`, e.g. `[x, y, theta]`."""
+
+    def read(value: Any) -> Any:
+        if not isinstance(value, list) or len(value) != form.count(",") + 1:
+            raise fault(show(value), form + or_else)
+        return value
+
+    return BeforeValidator(read)
 
 
 Point = Annotated[tuple[Coordinate, Coordinate], _row("[x, y]")]
@@ -118,6 +102,15 @@ Foot = Annotated[
     Annotated[BareFoot, Tag("<bare>")] | Annotated[LoadedFoot, Tag("<loaded>")],
     Discriminator(lambda foot: "<loaded>" if isinstance(foot, list | tuple) and len(foot) == 3 else "<bare>"),
 ]
+
+
+def _interval(ends: tuple[float, float]) -> tuple[float, float]:
+    if not ends[0] < ends[1]:
+        raise fault(f"is [{ends[0]:.9g}, {ends[1]:.9g}]", "[min, max] with min < max")
+    return ends
+
+
+Interval = Annotated[tuple[Coordinate, Coordinate], _row("[min, max]"), AfterValidator(_interval)]
 
 
 @dataclass(frozen=True)
@@ -145,15 +138,6 @@ class Several:
         return handler(schema) | {"minItems": self.low, "maxItems": self.high}
 
 
-def _interval(ends: tuple[float, float]) -> tuple[float, float]:
-    if not ends[0] < ends[1]:
-        raise fault(f"is [{ends[0]:.9g}, {ends[1]:.9g}]", "[min, max] with min < max")
-    return ends
-
-
-Interval = Annotated[tuple[Coordinate, Coordinate], _row("[min, max]"), AfterValidator(_interval)]
-
-
 def _simple(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     flaw = find_flaw(np.array(corners))
     if flaw is not None:
@@ -173,6 +157,7 @@ Name = Annotated[
     StringConstraints(strict=True, pattern=NAME_PATTERN),
     WithJsonSchema({"type": "string", "pattern": _NAME_IN_EDITORS}),
 ]
+FileName = Annotated[str, StringConstraints(strict=True, min_length=1)]
 
 
 class Strict(BaseModel):
@@ -181,31 +166,31 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def exactly_one(
-    *keys: str, needs: Mapping[str, str] | None = None, only: Mapping[str, str] | None = None
-) -> ConfigDict:
-    """Return the configuration of a model that says in its JSON Schema what its validator requires.
-
-    Args:
-        keys: Of which exactly one is given.
-        needs: Keys that come with another one, e.g. `{"circle": "center"}`.
-        only: Keys that come with no other one, e.g. `{"center": "circle"}`.
-    """
-    forms: list[JsonValue] = []
-    for key in keys:
-        given: list[JsonValue] = [key, *((needs or {}).get(key, "").split())]
-        barred = [other for other in keys if other != key]
-        barred += [other for other, owner in (only or {}).items() if key not in owner.split()]
-        properties: dict[str, JsonValue] = {str(name): {"not": {"type": "null"}} for name in given}
-        forms.append(
-            {"properties": properties | {name: {"type": "null"} for name in barred}, "required": given}
-        )
-    return ConfigDict(json_schema_extra={"oneOf": forms})
-
-
 def require_one(model: Strict, *keys: str) -> None:
     """Let the validation of `model` fail unless exactly one of `keys` is given."""
     given = [key for key in keys if getattr(model, key) is not None]
     if len(given) != 1:
         found = f"has {' and '.join(given)}" if given else f"has none of {', '.join(keys)}"
         raise fault(found, f"exactly one of {', '.join(keys)}")
+
+
+def one_or_list(value: object) -> str:
+    """Tell a list from a single value, for a union of `<one>` and `<list>`."""
+    return "<list>" if isinstance(value, list | tuple) else "<one>"
+
+
+def by_key(*keys: str) -> Discriminator:
+    """Return what tells forms of a mapping apart: each has one key that the others lack, and the tag `<key>`.
+
+    A value that is no mapping has the tag `<word>`.
+    """
+
+    def form(value: object) -> str | None:
+        if isinstance(value, BaseModel):
+            value = dict(value)
+        if not isinstance(value, dict):
+            return "<word>"
+        given = [key for key in keys if value.get(key) is not None]
+        return f"<{given[0]}>" if len(given) == 1 else None
+
+    return Discriminator(form)

@@ -1,1 +1,0 @@
-"""Where the bodies are, which of them touch, and whether they are free at start and goal."""

@@ -1,0 +1,163 @@
+"""The contacts of a laid-out chain, each object pushed by one body before it in the list, and their frictions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+import shapely
+
+from pushplan.geometry.contact_segments import TOUCH, find_touch
+from pushplan.mechanics.chain import PLATE, Contact
+from pushplan.scenario.layout import Layout, Part, describe_gap, describe_overlap, millimetres
+from pushplan.scenario.schema import RoomFile
+from pushplan.scenario.source import Source, shorten
+from pushplan.scenario.units import Span, lowest
+from pushplan.scenario.validation import nearest
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import PUSHER
+
+Pair = tuple[int, int]
+"""Indices of a pushing and a pushed body; `PLATE` is the plate."""
+
+NEARLY = 1e-3
+"""Gap below which bodies that do not touch are too near to be told apart from bodies that do, m."""
+
+
+def find_segments(parts: Sequence[Part], layout: Layout, source: Source) -> dict[Pair, FloatArray]:
+    """Return the one segment (2, 2) through which each object is pushed, and report what keeps it from being one."""
+    found: dict[Pair, FloatArray] = {}
+    for i in range(len(parts)):
+        touching = _touching(i, parts, layout, source)
+        if touching is None:
+            continue
+        trouble = _trouble(i, touching, parts, layout)
+        if trouble is not None:
+            source.error(("objects", i), trouble)
+            continue
+        for j, gap in _nearly_touching(i, layout):
+            source.error(
+                ("objects", i),
+                f"{_name(i, parts)} and {_name(j, parts)} do not touch, but are only {millimetres(gap)} apart: the "
+                f"least error makes a contact of it; allowed: at least {millimetres(NEARLY)}, or a contact",
+            )
+        ((pusher, segments),) = touching.items()
+        found[pusher, i] = segments[0]
+    return found
+
+
+def _name(index: int, parts: Sequence[Part]) -> str:
+    """Return what messages call a body."""
+    return "the plate" if index == PLATE else f"'{parts[index].name}'"
+
+
+def _near(i: int, layout: Layout, reach: float) -> Iterator[tuple[int, FloatArray]]:
+    """Yield the earlier bodies whose bounding boxes come nearer to that of object i than `reach`, the plate first."""
+    low, high = layout.outlines[i].min(axis=0) - reach, layout.outlines[i].max(axis=0) + reach
+    for j, outline in enumerate((layout.plate, *layout.outlines[:i]), start=PLATE):
+        if (outline.min(axis=0) <= high).all() and (outline.max(axis=0) >= low).all():
+            yield j, outline
+
+
+def _touching(i: int, parts: Sequence[Part], layout: Layout, source: Source) -> dict[int, FloatArray] | None:
+    """Return the segments (k, 2, 2) shared with each earlier body that object i touches; None on overlap."""
+    touching: dict[int, FloatArray] = {}
+    overlaps = False
+    for j, outline in _near(i, layout, TOUCH):
+        overlap = describe_overlap((_name(j, parts), outline), (parts[i].name, layout.outlines[i]))
+        if overlap is not None:
+            source.error(("objects", i), overlap)
+            overlaps = True
+        touch = find_touch(outline, layout.outlines[i])
+        if touch is not None:
+            touching[j] = touch
+    return None if overlaps else touching
+
+
+def _nearly_touching(i: int, layout: Layout) -> Iterator[tuple[int, float]]:
+    """Yield the earlier bodies that object i does not touch but nearly, and the gap, m."""
+    own = shapely.Polygon(layout.outlines[i])
+    for j, outline in _near(i, layout, NEARLY):
+        gap = float(shapely.distance(own, shapely.Polygon(outline)))
+        if TOUCH < gap < NEARLY - TOUCH:
+            yield j, gap
+
+
+def _trouble(i: int, touching: Mapping[int, FloatArray], parts: Sequence[Part], layout: Layout) -> str | None:
+    """Return why object i has no single contact, or None."""
+    name = f"'{parts[i].name}'"
+    if len(touching) > 1:
+        bodies = " and ".join(_name(j, parts) for j in touching)
+        return (
+            f"{name} touches {bodies}: how a loop of contacts shares its forces cannot be told; "
+            f"allowed: one contact with one body before it in the list"
+        )
+    segments = next(iter(touching.values()), np.empty((0, 2, 2)))
+    if len(segments) > 1:
+        (j,) = touching
+        return f"{name} touches {_name(j, parts)} along {len(segments)} lines; allowed: one straight line"
+    if len(segments) == 1:
+        return None
+    own = shapely.Polygon(layout.outlines[i])
+    bodies_before = [shapely.Polygon(outline) for outline in (layout.plate, *layout.outlines[:i])]
+    nearest_one = PLATE + int(np.argmin([shapely.distance(own, body) for body in bodies_before]))
+    j = next(iter(touching), nearest_one)
+    outline = layout.plate if j == PLATE else layout.outlines[j]
+    return describe_gap((_name(j, parts), outline), (parts[i].name, layout.outlines[i]))
+
+
+def contact_frictions(file: RoomFile, pairs: Iterable[Pair], source: Source) -> dict[Pair, float | Span]:
+    """Return the friction of each pair of bodies that touch; what is missing is reported."""
+    names = [obj.name for obj in file.objects]
+    stated = _stated(file, names, source)
+    frictions: dict[Pair, float | Span] = {}
+    touching = set()
+    for pair in pairs:
+        key = frozenset(PUSHER if i == PLATE else names[i] for i in pair)
+        touching.add(key)
+        value = stated.get(key, file.pusher.friction if PLATE in pair else file.contacts.friction)
+        if value is None:
+            first, second = (names[i] for i in pair)
+            what = f"is missing, and '{first}' and '{second}' touch; needed: a friction coefficient"
+            source.error(("contacts", "friction"), what)
+        else:
+            frictions[pair] = value
+    complete = len(frictions) == len(names)
+    for i, entry in enumerate(file.contacts.between):
+        if complete and frozenset(entry.objects) in set(stated) - touching:
+            first, second = entry.objects
+            source.error(
+                ("contacts", "between", i, "objects"), f"'{first}' and '{second}' do not touch; leave it out"
+            )
+    return frictions
+
+
+def _stated(file: RoomFile, names: Sequence[str], source: Source) -> dict[frozenset[str], float | Span]:
+    """Return the frictions that `contacts.between` states, and report entries that name no pair."""
+    stated: dict[frozenset[str], float | Span] = {}
+    known = [*names, PUSHER]
+    for i, entry in enumerate(file.contacts.between):
+        place = ("contacts", "between", i, "objects")
+        unknown = [(k, name) for k, name in enumerate(entry.objects) if name not in known]
+        for k, name in unknown:
+            what = f"no object is called '{shorten(name)}'{nearest(name, known)} allowed: {', '.join(known)}"
+            source.error((*place, k), what)
+        pair = frozenset(entry.objects)
+        if len(pair) == 1 and not unknown:
+            source.error(place, "names one object twice; allowed: two objects that touch")
+        elif pair in stated:
+            source.error(place, "this pair stands further up already; keep one entry")
+        elif not unknown:
+            stated[pair] = entry.friction
+    return stated
+
+
+def make_contacts(
+    segments: Mapping[Pair, FloatArray], frictions: Mapping[Pair, float | Span]
+) -> tuple[Contact, ...]:
+    """Return the contacts in the order of the objects that they push, with their lowest frictions."""
+    pairs = sorted(segments, key=lambda pair: pair[1])
+    return tuple(
+        Contact(segments[pair][0], segments[pair][1], lowest(frictions[pair]), pushed=pair[1], pusher=pair[0])
+        for pair in pairs
+    )

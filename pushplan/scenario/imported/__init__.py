@@ -1,1 +1,0 @@
-"""Outlines and obstacles from files of other programs: drawings, tables, maps."""

@@ -1,0 +1,328 @@
+"""Where plate and objects are in the chain frame: stacked from the plate outward, at stated poses, or snapped.
+
+Stacking puts an object flush, its rear edge (outward normal -x in its own frame) on the front edge (+x) of what is
+before; nothing is turned. Snapping moves measured poses onto the edges that they nearly lie on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from pushplan.errors import ChainError
+from pushplan.geometry import se2
+from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH, find_touch
+from pushplan.geometry.penetration import overlap_depth
+from pushplan.geometry.polygon import simple_polygon
+from pushplan.scenario.parts import Snapped, Snapping
+from pushplan.scenario.schema import BoxShape, PolygonShape
+from pushplan.scenario.source import Source
+from pushplan.util.arrays import FloatArray
+
+Named = tuple[str, FloatArray]
+"""What a message calls a body, and its outline (v, 2) in the chain frame."""
+
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What is stated of one object.
+
+    Attributes:
+        name: For messages.
+        outline: (v, 2) in its own frame, m, counter-clockwise.
+        offset: Its frame's y against the frame of the one before (the first: against the plate's middle), m.
+        pose: (3,) in the chain frame, or None to stack it.
+    """
+
+    name: str
+    outline: FloatArray
+    offset: float | None = None
+    pose: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class SnapTolerance:
+    """How far an object may be from the contact that it is moved onto: m along the normal, rad."""
+
+    position: float
+    angle: float
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where everything is.
+
+    Attributes:
+        plate: (4, 2) outline of the plate in the chain frame, m.
+        poses: (n, 3) poses of the objects in the chain frame.
+        outlines: Outlines (v, 2) of the objects in the chain frame, m.
+        snapping: How measured poses were moved; None when they are taken as they are.
+    """
+
+    plate: FloatArray
+    poses: FloatArray
+    outlines: tuple[FloatArray, ...]
+    snapping: Snapping | None = None
+
+    @property
+    def plate_pose(self) -> FloatArray:
+        """(3,) pose in the chain frame of the plate's frame: the middle of its front edge, +x along the push."""
+        return np.array([self.plate[:, 0].max(), self.plate[:, 1].mean(), 0.0])
+
+
+def millimetres(length: float) -> str:
+    """Return a length (m) as people read it, in mm."""
+    value = 1e3 * length
+    return f"{value:.3g} mm" if abs(value) < 1000.0 else f"{value:.0f} mm"
+
+
+def box_outline(length: float, width: float) -> FloatArray:
+    """Return the corners (4, 2) of a box about the origin, counter-clockwise."""
+    x, y = 0.5 * length, 0.5 * width
+    return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
+
+
+def outline_of(stated: BoxShape | PolygonShape) -> FloatArray:
+    """Return the counter-clockwise outline (v, 2) of a shape in its own frame, m."""
+    return (
+        box_outline(*stated.box)
+        if isinstance(stated, BoxShape)
+        else simple_polygon(stated.polygon, "outline")
+    )
+
+
+def lay_out(
+    parts: Sequence[Part],
+    width: float,
+    thickness: float,
+    source: Source,
+    within: SnapTolerance | None = None,
+) -> Layout | None:
+    """Place the plate and all parts, or report why not and return None.
+
+    The chain frame's origin is the midpoint of the plate's contact with the first part. When that part states its
+    pose, the plate's middle is at the origin, or at the pose's y less the offset if there is one. With `within`,
+    stated poses are moved onto the contacts that are nearer than that, from the plate outward; where the plate's
+    contact then has its midpoint aside of the origin, the frame is moved there.
+    """
+    first = _place_first(parts[0], width, thickness, source, within)
+    if first is None:
+        return None
+    plate, poses, moved, sideways = first.plate, [first.pose], list(first.moved), first.sideways
+    for i, part in enumerate(parts[1:], start=1):
+        if part.pose is not None and part.offset is not None:
+            source.error(
+                ("objects", i, "offset"), "has no meaning beside pose; keep one of them", at_key=True
+            )
+        pose = _placed(parts[i - 1].outline, part, (f"'{parts[i - 1].name}'", i), source)
+        if pose is None:
+            return None
+        if part.pose is None:
+            pose = se2.compose(poses[-1], pose)
+        elif within is not None:
+            bodies = [("the plate", plate), *_bodies(parts, poses)]
+            pose, snapped = snap(bodies, part, pose - [0.0, sideways, 0.0], within)
+            moved.append(snapped)
+            if _is_too_far(i, snapped, within, source):
+                return None
+        poses.append(pose)
+    outlines = tuple(outline for _, outline in _bodies(parts, poses))
+    snapping = None if within is None else Snapping(tuple(moved), sideways)
+    return Layout(plate, np.array(poses), outlines, snapping)
+
+
+def _bodies(parts: Sequence[Part], poses: Sequence[FloatArray]) -> list[Named]:
+    return [
+        (f"'{part.name}'", se2.transform_points(pose, part.outline))
+        for part, pose in zip(parts, poses, strict=False)
+    ]
+
+
+class _First(NamedTuple):
+    """The plate (4, 2), the first part's pose (3,), how that was snapped, and by how much the frame was moved, m."""
+
+    plate: FloatArray
+    pose: FloatArray
+    moved: tuple[Snapped, ...] = ()
+    sideways: float = 0.0
+
+
+def _place_first(
+    part: Part, width: float, thickness: float, source: Source, within: SnapTolerance | None
+) -> _First | None:
+    middle = float(part.pose[1]) - part.offset if part.pose is not None and part.offset is not None else 0.0
+    plate = box_outline(thickness, width)
+    plate += [-0.5 * thickness, middle]
+    pose = _placed(plate, part, ("the plate", 0), source)
+    if pose is None:
+        return None
+    moved: tuple[Snapped, ...] = ()
+    if part.pose is not None and within is not None:
+        pose, snapped = snap([("the plate", plate)], part, pose, within)
+        if _is_too_far(0, snapped, within, source):
+            return None
+        moved = (snapped,)
+    outline = se2.transform_points(pose, part.outline)
+    trouble = describe_overlap(("the plate", plate), (part.name, outline))
+    touch = find_touch(plate, outline)
+    if trouble is not None or touch is None or len(touch) == 0:
+        source.error(("objects", 0), trouble or describe_gap(("the plate", plate), (part.name, outline)))
+        return None
+    origin = touch[0].mean(axis=0).round(15)  # so that what is symmetric stays so
+    away = float(np.linalg.norm(origin))
+    if part.pose is None:
+        return _First(plate - origin, pose - [*origin, 0.0])
+    if within is not None and TOUCH < away <= within.position:
+        return _First(plate - origin, pose - [*origin, 0.0], moved, float(origin[1]))
+    if away > TOUCH:
+        source.error(
+            ("objects", 0, "pose"),
+            f"the plate touches '{part.name}' with the contact's midpoint at ({origin[0]:.6g}, {origin[1]:.6g}), "
+            f"but that is the chain frame's origin; move the pose, and state an offset of {pose[1] - middle:.6g}",
+        )
+        return None
+    return _First(plate, pose, moved)
+
+
+def _placed(base: FloatArray, part: Part, where: tuple[str, int], source: Source) -> FloatArray | None:
+    """Return the pose of a part, in the chain frame if it states one, else in the frame of `base`."""
+    if part.pose is not None:
+        return part.pose
+    try:
+        return flush_pose(base, part.outline, part.offset or 0.0, (where[0], f"'{part.name}'"))
+    except ChainError as error:
+        source.error(("objects", where[1]), str(error))
+        return None
+
+
+def flush_pose(base: FloatArray, outline: FloatArray, offset: float, names: tuple[str, str]) -> FloatArray:
+    """Return the pose (3,), in the frame of `base`, of an object stacked on it.
+
+    Args:
+        base: (v, 2) outline of what the object stands on, in its own frame.
+        outline: (w, 2) outline of the object, in its own frame.
+        offset: y of the object's frame, m.
+        names: What messages call the two.
+
+    Raises:
+        ChainError: When one has no such edge, or the edges do not meet along a line.
+    """
+    front, rear = _edge_span(base, +1), _edge_span(outline, -1)
+    if front is None or rear is None:
+        name, edge, side = (names[0], "front", "+x") if front is None else (names[1], "rear", "-x")
+        raise ChainError(
+            f"{names[1]} cannot be stacked: {name} has no {edge} edge, only a corner is outermost towards {side}; "
+            "state a pose"
+        )
+    low, high = front[1] - rear[2], front[2] - rear[1]
+    if not low + SHORTEST_CONTACT < offset < high - SHORTEST_CONTACT:
+        gap = max(low - offset, offset - high, 0.0)
+        raise ChainError(
+            f"{names[1]} and {names[0]} do not touch along a line: the gap is {millimetres(gap)}; "
+            f"allowed: an offset between {low:.6g} and {high:.6g}"
+        )
+    return np.array([front[0] - rear[0], offset, 0.0])
+
+
+def _edge_span(outline: FloatArray, side: int) -> tuple[float, float, float] | None:
+    """Return x, lowest and highest y of the edges farthest towards `side` (+1: +x, -1: -x), or None."""
+    x = side * outline[:, 0]
+    on = x >= x.max() - TOUCH
+    begins = on & np.roll(on, -1)
+    ends = np.concatenate([outline[begins], outline[np.roll(begins, 1)]])
+    if len(ends) == 0 or float(np.ptp(ends[:, 1])) <= SHORTEST_CONTACT:
+        return None
+    return float(side * x.max()), float(ends[:, 1].min()), float(ends[:, 1].max())
+
+
+def snap(
+    bodies: Sequence[Named], part: Part, pose: FloatArray, within: SnapTolerance
+) -> tuple[FloatArray, Snapped]:
+    """Return the pose (3,) that lays an edge of an object on the nearest edge of another body, and how it was moved.
+
+    The object turns about the centroid of its outline, which then moves along the other edge's normal: sideways its
+    place is kept. Nearest is what needs the least of the tolerances, which serve for nothing else here.
+    """
+    found = [
+        (effort, name, gap, turn, normal)
+        for name, outline in bodies
+        for effort, gap, turn, normal in _candidates(outline, part.outline, pose, within)
+    ]
+    if not found:
+        return pose, Snapped(part.name, "", math.inf, math.inf)
+    _, onto, gap, turn, normal = min(found, key=lambda one: one[0])
+    if abs(gap) <= _ROUNDING and abs(turn) <= _ROUNDING:
+        return pose, Snapped(part.name, onto, 0.0, 0.0)
+    turned = _turned(part.outline, pose, turn)
+    return turned - [*(gap * normal), 0.0], Snapped(part.name, onto, gap, turn)
+
+
+def _is_too_far(i: int, moved: Snapped, within: SnapTolerance, source: Source) -> bool:
+    """Tell whether an object is farther from its contact than `snap` allows, and report it."""
+    if abs(moved.gap) <= within.position and abs(moved.turn) <= within.angle:
+        return False
+    allowed = f"snap allows {millimetres(within.position)} and {math.degrees(within.angle):.3g} deg"
+    if math.isfinite(moved.gap):
+        gap, turn = millimetres(round(abs(moved.gap), 9)), math.degrees(round(abs(moved.turn), 9))
+        what = f"is {gap} and {turn:.3g} deg from lying on {moved.onto}"
+    else:
+        what = "faces no edge of a body before it"
+    source.error(("objects", i, "pose"), f"'{moved.name}' {what}; {allowed}: move it, or state a larger snap")
+    return True
+
+
+def _candidates(
+    fixed: FloatArray, outline: FloatArray, pose: FloatArray, within: SnapTolerance
+) -> list[tuple[float, float, float, FloatArray]]:
+    """Return effort, gap (m), turn (rad) and normal (2,) of every edge of `fixed` that an edge could lie on."""
+    own = np.roll(outline, -1, axis=0) - outline
+    steps = np.roll(fixed, -1, axis=0) - fixed
+    facing = np.arctan2(-steps[:, 1], -steps[:, 0])
+    headings = np.arctan2(own[:, 1], own[:, 0]) + pose[2]
+    turns = se2.wrap_angle(facing[:, None] - headings)
+    found = []
+    for e, f in np.argwhere(np.abs(turns) < math.radians(45.0)):
+        corners = se2.transform_points(
+            _turned(outline, pose, turns[e, f]), outline[[f, (f + 1) % len(outline)]]
+        )
+        length = float(np.linalg.norm(steps[e]))
+        along = steps[e] / length
+        normal = np.array([along[1], -along[0]])
+        places = np.sort((corners - fixed[e]) @ along)
+        if min(places[1], length) - max(places[0], 0.0) <= SHORTEST_CONTACT:
+            continue
+        gap, turn = float((corners[0] - fixed[e]) @ normal), float(turns[e, f])
+        effort = max(abs(gap) / within.position, abs(turn) / max(within.angle, _ROUNDING))
+        found.append((effort, gap, turn, normal))
+    return found
+
+
+def _turned(outline: FloatArray, pose: FloatArray, turn: float) -> FloatArray:
+    """Return the pose (3,) after a turn about the centroid of the outline (v, 2)."""
+    center = shapely.get_coordinates(shapely.Polygon(outline).centroid)[0]
+    place = se2.transform_points(pose, center[None])[0]
+    turned = np.array([0.0, 0.0, pose[2] + turn])
+    return np.array([*(place - se2.transform_points(turned, center[None])[0]), turned[2]])
+
+
+def describe_overlap(fixed: Named, moving: Named) -> str | None:
+    """Return how far `moving` overlaps `fixed`; None when it does not."""
+    depth = overlap_depth(fixed[1], moving[1])
+    return f"'{moving[0]}' overlaps {fixed[0]} by {millimetres(depth)}; move them apart" if depth else None
+
+
+def describe_gap(fixed: Named, moving: Named) -> str:
+    """Return how far `moving` is from touching `fixed` along a line."""
+    gap = float(shapely.distance(shapely.Polygon(moving[1]), shapely.Polygon(fixed[1])))
+    state = f"the gap is {millimetres(gap)}" if gap > TOUCH else "they meet at a point"
+    return (
+        f"'{moving[0]}' and {fixed[0]} do not touch along a line: {state}; move an edge onto an edge, "
+        "or let snap move measured poses"
+    )

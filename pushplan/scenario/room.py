@@ -1,0 +1,194 @@
+"""What stands around the load: workspace, obstacles and maps of a file, and what is not free at start and goal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from pushplan.errors import PushplanError, SupportError
+from pushplan.geometry import se2
+from pushplan.geometry.penetration import overlap_depth
+from pushplan.mechanics.body import Body
+from pushplan.scenario import schema
+from pushplan.scenario.layout import millimetres, outline_of
+from pushplan.scenario.maps import ros_map_of
+from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle, Workspace
+from pushplan.scenario.source import Source, shorten
+from pushplan.util.arrays import FloatArray
+from pushplan.util.regular_file import read_regular
+
+MOST_ATTACHED = 16 << 20
+"""Bytes up to which a file that a scenario names is read."""
+
+ROUNDING = 1e-9
+"""Distances that fall short of the clearance by less (m) are rounding."""
+
+MOST_TOLD = 20
+"""Obstacles near one body that are told one by one."""
+
+_OUTSIDE = "a file in the scenario's folder"
+
+
+class Attachments:
+    """Contents of the files that a scenario names, from its folder or given beforehand.
+
+    Attributes:
+        contents: Bytes by name, of all files asked for.
+    """
+
+    def __init__(self, given: dict[str, bytes], folder: Path | None = None) -> None:
+        self.contents: dict[str, bytes] = {}
+        self._given = given
+        self._folder = folder
+
+    def read(self, name: str) -> bytes:
+        """Return what the file `name` holds.
+
+        Raises:
+            SupportError: When the name leads out of the folder or the file cannot be read.
+        """
+        if name not in self.contents:
+            self.contents[name] = self._given[name] if name in self._given else self._from_folder(name)
+        return self.contents[name]
+
+    def _from_folder(self, name: str) -> bytes:
+        if self._folder is None:
+            raise SupportError(f"the file '{shorten(name)}' is not attached; needed: its contents")
+        pure = PurePosixPath(name)
+        path = self._folder / pure
+        outside = pure.is_absolute() or ".." in pure.parts or not name.isprintable()
+        if outside or not path.resolve().is_relative_to(self._folder.resolve()):
+            raise SupportError(f"is the name '{shorten(name)}'; allowed: {_OUTSIDE}")
+        try:
+            data = read_regular(path, MOST_ATTACHED + 1)
+        except OSError as error:
+            raise SupportError(f"cannot read '{shorten(name)}': {error.strerror or error}") from error
+        if len(data) > MOST_ATTACHED:
+            raise SupportError(f"'{shorten(name)}' is larger than the {MOST_ATTACHED} bytes allowed")
+        return data
+
+
+class Surroundings(NamedTuple):
+    """What to keep away from, and how far (m)."""
+
+    workspace: Workspace | None
+    obstacles: Sequence[Obstacle]
+    clearance: float
+
+
+def build_surroundings(file: schema.RoomFile, attachments: Attachments, source: Source) -> Surroundings:
+    """Return the room that a file states, without the maps that cannot be read; why is reported.
+
+    The workspace is the rectangle around all maps where none is stated: beyond a map nothing is known.
+    """
+    obstacles: list[Obstacle] = []
+    areas: list[Workspace] = []
+    for i, stated in enumerate(file.obstacles):
+        match stated:
+            case schema.CircleInRoom():
+                obstacles.append(CircleObstacle(np.array(stated.center), stated.circle))
+            case schema.MapInRoom():
+                try:
+                    found = ros_map_of(stated.map, attachments.read, unknown_is_free=stated.unknown == "free")
+                except PushplanError as error:
+                    hint = "; copy the map and its picture there, or give it with --map"
+                    source.error(("obstacles", i, "map"), f"{error}{hint if _OUTSIDE in str(error) else ''}")
+                    continue
+                obstacles += found.obstacles
+                areas.append(found.workspace)
+            case _:
+                outline = se2.transform_points(stated.pose or (0.0, 0.0, 0.0), outline_of(stated))
+                unknown = isinstance(stated, schema.PolygonInRoom) and stated.unknown is not None
+                obstacles.append(PolygonObstacle(outline, unknown))
+    area = file.workspace
+    workspace = _around(areas) if area is None else Workspace(*area.x, *area.y)
+    return Surroundings(workspace, tuple(obstacles), file.clearance)
+
+
+def _around(areas: list[Workspace]) -> Workspace | None:
+    if not areas:
+        return None
+    low = min(area.xmin for area in areas), min(area.ymin for area in areas)
+    high = max(area.xmax for area in areas), max(area.ymax for area in areas)
+    return Workspace(low[0], high[0], low[1], high[1])
+
+
+def placed(bodies: Iterable[Body], pose: FloatArray) -> list[tuple[str, FloatArray]]:
+    """Return names and world outlines of bodies with the chain frame at `pose` (3,)."""
+    return [(body.name, se2.transform_points(pose, body.outline)) for body in bodies]
+
+
+def placement_troubles(
+    what: str, bodies: Sequence[tuple[str, FloatArray]], room: Surroundings
+) -> Iterator[str]:
+    """Yield a sentence on every body that leaves the workspace or comes too near an obstacle.
+
+    Args:
+        what: `start` or `goal`, for the sentences.
+        bodies: Names and outlines (v, 2) in the world.
+        room: What to keep away from.
+    """
+    obstacles, clearance = room.obstacles, room.clearance
+    tree = shapely.STRtree([_geometry(obstacle) for obstacle in obstacles])
+    for name, outline in bodies:
+        troubles = list(_beyond_walls(outline, room.workspace, clearance))
+        # Some discs that are found are a little farther away.
+        near = tree.query(shapely.Polygon(outline), predicate="dwithin", distance=2.0 * clearance)
+        all_near = filter(
+            None, (_too_near(outline, obstacles[i], f"obstacles[{i}]", clearance) for i in np.sort(near))
+        )
+        troubles += islice(all_near, MOST_TOLD)
+        if any(all_near):
+            troubles.append(f"is as near to more obstacles than these {MOST_TOLD}, which are not listed")
+        yield from (f"at the {what}, '{name}' {trouble}" for trouble in troubles)
+
+
+def _geometry(obstacle: Obstacle) -> shapely.Polygon:
+    """Return an obstacle for the search by distance; discs as the squares around them."""
+    if isinstance(obstacle, CircleObstacle):
+        (x, y), r = obstacle.center, obstacle.radius
+        return shapely.Polygon([(x - r, y - r), (x + r, y - r), (x + r, y + r), (x - r, y + r)])
+    return shapely.Polygon(obstacle.outline)
+
+
+def _beyond_walls(outline: FloatArray, workspace: Workspace | None, clearance: float) -> Iterator[str]:
+    """Yield how far a body is beyond each wall, or that it is too near to it."""
+    if workspace is None:
+        return
+    (xmin, ymin), (xmax, ymax) = outline.min(axis=0), outline.max(axis=0)
+    walls = (
+        (xmin - workspace.xmin, f"x >= {workspace.xmin:.6g}"),
+        (workspace.xmax - xmax, f"x <= {workspace.xmax:.6g}"),
+        (ymin - workspace.ymin, f"y >= {workspace.ymin:.6g}"),
+        (workspace.ymax - ymax, f"y <= {workspace.ymax:.6g}"),
+    )
+    for gap, wall in walls:
+        if gap < 0.0:
+            yield f"leaves the workspace ({wall}) by {millimetres(-gap)}"
+        elif gap < clearance - ROUNDING:
+            yield _short_of(gap, f"the workspace's wall {wall}", clearance)
+
+
+def _too_near(outline: FloatArray, obstacle: Obstacle, name: str, clearance: float) -> str:
+    """Return what is wrong between a body and an obstacle, or nothing."""
+    body = shapely.Polygon(outline)
+    if isinstance(obstacle, CircleObstacle):
+        center = shapely.Point(obstacle.center)
+        inside = bool(body.contains(center))
+        away = -float(body.exterior.distance(center)) if inside else float(body.distance(center))
+        gap = away - obstacle.radius
+    else:
+        gap = float(body.distance(shapely.Polygon(obstacle.outline)))
+        gap = gap or 0.0 - overlap_depth(obstacle.outline, outline)
+    if gap < 0.0:
+        return f"overlaps {name} by {millimetres(-gap)}"
+    return _short_of(gap, name, clearance) if gap < clearance - ROUNDING else ""
+
+
+def _short_of(gap: float, what: str, clearance: float) -> str:
+    return f"is {millimetres(gap)} from {what}; allowed: at least {millimetres(clearance)}"

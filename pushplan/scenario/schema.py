@@ -1,0 +1,471 @@
+"""The scenario file as a typed model, with the defaults of what may be left out; descriptions say what is allowed."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from pushplan.mechanics.chain import Limits
+from pushplan.scenario import fields as t
+from pushplan.scenario.parts import DEFAULT_TOLERANCE
+from pushplan.scenario.units import fault
+from pushplan.util import names
+
+NAME = "a name of up to 64 letters, digits, blanks, '.', '_' and '-' that begins with a letter or digit"
+FRICTION = 'a friction coefficient, or a friction angle, e.g. "14 deg"'
+POLYGON = f"a list of 3 to {t.MOST_CORNERS} corners [x, y]"
+FACES = f"all, or a list of {', '.join(names.FACES)} and angles of outward normals in the chain frame"
+SUPPORT = "uniform, unknown, {feet: [[x, y], ...]}, {feet: [[x, y, load], ...]} or {pressure_map: file.csv}"
+DRIVE = "omnidirectional, {differential: {axle: [x, y, theta]}} or {car: {axle: ..., min_radius: ...}}"
+GOAL = "{pose: [x, y, theta], ...}, or a list of 1 to 100 of these, any of which will do"
+GOALS = "a mapping from names of objects to poses [x, y, theta], {pose: ..., symmetry: ...} or lists of these"
+SNAP = "a length in m, e.g. 5 mm, or {position: 5 mm, angle: 2 deg}"
+SHARE = "a share from 0 to 0.9, e.g. 20 %"
+LENGTH = "a length in m"
+MOST_PARTS = 50
+FOOTPRINT = (
+    "{box: [length, width], pose: [x, y, theta]}, {polygon: [[x, y], ...]} or a list of 1 to "
+    f"{MOST_PARTS} of these"
+)
+OBSTACLES = (
+    "a list of at most 10000 {polygon: ...}, {box: ..., pose: ...}, {circle: ..., center: ...} and "
+    "{map: file.yaml}"
+)
+_AXLE = (
+    "[x, y, theta] of the axle's middle, in the chain frame in pusher.drive, in the plate's in robot.drive"
+)
+_LIMITS = Limits()
+
+
+def _one_of(words: tuple[str, ...]) -> str:
+    return f"one of {', '.join(words)}"
+
+
+class BoxShape(t.Strict):
+    """A box about its frame's origin."""
+
+    box: t.Box = Field(description="[length along x, width along y]")
+
+
+class PolygonShape(t.Strict):
+    """A polygon in its frame."""
+
+    polygon: t.Polygon = Field(description=POLYGON)
+
+
+Shape = Annotated[
+    Annotated[BoxShape, Tag("<box>")] | Annotated[PolygonShape, Tag("<polygon>")],
+    t.by_key("box", "polygon"),
+]
+
+
+class Feet(t.Strict):
+    """Feet in the object's frame, all of them with their part of the load, or none."""
+
+    feet: Annotated[
+        tuple[t.Foot, ...],
+        t.Several(1, 1000),
+        Field(
+            json_schema_extra={
+                "anyOf": [{"items": {"type": "array", "maxItems": n, "minItems": n}} for n in (2, 3)]
+            }
+        ),
+    ] = Field(description="a list of 1 to 1000 feet [x, y] or [x, y, load]")
+
+    @model_validator(mode="after")
+    def _alike(self) -> Feet:
+        if len({len(foot) for foot in self.feet}) > 1:
+            raise fault("some feet have a load and some have none", "a load for every foot, or for none")
+        return self
+
+
+class PressureMap(t.Strict):
+    """A measured pressure in the object's frame."""
+
+    pressure_map: t.FileName = Field(
+        description="the name of a CSV file beside the scenario, with the columns x, y, pressure"
+    )
+
+
+Support = Annotated[
+    Annotated[Literal["uniform", "unknown"], Tag("<word>")]
+    | Annotated[Feet, Tag("<feet>")]
+    | Annotated[PressureMap, Tag("<pressure_map>")],
+    t.by_key("feet", "pressure_map"),
+]
+
+
+class Object(t.Strict):
+    """One object; without `pose` it is stacked flush on the one before, or on the plate."""
+
+    name: t.Name = Field(description=NAME)
+    shape: Shape = Field(description="{box: [length, width]} or {polygon: [[x, y], ...]}")
+    mass: t.Mass = Field(description="a mass in kg")
+    support: Support = Field(default="uniform", description=SUPPORT)
+    center_of_mass: t.Point | None = Field(default=None, description="[x, y] in the object's frame")
+    floor_friction: t.Friction | None = Field(default=None, description=FRICTION)
+    offset: t.Coordinate | None = Field(default=None, description=LENGTH)
+    pose: t.Pose | None = Field(default=None, description="[x, y, theta] in the chain frame")
+
+
+class ContactPair(t.Strict):
+    """The friction between two objects, or between the pusher and an object."""
+
+    objects: Annotated[tuple[str, ...], t.Several(2, 2)] = Field(
+        description="two names of objects that touch, e.g. [near, far], or pusher and an object"
+    )
+    friction: t.Friction = Field(description=FRICTION)
+
+
+class Contacts(t.Strict):
+    """Friction where objects touch each other."""
+
+    friction: t.Friction | None = Field(default=None, description=FRICTION)
+    between: Annotated[tuple[ContactPair, ...], t.Several(0, 400)] = Field(
+        default=(), description="a list of {objects: [a, b], friction: ...}"
+    )
+
+
+class Wheels(t.Strict):
+    """Two driven wheels on one axle."""
+
+    axle: t.Pose = Field(description=_AXLE)
+
+
+class CarWheels(Wheels):
+    """A rear axle that follows and front wheels that steer."""
+
+    min_radius: t.Size = Field(description="the smallest turning radius of the axle's middle, a length in m")
+
+
+class Differential(t.Strict):
+    """A drive with two wheels that do not slip sideways."""
+
+    differential: Wheels = Field(description="{axle: [x, y, theta]}")
+
+
+class Car(t.Strict):
+    """A drive that steers like a car."""
+
+    car: CarWheels = Field(description="{axle: [x, y, theta], min_radius: ...}")
+
+
+Drive = Annotated[
+    Annotated[Literal["omnidirectional"], Tag("<word>")]
+    | Annotated[Differential, Tag("<differential>")]
+    | Annotated[Car, Tag("<car>")],
+    t.by_key("differential", "car"),
+]
+
+
+class MotionLimits(t.Strict):
+    """What the pusher's motion may not exceed."""
+
+    speed: t.Speed = Field(default=_LIMITS.speed, description="a speed in m/s, or [least, most]")
+    acceleration: t.Acceleration = Field(
+        default=_LIMITS.acceleration, description="an acceleration in m/s^2, or [least, most]"
+    )
+    jerk: t.Jerk = Field(default=_LIMITS.jerk, description="a jerk in m/s^3")
+    angular_speed: t.AngularSpeed = Field(
+        default=_LIMITS.angular_speed, description="an angular speed in rad/s, or [least, most]"
+    )
+    angular_acceleration: t.AngularAcceleration = Field(
+        default=_LIMITS.angular_acceleration,
+        description="an angular acceleration in rad/s^2, or [least, most]",
+    )
+    angular_jerk: t.AngularJerk = Field(
+        default=_LIMITS.angular_jerk, description="an angular jerk in rad/s^3"
+    )
+    contact: Literal[names.CONTACT_LIMITS] = Field(  # type: ignore[valid-type]
+        default=_LIMITS.contact, description=_one_of(names.CONTACT_LIMITS)
+    )
+
+
+Faces = Annotated[
+    Annotated[Literal["all"], Tag("<one>")]
+    | Annotated[Annotated[tuple[t.Face, ...], t.Several(1, 100)], Tag("<list>")],
+    Discriminator(t.one_or_list),
+]
+
+
+class Plate(t.Strict):
+    """The plate and how it may move."""
+
+    width: t.Size = Field(description=LENGTH)
+    thickness: t.Size = Field(default=0.03, description=LENGTH)
+    friction: t.Friction = Field(description=FRICTION)
+    contact_height: t.Height = Field(default=0.0, description="a height in m")
+    drive: Drive = Field(default="omnidirectional", description=DRIVE)
+    faces: Faces | None = Field(default=None, description=FACES)
+    offsets: Annotated[tuple[t.Coordinate, ...], t.Several(1, 20)] | None = Field(
+        default=None, description="a list of 1 to 20 lengths in m, e.g. [0, 15 mm]"
+    )
+    limits: MotionLimits = Field(
+        default_factory=MotionLimits, description="{speed: ..., acceleration: ..., jerk: ..., ...}"
+    )
+
+
+_PART = Field(default=(0.0, 0.0, 0.0), description="[x, y, theta] in the frame of the plate's front edge")
+
+
+class BoxPart(BoxShape):
+    """A rectangular part of the robot."""
+
+    pose: t.Pose = _PART
+
+
+class PolygonPart(PolygonShape):
+    """A polygonal part of the robot."""
+
+    pose: t.Pose = _PART
+
+
+Part = Annotated[
+    Annotated[BoxPart, Tag("<box>")] | Annotated[PolygonPart, Tag("<polygon>")],
+    t.by_key("box", "polygon"),
+]
+Footprint = Annotated[
+    Annotated[Part, Tag("<one>")]
+    | Annotated[Annotated[tuple[Part, ...], t.Several(1, MOST_PARTS)], Tag("<list>")],
+    Discriminator(t.one_or_list),
+]
+
+
+class Robot(t.Strict):
+    """What carries the plate, its shape and its drive."""
+
+    footprint: Footprint | None = Field(default=None, description=FOOTPRINT)
+    drive: Drive | None = Field(default=None, description=DRIVE)
+    start: t.Pose | None = Field(
+        default=None, description="[x, y, theta] of the plate's frame in the world; asks for several pushes"
+    )
+    base: t.Pose | None = Field(
+        default=None,
+        description="[x, y, theta] in the plate's frame of the frame that path followers steer; default: the axle",
+    )
+
+
+class UncertaintyShares(t.Strict):
+    """By what share of the stated value coefficients and loads may be off; explicit intervals come before it."""
+
+    contact_friction: t.Share = Field(default=0.0, description=SHARE)
+    floor_friction: t.Share = Field(default=0.0, description=SHARE)
+    load: t.Share = Field(default=0.0, description=SHARE)
+
+
+class Snap(t.Strict):
+    """How far objects with a stated pose may be from the contact that they are moved onto."""
+
+    position: t.SnapDistance = Field(description=LENGTH)
+    angle: t.SnapAngle = Field(default=math.radians(2.0), description="an angle in rad")
+
+
+SnapChoice = Annotated[
+    Annotated[t.SnapDistance, Tag("<word>")] | Annotated[Snap, Tag("<mapping>")],
+    Discriminator(lambda value: "<mapping>" if isinstance(value, dict | t.Strict) else "<word>"),
+]
+
+
+class Floor(t.Strict):
+    """The floor under every object that does not state its own friction."""
+
+    friction: t.FloorFriction = Field(description=FRICTION)
+
+
+class Tolerance(t.Strict):
+    """How far from the goal is still at the goal."""
+
+    position: t.PositionTolerance = Field(default=DEFAULT_TOLERANCE[0], description=LENGTH)
+    angle: t.AngleTolerance = Field(default=DEFAULT_TOLERANCE[1], description="an angle in rad")
+
+
+class ObjectGoal(t.Strict):
+    """Where to bring an object."""
+
+    pose: t.Pose = Field(description="[x, y, theta] in the world")
+    tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
+    symmetry: t.Symmetry = Field(
+        default=1, description="a whole number: after so many equal turns the frame meant is as it was"
+    )
+
+
+class GoalPose(ObjectGoal):
+    """Where to bring the chain."""
+
+    of: str | None = Field(
+        default=None, description="the name of the object meant; left out, the chain frame is meant"
+    )
+
+
+class PushChoice(t.Strict):
+    """What several pushes may come to, and what counts when they are ranked."""
+
+    most: t.Most = Field(default=6, description="a whole number")
+    switch_cost: t.ArcPrice = Field(default=0.1, description=LENGTH)
+    transit_weight: t.Weight = Field(default=0.1, description="a weight from 0 to 1000")
+    approach: t.Travel = Field(default=0.05, description=LENGTH)
+    retreat: t.Travel = Field(default=0.05, description=LENGTH)
+    settle: t.Travel = Field(default=0.02, description=LENGTH)
+
+
+class Area(t.Strict):
+    """The rectangle in which robot, pusher and objects stay."""
+
+    x: t.Interval = Field(description="[min, max] in m")
+    y: t.Interval = Field(description="[min, max] in m")
+
+
+_WORLD = "[x, y, theta] in the world"
+_UNKNOWN = "obstacle, the default, or free: what a map does not know"
+
+
+class BoxInRoom(BoxShape):
+    """A rectangular obstacle."""
+
+    pose: t.Pose = Field(description=_WORLD)
+
+
+class PolygonInRoom(PolygonShape):
+    """A polygonal obstacle; it may stand for a part of a map of which nothing is known."""
+
+    pose: t.Pose | None = Field(default=None, description=_WORLD)
+    unknown: Literal["obstacle"] | None = Field(default=None, description="obstacle")
+
+
+class CircleInRoom(t.Strict):
+    """A round obstacle."""
+
+    circle: t.Size = Field(description="a radius in m")
+    center: t.Point = Field(description="[x, y] in the world")
+
+
+class MapInRoom(t.Strict):
+    """All that a map has."""
+
+    map: t.FileName = Field(description="a ROS map (YAML) in the scenario's folder")
+    unknown: Literal["obstacle", "free"] | None = Field(default=None, description=_UNKNOWN)
+
+
+Obstacle = Annotated[
+    Annotated[PolygonInRoom, Tag("<polygon>")]
+    | Annotated[BoxInRoom, Tag("<box>")]
+    | Annotated[CircleInRoom, Tag("<circle>")]
+    | Annotated[MapInRoom, Tag("<map>")],
+    t.by_key("polygon", "box", "circle", "map"),
+]
+
+
+class StabilityChoice(t.Strict):
+    """Which stable set limits the pusher's twists, and how far inside it they stay."""
+
+    set: Literal[names.STABLE_SETS] = Field(  # type: ignore[valid-type]
+        default=names.DEFAULT_STABLE_SET, description=_one_of(names.STABLE_SETS)
+    )
+    margin: t.Margin = Field(default=names.AUTO, description="auto, or a margin from 0 to 0.99")
+
+
+class PlannerChoice(t.Strict):
+    """Which planner runs, for how long, with which random numbers."""
+
+    name: Literal[names.PLANNERS] = Field(  # type: ignore[valid-type]
+        default=names.DEFAULT_PLANNER, description=_one_of(names.PLANNERS)
+    )
+    time_limit: t.Duration = Field(default=2.0, description="a time in s")
+    seed: t.Seed = Field(default=1, description="a whole number")
+    cost: Literal[names.COSTS] = Field(  # type: ignore[valid-type]
+        default=names.DEFAULT_COST, description=_one_of(names.COSTS)
+    )
+    weight: t.Weight = Field(default=1.0, description="a weight from 0 to 1000")
+    gap: t.Gap = Field(default=0.0, description="a share from 0 to 100")
+    arc_price: t.ArcPrice = Field(default=0.03, description=LENGTH)
+
+
+class RoomFile(t.Strict):
+    """What every scenario file states: objects, robot, room and settings, but for where objects are and shall go."""
+
+    format: Literal["pushplan/1"] = Field(description=names.SCENARIO_FORMAT)
+    name: t.Name | None = Field(default=None, description=NAME)
+    floor: Floor = Field(description="{friction: ...}")
+    uncertainty: UncertaintyShares = Field(
+        default_factory=UncertaintyShares,
+        description="{contact_friction: ..., floor_friction: ..., load: ...}",
+    )
+    snap: SnapChoice | None = Field(default=None, description=SNAP)
+    objects: Annotated[tuple[Object, ...], t.Several(1, 200)] = Field(
+        description="a list of 1 to 200 objects, from the pusher outward"
+    )
+    contacts: Contacts = Field(default_factory=Contacts, description="{friction: ..., between: [...]}")
+    pusher: Plate = Field(description="{width: ..., friction: ..., ...}")
+    robot: Robot = Field(default_factory=Robot, description="{footprint: ..., drive: ..., start: ...}")
+    pushes: PushChoice | None = Field(
+        default=None, description="{most: ..., switch_cost: ..., transit_weight: ..., approach: ..., ...}"
+    )
+    workspace: Area | None = Field(default=None, description="{x: [min, max], y: [min, max]}")
+    obstacles: Annotated[tuple[Obstacle, ...], t.Several(0, 10_000)] = Field(
+        default=(), description=OBSTACLES
+    )
+    clearance: t.Clearance = Field(default=names.COLLISION_CLEARANCE, description=LENGTH)
+    stability: StabilityChoice = Field(default_factory=StabilityChoice, description="{set: ..., margin: ...}")
+    trajectory: Literal[names.TRAJECTORIES] = Field(  # type: ignore[valid-type]
+        default=names.DEFAULT_TRAJECTORY, description=_one_of(names.TRAJECTORIES)
+    )
+    planner: PlannerChoice = Field(
+        default_factory=PlannerChoice, description="{name: ..., time_limit: ..., seed: ...}"
+    )
+
+
+class ScenarioFile(RoomFile):
+    """One load, in contact with the plate or anywhere."""
+
+    start: t.Pose = Field(
+        default=(0.0, 0.0, 0.0), description="[x, y, theta] of the chain frame in the world"
+    )
+    goal: Annotated[
+        Annotated[GoalPose, Tag("<one>")]
+        | Annotated[Annotated[tuple[GoalPose, ...], t.Several(1, 100)], Tag("<list>")],
+        Discriminator(t.one_or_list),
+    ] = Field(description=GOAL)
+
+
+class PlacedObject(Object):
+    """One object, apart from the others."""
+
+    pose: t.Pose = Field(description="[x, y, theta] in the world, where there are goals")
+
+
+class PlacedRobot(Robot):
+    """The robot, which stands somewhere in the room."""
+
+    start: t.Pose = Field(description="[x, y, theta] of the plate's frame in the world")
+
+
+def _goal_form(value: object) -> str:
+    """Tell a goal from a list of goals: a pose is a list of numbers."""
+    if not isinstance(value, list | tuple):
+        return "<one>"
+    several = any(isinstance(one, dict | list | tuple | t.Strict) for one in value)
+    return "<list>" if several else "<bare>"
+
+
+_Goal = Annotated[
+    Annotated[t.Pose, Tag("<bare>")] | Annotated[ObjectGoal, Tag("<one>")],
+    Discriminator(lambda value: "<bare>" if isinstance(value, list | tuple) else "<one>"),
+]
+_Goals = Annotated[
+    Annotated[t.Pose, Tag("<bare>")]
+    | Annotated[ObjectGoal, Tag("<one>")]
+    | Annotated[Annotated[tuple[_Goal, ...], t.Several(1, 100)], Tag("<list>")],
+    Discriminator(_goal_form),
+]
+
+
+class RearrangementFile(RoomFile):
+    """Several objects that stand apart, each with goals of its own or without any."""
+
+    objects: Annotated[tuple[PlacedObject, ...], t.Several(1, 200)] = Field(
+        description="a list of 1 to 200 objects, each with its pose in the world"
+    )
+    robot: PlacedRobot = Field(description="{footprint: ..., drive: ..., start: ...}")
+    goals: Annotated[dict[str, _Goals], Field(min_length=1)] = Field(description=GOALS)

@@ -1,0 +1,362 @@
+"""A file's YAML text as a tree whose nodes know their line and column, and the findings told at those places.
+
+Only what plain data need is accepted. Anchors, aliases, tags, merge keys, repeated keys and several documents are
+refused: they hide what a file says, and aliases let a small file grow without bounds. The parser's events are read
+one at a time, so that size and depth are limited before anything is built.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from pushplan.errors import Finding, PushplanError
+from pushplan.util.names import LOG_MAGIC
+
+MOST_BYTES = 1 << 20
+"""Size up to which a file is read."""
+
+MOST_NODES = 100_000
+MOST_DEPTH = 32
+
+Scalar = str | int | float | bool | None
+
+Place = tuple[str | int, ...]
+"""The way from the root to a node: keys and 0-based indices."""
+
+_FAST_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""LibYAML where PyYAML was built with it: 15 times as fast (1 MB of obstacles: 0.3 s, not 5)."""
+
+_LONG = 100_000
+"""Characters from which it reads a text. In one of a hundred mutated texts it is laxer (tabs, `a?b` in a list) or
+puts an error elsewhere, so what people write by hand is read by the parser in Python, whose words `_HINTS` knows."""
+
+# The line separators of YAML 1.1 are refused too: editors and YAML 1.2 do not count them as lines.
+_UNPRINTABLE = re.compile("[^\t\n\r -~\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_LINE_BREAK = re.compile("\r\n?|\n")
+
+
+class DocumentError(PushplanError, ValueError):
+    """A text is no document that pushplan reads; `findings` says why and where."""
+
+    def __init__(self, findings: tuple[Finding, ...]) -> None:
+        self.findings = findings
+        super().__init__("; ".join(finding.what for finding in findings))
+
+
+class Position(NamedTuple):
+    """A place in a text, both counted from 1."""
+
+    line: int
+    column: int
+
+
+class Entry(NamedTuple):
+    """A value of a mapping and where its key stands."""
+
+    key: Position
+    node: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A scalar, a list of nodes or a mapping to entries, and where it begins."""
+
+    position: Position
+    content: Scalar | list[Node] | dict[str, Entry]
+
+    def plain(self) -> Any:
+        """Return the node as numbers, texts, lists and dictionaries."""
+        if isinstance(self.content, dict):
+            return {key: entry.node.plain() for key, entry in self.content.items()}
+        if isinstance(self.content, list):
+            return [node.plain() for node in self.content]
+        return self.content
+
+    def path(self, place: Place) -> list[Entry]:
+        """Return the entries on the way to `place`, as far as they exist."""
+        path: list[Entry] = []
+        content = self.content
+        for step in place:
+            if isinstance(content, dict) and isinstance(step, str) and step in content:
+                path.append(content[step])
+            elif isinstance(content, list) and isinstance(step, int) and 0 <= step < len(content):
+                path.append(Entry(content[step].position, content[step]))
+            else:
+                break
+            content = path[-1].node.content
+        return path
+
+
+class Source:
+    """The document of one file, and everything that is found wrong in it.
+
+    Args:
+        data: What the file holds.
+        path: What messages call it.
+        by_hand: A person wrote it; what a program wrote is read faster.
+
+    Attributes:
+        root: The outermost node.
+
+    Raises:
+        DocumentError: On anything that keeps the tree from being built.
+    """
+
+    def __init__(self, data: bytes, path: str | Path = "", by_hand: bool = True) -> None:
+        self.data, self.path = data, Path(path)
+        self._found: list[tuple[Place, Finding]] = []
+        self._moved: Callable[[Place], Place] = lambda place: place
+        self.root = _Parser(_decoded(data), by_hand, self._found).document()
+
+    def moved(self, moved: Callable[[Place], Place]) -> Source:
+        """Return the document for a part of the problem, whose findings this one has to take over (`take`).
+
+        Args:
+            moved: Returns where the file states what stands at a place of that part.
+        """
+        part: Source = object.__new__(Source)
+        part.data, part.path, part.root = self.data, self.path, self.root
+        part._found, part._moved = [], moved
+        return part
+
+    def take(self, part: Source, *but: str) -> None:
+        """Take over the findings of a part, but for those in some sections."""
+        self._found += [found for found in part._found if not (found[0] and found[0][0] in but)]
+
+    def error(self, place: Place, what: str, at_key: bool = False) -> None:
+        """Note what is wrong at a place; one that the text leaves out counts as where it would stand."""
+        place = self._moved(place)
+        self._found.append((place, self.finding(place, what, at_key)))
+
+    def finding(self, place: Place, what: str, at_key: bool = False) -> Finding:
+        """Return the finding that says `what` about a place."""
+        path = self.root.path(place)
+        position = path[-1].node.position if path else self.root.position
+        if at_key and path and len(path) == len(place):
+            position = path[-1].key
+        return Finding(place_text(place), what, *position)
+
+    def holds(self, place: Place) -> bool:
+        """Tell whether the document states something at a place."""
+        return len(self.root.path(place)) == len(place)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Everything found, each once, in the order of the text."""
+        found = dict.fromkeys(finding for _, finding in self._found)
+        return tuple(sorted(found, key=lambda finding: (finding.line or 0, finding.column or 0)))
+
+    @property
+    def wrong(self) -> tuple[Place, ...]:
+        """The places that something was found wrong at."""
+        return tuple(place for place, _ in self._found)
+
+
+def place_text(place: Place) -> str:
+    """Return a place as people write it, e.g. `objects[1].shape.box`."""
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{shorten(step)}" for step in place)
+    return text.removeprefix(".")
+
+
+def shorten(text: str, most: int = 40) -> str:
+    """Return `text` in a form and length that fit a message."""
+    text = text if text.isprintable() else ascii(text)[1:-1]
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def _decoded(data: bytes) -> str:
+    """Return the text of a UTF-8 file; a byte order mark at its beginning is dropped."""
+    if len(data) > MOST_BYTES:
+        raise _failure(f"the file is larger than the {MOST_BYTES} bytes allowed", Position(1, 1))
+    if data.startswith(LOG_MAGIC):
+        raise _failure(
+            "this is a run log; `pushplan replay` reads it, and holds its scenario", Position(1, 1)
+        )
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        what = f"the byte 0x{data[error.start]:02x} is not UTF-8; save the file as UTF-8"
+        raise _failure(what, _end_of(data[: error.start].decode("utf-8"))) from error
+    unprintable = _UNPRINTABLE.search(text)
+    if unprintable:
+        what = f"the control character U+{ord(unprintable[0]):04X} is not allowed"
+        raise _failure(what, _end_of(text[: unprintable.start()]))
+    return text
+
+
+def _end_of(text: str) -> Position:
+    breaks = list(_LINE_BREAK.finditer(text))
+    return Position(len(breaks) + 1, len(text) - (breaks[-1].end() if breaks else 0) + 1)
+
+
+def _failure(what: str, position: Position, where: str = "") -> DocumentError:
+    return DocumentError((Finding(where, what, *position),))
+
+
+class _Parser:
+    """Turns the parser's events into nodes, and notes what is refused without keeping the tree from being built."""
+
+    def __init__(self, text: str, by_hand: bool, found: list[tuple[Place, Finding]]) -> None:
+        self._loader: Any = (yaml.SafeLoader if by_hand and len(text) <= _LONG else _FAST_LOADER)(text)
+        self._reached = yaml.Mark("", 0, 0, 0, "", 0)
+        self._events: Iterator[Any] = self._noting()
+        self._nodes, self._found = 0, found
+
+    def _noting(self) -> Iterator[Any]:
+        while (event := self._loader.get_event()) is not None:
+            self._reached = event.end_mark
+            yield event
+
+    def document(self) -> Node:
+        """Return the tree of the one document.
+
+        Raises:
+            DocumentError: With what was found before, too.
+        """
+        try:
+            return self._document()
+        except DocumentError as error:
+            last = error
+        except (yaml.MarkedYAMLError, ValueError, OverflowError) as error:
+            get_mark = getattr(self._loader, "get_mark", None)
+            last = _explained(error, get_mark() if get_mark else self._reached)
+        raise DocumentError((*(finding for _, finding in self._found), *last.findings))
+
+    def _document(self) -> Node:
+        next(self._events)  # the stream starts
+        if isinstance(next(self._events), yaml.StreamEndEvent):
+            return Node(Position(1, 1), None)
+        root = self._node((), next(self._events))
+        next(self._events)  # the document ends
+        after = next(self._events)
+        if not isinstance(after, yaml.StreamEndEvent):
+            raise _failure("a second document begins here; a file must hold one", _position(after))
+        return root
+
+    def _node(self, place: Place, event: Any) -> Node:
+        position = _position(event)
+        self._nodes += 1
+        if self._nodes > MOST_NODES:
+            raise _failure(f"the file holds more than the {MOST_NODES} values allowed", position)
+        if len(place) > MOST_DEPTH:
+            what = f"nested deeper than the {MOST_DEPTH} levels allowed"
+            raise _failure(what, position, place_text(place[:2]))
+        if isinstance(event, yaml.AliasEvent):
+            alias = f"*{shorten(str(event.anchor))}"
+            self._fault(place, position, f"aliases ({alias}) are not supported; write the value out")
+            return Node(position, None)
+        for kind, sign, name in (("anchors", "&", event.anchor), ("tags", "", event.tag)):
+            if name is not None:
+                self._fault(
+                    place, position, f"{kind} ({sign}{shorten(name)}) are not supported; leave it out"
+                )
+        if isinstance(event, yaml.SequenceStartEvent):
+            nodes: list[Node] = []
+            while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
+                nodes.append(self._node((*place, len(nodes)), event))
+            return Node(position, nodes)
+        if isinstance(event, yaml.MappingStartEvent):
+            return Node(position, self._mapping(place))
+        return Node(position, event.value if event.style else resolve(event.value))
+
+    def _mapping(self, place: Place) -> dict[str, Entry]:
+        entries: dict[str, Entry] = {}
+        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
+            key, position = self._key(place, event), _position(event)
+            node = self._node((*place, key), next(self._events))
+            if key not in entries:
+                entries[key] = Entry(position, node)
+                continue
+            first = entries[key].key.line
+            self._fault((*place, key), position, f"the key stands twice, first in line {first}; keep one")
+        return entries
+
+    def _key(self, place: Place, event: Any) -> str:
+        node = self._node((*place, "?"), event)
+        key = event.value if isinstance(event, yaml.ScalarEvent) else "?"
+        if isinstance(node.content, list | dict):
+            self._fault((*place, key), node.position, "a key must be text, not a list or a mapping")
+        if key == "<<":
+            self._fault((*place, key), node.position, "merge keys (<<) are not supported; write the keys out")
+        return key
+
+    def _fault(self, place: Place, position: Position, what: str) -> None:
+        if all(place != other for other, _ in self._found):
+            self._found.append((place, Finding(place_text(place), what, *position)))
+
+
+def _position(event: yaml.Event) -> Position:
+    mark = event.start_mark
+    return Position(1, 1) if mark is None else Position(mark.line + 1, mark.column + 1)
+
+
+# What the parser stumbles over, in words for people who do not know YAML's grammar.
+_HINTS = (
+    ("found character '\\t'", "a tab cannot stand here; indent with spaces"),
+    (
+        "mapping values are not allowed",
+        "a ':' cannot stand here; indent the line like its neighbours, or quote the text",
+    ),
+    ("could not find expected ':'", "a key without ':' and value"),
+    (
+        "expected <block end>, but found",
+        "the line is not indented like its neighbours, or a bracket is left over",
+    ),
+    ("expected ',' or ']'", "a list in [...] lacks a ',' or its ']'"),
+    ("expected ',' or '}'", "a mapping in {...} lacks a ',' or its '}'"),
+    ("unexpected end of stream", "a quoted text lacks its closing quote"),
+    ("unexpected document separator", "a quoted text lacks its closing quote"),
+    ("unknown escape character", "an unknown escape in a double-quoted text; write \\\\ for a backslash"),
+    ("expected the node content", "a value is missing here"),
+    ("incompatible YAML document", "the file claims another YAML version; leave the %YAML line out"),
+    ("expected '<document start>'", "something follows the end of the document; a file must hold one"),
+)
+
+
+def _explained(error: Exception, reached: yaml.Mark) -> DocumentError:
+    """Return the located error for what the parser raised after it had read as far as `reached`.
+
+    Besides its own errors it lets those of Python's conversions out, as on an escape beyond Unicode's end.
+    """
+    mark, problem = reached, "a number or an escape is out of range"
+    if isinstance(error, yaml.MarkedYAMLError):
+        mark = error.problem_mark or error.context_mark or reached
+        problem = error.problem or str(error)
+    hint = next((hint for sign, hint in _HINTS if sign in problem), problem)
+    return _failure(f"not valid YAML: {hint}", Position(mark.line + 1, mark.column + 1))
+
+
+# Plain scalars mean what the core schema of YAML 1.2.2, section 10.3.2, says. PyYAML follows YAML 1.1, where `1e-3`
+# is text and `no` is false.
+_MOST_DIGITS = 200  # 16^200 still fits a double
+_INTEGERS = ((r"[-+]?[0-9]+", 10), (r"0o[0-7]+", 8), (r"0x[0-9a-fA-F]+", 16))
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_WORDS: dict[str, Scalar] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL")),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+    **{sign + word: float(sign + "inf") for sign in ("", "+", "-") for word in (".inf", ".Inf", ".INF")},
+    **dict.fromkeys((".nan", ".NaN", ".NAN"), float("nan")),
+}
+
+
+def resolve(text: str) -> Scalar:
+    """Return the null, boolean, number or text that an unquoted scalar stands for.
+
+    A number too large for a double becomes infinite, so that whoever asks for a finite number refuses it.
+    """
+    if text in _WORDS:
+        return _WORDS[text]
+    for pattern, base in _INTEGERS:
+        if re.fullmatch(pattern, text):
+            if len(text) > _MOST_DIGITS:
+                return float("-inf") if text.startswith("-") else float("inf")
+            return int(text, base)
+    return float(text) if _FLOAT.fullmatch(text) else text

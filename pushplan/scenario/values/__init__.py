@@ -1,1 +1,0 @@
-"""Numbers with units and intervals, as files write them."""

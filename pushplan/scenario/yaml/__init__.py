@@ -1,1 +1,0 @@
-"""YAML text as a tree whose nodes know their line and column, and findings told at those places."""
