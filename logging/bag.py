@@ -25,6 +25,7 @@ from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
+from pushplan.drawing import palette
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.logging.messages import metadata
@@ -38,7 +39,6 @@ from pushplan.logging.view.window import Window, smoothed_times, window
 from pushplan.mechanics.body import outline_of_all
 from pushplan.mechanics.chain import Chain
 from pushplan.plans.execution import Execution
-from pushplan.util import colours
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
 from pushplan.util.files import check_output, write_whole
@@ -419,8 +419,8 @@ def rviz_file(run: RecordedRun, frames: Frames) -> str:
     side = max(view.xmax - view.xmin, view.ymax - view.ymin)
     displays = [
         *(_display("MarkerArray", topic, latched) for topic, latched in _MARKERS),
-        {**_display("Path", "/plan/path", True), **_path(colours.PATH, line_width(view))},
-        {**_display("Path", "/plan/smoothed", True), **_path(colours.SMOOTHED, line_width(view))},
+        {**_display("Path", "/plan/path", True), **_path(palette.PATH, line_width(view))},
+        {**_display("Path", "/plan/smoothed", True), **_path(palette.SMOOTHED, line_width(view))},
         {"Class": "rviz_default_plugins/TF", "Name": "frames", "Enabled": False, "Marker Scale": side / 10},
     ]
     camera = {
@@ -462,5 +462,5 @@ def _display(kind: str, topic: str, latched: bool) -> dict[str, Any]:
 
 
 def _path(colour: str, width: float) -> dict[str, Any]:
-    parts = "; ".join(map(str, colours.red_green_blue(colour)))
+    parts = "; ".join(map(str, palette.red_green_blue(colour)))
     return {"Line Style": "Billboards", "Line Width": width, "Color": parts, "Pose Style": "None"}

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
+from pushplan.drawing import palette
 from pushplan.drawing.figure import FAINT, INK
 from pushplan.drawing.world import draw_surroundings, draw_tree
 from pushplan.geometry import se2
@@ -28,7 +29,6 @@ from pushplan.logging.view.shapes import body_colours
 from pushplan.logging.view.window import shown_path, shown_ways, window
 from pushplan.plans.execution import Execution
 from pushplan.plans.result import Run
-from pushplan.util import colours
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
 from pushplan.util.files import write_whole
@@ -121,16 +121,16 @@ class Still:
         if plan is not None and not solved:
             draw_tree(axes, plan.tree)
         for name, outlines in ghosts(scenario).items():
-            colour = FAINT if name == "start" else colours.GOAL
+            colour = FAINT if name == "start" else palette.GOAL
             axes.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colour, zorder=2.5))
         path = shown_path(plan)
         if path is not None and not solved:
             ends = scenario.chain.outlines_at(path.end)
             axes.add_collection(
-                PolyCollection(ends, facecolors="none", edgecolors=colours.NEAREST, zorder=2.6)
+                PolyCollection(ends, facecolors="none", edgecolors=palette.NEAREST, zorder=2.6)
             )
         for way in shown_ways(plan):
-            colour = colours.ALONE if way.alone else colours.PATH if solved else colours.NEAREST
+            colour = palette.ALONE if way.alone else palette.PATH if solved else palette.NEAREST
             axes.plot(*way.points.T, color=colour, linewidth=0.8 if way.alone else 1.6, zorder=2.7)
 
     def _write_why(self, axes: Axes) -> None:
@@ -152,7 +152,7 @@ class Film(Still):
         super().__init__(run)
         self._execution, chain = execution, run.scenario.chain
         self._contacts = PushedContacts(chain, execution) if execution.loads is None else None
-        marks = colours.contact_colours(len(chain.contacts))
+        marks = palette.contact_colours(len(chain.contacts))
         self._draw_margins(marks)
         bodies = [
             Polygon(np.zeros((3, 2)), facecolor=paint, edgecolor=INK, linewidth=0.8)
@@ -204,7 +204,7 @@ class Film(Still):
         execution, axes = self._execution, self.plot
         for k, mark in enumerate(marks):
             axes.plot(execution.t, execution.margins[:, k], color=mark, linewidth=1.2)
-        axes.axhline(0.0, color=colours.SLIPS, linewidth=0.8)
+        axes.axhline(0.0, color=palette.SLIPS, linewidth=0.8)
         axes.set_xlim(0.0, float(execution.t[-1]) or 1.0)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=FAINT)

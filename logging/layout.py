@@ -12,13 +12,13 @@ import json
 from pathlib import Path
 from typing import Any
 
+from pushplan.drawing import palette
 from pushplan.logging.messages import schemas
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.scene import WORLD
 from pushplan.logging.view.window import window
 from pushplan.plans.result import PlanResult, Run
 from pushplan.scenario.model import Scenario
-from pushplan.util import colours
 from pushplan.util.files import write_whole
 
 LAYOUT_FILE = "layout.json"
@@ -131,8 +131,8 @@ def _topics(width: float, solved: bool) -> dict[str, Any]:
             topic.name: {"visible": True} for topic in (schemas.SCENE, schemas.CONTACTS, schemas.PLAN_NEAREST)
         },
         schemas.PLAN_TREE.name: {"visible": not solved},
-        schemas.PLAN_PATH.name: {**path, "gradient": 2 * [colours.PATH + "ff"]},
-        schemas.PLAN_SMOOTHED.name: {**path, "gradient": 2 * [colours.SMOOTHED + "ff"]},
+        schemas.PLAN_PATH.name: {**path, "gradient": 2 * [palette.PATH + "ff"]},
+        schemas.PLAN_SMOOTHED.name: {**path, "gradient": 2 * [palette.SMOOTHED + "ff"]},
         schemas.PUSHER_POSE.name: {"visible": False},
     }
 
@@ -142,9 +142,9 @@ def _contacts(scenario: Scenario, title: str, field: str, bounds: dict[str, str]
     chain = scenario.chain
     lines = [
         _line(f"{schemas.MARGINS.name}.contacts[{k}].{field}", chain.contact_name(k), colour)
-        for k, colour in enumerate(colours.contact_colours(len(chain.contacts)))
+        for k, colour in enumerate(palette.contact_colours(len(chain.contacts)))
     ]
-    lines += [_line(value, label, colours.SLIPS) for value, label in bounds.items()]
+    lines += [_line(value, label, palette.SLIPS) for value, label in bounds.items()]
     return {**_plot(title, lines), "xAxisVal": "timestamp"}
 
 
@@ -152,7 +152,7 @@ def _progress() -> dict[str, Any]:
     """A plot of the cost of the best path over the planner's iterations, both out of one message."""
     topic = schemas.COSTS.name
     plot = _plot(
-        "Cost of the best path over iterations", [_line(f"{topic}.cost[:]", "cost (m)", colours.PATH)]
+        "Cost of the best path over iterations", [_line(f"{topic}.cost[:]", "cost (m)", palette.PATH)]
     )
     return {
         **plot,

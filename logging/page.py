@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from pushplan.drawing import palette
 from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.contacts import cone_heights, largest_force, longest_arrow, worst_contacts
@@ -26,7 +27,6 @@ from pushplan.mechanics.friction_cone import friction_cone
 from pushplan.plans.execution import Execution
 from pushplan.plans.result import PlanResult, Run
 from pushplan.scenario.model import Scenario
-from pushplan.util import colours
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.files import write_whole
 
@@ -75,7 +75,7 @@ def _world(scenario: Scenario) -> dict[str, Any]:
         "contacts": _contacts(chain),
         "reach": chain.reach,
         "longest_arrow": longest_arrow(chain),
-        "colours": {"goal": colours.GOAL, "nearest": colours.NEAREST, "alone": colours.ALONE},
+        "colours": {"goal": palette.GOAL, "nearest": palette.NEAREST, "alone": palette.ALONE},
     }
 
 
@@ -88,7 +88,7 @@ def _bodies(chain: Chain) -> list[dict[str, Any]]:
 
 def _contacts(chain: Chain) -> list[dict[str, Any]]:
     """Segments, and friction cones with their apex at the origin, in the chain frame."""
-    heights, paints = cone_heights(chain), colours.contact_colours(len(chain.contacts))
+    heights, paints = cone_heights(chain), palette.contact_colours(len(chain.contacts))
     return [
         {
             "name": chain.contact_name(k),

@@ -12,13 +12,13 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from pushplan.drawing.palette import contact_colours
 from pushplan.logging.message_template import ByteRows, MessageTemplate
 from pushplan.logging.view.contacts import ContactShapes
 from pushplan.logging.view.scene import CHAIN
 from pushplan.logging.view.shapes import Paint, identity
 from pushplan.mechanics.chain import Chain
 from pushplan.util.arrays import FloatArray, IntArray
-from pushplan.util.colours import contact_colours
 
 _Z_CONE, _Z_SEGMENT, _Z_ARROW = 0.003, 0.004, 0.005
 """Above the bodies, m."""

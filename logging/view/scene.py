@@ -13,12 +13,12 @@ from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletio
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from pushplan.drawing import palette
 from pushplan.geometry import se2
 from pushplan.logging.view.shapes import Paint, circle, filled, line, loop
 from pushplan.mechanics.chain import Chain
 from pushplan.plans.result import PlanResult
 from pushplan.scenario.model import CircleObstacle, Obstacle, PolygonObstacle, Scenario
-from pushplan.util import colours
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import PUSHER, ROBOT
 
@@ -35,8 +35,8 @@ _Z_WORKSPACE, _Z_TREE, _Z_GHOST, _Z_OBSTACLE, _Z_ROBOT, _Z_BODY = 0.0, 0.0002, 0
 
 _WALL = Paint(0.55, 0.57, 0.60)
 _OBSTACLE, _UNKNOWN = Paint(0.36, 0.38, 0.42), Paint(0.36, 0.38, 0.42, 0.35)
-_START, _GOAL = Paint(0.55, 0.57, 0.60, 0.9), Paint.of(colours.GOAL, 0.9)
-_NEAREST = Paint.of(colours.NEAREST)
+_START, _GOAL = Paint(0.55, 0.57, 0.60, 0.9), Paint.of(palette.GOAL, 0.9)
+_NEAREST = Paint.of(palette.NEAREST)
 _TREE = Paint(0.25, 0.45, 0.85, 0.35)
 _EDGE = Paint(0.10, 0.10, 0.12)
 
@@ -126,10 +126,12 @@ def _moving(chain: Chain) -> Iterator[SceneEntity]:
     if chain.pusher.footprint:
         robot = _entity(ROBOT, PUSHER)
         for part in chain.pusher.footprint:
-            _add_body(robot, part, _Z_ROBOT, Paint.of(colours.ROBOT))
+            _add_body(robot, part, _Z_ROBOT, Paint.of(palette.ROBOT))
         yield robot
-    yield _body("pusher", PUSHER, chain.pusher.outline, _Z_BODY, Paint.of(colours.PLATE))
-    for obj, colour in zip(chain.objects, colours.object_colours(len(chain.objects)), strict=True):
+    yield _body("pusher", PUSHER, chain.pusher.outline, _Z_BODY, Paint.of(palette.PLATE))
+    for obj, colour in zip(
+        chain.objects, palette.object_colours([obj.name for obj in chain.objects]), strict=True
+    ):
         yield _body(f"object/{obj.name}", obj.name, obj.outline, _Z_BODY, Paint.of(colour))
 
 

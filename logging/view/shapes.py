@@ -14,11 +14,11 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 
+from pushplan.drawing.palette import PLATE, ROBOT, object_colours, red_green_blue
 from pushplan.logging.message_template import MessageTemplate
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.util.arrays import FloatArray
-from pushplan.util.colours import PLATE, ROBOT, object_colours, red_green_blue
 
 CIRCLE_CORNERS = 48
 """Corners of the polygon that is drawn for a circle."""
@@ -49,7 +49,7 @@ class Paint(NamedTuple):
 
 def body_colours(chain: Chain) -> list[str]:
     """Return the colour of every body of a chain."""
-    objects = iter(object_colours(len(chain.objects)))
+    objects = iter(object_colours([obj.name for obj in chain.objects]))
     carrying = {BodyKind.ROBOT: ROBOT, BodyKind.PLATE: PLATE}
     return [carrying.get(body.kind) or next(objects) for body in chain.bodies]
 

@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 from pushplan.drawing.figure import INK
+from pushplan.drawing.palette import contact_colours
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.friction_cone import friction_cone
 from pushplan.util.arrays import FloatArray
-from pushplan.util.colours import contact_colours
 
 PLATE_COLOUR = "#59616b"
 ROBOT_COLOUR = "#8da2be"

@@ -15,6 +15,7 @@ from matplotlib.patches import Patch, Polygon
 from pushplan.drawing.chain import GOAL_COLOUR, draw_chain, outline_width
 from pushplan.drawing.figure import FAINT, INK, axes_at, equal_ticks, figure_for, letters_across
 from pushplan.drawing.footer import chain_keys, draw_footer, turn_keys
+from pushplan.drawing.palette import ALONE, NEAREST
 from pushplan.drawing.segments import PUSHED_COLOUR, draw_ends, draw_robot, draw_segments
 from pushplan.drawing.sets import draw_set
 from pushplan.drawing.world import (
@@ -29,7 +30,6 @@ from pushplan.drawing.world import (
 )
 from pushplan.mechanics.chain import Chain
 from pushplan.plans.path import PushPath
-from pushplan.util.colours import ALONE, NEAREST
 from pushplan.util.printable import cut
 
 if TYPE_CHECKING:

@@ -12,11 +12,11 @@ from matplotlib.patches import Polygon
 from pushplan.drawing.chain import CARRIED_COLOURS, GOAL_COLOUR, OBJECT_COLOUR, outline_width
 from pushplan.drawing.cor import polygon_patches
 from pushplan.drawing.figure import HALO, INK
+from pushplan.drawing.palette import ALONE
 from pushplan.drawing.world import SWEPT_COLOUR
 from pushplan.geometry.se2 import compose, transform_points
 from pushplan.mechanics.chain import PushedObject
 from pushplan.util.arrays import FloatArray
-from pushplan.util.colours import ALONE
 
 if TYPE_CHECKING:
     from pushplan.plans.result import PlanResult

@@ -13,9 +13,9 @@ from matplotlib.patches import Polygon
 
 from pushplan.drawing.chain import draw_chain
 from pushplan.drawing.figure import FAINT, INK, axes_at, equal_ticks, figure_for
+from pushplan.drawing.palette import contact_colours
 from pushplan.drawing.world import draw_surroundings, draw_sweep, view_box
 from pushplan.geometry.se2 import compose, transform_points
-from pushplan.util.colours import contact_colours
 
 if TYPE_CHECKING:
     from pushplan.plans.path import PushPath

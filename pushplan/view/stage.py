@@ -9,12 +9,12 @@ import numpy as np
 import shapely
 import trimesh
 
+from pushplan.drawing.palette import GOAL, PATH, red_green_blue
 from pushplan.geometry import se2
 from pushplan.logging.view.scene import obstacle_outline
 from pushplan.logging.view.shapes import body_colours
 from pushplan.mechanics.chain import Chain
 from pushplan.util.arrays import FloatArray
-from pushplan.util.colours import GOAL, PATH, red_green_blue
 from pushplan.view.draft import Draft, middle
 
 MOST_DRAGGED = 40

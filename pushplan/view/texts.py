@@ -8,10 +8,10 @@ from math import degrees
 import numpy as np
 import shapely
 
+from pushplan.drawing.palette import OBJECTS, PLATE
 from pushplan.sets.cor.cor_region import Window
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.colours import OBJECTS, PLATE
 from pushplan.view.answers import Answer
 
 _SENSES = {+1: "#2c6fa6", -1: "#c0622d"}

@@ -1,0 +1,102 @@
+"""Colours that mean the same in every picture, page, film, window and log.
+
+Bodies are pale or grey, paths and contacts strong: neither is taken for the other, on light and on dark ground.
+Margins have one fixed scale: red at 0, where a contact moves, amber at 0.05, blue from 0.2 on.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from colorsys import hls_to_rgb
+from itertools import pairwise
+
+ROBOT, PLATE = "#9aa6b5", "#59616b"
+OBJECTS = ("#f3dfb6", "#cfe0ee", "#d9e7c9", "#ead5e6", "#f6cfc0", "#cdeae6", "#e3dccb", "#d6d3f0")
+"""Of the objects in turn, where their names say no colour."""
+
+NAMED = {
+    "red": "#f0a8a0",
+    "orange": "#f7c794",
+    "yellow": "#f6e795",
+    "green": "#b5d8a4",
+    "blue": "#a9c8ea",
+    "purple": "#cdb6e4",
+    "violet": "#cdb6e4",
+    "pink": "#f4c3d7",
+    "brown": "#cfb298",
+    "white": "#f7f7f4",
+    "grey": "#cdd1d6",
+    "gray": "#cdd1d6",
+    "black": "#8e9196",
+}
+"""Of objects that are called by a colour, `red` as well as `red-box`."""
+
+GOAL, PATH, SMOOTHED, NEAREST, SLIPS = "#2f9a55", "#1f6fb2", "#2f9a55", "#b45f06", "#c8322b"
+"""The goal, a planned path, the timed one, the path that comes nearest to a goal out of reach, a margin of 0."""
+
+ALONE, TREE = "#7d8794", "#7f9fd6"
+"""The robot's own path between pushes; branches of a search tree."""
+
+OBSTACLE, OBSTACLE_EDGE, WALL = "#b9bfc8", "#8b939d", "#8b939d"
+"""What stands in the way, its edge, and the walls of the workspace. Unknown space is hatched in these colours."""
+
+SWEPT, CONE = "#f3eee2", "#4f8a5b"
+"""The floor that is passed over; friction cones."""
+
+TURNS = {+1: "#2c6fa6", -1: "#c0622d"}
+"""Of centres of rotation: counter-clockwise and clockwise turns."""
+
+INK, FAINT = "#2f3338", "#9aa1a9"
+"""Text and the outlines that matter; axes and what stays in the background."""
+
+ARRIVED, MISSED = "#2f9a55", "#c8322b"
+"""Of trials."""
+
+MARGINS = ((0.0, SLIPS), (0.05, "#e3a23c"), (0.2, "#1d5f9c"))
+"""The scale of margins: values and their colours, between which both are interpolated; beyond its ends they stay."""
+
+_CONTACTS = ("#e0600b", "#8e3fb0", "#008b8b", "#c2186b", "#8a6d00", "#4a5fd0", "#5f8f1d", "#a04a35")
+_TURN, _DEPTHS, _STRENGTH = 0.381966, (0.36, 0.5), 0.7
+"""Of the golden angle: hues that are as far from each other as can be, however many there are."""
+
+
+def contact_colours(count: int) -> list[str]:
+    """Return a colour for each of `count` contacts, all different."""
+    more = range(len(_CONTACTS), count)
+    return [*_CONTACTS[:count], *(_hue(_TURN * k, _DEPTHS[k % len(_DEPTHS)]) for k in more)]
+
+
+def object_colours(names: Sequence[str]) -> list[str]:
+    """Return a colour for each object: that which its name says, else one of `OBJECTS`, neighbours different."""
+    turn = iter(range(len(names)))
+    said = [
+        next((word for word in re.split(r"[^a-z]+", name.lower()) if word in NAMED), None) for name in names
+    ]
+    return [NAMED[word] if word else OBJECTS[next(turn) % len(OBJECTS)] for word in said]
+
+
+def margin_colour(margin: float) -> str | None:
+    """Return the colour of a margin on the fixed scale; None for NaN, where nothing is pushed."""
+    if math.isnan(margin):
+        return None
+    for (low, first), (high, second) in pairwise(MARGINS):
+        if margin <= high:
+            return mixed(first, second, max(0.0, (margin - low) / (high - low)))
+    return MARGINS[-1][1]
+
+
+def mixed(first: str, second: str, share: float) -> str:
+    """Return a colour between two, `share` of the second."""
+    pairs = zip(red_green_blue(first), red_green_blue(second), strict=True)
+    return "#" + "".join(f"{round((1.0 - share) * a + share * b):02x}" for a, b in pairs)
+
+
+def red_green_blue(colour: str) -> tuple[int, int, int]:
+    """Return the parts, 0 to 255, of a colour written `#rrggbb`."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def _hue(hue: float, depth: float) -> str:
+    return "#" + "".join(f"{round(255 * part):02x}" for part in hls_to_rgb(hue % 1.0, depth, _STRENGTH))
