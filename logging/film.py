@@ -19,8 +19,9 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from pushplan.drawing import palette
-from pushplan.drawing.figure import FAINT, INK
-from pushplan.drawing.world import draw_surroundings, draw_tree
+from pushplan.drawing.floor import draw_room, draw_tree
+from pushplan.drawing.palette import FAINT, INK
+from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.view.contacts import PushedContacts, worst_contacts
@@ -116,10 +117,11 @@ class Still:
         view = window(scenario, plan)
         axes.set(xlim=(view.xmin, view.xmax), ylim=(view.ymin, view.ymax), aspect="equal", adjustable="box")
         axes.axis("off")
-        draw_surroundings(axes, scenario)
+        scene = Scene.of(scenario, None if plan is None else plan.as_plan(scenario))
+        draw_room(axes, scene)
         solved = plan is not None and plan.path is not None
         if plan is not None and not solved:
-            draw_tree(axes, plan.tree)
+            draw_tree(axes, scene)
         for name, outlines in ghosts(scenario).items():
             colour = FAINT if name == "start" else palette.GOAL
             axes.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colour, zorder=2.5))

@@ -24,9 +24,8 @@ _HOMES = {
     "plan": "plan",
     "push_queries": "PushQueries",
     "queries": "Queries",
-    "drawing.run": "plot_plan",
-    "drawing.scenario": "plot_scenario",
-    "drawing.sets": "plot_stable_sets",
+    "drawing.plans": "plot_plan plot_scenario",
+    "drawing.sets": "plot_admissible_speeds plot_stable_sets",
     "plans.result": "Diagnosis PlanResult ProgressPoint Run",
     "run": "run",
     "scenario.model": "Scenario",
@@ -62,7 +61,6 @@ _HOMES = {
     "trial": "trial",
     "sim.trials.result": "Trials",
     "sim.trials.uncertain": "TrialUncertainty",
-    "drawing.speeds": "plot_admissible_speeds",
     "mechanics.dynamics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
     "mechanics.dynamics.contact_dynamics": "DynamicRows dynamic_margins dynamic_rows",
     "mechanics.worst_case.interval_chain": "IntervalChain",
@@ -75,10 +73,10 @@ _HOME_OF = {name: f"pushplan.{home}" for home, names in _HOMES.items() for name 
 if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported without a list of its own
     from pushplan.closed_loop import ClosedLoopRun as ClosedLoopRun
     from pushplan.closed_loop import run_closed_loop as run_closed_loop
-    from pushplan.drawing.run import plot_plan as plot_plan
-    from pushplan.drawing.scenario import plot_scenario as plot_scenario
+    from pushplan.drawing.plans import plot_plan as plot_plan
+    from pushplan.drawing.plans import plot_scenario as plot_scenario
+    from pushplan.drawing.sets import plot_admissible_speeds as plot_admissible_speeds
     from pushplan.drawing.sets import plot_stable_sets as plot_stable_sets
-    from pushplan.drawing.speeds import plot_admissible_speeds as plot_admissible_speeds
     from pushplan.errors import ChainError as ChainError
     from pushplan.errors import EmptyStableSetError as EmptyStableSetError
     from pushplan.errors import Finding as Finding

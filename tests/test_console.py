@@ -17,7 +17,7 @@ from pushplan.cli.terminal.failure import report_failure
 from pushplan.cli.terminal.numbers import counted, time_text
 from pushplan.cli.terminal.options import check_outputs
 from pushplan.cli.terminal.progress import Progress
-from pushplan.drawing.format import PlotError
+from pushplan.drawing import PlotError
 from pushplan.errors import Finding, OutputError, PlanningError, ScenarioError
 
 Captured = pytest.CaptureFixture[str]

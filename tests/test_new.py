@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pushplan.cli.main import main
-from pushplan.drawing.format import PICTURE_SUFFIXES
+from pushplan.drawing import PICTURE_SUFFIXES
 from pushplan.scenario.file import load_scenario
 
 Captured = pytest.CaptureFixture[str]

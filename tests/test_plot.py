@@ -1,174 +1,266 @@
-"""Pictures: right content, every format, the same bytes each time, nothing covered."""
+"""Pictures: what is drawn is what was executed, in every format, the same bytes each time, nothing covered."""
 
 from __future__ import annotations
 
-import ast
-import re
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from planned_by_hand import one_push, pushes
 
-import pushplan
+from pushplan.drawing import PICTURE_SUFFIXES, PlotError, check_picture_path, palette
 from pushplan.drawing import figure as plot_figure
-from pushplan.drawing.format import PICTURE_SUFFIXES, PlotError, check_picture_path
-from pushplan.drawing.run import plot_plan
-from pushplan.drawing.sets import plot_stable_sets
-from pushplan.drawing.world import draw_by_margin, draw_surroundings, draw_sweep, view_box
-from pushplan.geometry.se2 import transform_points
-from pushplan.mechanics.chain import Chain
+from pushplan.drawing.floor import draw_lines, draw_room, draw_scene, set_view, view_of
+from pushplan.drawing.plans import plot_plan, plot_scenario
+from pushplan.drawing.scene import PATH_SPACING, Scene
+from pushplan.drawing.sets import limiting_rows, plot_admissible_speeds, plot_stable_sets
+from pushplan.drawing.trials import plot_trials
+from pushplan.geometry import se2
+from pushplan.mechanics.body import BodyKind
+from pushplan.mechanics.chain import GRAVITY
+from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, admissible_speeds
 from pushplan.mechanics.friction_cone import friction_cone
-from pushplan.planners.timing.bounds import Bounds
-from pushplan.planners.timing.exact_timing import time_path
-from pushplan.plans.execution import Execution
-from pushplan.plans.path import PushPath, cost_rate
-from pushplan.plans.result import PlanResult
-from pushplan.plans.robustness import Robustness
-from pushplan.scenario.model import CircleObstacle, Goal, PolygonObstacle, Scenario, Workspace
+from pushplan.plans.plan import Diagnosis, Nearest, Plan
+from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.named import stable_set
-from pushplan.sim.rigid import simulate_rigid
 from pushplan.util.arrays import FloatArray
 
+if TYPE_CHECKING:
+    from conftest import ChainMaker
+
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
+SWAP = """\
+format: pushplan/1
+name: change-places
+floor: {friction: 0.30}
+objects:
+  - {name: red-box, shape: {box: [0.30, 0.20]}, mass: 4.0, pose: [1.2, 1.0, 0.0]}
+  - {name: other, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [1.2, 2.2, 90 deg]}
+  - {name: bin, shape: {box: [0.15, 0.15]}, mass: 1.0, pose: [3.0, 3.0, 0.0]}
+pusher: {width: 0.28, friction: 0.50}
+robot: {footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}, start: [2.4, 1.6, 0.0]}
+goals: {red-box: {pose: [2.2, 2.2, 0.0], symmetry: 2}, other: [2.2, 1.0, 90 deg]}
+workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
+"""
+MULTI = """\
+format: pushplan/1
+name: box
+floor: {friction: 0.3}
+objects: [{name: box, shape: {box: [0.2, 0.2]}, mass: 1.0}]
+pusher: {width: 0.2, friction: 0.5}
+robot: {start: [-0.5, 0.0, 0.0]}
+start: [0.0, 0.0, 0.0]
+goal: {pose: [0.6, 0.4, 0.0], of: box}
+workspace: {x: [-3.0, 6.0], y: [-3.0, 3.0]}
+"""
+KINDS = ("push", "multi-push", "rearrangement")
 
 
 @pytest.fixture(scope="module")
-def chain(make_chain: Any) -> Chain:
-    made: Chain = make_chain.boxes(2)
-    return made
+def plans() -> dict[str, Plan]:
+    arcs = (((1.0, 0.0, 0.0), 0.4), ((1.0, -0.05, 1.0), 0.6), ((1.0, 0.0, 0.0), 0.3))
+    turns = (("red-box", "rear", 0.8), ("other", "rear", 0.3), ("red-box", "left", 0.4))
+    made = [
+        one_push(load_scenario("two-crates"), arcs),
+        pushes(scenario_from_text(MULTI), (("box", "rear", 0.5), ("box", "right", 0.4))),
+        pushes(scenario_from_text(SWAP), turns),
+    ]
+    return {plan.scenario.kind: plan for plan in made}
 
 
 @pytest.fixture(scope="module")
-def path() -> PushPath:
-    twists = np.array([[1.0, 0.0, 0.0], [1.0, -0.1, 1.0], [1.0, 0.0, 0.0]])
-    return PushPath(np.zeros(3), twists / cost_rate(twists)[:, None], np.array([0.4, 0.6, 0.3]))
-
-
-@pytest.fixture(scope="module")
-def scenario(chain: Chain, path: PushPath) -> Scenario:
-    obstacles = (
-        PolygonObstacle(np.array([[0.6, -0.4], [0.8, -0.4], [0.8, -0.2]])),
-        CircleObstacle(np.array([0.2, 0.7]), 0.15),
+def unsolved(plans: dict[str, Plan]) -> Plan:
+    plan = plans["push"]
+    return replace(
+        plan,
+        segments=(),
+        execution=None,
+        reason="a passage between start and goal is too narrow for the chain by 31 mm " * 2,
+        tree=np.random.default_rng(0).uniform(0.0, 1.0, (50, 2, 3)),
+        diagnosis=(Diagnosis("time", "the search was not over", False),),
+        nearest=Nearest(plan.segments, (0.25, 0.5)),
     )
-    goal = Goal(path.end, None, path.end, 0.002, 0.003)
-    space = Workspace(-0.3, 1.5, -0.6, 1.2)
-    return Scenario("test", Path("test.yaml"), b"", chain, 0.3, np.zeros(3), goal, space, obstacles)
 
 
-@pytest.fixture(scope="module")
-def plan(chain: Chain, path: PushPath) -> PlanResult:
-    trajectory = time_path(path, Bounds(chain.pusher.limits))
-    tree = np.zeros((0, 2, 3))
-    return PlanResult(True, "", "rrt", "ecof", 1, path, trajectory, 0.01, 0.5, (), 100, 0.1, tree)
+def test_margins_have_one_colour_each_on_a_fixed_scale() -> None:
+    for margin, colour in palette.MARGINS:
+        assert palette.margin_colour(margin) == colour
+    assert palette.margin_colour(-1.0) == palette.margin_colour(0.0) == palette.SLIPS
+    assert palette.margin_colour(0.9) == palette.margin_colour(0.2)
+    assert palette.margin_colour(float("nan")) is None
+    assert len({palette.margin_colour(0.01 * k) for k in range(21)}) == 21
 
 
-@pytest.fixture(scope="module")
-def unsolved() -> PlanResult:
-    tree = np.random.default_rng(0).uniform(0.0, 1.0, (50, 2, 3))
-    return PlanResult(False, "no time", "rrt", "ecof", 1, None, None, None, 0.5, (), 100, None, tree)
+def test_objects_have_the_colour_of_their_name_and_neighbours_differ() -> None:
+    colours = palette.object_colours(["red", "crate-1", "crate-2", "the blue one", "incredible"])
+    assert colours[0] == palette.NAMED["red"]
+    assert colours[3] == palette.NAMED["blue"]
+    assert len(set(colours)) == 5
 
 
-@pytest.fixture(scope="module")
-def execution(chain: Chain, plan: PlanResult, scenario: Scenario) -> Execution:
-    assert plan.trajectory is not None
-    return simulate_rigid(plan.trajectory, stable_set(chain, "ecof"), scenario.goal.pose_chain)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_scene_has_the_bodies_where_the_execution_has_them(kind: str, plans: dict[str, Plan]) -> None:
+    plan = plans[kind]
+    scene, execution = Scene.of(plan.scenario, plan), plan.execution
+    assert execution is not None
+    for k in (0, len(execution.t) // 2, len(execution.t) - 1):
+        plate, objects = execution.poses_at(float(execution.t[k]))
+        for body, pose in zip(scene.bodies, scene.at(float(execution.t[k])), strict=True):
+            np.testing.assert_allclose(pose, objects.get(body.name, plate), atol=1e-12)
+    pusher = next(body for body in scene.bodies if body.kind is BodyKind.PLATE)
+    assert pusher.outline[:, 0].max() == pytest.approx(0.0)
+    starts = dict(zip((body.name for body in scene.bodies), scene.outlines(scene.start), strict=True))
+    for task in plan.scenario.tasks:
+        for obj, outline in zip(
+            task.chain.objects, task.chain.outlines_at(task.start)[-len(task.chain.objects) :], strict=True
+        ):
+            np.testing.assert_allclose(starts[obj.name], outline, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_path_has_the_margins_of_the_execution_and_none_where_nothing_is_pushed(
+    kind: str, plans: dict[str, Plan]
+) -> None:
+    plan = plans[kind]
+    scene, execution = Scene.of(plan.scenario, plan), plan.execution
+    assert execution is not None
+    assert [line.kind for line in scene.lines] == [segment.kind for segment in plan.segments]
+    for line, segment in zip(scene.lines, plan.segments, strict=True):
+        assert np.isnan(line.margins).all() == (not segment.pushes)
+        assert line.load == (segment.load.names if segment.pushes and segment.load is not None else ())
+        np.testing.assert_allclose(
+            line.points[[0, -1]], segment.path.poses_at([0.0, segment.path.cost])[:, :2], atol=1e-9
+        )
+        assert np.hypot(*np.diff(line.points, axis=0).T).max() < 2.0 * PATH_SPACING
+    assert min(np.nanmin(line.margins) for line in scene.lines if line.pushes) == execution.min_margin
+    assert [rest.names for rest in scene.rests] == [
+        push.load.names for push in plan.pushes if push.load is not None
+    ]
+    for rest, push in zip(scene.rests, plan.pushes, strict=True):
+        for body, pose in zip(scene.bodies, rest.poses, strict=True):
+            np.testing.assert_allclose(
+                se2.pose_error(pose, push.after.get(body.name, push.path.end)), 0.0, atol=1e-9
+            )
+    untimed = Scene.of(plan.scenario, replace(plan, execution=None))
+    assert [len(rest.names) for rest in untimed.rests] == [len(rest.names) for rest in scene.rests]
+    np.testing.assert_allclose(untimed.rests[-1].poses[:, :2], scene.rests[-1].poses[:, :2], atol=1e-9)
+
+
+def test_goals_are_drawn_once_and_say_whose_they_are(plans: dict[str, Plan]) -> None:
+    scene = Scene.of(plans["rearrangement"].scenario)
+    assert [goal.name for goal in scene.goals] == ["red-box", "other"]
+    np.testing.assert_allclose(scene.goals[0].outline.mean(axis=0), [2.2, 2.2], atol=1e-12)
+    assert scene.goals[0].colour == palette.NAMED["red"]
+
+
+def test_a_wide_room_is_cropped_to_the_action_and_a_scenario_is_shown_whole(plans: dict[str, Plan]) -> None:
+    plan = plans["multi-push"]
+    window, whole = Scene.of(plan.scenario, plan).window, Scene.of(plan.scenario).window
+    assert whole == (-3.0, -3.0, 6.0, 3.0)
+    scene = Scene.of(plan.scenario, plan)
+    points = np.concatenate([outline for poses in scene.poses for outline in scene.outlines(poses)])
+    assert (points > window[:2]).all()
+    assert (points < window[2:]).all()
+    assert np.prod(window.size) < 0.4 * np.prod(whole.size)
+
+
+@pytest.mark.parametrize("size", [(4.0, 0.5), (0.5, 4.0), (1.0, 1.0)])
+def test_a_thin_workspace_is_shown_with_air_around_it(
+    size: tuple[float, float], plans: dict[str, Plan]
+) -> None:
+    area = Workspace(0.0, size[0], 0.0, size[1])
+    x0, y0, x1, y1 = view_of(Scene.of(replace(plans["push"].scenario, workspace=area)).window)
+    assert 1.0 - 1e-9 <= (x1 - x0) / (y1 - y0) <= 1.6 + 1e-9
+    assert x0 <= 0.0 <= size[0] <= x1
+    assert y0 <= 0.0 <= size[1] <= y1
+
+
+def test_pieces_of_the_path_have_the_colour_of_their_smaller_margin(plans: dict[str, Plan]) -> None:
+    scene, axes = Scene.of(plans["rearrangement"].scenario, plans["rearrangement"]), Figure().add_subplot()
+    draw_lines(axes, scene.lines)
+    coloured = [one for one in axes.collections if isinstance(one, LineCollection)]
+    assert len(coloured) == sum(line.pushes for line in scene.lines)
+    for drawn, line in zip(coloured, (line for line in scene.lines if line.pushes), strict=True):
+        np.testing.assert_allclose(np.array([piece[0] for piece in drawn.get_segments()]), line.points[:-1])
+        colours = [to_hex(colour) for colour in np.asarray(drawn.get_colors())]
+        assert colours == [
+            palette.margin_colour(float(m)) for m in np.minimum(line.margins[:-1], line.margins[1:])
+        ]
+
+
+def test_obstacles_walls_and_unknown_space_are_drawn_where_they_are(plans: dict[str, Plan]) -> None:
+    unknown = PolygonObstacle(np.array([[0.6, -0.4], [0.8, -0.4], [0.8, -0.2]]), unknown=True)
+    scenario = replace(plans["push"].scenario, obstacles=(*plans["push"].scenario.obstacles, unknown))
+    axes = Figure().add_subplot()
+    draw_room(axes, Scene.of(scenario))
+    walls, *obstacles = axes.patches
+    area = scenario.workspace
+    assert area is not None
+    assert _extents(walls) == pytest.approx((area.xmin, area.ymin, area.xmax, area.ymax))
+    assert [bool(one.get_hatch()) for one in obstacles] == [False] * (len(obstacles) - 1) + [True]
+    assert _extents(obstacles[-1]) == pytest.approx((0.6, -0.4, 0.8, -0.2))
+    assert _extents(obstacles[4]) == pytest.approx((1.52, 0.1, 1.72, 0.3))  # a disc
+
+
+def test_the_swept_area_reaches_along_the_whole_push(plans: dict[str, Plan]) -> None:
+    plan = plans["push"]
+    axes, scene = Figure().add_subplot(), Scene.of(plan.scenario, plan)
+    set_view(axes, view_of(scene.window))
+    draw_scene(axes, scene)
+    (swept,) = [p for p in axes.patches if to_hex(p.get_facecolor()) == palette.SWEPT]
+    for pose in plan.segments[0].path.sampled(0.05):
+        assert swept.get_path().contains_point(se2.transform_points(pose, np.array([0.05, 0.0])))
+
+
+def _extents(patch: Any) -> tuple[float, ...]:
+    return tuple(patch.get_path().get_extents(patch.get_patch_transform()).extents)
 
 
 @pytest.mark.parametrize("suffix", PICTURE_SUFFIXES)
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_plan_is_drawn_in_every_form_with_the_same_bytes_each_time(
-    suffix: str, scenario: Scenario, plan: PlanResult, execution: Execution, tmp_path: Path
+    kind: str, suffix: str, plans: dict[str, Plan], tmp_path: Path
 ) -> None:
-    files = [tmp_path / f"{i}{suffix}" for i in range(2)]
+    files = [tmp_path / f"{i}{suffix.upper() if i else suffix}" for i in range(2)]
     for file in files:
-        plot_plan(scenario, plan, execution, file)
+        plot_plan(plans[kind], file)
     first, second = (file.read_bytes() for file in files)
     assert first.startswith(MAGIC[suffix])
     assert first == second
 
 
-def test_a_plan_shows_what_it_bears(
-    scenario: Scenario, plan: PlanResult, execution: Execution, tmp_path: Path
+@pytest.mark.parametrize("kind", [*KINDS, "unsolved", "long name", "wide", "tall"])
+def test_nothing_in_a_picture_covers_its_key_or_spills(
+    kind: str, plans: dict[str, Plan], unsolved: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bearing = replace(plan, robustness=Robustness(0.5, 0.25, 0.5, 0.01, 0.1))
-    plot_plan(scenario, bearing, execution, tmp_path / "p.svg")
-    assert "<!-- tolerates 50 % lower contact friction than nominal," in (tmp_path / "p.svg").read_text()
-
-
-def test_a_plan_shows_its_name_numbers_and_labels(
-    scenario: Scenario, plan: PlanResult, execution: Execution, tmp_path: Path
-) -> None:
-    plot_plan(scenario, plan, execution, tmp_path / "p.svg")
-    text = (tmp_path / "p.svg").read_text()
-    assert plan.trajectory is not None
-    title = f"test: 1.30 m in {plan.trajectory.duration:.1f} s"
-    for words in (
-        title,
-        "x [m]",
-        "y [m]",
-        "margin: the path's colour",
-        "time [s]",
-        "start",
-        "goal",
-        "obstacle",
-        "swept",
-    ):
-        assert f"<!-- {words} -->" in text
-
-
-def test_a_run_without_a_plan_shows_its_search_tree(
-    scenario: Scenario, unsolved: PlanResult, tmp_path: Path
-) -> None:
-    plot_plan(scenario, unsolved, None, tmp_path / "p.svg")
-    text = (tmp_path / "p.svg").read_text()
-    assert "<!-- test: no plan -->" in text
-    assert "<!-- search tree -->" in text
-    assert "<!-- swept -->" not in text
-
-
-@pytest.mark.parametrize("solved", [True, False])
-def test_the_legend_of_a_plan_covers_nothing(
-    solved: bool,
-    scenario: Scenario,
-    plan: PlanResult,
-    unsolved: PlanResult,
-    execution: Execution,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    spaces = {"wide": Workspace(0.0, 4.0, 0.0, 0.5), "tall": Workspace(0.0, 0.5, 0.0, 4.0)}
     figures = _kept_figures(monkeypatch)
-    bearing = replace(plan, robustness=Robustness(0.5, 0.25, 0.5, 0.01, 0.1))
-    named = replace(scenario, name="a-long-name-" * 20)
-    plot_plan(named, bearing if solved else unsolved, execution if solved else None, tmp_path / "p.png")
-    assert len(figures[0].texts) == solved
-    _assert_nothing_covered(figures[0])
-
-
-@pytest.mark.parametrize("size", [(0.5, 4.0), (4.0, 0.5)])
-def test_the_legend_of_a_plan_fits_a_thin_workspace(
-    size: tuple[float, float],
-    scenario: Scenario,
-    unsolved: PlanResult,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    figures = _kept_figures(monkeypatch)
-    thin = replace(scenario, workspace=Workspace(0.0, size[0], 0.0, size[1]))
-    plot_plan(thin, unsolved, None, tmp_path / "p.png")
-    _assert_nothing_covered(figures[0])
+    plan = plans.get(kind, unsolved if kind == "unsolved" else plans["push"])
+    name = "a-long-name-" * 20 if kind == "long name" else plan.scenario.name
+    scenario = replace(plan.scenario, name=name, workspace=spaces.get(kind, plan.scenario.workspace))
+    plot_plan(replace(plan, scenario=scenario), tmp_path / "p.png")
+    plot_scenario(scenario, tmp_path / "s.png")
+    for figure in figures:
+        _assert_nothing_covered(figure)
+        assert (
+            min(text.get_fontsize() for text in figure.findobj(lambda it: hasattr(it, "get_fontsize"))) >= 6.0
+        )
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_the_legend_of_stable_sets_covers_nothing(
-    count: int, chain: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    count: int, plans: dict[str, Plan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    figures = _kept_figures(monkeypatch)
+    figures, chain = _kept_figures(monkeypatch), plans["push"].scenario.chain
     plot_stable_sets(chain, [stable_set(chain, "ecof")] * count, tmp_path / "s.png")
     _assert_nothing_covered(figures[0])
 
@@ -187,20 +279,61 @@ def _kept_figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
 def _assert_nothing_covered(figure: Figure) -> None:
     renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
-    below = [*figure.legends, *figure.texts]
-    legends = [artist.get_window_extent(renderer) for artist in below]
-    boxes = [axes.get_tightbbox(renderer) for axes in figure.axes]
-    assert legends
-    assert not any(one.overlaps(other) for one, other in combinations(legends, 2))
-    for box in boxes:
-        assert box is not None
-        assert not any(legend.overlaps(box) for legend in legends)
-    for box in [*legends, *boxes]:
-        assert box is not None
+    below = [artist.get_window_extent(renderer) for artist in (*figure.legends, *figure.texts)]
+    boxes = [box for axes in figure.axes if (box := axes.get_tightbbox(renderer)) is not None]
+    assert figure.legends
+    assert not any(one.overlaps(other) for one, other in combinations(below, 2))
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+    assert not any(one.overlaps(box) for one in below for box in boxes)
+    for box in [*below, *boxes]:
         assert box.x0 >= 0.0
         assert box.y0 >= 0.0
         assert box.x1 <= figure.bbox.x1
         assert box.y1 <= figure.bbox.y1
+
+
+def test_a_picture_without_a_plan_shows_tree_and_nearest_path_and_has_the_reason_as_title(
+    unsolved: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures = _kept_figures(monkeypatch)
+    plot_plan(unsolved, tmp_path / "why.png")
+    floor = figures[0].axes[0]
+    (tree,) = [one for one in floor.collections if isinstance(one, LineCollection)]
+    np.testing.assert_allclose(np.array(tree.get_segments()), unsolved.tree[:, :, :2])
+    assert unsolved.nearest is not None
+    (line,) = [one for one in floor.lines if one.get_color() == palette.NEAREST]
+    np.testing.assert_allclose(
+        np.asarray(line.get_xydata())[-1], unsolved.nearest.segments[0].path.end[:2], atol=1e-9
+    )
+    told = " ".join(text.get_text().replace("\n", " ") for text in figures[0].texts)
+    for sentence in unsolved.why_not:
+        assert sentence.strip() in told
+
+
+def test_trials_say_how_many_arrive_and_count_what_is_outside(
+    plans: dict[str, Plan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures, trials = _kept_figures(monkeypatch), _Trials(plans["push"].scenario)
+    plot_trials(trials, plans["push"], tmp_path / "t.png")  # type: ignore[arg-type]
+    floor, close = figures[0].axes
+    assert "3 of 4 arrive" in floor.get_title(loc="left")
+    assert "1 of 4 outside" in close.get_title(loc="left")
+    missed = next(line for line in close.lines if line.get_color() == palette.MISSED)
+    np.testing.assert_allclose(np.asarray(missed.get_xydata()), [[0.0, 5.0]], atol=1e-9)
+    _assert_nothing_covered(figures[0])
+
+
+class _Trials:
+    """Four trials, of which the last ends 5 mm off."""
+
+    samples, interval, losses = 4, (0.3, 0.95), (None,) * 4
+    arrived = np.array([True, True, True, False])
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        places = se2.compose(scenario.goal.pose_chain, scenario.chain.places)
+        self.object_poses: FloatArray = np.tile(places, (4, 1, 1))
+        self.object_poses[3, :, 1] += 0.005
 
 
 @pytest.mark.parametrize("name", ["p.jpg", "p", "p.png.gz"])
@@ -209,19 +342,8 @@ def test_another_suffix_is_refused_by_name_before_anything_is_drawn(name: str) -
         check_picture_path(name)
 
 
-def test_upper_case_suffixes_are_fine(chain: Chain, tmp_path: Path) -> None:
-    plot_stable_sets(chain, [stable_set(chain, "ecof")], tmp_path / "S.PNG")
-    assert (tmp_path / "S.PNG").read_bytes().startswith(MAGIC[".png"])
-
-
-def test_the_global_drawing_state_is_not_used() -> None:
-    for source in (Path(str(pushplan.__file__)).parent / "drawing").glob("*.py"):
-        names = {node.name for node in ast.walk(ast.parse(source.read_text())) if isinstance(node, ast.alias)}
-        assert not any("pyplot" in name for name in names), source
-
-
-def test_a_friction_cone_opens_by_the_friction_angle_around_the_normal(chain: Chain) -> None:
-    for contact in chain.contacts:
+def test_a_friction_cone_opens_by_the_friction_angle_around_the_normal(make_chain: ChainMaker) -> None:
+    for contact in make_chain.boxes(2).contacts:
         apex, low, high = friction_cone(contact, contact.right, 0.5 * contact.length)
         assert np.allclose(apex, contact.right)
         for edge in (low - apex, high - apex):
@@ -229,7 +351,8 @@ def test_a_friction_cone_opens_by_the_friction_angle_around_the_normal(chain: Ch
             assert edge @ contact.normal > 0.0
 
 
-def test_the_default_window_holds_the_chain_and_the_tightest_turns(chain: Chain) -> None:
+def test_the_default_window_holds_the_chain_and_the_tightest_turns(make_chain: ChainMaker) -> None:
+    chain = make_chain.boxes(2)
     stable = stable_set(chain, "ecof")
     xmin, ymin, xmax, ymax = default_window(chain, [stable])
     points = np.concatenate([chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)])
@@ -241,73 +364,29 @@ def test_the_default_window_holds_the_chain_and_the_tightest_turns(chain: Chain)
         assert not stable.cor_region(sense, (xmin, ymin, xmax, ymax)).is_empty
 
 
-def test_obstacles_and_walls_are_drawn_where_they_are(scenario: Scenario) -> None:
-    axes = Figure().add_subplot()
-    draw_surroundings(axes, scenario)
-    walls, polygon, circle = axes.patches
-    assert _extents(walls) == pytest.approx((-0.3, -0.6, 1.5, 1.2))
-    assert _extents(polygon) == pytest.approx((0.6, -0.4, 0.8, -0.2))
-    assert isinstance(circle, Circle)
-    assert circle.get_radius() == pytest.approx(0.15)
-
-
-def test_the_swept_area_reaches_from_start_to_goal(chain: Chain, path: PushPath) -> None:
-    axes = Figure().add_subplot()
-    draw_sweep(axes, chain, path)
-    filled = axes.patches[0].get_path()
-    for pose in path.poses_at(np.linspace(0.0, path.cost, 20)):
-        x, y = transform_points(pose, np.array([0.1, 0.0]))
-        assert filled.contains_point((x, y))
-
-
-def _extents(patch: Any) -> tuple[float, ...]:
-    return tuple(patch.get_path().get_extents(patch.get_patch_transform()).extents)
-
-
-def test_without_a_workspace_the_view_holds_everything(scenario: Scenario, path: PushPath) -> None:
-    x0, y0, x1, y1 = view_box(replace(scenario, workspace=None), path)
-    assert x0 < -0.03
-    assert y0 < -0.4
-    assert y1 > 0.85
-    assert x1 > path.end[0]
-    assert 1.0 - 1e-9 <= (x1 - x0) / (y1 - y0) <= 1.6 + 1e-9
-
-
-@pytest.mark.parametrize("size", [(4.0, 0.5), (0.5, 4.0), (1.0, 1.0)])
-def test_a_thin_workspace_is_shown_with_air_around_it(
-    size: tuple[float, float], scenario: Scenario, path: PushPath
+def test_the_limits_of_speeds_that_are_named_are_those_that_bound(
+    make_chain: ChainMaker, tmp_path: Path
 ) -> None:
-    x0, y0, x1, y1 = view_box(replace(scenario, workspace=Workspace(0.0, size[0], 0.0, size[1])), path)
-    assert 1.0 - 1e-9 <= (x1 - x0) / (y1 - y0) <= 1.6 + 1e-9
-    assert x0 <= 0.0 <= size[0] <= x1
-    assert y0 <= 0.0 <= size[1] <= y1
+    """Without the rows that are left out the polygon is the same; every one that is named has two of its corners."""
+    chain = make_chain.boxes(3)
+    speeds = admissible_speeds(chain, (0.9, -0.02, 0.8), SpeedWindow(4.0, 20.0))
+    named = limiting_rows(speeds)
+    assert named
+    u = np.random.default_rng(1).uniform([0.0, -20.0], [4.0, 20.0], (20000, 2))
+    rows = speeds.rows
+    values = rows.alpha[..., None] + rows.gamma[..., None] * u[:, 0] + rows.beta[..., None] * u[:, 1]
+    only = np.all([values[k, j] > 0.0 for k, j in named], axis=0)
+    np.testing.assert_array_equal((values > 0.0).all(axis=(0, 1)), only)
+    for k, j in named:
+        at = rows.alpha[k, j] + speeds.vertices @ np.array([rows.gamma[k, j], rows.beta[k, j]])
+        assert np.sum(np.abs(at) < 1e-9) >= 2
+    files = [tmp_path / f"{i}.svg" for i in range(2)]
+    for file in files:
+        plot_admissible_speeds(chain, speeds, file)
+    assert files[0].read_bytes() == files[1].read_bytes()
 
 
-def test_the_line_is_coloured_by_the_smaller_margin_of_each_piece_and_broken_where_it_jumps() -> None:
-    points: FloatArray = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])
-    line = draw_by_margin(
-        Figure().add_subplot(), points, np.array([0.3, 0.29, 0.1, 0.12]), {"color": "white"}
-    )
-    assert np.allclose(np.asarray(line.get_array()), [0.29, 0.1])
-    assert [segment[0, 0] for segment in line.get_segments()] == [0.0, 2.0]
-    assert line.get_clim() == (0.0, 0.3)
-
-
-def test_a_picture_without_a_plan_shows_the_nearest_path_and_says_why(
-    scenario: Scenario, plan: PlanResult, tmp_path: Path
-) -> None:
-    said = "the passage is too narrow for the chain by three millimetres"
-    unsolved = replace(
-        plan, solved=False, reason=said, path=None, trajectory=None, approximate_path=plan.path
-    )
-    plot_plan(scenario, replace(unsolved, approximate_error=(0.25, 0.5)), None, tmp_path / "why.svg")
-    drawn = (tmp_path / "why.svg").read_text()
-    assert "#b45f06" in drawn
-    told = " ".join(re.findall("<!-- (.*) -->", drawn))
-    for words in (
-        said,
-        "the nearest path ends 0.250 m and 28.6 deg from the goal",
-        "no plan",
-        "nearest path",
-    ):
-        assert words in told
+def test_a_straight_push_is_limited_by_every_object_that_could_fly_ahead(make_chain: ChainMaker) -> None:
+    speeds = admissible_speeds(make_chain.boxes(2), (1.0, 0.0, 0.0), SpeedWindow(1.0, 5.0))
+    assert {k for k, _ in limiting_rows(speeds)} == {0, 1}
+    assert speeds.vertices[:, 1].min() == pytest.approx(-0.3 * GRAVITY)

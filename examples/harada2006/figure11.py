@@ -12,10 +12,8 @@ from matplotlib.lines import Line2D
 from panels import chain_named, draw_roles, row_of_panels
 from scipy.stats import qmc
 
-from pushplan.drawing.chain import draw_contacts
-from pushplan.drawing.cor import LINE_STYLES
-from pushplan.drawing.figure import INK
-from pushplan.drawing.sets import draw_sets
+from pushplan.drawing.palette import INK
+from pushplan.drawing.sets import LINE_STYLES, draw_contacts, draw_sets
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.sets.named import stable_set

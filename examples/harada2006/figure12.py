@@ -9,10 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from panels import HERE, draw_roles
 
-from pushplan.drawing.chain import OBJECT_COLOUR, PLATE_COLOUR, draw_contacts
-from pushplan.drawing.cor import style_cor_axes
-from pushplan.drawing.figure import FAINT, INK, axes_at, figure_for
-from pushplan.drawing.sets import draw_sets
+from pushplan.drawing.figure import axes_at, figure_for
+from pushplan.drawing.palette import FAINT, INK, OBJECTS, PLATE
+from pushplan.drawing.sets import draw_contacts, draw_sets, style_cor_axes
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_about
@@ -108,9 +107,9 @@ def _draw_snapshot(axes: Axes, report: PhysicsReport, time: float, goal: FloatAr
             *se2.transform_points(goal, body.outline).T, fill=False, edgecolor=FAINT, linestyle="dotted"
         )
     axes.plot(*report.poses[: i + 1, :2].T, color=INK, linewidth=0.8, zorder=2.0)
-    draw_body(axes, report.poses[i], chain.pusher.outline, PLATE_COLOUR)
+    draw_body(axes, report.poses[i], chain.pusher.outline, PLATE)
     for obj, pose in zip(chain.objects, report.object_poses[i], strict=True):
-        draw_body(axes, pose, obj.outline, OBJECT_COLOUR)
+        draw_body(axes, pose, obj.outline, OBJECTS[0])
 
 
 def draw_body(axes: Axes, pose: FloatArray, outline: FloatArray, colour: str) -> None:

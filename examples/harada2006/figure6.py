@@ -18,8 +18,8 @@ from panels import (
     wedge,
 )
 
-from pushplan.drawing.chain import CONE_COLOUR
-from pushplan.drawing.cor import SENSES, draw_region
+from pushplan.drawing.palette import CONE, TURNS
+from pushplan.drawing.sets import draw_region
 from pushplan.sets.named import stable_set
 
 WINDOW = (-0.05, -0.25, 0.2, 0.25)
@@ -36,14 +36,12 @@ def draw(path: Path) -> None:
             draw_roles(axes, chain, pushed)
             center, directions = carried_center(chain, k), allowed_directions(chain, k)
             draw_directions(axes, center, directions, 0.06)
-            for sense in SENSES:
+            for sense in TURNS:
                 draw_wedge(axes, wedge(center, directions, sense), sense, fill=True)
                 draw_wedge(panels[2], wedge(center, directions, sense), sense, fill=False)
         draw_roles(panels[2], chain, [0, 1])
         cof = stable_set(chain, "cof")
-        for sense in SENSES:
+        for sense in TURNS:
             draw_region(panels[2], cof.cor_region(sense, (-0.1, -0.3, 0.3, 0.3)), sense)
-        cones = Patch(
-            facecolor=CONE_COLOUR, alpha=0.5, label="directions of motion at the centre of friction"
-        )
+        cones = Patch(facecolor=CONE, alpha=0.5, label="directions of motion at the centre of friction")
         legend_below(figure, [*sense_entries(), cones], columns=2)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from panels import allowed_directions, carried_center, chain_named, draw_directions, draw_roles, row_of_panels
 
-from pushplan.drawing.figure import FAINT
+from pushplan.drawing.palette import FAINT
 from pushplan.mechanics.chain import Chain
 from pushplan.sets.named import stable_set
 

@@ -9,10 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from panels import chain_named, draw_roles, legend_below, row_of_panels, sense_entries
 
-from pushplan.drawing.chain import CONE_COLOUR, draw_contacts
-from pushplan.drawing.cor import LINE_STYLES
-from pushplan.drawing.figure import INK
-from pushplan.drawing.sets import draw_sets
+from pushplan.drawing.palette import CONE, INK
+from pushplan.drawing.sets import LINE_STYLES, draw_contacts, draw_sets
 from pushplan.sets.named import stable_set
 
 WINDOW = (-0.06, -0.27, 0.22, 0.27)
@@ -28,7 +26,7 @@ def draw(path: Path) -> None:
             draw_sets(axes, [stable_set(chain, each) for each in ALGORITHMS], WINDOW)
             draw_roles(axes, chain, [0, 1])
             draw_contacts(axes, chain)
-        cones: Artist = Patch(facecolor=CONE_COLOUR, alpha=0.5, label="friction cones")
+        cones: Artist = Patch(facecolor=CONE, alpha=0.5, label="friction cones")
         lines = zip(LINE_STYLES, ALGORITHMS.values(), strict=False)
         algorithms = [Line2D([], [], color=INK, linewidth=1.1, linestyle=s, label=name) for s, name in lines]
         legend_below(figure, [*sense_entries(), cones, *algorithms], columns=2)

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
-from pushplan.drawing.chain import CONE_COLOUR, OBJECT_COLOUR, PLATE_COLOUR
-from pushplan.drawing.cor import SENSE_NAMES, SENSES, style_cor_axes
-from pushplan.drawing.figure import INK, axes_at, figure_for
+from pushplan.drawing.figure import axes_at, figure_for
+from pushplan.drawing.palette import CONE, INK, OBJECTS, PLATE, TURNS
+from pushplan.drawing.sets import TURN_NAMES, style_cor_axes
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts.carried import carried_objects, common_centers
 from pushplan.mechanics.contacts.friction import cof
@@ -71,14 +71,14 @@ def legend_below(figure: Figure, entries: Sequence[Artist], columns: int) -> Non
 
 def sense_entries() -> list[Artist]:
     """Return the legend's entries for the centres of rotation of either sense."""
-    return [Patch(facecolor=SENSES[s], alpha=0.35, label=f"centres of {SENSE_NAMES[s]}") for s in SENSES]
+    return [Patch(facecolor=TURNS[s], alpha=0.35, label=f"centres of {TURN_NAMES[s]}") for s in TURNS]
 
 
 def draw_roles(axes: Axes, chain: Chain, pushed: Sequence[int]) -> None:
     """Draw the bodies under everything else: `pushed` objects as objects, all others as what pushes them."""
     outlines = [chain.pusher.outline, *(obj.outline_chain for obj in chain.objects)]
     for i, outline in enumerate(outlines, start=-1):
-        colour = OBJECT_COLOUR if i in pushed else PLATE_COLOUR
+        colour = OBJECTS[0] if i in pushed else PLATE
         axes.add_patch(Polygon(outline, facecolor=colour, linewidth=0.0, zorder=0.8))
         axes.add_patch(Polygon(outline, fill=False, edgecolor=INK, linewidth=0.9, zorder=3.0))
 
@@ -107,8 +107,8 @@ def allowed_directions(chain: Chain, k: int) -> FloatArray:
 def draw_directions(axes: Axes, apex: FloatArray, directions: FloatArray, length: float) -> None:
     """Draw a cone of directions (2, 2) of motion at a point, and the point."""
     fan = np.concatenate([[apex], apex + length * directions])
-    axes.add_patch(Polygon(fan, facecolor=CONE_COLOUR, alpha=0.45, linewidth=0.0, zorder=4.0))
-    axes.plot(*fan[[1, 0, 2]].T, color=CONE_COLOUR, linewidth=1.1, zorder=4.1)
+    axes.add_patch(Polygon(fan, facecolor=CONE, alpha=0.45, linewidth=0.0, zorder=4.0))
+    axes.plot(*fan[[1, 0, 2]].T, color=CONE, linewidth=1.1, zorder=4.1)
     axes.plot(*apex, marker="o", markersize=3.2, color=INK, zorder=6.0)
 
 
@@ -121,6 +121,6 @@ def wedge(apex: FloatArray, directions: FloatArray, sense: int) -> FloatArray:
 def draw_wedge(axes: Axes, corners: FloatArray, sense: int, fill: bool) -> None:
     """Draw a wedge, filled or only its edges, dashed."""
     if fill:
-        axes.add_patch(Polygon(corners, facecolor=SENSES[sense], alpha=0.22, linewidth=0.0, zorder=1.0))
+        axes.add_patch(Polygon(corners, facecolor=TURNS[sense], alpha=0.22, linewidth=0.0, zorder=1.0))
     style = "solid" if fill else "dashed"
-    axes.plot(*corners[[1, 0, 2]].T, color=SENSES[sense], linewidth=1.1, linestyle=style, zorder=1.5)
+    axes.plot(*corners[[1, 0, 2]].T, color=TURNS[sense], linewidth=1.1, linestyle=style, zorder=1.5)

@@ -43,9 +43,9 @@ def run(args: argparse.Namespace, console: Console) -> int:
     console.table(rows(described))
     if args.plot is not None:
         with console.computing(f"drawing {args.plot}"):
-            from pushplan.drawing.scenario import plot_scenario
+            from pushplan.drawing.plans import plot_scenario
 
-            plot_scenario(scenario, described.stable, args.plot)
+            plot_scenario(scenario, args.plot, described.stable)
     told = f"no findings, but {counted(asked, 'question')}" if asked else "no findings"
     console.say(console.paint(told, "yellow" if asked else "green"))
     console.emit(

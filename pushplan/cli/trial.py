@@ -101,7 +101,7 @@ def _write_outputs(args: argparse.Namespace, trials: Trials, plan: PlanResult, c
         with console.computing(f"drawing {args.plot}"):
             from pushplan.drawing.trials import plot_trials
 
-            plot_trials(trials, plan.path, args.plot)
+            plot_trials(trials, plan.as_plan(trials.scenario), args.plot)
     if args.worst is not None:
         from pushplan.logging.trial_log import write_trial
 

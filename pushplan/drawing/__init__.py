@@ -1,1 +1,29 @@
-"""Pictures: chains, stable sets, runs."""
+"""Pictures: the palette, the scene that all viewers draw, and figures of plans, stable sets, speeds and trials.
+
+What is here is known without loading the drawing library.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pushplan.errors import PushplanError
+
+PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+class PlotError(PushplanError, ValueError):
+    """A picture cannot be drawn, or not written in the asked form."""
+
+
+def check_picture_path(path: str | Path) -> Path:
+    """Return `path`, checked for a suffix that pictures can have.
+
+    Raises:
+        PlotError: On any other suffix.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in PICTURE_SUFFIXES:
+        suffix = path.suffix or "no suffix"
+        raise PlotError(f"{path}: a picture ends in {', '.join(PICTURE_SUFFIXES)}, not in {suffix}")
+    return path

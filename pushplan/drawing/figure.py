@@ -1,8 +1,9 @@
-"""Figures in one quiet style, written without time stamps: the same data give the same bytes."""
+"""Figures in one quiet style, with their key below; without time stamps: the same data give the same bytes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -10,17 +11,17 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from pushplan.drawing.format import check_picture_path
+from pushplan.drawing import check_picture_path
+from pushplan.drawing.palette import FAINT, INK
+from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_whole
 
-INK = "#2f3338"
-"""Text and the outlines that matter."""
-FAINT = "#9aa1a9"
-"""Axes and what stays in the background."""
 HALO = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
 """Behind letters in a picture."""
 
@@ -53,6 +54,14 @@ _METADATA: Mapping[str, Mapping[str, None]] = {  # nothing that differs from run
     ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 
+SMALL = 6.5
+"""Size of the smallest letters, points."""
+
+_EDGE, _BETWEEN = 0.04, 0.06
+"""Below the key, and between key and sentence, inches."""
+_KEY: Any = {"handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "borderaxespad": 0.0}
+_BODY = 12.0
+"""Least width of a body over that of its outline."""
 _TICKS, _TICK = 9, 0.3  # most of them on an axis; inches that each takes
 _LETTER = 0.62
 """Mean width of a letter of the font over its height."""
@@ -96,3 +105,51 @@ def letters_across(axes: Axes, points: float) -> int:
     """Return how many letters of so many points fit beside one another over the width of axes."""
     inches = axes.get_window_extent().width / axes.figure.dpi
     return int(72.0 * inches / (_LETTER * points))
+
+
+def narrowest(axes: Axes, outlines: Sequence[FloatArray]) -> float:
+    """Return the width of the narrowest outline, points, in axes whose place and limits are set already."""
+    low, high = axes.get_xlim()
+    inches = axes.get_window_extent().width / axes.figure.dpi
+    return float(72.0 * inches * min(np.ptp(one, axis=0).min() for one in outlines) / abs(high - low))
+
+
+def outline_width(axes: Axes, outlines: Sequence[FloatArray]) -> float:
+    """Return the width of lines around outlines, points, that leaves small bodies their colour."""
+    return float(np.clip(narrowest(axes, outlines) / _BODY, 0.25, 0.9))
+
+
+def draw_footer(figure: Figure, left: float, entries: Sequence[Artist], sentence: str = "") -> float:
+    """Draw the key at the figure's lower edge, and a sentence above it; return the height of both, inches.
+
+    Args:
+        figure: Its width is final; its height may still change.
+        left: Where both begin, inches.
+        entries: Of the key; they take as few rows as the figure's width allows.
+        sentence: Broken into lines where it is longer than the figure is wide.
+    """
+    legend = _key(figure, left, entries)
+    top = float(legend.get_window_extent().y1) / figure.dpi
+    if not sentence:
+        return top
+    letters = int(72.0 * (figure.get_figwidth() - 1.5 * left) / (_LETTER * 7.0))
+    style: Any = {"fontsize": 7.0, "color": INK, "va": "bottom", "transform": figure.dpi_scale_trans}
+    text = figure.text(left, top + _BETWEEN, "\n".join(textwrap.wrap(sentence, letters)), **style)
+    return float(text.get_window_extent().y1) / figure.dpi
+
+
+def _key(figure: Figure, left: float, entries: Sequence[Artist]) -> Legend:
+    """Return the key in as few rows as the figure has room for, all of them about equally long."""
+    for rows in range(1, len(entries) + 1):
+        legend = figure.legend(
+            handles=entries,
+            ncols=-(-len(entries) // rows),
+            loc="lower left",
+            bbox_to_anchor=(left, _EDGE),
+            bbox_transform=figure.dpi_scale_trans,
+            **_KEY,
+        )
+        if rows == len(entries) or legend.get_window_extent().x1 <= figure.bbox.x1:
+            break
+        legend.remove()
+    return legend

@@ -1,7 +1,7 @@
 """Colours that mean the same in every picture, page, film, window and log.
 
 Bodies are pale or grey, paths and contacts strong: neither is taken for the other, on light and on dark ground.
-Margins have one fixed scale: red at 0, where a contact moves, amber at 0.05, blue from 0.2 on.
+Margins have one fixed scale: red at 0, where a contact moves, amber at 0.05, green at 0.1, blue from 0.2 on.
 """
 
 from __future__ import annotations
@@ -54,8 +54,11 @@ INK, FAINT = "#2f3338", "#9aa1a9"
 ARRIVED, MISSED = "#2f9a55", "#c8322b"
 """Of trials."""
 
-MARGINS = ((0.0, SLIPS), (0.05, "#e3a23c"), (0.2, "#1d5f9c"))
+MARGINS = ((0.0, SLIPS), (0.05, "#e3a23c"), (0.1, "#4f9d8c"), (0.2, "#1d5f9c"))
 """The scale of margins: values and their colours, between which both are interpolated; beyond its ends they stay."""
+
+MARGIN_TICKS = (0.0, 0.05, 0.2)
+"""Margins to name on the scale."""
 
 _CONTACTS = ("#e0600b", "#8e3fb0", "#008b8b", "#c2186b", "#8a6d00", "#4a5fd0", "#5f8f1d", "#a04a35")
 _TURN, _DEPTHS, _STRENGTH = 0.381966, (0.36, 0.5), 0.7

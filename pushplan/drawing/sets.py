@@ -1,27 +1,49 @@
-"""The picture of one or several stable sets of a chain, as in Fig. 9 of Harada et al. 2006."""
+"""Pictures of the mechanics in the chain frame: stable sets as regions of centres of rotation, contacts, speeds.
+
+Regions of the centre of rotation (COR) are drawn as in Fig. 9 of Harada et al. 2006.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import shapely
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Polygon
 
-from pushplan.drawing.chain import CONE_COLOUR, OBJECT_COLOUR, PLATE_COLOUR, draw_chain, draw_contacts
-from pushplan.drawing.cor import LINE_STYLES, SENSE_NAMES, SENSES, draw_region, style_cor_axes
-from pushplan.drawing.figure import INK, axes_at, figure_for
+from pushplan.drawing import palette
+from pushplan.drawing.figure import HALO, SMALL, axes_at, equal_ticks, figure_for, outline_width
+from pushplan.drawing.floor import polygon_patches
+from pushplan.drawing.palette import FAINT, INK, TURNS
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds
+from pushplan.mechanics.friction_cone import friction_cone
 from pushplan.sets.cor.cor_region import Window
 from pushplan.sets.cor_window import default_window, grown
 from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
+from pushplan.util.printable import cut
+
+TURN_NAMES = {+1: "left turns", -1: "right turns"}
+LINE_STYLES: tuple[Any, ...] = ("solid", "dashed", "dotted", "dashdot", (0, (6, 1, 1, 1, 1, 1)))
+"""Outline of the first set (which is filled as well), of the second, and so on."""
 
 # The layout, in inches.
-_WIDTH, _MAX_HEIGHT, _LEGEND_WIDTH = 4.4, 7.5, 3.2
-_COLUMNS = 2
+_WIDTH, _MAX_HEIGHT, _LEGEND_WIDTH, _COLUMNS = 4.4, 7.5, 3.2, 2
+_SPEEDS_WIDTH, _SPEEDS_HEIGHT = 4.6, 3.4
+
+_ACROSS = 14
+"""Letters of a name that is written across the push; one along it may have twice as many."""
+_ROWS = ("slips to the right", "slips to the left", "tips about the right end", "tips about the left end")
+_ROW_STYLES = ("-", "-", "--", "--")
+_TOUCHING = 1e-9
 
 
 def plot_stable_sets(
@@ -42,23 +64,21 @@ def plot_stable_sets(
     window = default_window(chain, sets) if window is None else window
     size = np.array([window[2] - window[0], window[3] - window[1]])
     width, height = size * min(_WIDTH / size[0], _MAX_HEIGHT / size[1])
-    entries = _legend(sets)
+    entries = _set_keys(chain, sets)
     left, bottom = 0.7, 0.55 + 0.19 * -(-len(entries) // _COLUMNS)
     with figure_for(path, left + max(width, _LEGEND_WIDTH) + 0.15, bottom + height + 0.15) as figure:
         axes = axes_at(figure, left, bottom, width, height)
         _draw_with_chain(axes, chain, sets, window)
         corner = (left / figure.get_figwidth(), 0.05 / figure.get_figheight())
-        figure.legend(
-            handles=entries, loc="lower left", bbox_to_anchor=corner, ncols=_COLUMNS, borderaxespad=0.0
-        )
+        style: Any = {"loc": "lower left", "bbox_to_anchor": corner, "borderaxespad": 0.0}
+        figure.legend(handles=entries, ncols=_COLUMNS, **style)
 
 
 def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
     """Draw a stable set with the chain and its friction cones, in the chain frame, without names of axes."""
     _draw_with_chain(axes, chain, [stable], default_window(chain, [stable]))
-    axes.set_xlabel("")
-    axes.set_ylabel("")
-    axes.set_title(f"stable CORs [m], {stable.name}", loc="left")
+    axes.set(xlabel="", ylabel="", anchor="NW")
+    axes.set_title(f"stable CORs [m], {stable.name}", loc="left", fontsize=9.0)
 
 
 def _draw_with_chain(axes: Axes, chain: Chain, sets: Sequence[StableSet], window: Window) -> None:
@@ -71,17 +91,85 @@ def _draw_with_chain(axes: Axes, chain: Chain, sets: Sequence[StableSet], window
 def draw_sets(axes: Axes, sets: Sequence[StableSet], window: Window) -> None:
     """Draw the regions of both senses, cut off outside the window so that the cut is not seen."""
     for rank, stable in enumerate(sets):
-        for sense in SENSES:
+        for sense in TURNS:
             draw_region(axes, stable.cor_region(sense, grown(window, 0.05)), sense, rank)
 
 
-def _legend(sets: Sequence[StableSet]) -> list[Artist]:
+def draw_region(axes: Axes, region: shapely.Geometry, sense: int, rank: int = 0) -> None:
+    """Draw a COR region of one sense; the set of rank 0 is filled, the others have a line style each."""
+    if rank == 0:
+        for patch in polygon_patches(region):
+            patch.set(facecolor=TURNS[sense], alpha=0.22, linewidth=0.0, zorder=1.0)
+            axes.add_patch(patch)
+    line: Any = {"fill": False, "edgecolor": TURNS[sense], "linestyle": LINE_STYLES[rank % len(LINE_STYLES)]}
+    for patch in polygon_patches(region):
+        patch.set(linewidth=1.1, zorder=1.5 + 0.1 * rank, **line)
+        axes.add_patch(patch)
+
+
+def style_cor_axes(axes: Axes, window: Window) -> None:
+    """Show `window` with equal axes, the chain frame's axes as hairlines, and labels."""
+    axes.set_aspect("equal")
+    axes.set_xlim(window[0], window[2])
+    axes.set_ylim(window[1], window[3])
+    equal_ticks(axes, max(window[2] - window[0], window[3] - window[1]))
+    axes.axhline(0.0, color=FAINT, linewidth=0.5, zorder=0.5)
+    axes.axvline(0.0, color=FAINT, linewidth=0.5, zorder=0.5)
+    axes.set_xlabel("x in the chain frame [m]")
+    axes.set_ylabel("y [m]")
+
+
+def draw_chain(axes: Axes, chain: Chain) -> None:
+    """Draw robot, plate and objects in the chain frame, in axes whose place and limits are set."""
+    width = outline_width(axes, [obj.outline for obj in chain.objects])
+    objects = iter(palette.object_colours([obj.name for obj in chain.objects]))
+    carried = {BodyKind.ROBOT: palette.ROBOT, BodyKind.PLATE: palette.PLATE}
+    for body in chain.bodies:
+        colour = carried.get(body.kind) or next(objects)
+        axes.add_patch(Polygon(body.outline, facecolor=colour, edgecolor=INK, linewidth=width, zorder=3.0))
+
+
+def draw_contacts(axes: Axes, chain: Chain) -> None:
+    """Draw each contact segment, and the friction cone of the pushing force at both its ends, in the chain frame."""
+    width = outline_width(axes, [obj.outline for obj in chain.objects])
+    for contact, colour in zip(chain.contacts, palette.contact_colours(len(chain.contacts)), strict=True):
+        ends = np.stack([contact.right, contact.left])
+        axes.plot(*ends.T, color=colour, linewidth=2.2 * width, solid_capstyle="butt", zorder=5.0)
+        for cone in friction_cone(contact, ends, 0.5 * contact.length):
+            axes.add_patch(Polygon(cone, facecolor=palette.CONE, alpha=0.35, linewidth=0.0, zorder=4.0))
+            axes.plot(*cone[[1, 0, 2]].T, color=palette.CONE, linewidth=0.9 * width, zorder=4.1)
+
+
+def name_objects(axes: Axes, chain: Chain) -> None:
+    """Write every object's name into it, in the chain frame; across the push if they are many."""
+    turned, letters = (90.0, _ACROSS) if len(chain.objects) > 2 else (0.0, 2 * _ACROSS)
+    style: Any = {
+        "ha": "center",
+        "va": "center",
+        "fontsize": SMALL,
+        "clip_on": True,
+        "bbox": HALO,
+        "color": INK,
+    }
+    for obj in chain.objects:
+        polygon = shapely.Polygon(obj.outline)
+        inside = polygon.centroid if polygon.contains(polygon.centroid) else polygon.representative_point()
+        x, y = transform_points(obj.pose_chain, np.array([inside.x, inside.y]))
+        axes.text(float(x), float(y), cut(obj.name, letters), rotation=turned, zorder=8.0, **style)
+
+
+def turn_keys() -> list[Artist]:
+    """Return the entries for centres of rotation to the left and to the right."""
+    return [Patch(facecolor=TURNS[sense], alpha=0.35, label=TURN_NAMES[sense]) for sense in TURNS]
+
+
+def _set_keys(chain: Chain, sets: Sequence[StableSet]) -> list[Artist]:
     """Return the entries, column by column."""
-    turns = [Patch(facecolor=SENSES[sense], alpha=0.35, label=SENSE_NAMES[sense]) for sense in SENSES]
+    colours = palette.object_colours([obj.name for obj in chain.objects])
     bodies = [
-        Patch(facecolor=PLATE_COLOUR, edgecolor=INK, label="pusher"),
-        Patch(facecolor=OBJECT_COLOUR, edgecolor=INK, label="objects"),
-        Patch(facecolor=CONE_COLOUR, alpha=0.4, label="friction cones"),
+        Patch(facecolor=palette.PLATE, edgecolor=INK, label="pusher"),
+        Patch(facecolor=colours[0], edgecolor=INK, label="objects"),
+        Patch(facecolor=palette.CONE, alpha=0.4, label="friction cones"),
     ]
     styles = [
         Line2D(
@@ -89,4 +177,68 @@ def _legend(sets: Sequence[StableSet]) -> list[Artist]:
         )
         for rank, each in enumerate(sets)
     ]
-    return [*turns, *bodies, *styles]
+    return [*turn_keys(), *bodies, *styles]
+
+
+def plot_admissible_speeds(chain: Chain, speeds: AdmissibleSpeeds, path: str | Path) -> None:
+    """Draw what `admissible_speeds` found for a twist, each limit named by the contact that would slip or tip.
+
+    Args:
+        chain: The chain that was asked about.
+        speeds: The answer.
+        path: File to write; its suffix says whether PNG, SVG or PDF.
+
+    Raises:
+        PlotError: On a suffix that is none of these.
+    """
+    limits = limiting_rows(speeds)
+    colours = palette.contact_colours(len(chain.contacts))
+    below = 0.75 + 0.19 * max(1, len(limits))
+    with figure_for(path, _SPEEDS_WIDTH + 0.95, _SPEEDS_HEIGHT + below + 0.5) as figure:
+        axes = axes_at(figure, 0.75, below, _SPEEDS_WIDTH, _SPEEDS_HEIGHT)
+        if len(speeds.vertices):
+            axes.fill(*speeds.vertices.T, color="#dfe7ec", lw=0.0)
+        handles = []
+        for k, j in limits:
+            name = f"{chain.contact_name(k)}: {chain.objects[chain.contacts[k].pushed].name} {_ROWS[j]}"
+            look: Any = {"color": colours[k], "ls": _ROW_STYLES[j]}
+            axes.plot(*_limit(speeds, k, j).T, lw=1.6, zorder=3, **look)
+            handles.append(Line2D([], [], label=name, **look))
+        _style_speeds(axes, speeds)
+        corner = (0.75 / figure.get_figwidth(), 0.03 / figure.get_figheight())
+        figure.legend(handles=handles, loc="lower left", bbox_to_anchor=corner, borderaxespad=0.0)
+
+
+def limiting_rows(speeds: AdmissibleSpeeds) -> list[tuple[int, int]]:
+    """Return the contacts and rows that bound the polygon somewhere within its window."""
+    rows, vertices = speeds.rows, speeds.vertices
+    if not len(vertices):
+        return []
+    values = (
+        rows.alpha[..., None] + rows.gamma[..., None] * vertices[:, 0] + rows.beta[..., None] * vertices[:, 1]
+    )
+    touching = np.abs(values) <= _TOUCHING * np.abs(rows.alpha).max()
+    along = touching & np.roll(touching, -1, axis=-1)
+    return [(int(k), int(j)) for k, j in np.argwhere(along.any(axis=-1))]
+
+
+def _limit(speeds: AdmissibleSpeeds, k: int, j: int) -> FloatArray:
+    """Return the part (2, 2) of the polygon's boundary that a row makes."""
+    rows, vertices = speeds.rows, speeds.vertices
+    values = rows.alpha[k, j] + vertices @ np.array([rows.gamma[k, j], rows.beta[k, j]])
+    touching = np.abs(values) <= _TOUCHING * np.abs(rows.alpha).max()
+    first = int(np.flatnonzero(touching & np.roll(touching, -1))[0])
+    return vertices[[first, (first + 1) % len(vertices)]]
+
+
+def _style_speeds(axes: Axes, speeds: AdmissibleSpeeds) -> None:
+    u, a = speeds.window
+    axes.axhline(0.0, color=FAINT, lw=0.7)
+    axes.set(xlim=(0.0, u), ylim=(-a, a), xlabel="$\\dot s^2$", ylabel="$\\ddot s$")
+    top = axes.secondary_xaxis("top", functions=(_root, np.square))
+    top.set_xlabel("$\\dot s$", color=INK)
+    top.set_xticks([tick for tick in top.get_xticks() if tick == 0.0 or tick**2 > 0.06 * u])
+
+
+def _root(values: Any) -> Any:  # Any, as Matplotlib takes functions of anything
+    return np.sqrt(np.maximum(values, 0.0))

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import PLATE, Chain
+from pushplan.plans import plan as plans
+from pushplan.plans import run as runs
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import CAUSES as CAUSES
 from pushplan.plans.plan import Diagnosis as Diagnosis
-from pushplan.plans.segment import Segment
+from pushplan.plans.segment import Segment, trajectory_of
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray
 from pushplan.util.lazy_field import LazyField
-from pushplan.util.names import DEFAULT_COST
+from pushplan.util.names import DEFAULT_COST, PUSH
 
 if TYPE_CHECKING:
     from pushplan.plans.execution import Execution
@@ -93,6 +99,44 @@ class PlanResult:
     segments: tuple[Segment, ...] = ()
     objective_cost: float | None = None
 
+    def as_plan(self, scenario: Scenario, execution: Execution | None = None) -> plans.Plan:
+        """Return the same as a `Plan`, for what is written for that already.
+
+        Args:
+            scenario: What was asked.
+            execution: In place of its own.
+        """
+        segments = tuple(_segments(scenario, self))
+        executed = self.execution if execution is None else execution
+        near = None
+        if self.approximate_path is not None and self.approximate_error is not None and not self.segments:
+            load = plans.Load.of(scenario)
+            ended = plans.Segment.push(load, self.approximate_path, scenario.poses, 0.0)
+            near = plans.Nearest((ended,) if scenario.pushes is None else (), self.approximate_error)
+        return plans.Plan(
+            scenario,
+            segments,
+            self.reason,
+            self.planner,
+            self.stable_set,
+            self.seed,
+            cost=(self.path.cost if self.objective_cost is None else self.objective_cost)
+            if self.path
+            else None,
+            objective=self.objective,
+            lower_bound=lambda: self.lower_bound,
+            first_solution_s=self.first_solution_s,
+            planning_s=self.planning_s,
+            iterations=self.extensions,
+            margin_asked=self.margin_asked,
+            margin=self.margin,
+            tree=self.tree,
+            diagnosis=self.diagnosis,
+            nearest=near,
+            execution=None if executed is None else _execution(scenario, self.segments, executed),
+            robustness=lambda: self.robustness,
+        )
+
     @property
     def min_dynamic_margin(self) -> float | None:
         """Smallest margin of any contact with inertia during the execution; None where there is none."""
@@ -156,3 +200,64 @@ class Run:
     execution: Execution | None
     log: Path | None
     seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+def _segments(scenario: Scenario, result: PlanResult) -> Iterator[plans.Segment]:
+    """Yield the segments of a plan as those of the plate frame."""
+    plate, now = scenario.chain.pusher.plate_pose, dict(scenario.poses)
+    whole = result.trajectory
+    if result.path is not None and not result.segments:
+        push = plans.Segment.push(plans.Load.of(scenario), result.path, now, result.margin or 0.0)
+        yield replace(
+            push, trajectory=None if whole is None else whole.of_frame(plate), min_margin=result.min_margin
+        )
+    for one in result.segments:
+        problem = replace(scenario, chain=_part(scenario.chain, one.objects)) if one.objects else scenario
+        moved = {obj.name: se2.compose(one.load_after, obj.pose_chain) for obj in problem.chain.objects}
+        before, now = now, {**now, **moved} if one.pushes else now
+        path = one.robot_path.of_frame(plate)
+        timed = None
+        if whole is not None:
+            timed = trajectory_of(one, whole).of_frame(se2.compose(one.robot, plate))
+        load = plans.Load.of(problem, one.face, one.offset) if one.pushes else None
+        yield plans.Segment(one.kind, path, before, now, load, one.margin, timed)
+
+
+def _part(chain: Chain, names: tuple[str, ...]) -> Chain:
+    """Return the objects of these names, which follow one another, as a chain of their own."""
+    first, count = chain.index_of(names[0]), len(names)
+    contacts = [
+        replace(one, pushed=one.pushed - first, pusher=max(PLATE, one.pusher - first))
+        for one in chain.contacts[first : first + count]
+    ]
+    return Chain(chain.objects[first : first + count], tuple(contacts), chain.pusher)
+
+
+def _execution(scenario: Scenario, segments: tuple[Segment, ...], execution: Execution) -> runs.Execution:
+    """Return an execution as one of the plate frame; margins are NaN where nothing is pushed."""
+    chain, plate = scenario.chain, scenario.chain.pusher.plate_pose
+    names = tuple(obj.name for obj in chain.objects)
+    objects = execution.object_poses
+    if objects is None:
+        objects = se2.compose(execution.load_poses[:, None], chain.places)
+    ends = np.array([segment.t1 for segment in segments[:-1]])
+    owner = np.searchsorted(ends, execution.t, side="right")
+    margins, dynamic = (
+        None if one is None else np.array(one) for one in (execution.margins, execution.dynamic_margins)
+    )
+    for k, segment in enumerate(segments):
+        pushed = [segment.kind == PUSH and (name in segment.objects or not segment.objects) for name in names]
+        for columns in (margins, dynamic):
+            if columns is not None:
+                columns[np.ix_(owner == k, np.logical_not(pushed))] = np.nan
+    loss = None
+    if execution.loss is not None:
+        at = int(np.searchsorted(ends, execution.loss.time, side="right"))
+        k, (x, y, theta) = execution.loss.contact, se2.compose(execution.loss.pose, plate).tolist()
+        named = names[k], chain.contact_name(k)
+        loss = runs.StabilityLoss(execution.loss.time, at, *named, execution.loss.margin, (x, y, theta))
+    poses, twists = se2.compose(execution.poses, plate), se2.twist_of(plate, execution.twists)
+    assert margins is not None
+    return runs.Execution(
+        names, "", execution.t, poses, twists, objects, owner, margins, loss, execution.goal_error, dynamic
+    )

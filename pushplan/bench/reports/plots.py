@@ -14,7 +14,8 @@ from matplotlib.ticker import LogLocator
 
 from pushplan.bench.reports.statistics import percentiles
 from pushplan.bench.storage.results import Results, RunRow
-from pushplan.drawing.figure import FAINT, axes_at, figure_for
+from pushplan.drawing.figure import axes_at, figure_for
+from pushplan.drawing.palette import FAINT
 from pushplan.util.arrays import FloatArray
 from pushplan.util.printable import cut
 

@@ -54,7 +54,7 @@ def pictures(results: Results, runs: Sequence[RunRow]) -> dict[str, str]:
 
 def _picture(log: Path) -> str | None:
     """Return the picture of a logged run, None when its log does not hold a plan (any more)."""
-    from pushplan.drawing.run import plot_plan
+    from pushplan.drawing.plans import plot_plan
     from pushplan.logging.reader import read_run
 
     with tempfile.TemporaryDirectory() as folder:
@@ -63,7 +63,7 @@ def _picture(log: Path) -> str | None:
             recorded = read_run(log)
             if recorded.plan is None:
                 return None
-            plot_plan(recorded.scenario, recorded.plan, recorded.execution, path)
+            plot_plan(recorded.plan.as_plan(recorded.scenario, recorded.execution), path)
         except PushplanError:
             return None  # a log that was cut off is listed without a picture
         return data_uri(path.read_bytes(), "png")

@@ -122,9 +122,9 @@ def draw(
 ) -> None:
     """Draw a plan into a file."""
     with console.computing(f"drawing {path}"):
-        from pushplan.drawing.run import plot_plan
+        from pushplan.drawing.plans import plot_plan
 
-        plot_plan(scenario, plan, execution, path)
+        plot_plan(plan.as_plan(scenario, execution), path)
 
 
 def _task(

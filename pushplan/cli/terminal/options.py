@@ -9,7 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal
 
-from pushplan.drawing.format import check_picture_path
+from pushplan.drawing import check_picture_path
 from pushplan.errors import OutputError
 from pushplan.util.files import check_output
 from pushplan.util.names import AUTO, LOG_MAGIC

@@ -1,0 +1,340 @@
+"""A scene on the floor, seen from above: room, bodies, goals, and the path of the plate coloured by its margins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, PathPatch, Polygon
+from matplotlib.path import Path as Outline
+
+from pushplan.drawing import palette
+from pushplan.drawing.figure import HALO, SMALL, equal_ticks, narrowest, outline_width
+from pushplan.drawing.palette import ALONE, FAINT, GOAL, INK, NEAREST
+from pushplan.drawing.scene import Body, Layer, Line, Scene, Window, piece_colours
+from pushplan.mechanics.body import BodyKind
+from pushplan.util.arrays import FloatArray
+from pushplan.util.printable import cut
+
+GHOSTS = 9
+"""Poses between start and goal of a single push that are outlined."""
+
+NAMED = 6
+"""Objects up to which each has an entry of its own in the key."""
+
+_ASPECTS = 1.0, 1.6
+"""Least and largest width of the view over its height."""
+_SWEEP = 0.01
+"""Between poses whose union is filled, m or tenths of a radian."""
+_PATH = 2.0
+"""Width of the path, points."""
+_DASHES: Any = (0, (4, 2))
+_GOAL: Any = {"edgecolor": GOAL, "linestyle": (0, (3, 1.5))}
+_JUMP = 0.02
+"""Change of the margin between two neighbouring points that is a jump: the pusher stops, and sets off differently."""
+
+
+def view_of(window: Window) -> Window:
+    """Return a window that is no thin strip: wider or taller, about the same middle."""
+    size = window.size
+    size = np.maximum(size, [size[1] * _ASPECTS[0], size[0] / _ASPECTS[1]])
+    middle = 0.5 * np.array([window.xmin + window.xmax, window.ymin + window.ymax])
+    return Window(*map(float, (*(middle - 0.5 * size), *(middle + 0.5 * size))))
+
+
+def set_view(axes: Axes, window: Window) -> None:
+    """Show a window of the floor, with ticks at even distances."""
+    axes.set(xlim=window[::2], ylim=window[1::2], xlabel="x [m]", ylabel="y [m]")
+    equal_ticks(axes, float(window.size.max()))
+
+
+def draw_room(axes: Axes, scene: Scene) -> None:
+    """Draw walls and obstacles; what is unknown of a map is hatched."""
+    if scene.walls is not None:
+        axes.add_patch(
+            Polygon(scene.walls, fill=False, edgecolor=palette.WALL, linewidth=1.4, zorder=_z(Layer.OBSTACLE))
+        )
+    for one in scene.obstacles:
+        look: Any = {"facecolor": "none", "hatch": "////"} if one.unknown else {"facecolor": one.colour}
+        edge = one.colour if one.unknown else palette.OBSTACLE_EDGE
+        axes.add_patch(Polygon(one.outline, edgecolor=edge, linewidth=0.8, zorder=_z(one.layer), **look))
+
+
+def draw_goals(axes: Axes, scene: Scene) -> None:
+    """Outline where objects shall go: green dashes over a line and a touch of the object's own colour."""
+    width = outline_width(axes, [body.outline for body in scene.objects])
+    for goal in scene.goals:
+        look: Any = {"fill": False, "linewidth": 1.4 * width, "zorder": _z(Layer.OBJECT) + 0.5}
+        fill = Polygon(goal.outline, facecolor=goal.colour, alpha=0.45, linewidth=0.0, zorder=_z(Layer.GOAL))
+        line = Polygon(goal.outline, **{**look, "edgecolor": goal.colour, "linewidth": 2.8 * width})
+        for patch in (fill, line, Polygon(goal.outline, **look, **_GOAL)):
+            axes.add_patch(patch)
+
+
+def draw_bodies(
+    axes: Axes, scene: Scene, poses: FloatArray, names: Sequence[str] | None = None, faint: bool = False
+) -> None:
+    """Draw bodies at poses (b, 3): all of them, or those of some names; faintly those that are there for a while."""
+    width = outline_width(axes, [body.outline for body in scene.objects])
+    for body, pose in zip(scene.bodies, poses, strict=True):
+        if names is None or body.name in names:
+            look: Any = {"facecolor": body.colour, "edgecolor": INK, "linewidth": width}
+            if faint:
+                look |= {"facecolor": palette.mixed(body.colour, "#ffffff", 0.5), "edgecolor": FAINT}
+            axes.add_patch(Polygon(body.at(pose), zorder=_z(body.layer) - 0.4 * faint, **look))
+
+
+def draw_outlines(axes: Axes, scene: Scene, poses: FloatArray, **look: Any) -> None:
+    """Outline the bodies that move at poses (b, 3)."""
+    for outline, moves in zip(scene.outlines(poses), scene.moved, strict=True):
+        if moves:
+            axes.add_patch(Polygon(outline, fill=False, **look))
+
+
+def draw_swept(axes: Axes, scene: Scene) -> None:
+    """Fill what robot and load pass over while they push."""
+    loads = {name for line in scene.lines for name in line.load}
+    if len(scene.t) == 1 or not loads:
+        return
+    step = np.abs(np.diff(scene.poses, axis=0)) * [1.0, 1.0, 0.1]
+    travel = np.concatenate([[0.0], np.cumsum(step.sum(axis=2).max(axis=1))])
+    kept = np.flatnonzero(np.diff(np.floor(travel / _SWEEP), prepend=-1.0))
+    kept = kept[~np.isnan(scene.margins[kept])]
+    swept = shapely.union_all(
+        [
+            shapely.Polygon(body.at(poses))
+            for k, body in enumerate(scene.bodies)
+            if body.kind is not BodyKind.OBJECT or body.name in loads
+            for poses in scene.poses[kept, k]
+        ]
+    )
+    for patch in polygon_patches(swept):
+        patch.set(facecolor=palette.SWEPT, edgecolor="none", zorder=_z(Layer.SWEPT))
+        axes.add_patch(patch)
+
+
+def draw_lines(axes: Axes, lines: Sequence[Line]) -> None:
+    """Draw the plate's path: dashed where the robot is alone, by margin over white where it pushes."""
+    for line in lines:
+        if not line.pushes:
+            axes.plot(*line.points.T, color=ALONE, linewidth=0.9, linestyle=_DASHES, zorder=_z(Layer.PATH))
+            continue
+        draw_by_margin(axes, line.points, line.margins)
+
+
+def draw_by_margin(
+    axes: Axes,
+    points: FloatArray,
+    margins: FloatArray,
+    *,
+    under: str = "white",
+    under_width: float = 3.6,
+    broken: bool = False,
+) -> None:
+    """Draw a push through points (k, 2) in the colours of its margins (k,), over a plain line.
+
+    Args:
+        axes: Of the floor, or of margins over time.
+        points: What the line runs through.
+        margins: Each piece between points has the colour of the smaller one at its ends.
+        under: Colour of the plain line.
+        under_width: Of that line, points.
+        broken: Leave out pieces over which the margin jumps, as it does when the pusher stops and sets off
+            differently; the plain line shows them.
+    """
+    axes.plot(*points.T, color=under, linewidth=under_width, solid_capstyle="round", zorder=_z(Layer.PATH))
+    pieces, colours = np.stack([points[:-1], points[1:]], axis=1), piece_colours(margins)
+    kept = np.flatnonzero(~(np.abs(np.diff(margins)) > _JUMP) | (not broken))
+    line = LineCollection(
+        list(pieces[kept]),
+        colors=[colours[k] for k in kept],
+        linewidths=_PATH,
+        capstyle="round",
+        zorder=_z(Layer.PATH) + 0.1,
+    )
+    axes.add_collection(line, autolim=False)
+
+
+def draw_tree(axes: Axes, scene: Scene) -> None:
+    """Draw the branches of the search tree."""
+    if scene.tree is not None:
+        branches = LineCollection(
+            list(scene.tree), colors=palette.TREE, linewidths=0.4, alpha=0.6, zorder=_z(Layer.TREE)
+        )
+        axes.add_collection(branches, autolim=False)
+
+
+def draw_nearest(axes: Axes, scene: Scene) -> None:
+    """Draw the path that comes nearest to the goal, and the bodies at its end."""
+    for line in scene.nearest:
+        style: Any = {} if line.pushes else {"linestyle": _DASHES}
+        axes.plot(*line.points.T, color=NEAREST, linewidth=1.4, zorder=_z(Layer.PATH), **style)
+    if scene.nearest_poses is not None:
+        width = outline_width(axes, [body.outline for body in scene.objects])
+        for outline in scene.outlines(scene.nearest_poses):
+            axes.add_patch(
+                Polygon(
+                    outline,
+                    fill=False,
+                    edgecolor=NEAREST,
+                    linewidth=width,
+                    linestyle="--",
+                    zorder=_z(Layer.PATH),
+                )
+            )
+
+
+def draw_numbers(axes: Axes, scene: Scene) -> None:
+    """Write the number of each push where it leaves its load."""
+    spots: list[FloatArray] = []
+    reach = 9.0 / 72.0 * float(np.ptp(axes.get_xlim())) * axes.figure.dpi / axes.get_window_extent().width
+    for rest in scene.rests:
+        spot = _inside(np.concatenate(_outlines(scene, rest.poses, rest.names)))
+        while any(np.hypot(*(spot - other)) < reach for other in spots):  # two pushes end in one place
+            spot = spot + np.array([reach, 0.0])
+        spots.append(spot)
+        box = {"boxstyle": "circle,pad=0.18", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
+        style: Any = {
+            "ha": "center",
+            "va": "center",
+            "fontsize": SMALL,
+            "color": INK,
+            "clip_on": True,
+            "bbox": box,
+        }
+        axes.text(float(spot[0]), float(spot[1]), str(rest.number), zorder=_z(Layer.MARK), **style)
+
+
+def draw_names(axes: Axes, scene: Scene, poses: FloatArray, letters: int = 16) -> None:
+    """Write the name of every object beside it, below its middle, where the picture shows it."""
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    for body, pose in zip(scene.bodies, poses, strict=True):
+        if body.kind is not BodyKind.OBJECT:
+            continue
+        outline = body.at(pose)
+        x, y = 0.5 * (outline[:, 0].min() + outline[:, 0].max()), outline[:, 1].min()
+        if x0 < x < x1 and y0 < y < y1:
+            axes.annotate(
+                cut(body.name, letters),
+                (float(x), float(y)),
+                (0.0, -2.0),
+                textcoords="offset points",
+                ha="center",
+                va="top",
+                fontsize=SMALL,
+                color=INK,
+                bbox=HALO,
+                zorder=_z(Layer.MARK),
+            )
+
+
+def draw_scene(axes: Axes, scene: Scene) -> None:
+    """Draw everything that there is to see of a plan, from start to goal, into axes whose view is set."""
+    draw_room(axes, scene)
+    draw_goals(axes, scene)
+    if not scene.lines:
+        draw_tree(axes, scene)
+        draw_nearest(axes, scene)
+        draw_bodies(axes, scene, scene.start)
+        return
+    draw_swept(axes, scene)
+    if is_single(scene):
+        ghosts: Any = {"edgecolor": INK, "alpha": 0.22, "linewidth": 0.6, "zorder": _z(Layer.SWEPT) + 0.5}
+        for poses in _ghosts(scene):
+            draw_outlines(axes, scene, poses, **ghosts)
+        draw_bodies(axes, scene, scene.start)
+        draw_bodies(axes, scene, scene.end)
+    else:
+        last = {name: rest.number for rest in scene.rests for name in rest.names}
+        for rest in scene.rests:
+            passing = [name for name in rest.names if last[name] != rest.number]
+            draw_bodies(axes, scene, rest.poses, passing, faint=True)
+        draw_bodies(axes, scene, scene.start)
+        draw_bodies(axes, scene, scene.end, list(last))
+        width = outline_width(axes, [body.outline for body in scene.objects])
+        robot: Any = {"edgecolor": palette.PLATE, "linewidth": width, "zorder": _z(Layer.ROBOT)}
+        for body, pose in zip(scene.bodies, scene.end, strict=True):
+            if body.kind is not BodyKind.OBJECT:
+                axes.add_patch(Polygon(body.at(pose), fill=False, **robot))
+        draw_numbers(axes, scene)
+    draw_lines(axes, scene.lines)
+
+
+def is_single(scene: Scene) -> bool:
+    """Tell whether the whole path is one push."""
+    return len(scene.lines) == 1 and scene.lines[0].pushes
+
+
+def scene_keys(scene: Scene) -> list[Artist]:
+    """Return the entries of the key: what is drawn, and nothing else."""
+    kinds = {body.kind for body in scene.bodies}
+    keys: list[Artist] = []
+    if BodyKind.ROBOT in kinds:
+        keys.append(Patch(facecolor=palette.ROBOT, edgecolor=INK, label="robot"))
+    keys.append(Patch(facecolor=palette.PLATE, edgecolor=INK, label="pusher"))
+    objects: tuple[Body, ...] = scene.objects
+    if len(objects) <= NAMED:
+        keys += [Patch(facecolor=one.colour, edgecolor=INK, label=cut(one.name, 20)) for one in objects]
+    keys.append(Patch(facecolor="none", label="goal", **_GOAL))
+    known = {one.unknown for one in scene.obstacles}
+    if False in known:
+        keys.append(Patch(facecolor=palette.OBSTACLE, edgecolor=palette.OBSTACLE_EDGE, label="obstacle"))
+    if True in known:
+        keys.append(Patch(facecolor="none", edgecolor=palette.OBSTACLE, hatch="////", label="unknown"))
+    return [*keys, *_path_keys(scene)]
+
+
+def _path_keys(scene: Scene) -> Iterator[Artist]:
+    if scene.lines:
+        if len(scene.t) > 1:
+            yield Patch(facecolor=palette.SWEPT, edgecolor=FAINT, label="swept")
+        if not is_single(scene):
+            yield Line2D([], [], color=ALONE, linewidth=0.9, linestyle=_DASHES, label="robot alone")
+            yield Line2D(
+                [], [], linestyle="none", marker="$1$", color=INK, markersize=5.0, label="after push 1"
+            )
+        return
+    if scene.tree is not None:
+        yield Line2D([], [], color=palette.TREE, linewidth=0.8, label="search tree")
+    if scene.nearest:
+        yield Line2D([], [], color=NEAREST, linewidth=1.4, label="nearest path")
+
+
+def polygon_patches(geometry: shapely.Geometry) -> Iterator[PathPatch]:
+    """Yield a patch for each polygon of a geometry, holes kept open; lines and points are left out."""
+    for part in shapely.get_parts(geometry):
+        if isinstance(part, shapely.Polygon) and not part.is_empty:
+            rings = [np.asarray(ring.coords)[:, :2] for ring in (part.exterior, *part.interiors)]
+            yield PathPatch(Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings)))
+
+
+def names_fit(axes: Axes, scene: Scene, points: float = SMALL) -> bool:
+    """Tell whether the narrowest object is wider than letters of so many points."""
+    return narrowest(axes, [body.outline for body in scene.objects]) > points
+
+
+def _ghosts(scene: Scene) -> FloatArray:
+    """Return the poses (g, b, 3) of all bodies at even distances along the path."""
+    step = np.diff(scene.poses[:, -1], axis=0)
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]) + 0.1 * np.abs(step[:, 2]))])
+    at = np.linspace(0.0, travel[-1], GHOSTS + 2)[1:-1]
+    return scene.poses[np.clip(np.searchsorted(travel, at), 0, len(travel) - 1)]
+
+
+def _outlines(scene: Scene, poses: FloatArray, names: Sequence[str]) -> list[FloatArray]:
+    return [body.at(pose) for body, pose in zip(scene.bodies, poses, strict=True) if body.name in names]
+
+
+def _inside(points: FloatArray) -> FloatArray:
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
+
+
+def _z(layer: Layer) -> float:
+    """Return the order in which Matplotlib draws a layer: axes and grid lie below 1."""
+    return 1.0 + layer

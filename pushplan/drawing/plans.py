@@ -1,0 +1,280 @@
+"""Pictures of plans and of scenarios before they are planned: the floor, and beside it what decides."""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from pushplan.drawing import palette
+from pushplan.drawing.figure import axes_at, draw_footer, figure_for, letters_across
+from pushplan.drawing.floor import (
+    draw_bodies,
+    draw_by_margin,
+    draw_goals,
+    draw_lines,
+    draw_names,
+    draw_room,
+    draw_scene,
+    names_fit,
+    scene_keys,
+    set_view,
+    view_of,
+)
+from pushplan.drawing.palette import FAINT, INK
+from pushplan.drawing.scene import Line, Scene, Window
+from pushplan.drawing.sets import draw_set, name_objects, turn_keys
+from pushplan.util.printable import cut
+
+if TYPE_CHECKING:
+    from pushplan.plans.plan import Plan, Segment
+    from pushplan.plans.run import Execution
+    from pushplan.scenario.model import Scenario
+    from pushplan.sets.stable_set import StableSet
+
+# The layout, in inches.
+_LEFT, _TOP, _RIGHT, _GAP, _AXIS = 0.62, 0.34, 0.2, 0.78, 0.52
+_HEIGHT, _SIDE, _MARGIN_HEIGHT = 4.0, 2.2, 1.05
+_SCENARIO_SIDE = 2.6
+_STEPS_IN_A_ROW, _MOST_STEPS, _STEP_GAP, _STEP_TITLE = 4, 12, 0.15, 0.26
+"""Small pictures of single pushes: how many, and inches between them and for the title of each."""
+_LINE = 0.155
+"""Of a line of the letters beside the floor, inches."""
+_TITLE = 10.0
+"""Size of its letters, points."""
+_LETTERS = 7.5
+"""Size of the letters beside the floor, points."""
+
+
+def plot_plan(plan: Plan, path: str | Path, execution: Execution | None = None) -> None:
+    """Draw a plan: the way from start to goal, the margin on it, and the stable set or the pushes.
+
+    Args:
+        plan: Of one push, several pushes or several objects; without a plan the search tree and the path that comes
+            nearest are drawn, and the reason is the title.
+        path: File to write; its suffix says whether PNG, SVG or PDF.
+        execution: What happened; by default the plan's own. Paths and margins are taken from it.
+
+    Raises:
+        PlotError: On a suffix that is none of these.
+    """
+    execution = plan.execution if execution is None else execution
+    scene = Scene.of(plan.scenario, plan, execution)
+    view = view_of(scene.window)
+    width = float(_HEIGHT * view.size[0] / view.size[1])
+    side = _LEFT + width + _GAP
+    full = side + _SIDE + _RIGHT
+    single = plan.scenario.kind == "push"
+    with figure_for(path, full, _HEIGHT) as figure:
+        robustness = plan.robustness if plan.solved else None
+        sentence = "" if robustness is None or not robustness.known else robustness.sentence
+        keys = [*scene_keys(scene), *(turn_keys() if single else [])]
+        low = draw_footer(figure, _LEFT, keys, sentence) + 0.15
+        steps = (
+            _Steps.of(scene, view, full - _LEFT - _RIGHT) if plan.scenario.kind == "rearrangement" else None
+        )
+        bottom = low + (0.0 if steps is None else steps.height) + _AXIS - 0.15
+        over = 0.0 if plan.solved else 0.24  # a reason is as wide as the picture, above the title of the set
+        lines = _title(plan, int(letters_across_inches(width if plan.solved else full - 2.0 * _LEFT, _TITLE)))
+        figure.set_size_inches(full, bottom + _HEIGHT + _TOP + over + 0.17 * (len(lines) - 1))
+        floor = axes_at(figure, _LEFT, bottom, width, _HEIGHT)
+        set_view(floor, view)
+        title: Any = {"transform": figure.dpi_scale_trans, "fontsize": _TITLE, "va": "bottom"}
+        figure.text(_LEFT, bottom + _HEIGHT + 0.1 + over, "\n".join(lines), **title)
+        draw_scene(floor, scene)
+        if steps is not None:
+            steps.draw(figure, _LEFT, low)
+        above = bottom
+        if scene.lines and execution is not None and len(execution.t) > 1:
+            _draw_margins(axes_at(figure, side, bottom, _SIDE, _MARGIN_HEIGHT), scene, plan)
+            above += _MARGIN_HEIGHT + _GAP
+        elif len(plan.why_not) > 1:
+            above += _tell_more(figure, side, bottom, plan)
+        beside = axes_at(figure, side, above, _SIDE, bottom + _HEIGHT - above)
+        if single:
+            draw_set(beside, plan.scenario.chain, plan.scenario.stable_set(plan.stable_set or None))
+        else:
+            _list_pushes(beside, scene, plan)
+
+
+def plot_scenario(scenario: Scenario, path: str | Path, stable: StableSet | None = None) -> None:
+    """Draw what was understood of a scenario: the floor with start and goals, and the chain with its stable set.
+
+    Args:
+        scenario: Of any kind.
+        path: File to write; its suffix says whether PNG, SVG or PDF.
+        stable: A stable set of its chain; None leaves it out, as where objects stand apart.
+
+    Raises:
+        PlotError: On a suffix that is none of these.
+    """
+    scene = Scene.of(scenario)
+    view = view_of(scene.window)
+    width = float(_HEIGHT * view.size[0] / view.size[1])
+    side = _LEFT + width + _GAP
+    full = _LEFT + width + _RIGHT if stable is None else side + _SCENARIO_SIDE + _RIGHT
+    with figure_for(path, full, _HEIGHT) as figure:
+        bottom = draw_footer(figure, _LEFT, [*scene_keys(scene), *(turn_keys() if stable else [])]) + _AXIS
+        figure.set_size_inches(full, bottom + _HEIGHT + _TOP)
+        floor = axes_at(figure, _LEFT, bottom, width, _HEIGHT)
+        set_view(floor, view)
+        floor.set_title(cut(scenario.name, letters_across(floor, _TITLE)), loc="left")
+        draw_room(floor, scene)
+        draw_goals(floor, scene)
+        draw_bodies(floor, scene, scene.start)
+        if stable is None:
+            draw_names(floor, scene, scene.start)
+            return
+        beside = axes_at(figure, side, bottom, _SCENARIO_SIDE, _HEIGHT)
+        draw_set(beside, scenario.chain, stable)
+        if names_fit(beside, scene):
+            name_objects(beside, scenario.chain)
+
+
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """A small picture for each push: what the robot drives and pushes then, and where everything stands before.
+
+    Attributes:
+        scene: What there is.
+        view: Of each.
+        size: Width and height of each, inches.
+        lines: Of each, up to the end of the push.
+    """
+
+    scene: Scene
+    view: Window
+    size: tuple[float, float]
+    lines: tuple[tuple[Line, ...], ...]
+
+    @classmethod
+    def of(cls, scene: Scene, view: Window, width: float) -> _Steps | None:
+        """Return the pictures in a row as wide as that, or in several; None where they are too many or one."""
+        if not 1 < len(scene.rests) <= _MOST_STEPS:
+            return None
+        own = (width - (_STEPS_IN_A_ROW - 1) * _STEP_GAP) / _STEPS_IN_A_ROW
+        groups: list[list[Line]] = [[]]
+        for line in scene.lines:
+            groups[-1].append(line)
+            if line.pushes and len(groups) < len(scene.rests):
+                groups.append([])
+        height = own * float(view.size[1] / view.size[0])
+        return cls(scene, view, (own, height), tuple(tuple(group) for group in groups))
+
+    @property
+    def height(self) -> float:
+        """Of all rows, with their titles, inches."""
+        return -(-len(self.lines) // _STEPS_IN_A_ROW) * (self.size[1] + _STEP_TITLE)
+
+    def draw(self, figure: Figure, left: float, bottom: float) -> None:
+        """Draw all of them, the first in the upper row."""
+        rows = -(-len(self.lines) // _STEPS_IN_A_ROW)
+        before = self.scene.start
+        for k, (lines, rest) in enumerate(zip(self.lines, self.scene.rests, strict=True)):
+            row, column = divmod(k, _STEPS_IN_A_ROW)
+            x = left + column * (self.size[0] + _STEP_GAP)
+            y = bottom + (rows - 1 - row) * (self.size[1] + _STEP_TITLE)
+            axes = axes_at(figure, x, y, *self.size)
+            axes.set(xlim=self.view[::2], ylim=self.view[1::2], xticks=[], yticks=[])
+            moved = cut(", ".join(rest.names), letters_across(axes, _LETTERS) - 8)
+            axes.set_title(f"push {rest.number}: {moved}", loc="left", fontsize=_LETTERS, pad=3.0)
+            draw_room(axes, self.scene)
+            draw_goals(axes, self.scene)
+            draw_bodies(axes, self.scene, before)
+            draw_bodies(axes, self.scene, rest.poses, rest.names, faint=True)
+            draw_lines(axes, lines)
+            before = rest.poses
+
+
+def _title(plan: Plan, letters: int) -> list[str]:
+    """Return the lines of the title: what the plan comes to, or why there is none."""
+    if not plan.solved:
+        return textwrap.wrap(f"{cut(plan.scenario.name, letters // 2)}: no plan, {plan.reason}", letters)[:4]
+    duration = "" if plan.duration is None else f", {plan.duration:.1f} s"
+    count = len(plan.pushes)
+    pushes = "" if plan.path is not None else f" in {count} push{'es' if count > 1 else ''}"
+    outcome = f": {plan.pushed_distance:.2f} m{pushes}{duration}"
+    return [cut(plan.scenario.name, max(8, letters - len(outcome))) + outcome]
+
+
+def _tell_more(figure: Figure, left: float, bottom: float, plan: Plan) -> float:
+    """Write what else is known of why there is no plan; return the height that it takes, inches."""
+    letters = int(letters_across_inches(_SIDE, _LETTERS))
+    lines = [line for sentence in plan.why_not[1:] for line in [*textwrap.wrap(sentence, letters), ""]][:-1]
+    lines = lines if len(lines) <= 12 else [*lines[:11], "…"]
+    text: Any = {"transform": figure.dpi_scale_trans, "fontsize": _LETTERS, "color": INK, "va": "top"}
+    height = _LINE * len(lines)
+    figure.text(left, bottom + height, "\n".join(lines), linespacing=1.25, **text)
+    return height + 0.5
+
+
+def _draw_margins(axes: Axes, scene: Scene, plan: Plan) -> None:
+    """Draw the smallest margin over time in the colours of the path, and the margin that the plan keeps."""
+    known = ~np.isnan(scene.margins)
+    edges = np.flatnonzero(np.diff(known.astype(int), prepend=0, append=0)).reshape(-1, 2)
+    for begin, end in edges:
+        points = np.stack([scene.t[begin:end], scene.margins[begin:end]], axis=1)
+        draw_by_margin(axes, points, scene.margins[begin:end], under=FAINT, under_width=0.6, broken=True)
+    top = float(scene.margins[known].max(initial=palette.MARGINS[-1][0]))
+    low = float(scene.margins[known].min(initial=0.0))
+    ticks = palette.MARGIN_TICKS
+    axes.set(
+        xlim=(0.0, max(float(scene.t[-1]), 1e-3)), ylim=(min(0.0, 1.1 * low), 1.08 * top), xlabel="time [s]"
+    )
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    for tick, label in zip(ticks, axes.get_yticklabels(), strict=True):
+        label.set_color(palette.margin_colour(tick) or INK)
+    kept = plan.margin
+    if kept is not None:
+        axes.axhline(kept, color=INK, linewidth=0.7, linestyle=(0, (3, 2)), zorder=1.5)
+    axes.axhline(0.0, color=palette.SLIPS, linewidth=0.8, zorder=1.5)
+    axes.set_title(
+        "margin" + ("" if kept is None else f", at least {kept:.2g} kept"), loc="left", fontsize=9.0
+    )
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _list_pushes(axes: Axes, scene: Scene, plan: Plan) -> None:
+    """Write the pushes one below the other, each with its number, the colour of what it moves, face and length."""
+    axes.axis("off")
+    inches = axes.get_window_extent().height / axes.figure.dpi
+    axes.set(xlim=(0.0, _SIDE), ylim=(inches, 0.0))
+    room = int(inches / _LINE) - 1
+    pushes = plan.pushes
+    if not pushes:
+        return
+    colours = {body.name: body.colour for body in scene.objects}
+    shown = pushes if len(pushes) <= room else pushes[: room - 1]
+    style: Any = {"fontsize": _LETTERS, "color": INK, "va": "center"}
+    for k, push in enumerate(shown, start=1):
+        y = _LINE * (k - 0.5)
+        names = () if push.load is None else push.load.names
+        axes.text(0.16, y, str(k), ha="right", **style)
+        swatch = Rectangle(
+            (0.22, y - 0.05), 0.1, 0.1, facecolor=colours.get(names[0], "white"), edgecolor=INK, lw=0.5
+        )
+        axes.add_patch(swatch)
+        axes.text(0.38, y, _push_text(push, len(scene.objects) > 1), **style)
+    if len(shown) < len(pushes):
+        axes.text(0.38, _LINE * (len(shown) + 0.5), f"and {len(pushes) - len(shown)} more", **style)
+
+
+def _push_text(push: Segment, several: bool) -> str:
+    """Return what is pushed, through which face and how far."""
+    if push.load is None:
+        return f"{push.cost:.2f} m"
+    names = ", ".join(push.load.names)
+    face = f"{push.load.face} face, {push.cost:.2f} m"
+    letters = int(letters_across_inches(_SIDE - 0.38, _LETTERS))
+    return f"{cut(names, max(6, letters - len(face) - 2))}: {face}" if several else face
+
+
+def letters_across_inches(inches: float, points: float) -> float:
+    """Return how many letters of so many points fit beside one another."""
+    return 72.0 * inches / (0.6 * points)

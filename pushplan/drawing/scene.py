@@ -1,0 +1,420 @@
+"""What there is to see of a scenario, a plan or an execution, whatever draws it.
+
+A scene holds the room, the bodies with their poses over time, the goals, and the path of the plate with its margins.
+Pictures, the page, the film, the window and the logs draw this one description, in the colours of the palette.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+import numpy as np
+
+from pushplan.drawing import palette
+from pushplan.geometry import se2
+from pushplan.mechanics.body import BodyKind
+from pushplan.scenario.parts import CircleObstacle, Goal, Obstacle, PolygonObstacle
+from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.names import PUSH, PUSHER, ROBOT, TRANSIT
+
+if TYPE_CHECKING:
+    from pushplan.mechanics.chain import PushedObject
+    from pushplan.plans.plan import Plan, Poses, Segment
+    from pushplan.plans.run import Execution
+    from pushplan.scenario.model import Scenario
+
+PATH_SPACING = 0.01
+"""Of the points of a path, m of path cost."""
+
+CIRCLE_CORNERS = 48
+"""Of the polygon that is drawn for a circle."""
+
+_SAME = 6
+"""Digits of a metre in which outlines are compared: goals that cover one another are drawn once."""
+
+_AIR, _ACTION, _CROPPED = 0.03, 0.15, 0.4
+"""Rims around everything and around what moves, as shares of the longer side; what moves is shown alone where it
+takes less than this share of the whole."""
+
+
+class Layer(IntEnum):
+    """What is drawn over what, from below."""
+
+    FLOOR = 0
+    TREE = 1
+    SWEPT = 2
+    OBSTACLE = 3
+    GOAL = 4
+    ROBOT = 5
+    PLATE = 6
+    OBJECT = 7
+    PATH = 8
+    MARK = 9
+
+
+class Window(NamedTuple):
+    """Sides of a rectangle in the world, m."""
+
+    xmin: float
+    ymin: float
+    xmax: float
+    ymax: float
+
+    @property
+    def size(self) -> FloatArray:
+        """(2,) width and height, m."""
+        return np.array([self.xmax - self.xmin, self.ymax - self.ymin])
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Something that moves.
+
+    Attributes:
+        name: `robot`, `pusher` (the plate) or the object's name.
+        kind: What it is.
+        outline: (v, 2) in the plate frame of what the robot carries, else in the object's own frame, m.
+        colour: Of its inside.
+        layer: What it is drawn over.
+    """
+
+    name: str
+    kind: BodyKind
+    outline: FloatArray
+    colour: str
+    layer: Layer
+
+    def at(self, pose: FloatArray) -> FloatArray:
+        """Return its outline (v, 2) in the world, its frame being at a pose (3,)."""
+        return se2.transform_points(pose, self.outline)
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed:
+    """An outline that stands still: an obstacle, or where an object shall go.
+
+    Attributes:
+        name: Of the object that shall go there; empty for an obstacle.
+        outline: (v, 2) in the world, m.
+        colour: Of an obstacle, or of the object.
+        layer: What it is drawn over.
+        unknown: Nothing is known of this part of a map: it is hatched.
+    """
+
+    name: str
+    outline: FloatArray
+    colour: str
+    layer: Layer
+    unknown: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A part of the plate's path.
+
+    Attributes:
+        kind: One of `names.SEGMENT_KINDS`.
+        points: (k, 2) in the world, m.
+        margins: (k,) smallest margin of any contact; NaN where nothing is pushed, or no margin is known.
+        load: Names of the objects that are pushed; none where the robot drives alone.
+    """
+
+    kind: str
+    points: FloatArray
+    margins: FloatArray
+    load: tuple[str, ...] = ()
+
+    @property
+    def pushes(self) -> bool:
+        """Whether something is pushed."""
+        return self.kind == PUSH
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """Where objects rest after a push.
+
+    Attributes:
+        number: Of the push, from 1 on.
+        names: Of the objects that it has moved.
+        poses: (b, 3) of all bodies then.
+    """
+
+    number: int
+    names: tuple[str, ...]
+    poses: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What there is to see.
+
+    Attributes:
+        name: Of the scenario.
+        walls: (4, 2) corners of the workspace; None where there is none.
+        obstacles: What stands in the way.
+        bodies: All that moves, from below: the robot's parts, the plate, the objects.
+        goals: Where objects shall go.
+        t: (m,) times, s, at which poses are known; 0 alone where nothing was executed.
+        poses: (m, b, 3) of the bodies' frames in the world.
+        margins: (m,) smallest margin of any contact; NaN where nothing is pushed.
+        lines: The path of the plate, in its parts.
+        rests: Where objects rest after each push.
+        nearest: Where there is no plan, the path that comes nearest to the goal.
+        nearest_poses: (b, 3) at its end; None where there is none.
+        tree: (q, 2, 2) branches of the search tree.
+    """
+
+    name: str
+    walls: FloatArray | None
+    obstacles: tuple[Fixed, ...]
+    bodies: tuple[Body, ...]
+    goals: tuple[Fixed, ...]
+    t: FloatArray
+    poses: FloatArray
+    margins: FloatArray
+    lines: tuple[Line, ...] = ()
+    rests: tuple[Rest, ...] = ()
+    nearest: tuple[Line, ...] = ()
+    nearest_poses: FloatArray | None = None
+    tree: FloatArray | None = None
+
+    @classmethod
+    def of(cls, scenario: Scenario, plan: Plan | None = None, execution: Execution | None = None) -> Self:
+        """Return the scene of a scenario.
+
+        Args:
+            scenario: What is there.
+            plan: What is meant to happen; None for the scenario alone.
+            execution: What happened; by default that of the plan, if it has one.
+        """
+        if execution is None and plan is not None:
+            execution = plan.execution
+        bodies, area = tuple(_bodies(scenario)), scenario.workspace
+        named = palette.object_colours(list(scenario.poses))
+        colours = dict(zip(scenario.poses, named, strict=True))
+        first = _pose_rows(bodies, scenario.plate_start, scenario.poses)
+        t, poses, margins = np.zeros(1), first[None], np.full(1, np.nan)
+        segments = () if plan is None else plan.segments
+        lines, rests = _planned(bodies, segments)
+        if execution is not None and len(execution.t):
+            t, poses, margins = execution.t, _executed_poses(bodies, execution), smallest(execution.margins)
+            lines, rests = _executed(bodies, segments, execution, poses, margins)
+        nearest: tuple[Line, ...] = ()
+        last: FloatArray | None = None
+        if plan is not None and plan.nearest is not None and plan.nearest.segments:
+            nearest, ends = _planned(bodies, plan.nearest.segments)
+            last = ends[-1].poses if ends else None
+        return cls(
+            scenario.name,
+            None if area is None else area.outline,
+            tuple(_obstacle(one) for one in scenario.obstacles),
+            bodies,
+            tuple(_goals(scenario, colours)),
+            t,
+            poses,
+            margins,
+            lines,
+            rests,
+            nearest,
+            last,
+            None if plan is None or not len(plan.tree) else plan.tree[:, :, :2],
+        )
+
+    @property
+    def objects(self) -> tuple[Body, ...]:
+        """The bodies that are pushed."""
+        return tuple(body for body in self.bodies if body.kind is BodyKind.OBJECT)
+
+    @property
+    def start(self) -> FloatArray:
+        """(b, 3) poses of the bodies before anything moves."""
+        return self.poses[0]
+
+    @property
+    def end(self) -> FloatArray:
+        """(b, 3) poses of the bodies at the end: executed, or planned."""
+        return self.poses[-1] if len(self.t) > 1 or not self.rests else self.rests[-1].poses
+
+    @cached_property
+    def moved(self) -> tuple[bool, ...]:
+        """Whether each body moves at all."""
+        every = np.concatenate([self.poses, *(rest.poses[None] for rest in self.rests)])
+        return tuple((np.abs(every - every[:1]).max(axis=(0, 2)) > 1e-9).tolist())
+
+    def at(self, time: float) -> FloatArray:
+        """Return the poses (b, 3) of the bodies at a time, s; angles run on, they are not wrapped."""
+        flat = self.poses.reshape(len(self.t), -1)
+        now: FloatArray = np.array([np.interp(time, self.t, column) for column in flat.T])
+        return np.asarray(now.reshape(-1, 3))
+
+    def outlines(self, poses: FloatArray) -> list[FloatArray]:
+        """Return the outlines of all bodies in the world at poses (b, 3)."""
+        return [body.at(pose) for body, pose in zip(self.bodies, poses, strict=True)]
+
+    @cached_property
+    def window(self) -> Window:
+        """The rectangle to show: the workspace, or everything there is; of a plan in a wide room, where it leads."""
+        whole = self._whole()
+        if not self.lines and not self.nearest:
+            return whole
+        action = _around(self._action(), _ACTION)
+        low, high = np.maximum(whole[:2], action[:2]), np.minimum(whole[2:], action[2:])
+        part = Window(*map(float, (*low, *high)))
+        return part if np.prod(part.size) < _CROPPED * np.prod(whole.size) else whole
+
+    def _whole(self) -> Window:
+        if self.walls is not None:
+            return Window(*map(float, (*self.walls.min(axis=0), *self.walls.max(axis=0))))
+        standing = [one.outline for one in self.obstacles]
+        return _around([*self._action(), *standing], _AIR)
+
+    def _action(self) -> list[FloatArray]:
+        """Return the outlines of what moves, along its path, and of the goals."""
+        along = self.poses[np.unique(np.linspace(0, len(self.t) - 1, 100).astype(int))]
+        known = [*along, *(rest.poses for rest in self.rests)]
+        if self.nearest_poses is not None:
+            known.append(self.nearest_poses)
+        moved = self.moved if any(self.moved) else (True,) * len(self.bodies)
+        points = [line.points for line in (*self.lines, *self.nearest)]
+        bodies = [
+            body.at(pose)
+            for poses in known
+            for body, pose, moves in zip(self.bodies, poses, moved, strict=True)
+            if moves
+        ]
+        return [*points, *bodies, *(goal.outline for goal in self.goals)]
+
+
+def piece_colours(margins: FloatArray) -> list[str]:
+    """Return the colours of the k - 1 pieces of a push between points whose margins are (k,): by the smaller one."""
+    pairs = np.fmin(margins[:-1], margins[1:])
+    return [palette.margin_colour(float(margin)) or palette.PATH for margin in pairs]
+
+
+def smallest(margins: FloatArray) -> FloatArray:
+    """Return the smallest (m,) of margins (m, n) of contacts; NaN where nothing is pushed."""
+    least = np.fmin.reduce(margins, axis=1, initial=np.inf)
+    return np.where(np.isinf(least), np.nan, least)
+
+
+def obstacle_outline(obstacle: Obstacle) -> FloatArray:
+    """Return the polygon (v, 2), world frame, that is drawn for an obstacle."""
+    if not isinstance(obstacle, CircleObstacle):
+        return obstacle.outline
+    angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_CORNERS, endpoint=False)
+    return obstacle.center + obstacle.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _obstacle(obstacle: Obstacle) -> Fixed:
+    unknown = isinstance(obstacle, PolygonObstacle) and obstacle.unknown
+    return Fixed("", obstacle_outline(obstacle), palette.OBSTACLE, Layer.OBSTACLE, unknown)
+
+
+def _bodies(scenario: Scenario) -> Iterator[Body]:
+    pusher = scenario.pusher
+    of_plate = se2.inverse(pusher.plate_pose)
+    for part in pusher.footprint:
+        outline = se2.transform_points(of_plate, part)
+        yield Body(ROBOT, BodyKind.ROBOT, outline, palette.ROBOT, Layer.ROBOT)
+    plate = se2.transform_points(of_plate, pusher.outline)
+    yield Body(PUSHER, BodyKind.PLATE, plate, palette.PLATE, Layer.PLATE)
+    objects = [obj for task in scenario.tasks for obj in task.chain.objects]
+    colours = palette.object_colours([obj.name for obj in objects])
+    for obj, colour in zip(objects, colours, strict=True):
+        yield Body(obj.name, BodyKind.OBJECT, obj.outline, colour, Layer.OBJECT)
+
+
+def _goals(scenario: Scenario, colours: dict[str, str]) -> Iterator[Fixed]:
+    """Yield each goal once: turned by its symmetry an object covers itself, and dashes over dashes make a line."""
+    seen: set[tuple[str, frozenset[tuple[float, ...]]]] = set()
+    for task in scenario.tasks:
+        for goal in task.goals:
+            for name, outline in _goal_outlines(task.chain.objects, goal):
+                key = name, frozenset(map(tuple, outline.round(_SAME).tolist()))
+                if key not in seen:
+                    seen.add(key)
+                    yield Fixed(name, outline, colours[name], Layer.GOAL)
+
+
+def _goal_outlines(objects: tuple[PushedObject, ...], goal: Goal) -> Iterator[tuple[str, FloatArray]]:
+    for obj in objects:
+        if obj.name in goal.objects or not goal.objects:
+            yield obj.name, se2.transform_points(goal.pose_chain, obj.outline_chain)
+
+
+def _pose_rows(bodies: tuple[Body, ...], plate: FloatArray, objects: Poses) -> FloatArray:
+    """Return the poses (b, 3) of bodies, the plate frame (3,) and the objects' frames being known."""
+    return np.array([objects[body.name] if body.kind is BodyKind.OBJECT else plate for body in bodies])
+
+
+def _executed_poses(bodies: tuple[Body, ...], execution: Execution) -> FloatArray:
+    columns = [
+        execution.objects[:, execution.names.index(body.name)]
+        if body.kind is BodyKind.OBJECT
+        else execution.poses
+        for body in bodies
+    ]
+    return np.stack(columns, axis=1)
+
+
+def _planned(
+    bodies: tuple[Body, ...], segments: tuple[Segment, ...]
+) -> tuple[tuple[Line, ...], tuple[Rest, ...]]:
+    """Return the path of the plate, without margins, and where its pushes leave the objects."""
+    lines: list[Line] = []
+    rests: list[Rest] = []
+    for segment in segments:
+        points = segment.path.sampled(PATH_SPACING)[:, :2]
+        names = segment.load.names if segment.pushes and segment.load is not None else ()
+        lines.append(Line(segment.kind, points, np.full(len(points), np.nan), names))
+        if segment.pushes:
+            rests.append(Rest(len(rests) + 1, names, _pose_rows(bodies, segment.path.end, segment.after)))
+    return tuple(lines), tuple(rests)
+
+
+def _executed(
+    bodies: tuple[Body, ...],
+    segments: tuple[Segment, ...],
+    execution: Execution,
+    poses: FloatArray,
+    margins: FloatArray,
+) -> tuple[tuple[Line, ...], tuple[Rest, ...]]:
+    """Return the path that the plate has driven, with margins, and where its pushes have left the objects."""
+    pushing = ~np.isnan(margins)
+    changes = np.flatnonzero((np.diff(execution.segment) != 0) | (np.diff(pushing) != 0)) + 1
+    ends = [0, *changes.tolist(), len(margins)] if len(margins) > 1 else [0]
+    lines: list[Line] = []
+    rests: list[Rest] = []
+    for begin, end in pairwise(ends):
+        pushed = ~np.isnan(np.fmin.reduce(execution.margins[begin:end], axis=0))
+        names = tuple(name for name, one in zip(execution.names, pushed, strict=True) if one)
+        upto = min(end, len(margins) - 1)  # the next part begins where this one ends
+        kept = _spaced(execution.poses[begin : upto + 1])
+        least = np.append(np.fmin.reduceat(margins[begin:end], kept[:-1]), margins[end - 1])
+        owner = int(execution.segment[begin])
+        alone = segments[owner].kind if owner < len(segments) and not segments[owner].pushes else TRANSIT
+        lines.append(Line(PUSH if names else alone, execution.poses[begin + kept, :2], least, names))
+        if names:
+            rests.append(Rest(len(rests) + 1, names, poses[upto]))
+    return tuple(lines), tuple(rests)
+
+
+def _spaced(poses: FloatArray) -> IntArray:
+    """Return the samples of poses (m, 3) to draw: about `PATH_SPACING` of path cost apart, and the last one."""
+    step = np.diff(poses, axis=0)
+    cost = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]) + 0.1 * np.abs(step[:, 2]))])
+    kept = np.flatnonzero(np.diff(np.floor(cost / PATH_SPACING), prepend=-1.0))
+    return np.unique(np.append(kept, len(poses) - 1))
+
+
+def _around(outlines: list[FloatArray], rim: float) -> Window:
+    points = np.concatenate(outlines)
+    low, high = points.min(axis=0), points.max(axis=0)
+    air = rim * float((high - low).max())
+    return Window(*map(float, (*(low - air), *(high + air))))

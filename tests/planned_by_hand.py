@@ -1,0 +1,88 @@
+"""Plans made by hand, with executions: what pictures and windows show is known without a search."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pushplan.geometry import se2
+from pushplan.mechanics.faces import pushed_at
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.plan import Load, Plan, Segment
+from pushplan.plans.run import Execution
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
+
+Arcs = tuple[tuple[tuple[float, float, float], float], ...]
+"""Twists, and how long each is kept, m of path cost."""
+
+SPEED = 0.2
+"""Path cost in each second, m/s."""
+
+
+def path_of(start: FloatArray, arcs: Arcs) -> PushPath:
+    """Return the path of arcs from a pose (3,)."""
+    twists = np.array([twist for twist, _ in arcs])
+    return PushPath(start, twists / cost_rate(twists)[:, None], np.array([length for _, length in arcs]))
+
+
+def one_push(scenario: Scenario, arcs: Arcs) -> Plan:
+    """Return a plan that pushes the chain of a scenario along arcs."""
+    path = path_of(scenario.start, arcs)
+    return _plan(scenario, (Segment.push(Load.of(scenario), path, scenario.poses, 0.05),))
+
+
+def pushes(scenario: Scenario, turns: tuple[tuple[str, str, float], ...]) -> Plan:
+    """Return a plan that drives to objects by name and pushes each at a face straight on, m."""
+    now, plate = dict(scenario.poses), scenario.plate_start
+    segments: list[Segment] = []
+    for name, face, length in turns:
+        problem = scenario.alone(name) if scenario.bodies else scenario
+        load = Load.of(replace(problem, chain=pushed_at(problem.chain, face)))
+        begin = se2.compose(now[name], se2.inverse(load.places_plate[0]))
+        segments.append(Segment("transit", _drive(plate, begin), now, now))
+        path = path_of(se2.compose(begin, load.frame_plate), (((1.0, 0.0, 0.0), length),))
+        push = Segment.push(load, path, now, 0.05)
+        back = Segment(
+            "retreat", path_of(push.path.end, (((-1.0, 0.0, 0.0), 0.1),)), push.after, push.after, load
+        )
+        segments += [push, back]
+        now, plate = dict(push.after), back.path.end
+    return _plan(scenario, tuple(segments))
+
+
+def _plan(scenario: Scenario, segments: tuple[Segment, ...]) -> Plan:
+    cost = sum(segment.cost for segment in segments)
+    plan = Plan(scenario, segments, "", "auto", "ecof", 1, cost=cost, margin=0.05, margin_asked=0.05)
+    return replace(plan, execution=executed(scenario, segments))
+
+
+def executed(scenario: Scenario, segments: tuple[Segment, ...]) -> Execution:
+    """Return an execution at an even speed whose margins fall from 0.3 to 0.01 along each push."""
+    now, clock = dict(scenario.poses), 0.0
+    names = tuple(now)
+    parts: list[tuple[FloatArray, ...]] = []
+    for k, segment in enumerate(segments):
+        s = np.linspace(0.0, segment.path.cost, max(2, int(segment.path.cost / 0.004)))
+        poses = segment.path.poses_at(s)
+        objects = np.stack([np.broadcast_to(now[name], (len(s), 3)) for name in names], axis=1)
+        margins = np.full((len(s), len(names)), np.nan)
+        for name in segment.load.names if segment.pushes and segment.load is not None else ():
+            j = names.index(name)
+            objects[:, j] = se2.compose(poses, se2.relative(poses[0], now[name]))
+            margins[:, j], now[name] = np.linspace(0.3, 0.01, len(s)), objects[-1, j]
+        parts.append((clock + s / SPEED, poses, objects, np.full(len(s), k), margins))
+        clock += segment.path.cost / SPEED
+    t, poses, objects, owner, margins = (np.concatenate(column) for column in zip(*parts, strict=True))
+    twists = np.zeros_like(poses)
+    return Execution(names, "ecof", t, poses, twists, objects, owner.astype(int), margins, None, (0.0, 0.0))
+
+
+def _drive(start: FloatArray, end: FloatArray) -> PushPath:
+    """Return a turn on the spot and a straight drive from one pose (3,) of the plate to another."""
+    turn = float(se2.wrap_angle(end[2] - start[2]))
+    turned = np.array([start[0], start[1], start[2] + turn])
+    x, y = se2.rotate(-turned[2], end[:2] - start[:2])
+    spot: Arcs = (((0.0, 0.0, 1.0 if turn > 0.0 else -1.0), 0.1 * abs(turn)),)
+    return path_of(start, (*spot, ((float(x), float(y), 0.0), float(np.hypot(x, y)))))
