@@ -234,7 +234,7 @@ class Scene:
     @property
     def start(self) -> FloatArray:
         """(b, 3) poses of the bodies before anything moves."""
-        return self.poses[0]
+        return np.asarray(self.poses[0])
 
     @property
     def end(self) -> FloatArray:
@@ -249,7 +249,7 @@ class Scene:
 
     def at(self, time: float) -> FloatArray:
         """Return the poses (b, 3) of the bodies at a time, s; angles run on, they are not wrapped."""
-        flat = self.poses.reshape(len(self.t), -1)
+        flat: FloatArray = self.poses.reshape(len(self.t), -1)
         now: FloatArray = np.array([np.interp(time, self.t, column) for column in flat.T])
         return np.asarray(now.reshape(-1, 3))
 
