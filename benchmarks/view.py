@@ -31,11 +31,11 @@ def main(name: str = "two-crates", drops: int = 20) -> None:
     random = np.random.default_rng(1)
     found: dict[bool, list[list[float]]] = {True: [], False: []}
     solved = 0
-    window = Window(scenario, tell=print)
+    window = Window(scenario, message=print)
     with tempfile.TemporaryDirectory() as folder, boxes.chromium(Path(folder)) as browser:
         viewed.open_window(browser, window)
         for i in range(2 * drops):
-            begin = window.draft.goal
+            begin = window.draft.poses["goal"]
             end = scenario.goal.pose_chain + np.append(random.uniform(-0.05, 0.05, 2), 0.0)
             browser.evaluate("window.dropped = undefined, window.shown = {}, 0")
             viewed.drag(browser, window, begin, end, rest=i % 2 == 0)

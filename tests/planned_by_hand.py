@@ -14,6 +14,31 @@ from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 
+SWAP = """\
+format: pushplan/1
+name: change-places
+floor: {friction: 0.30}
+objects:
+  - {name: red-box, shape: {box: [0.30, 0.20]}, mass: 4.0, pose: [1.2, 1.0, 0.0]}
+  - {name: other, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [1.2, 2.2, 90 deg]}
+  - {name: bin, shape: {box: [0.15, 0.15]}, mass: 1.0, pose: [3.0, 3.0, 0.0]}
+pusher: {width: 0.28, friction: 0.50}
+robot: {footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}, start: [2.4, 1.6, 0.0]}
+goals: {red-box: {pose: [2.2, 2.2, 0.0], symmetry: 2}, other: [2.2, 1.0, 90 deg]}
+workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
+"""
+MULTI = """\
+format: pushplan/1
+name: box
+floor: {friction: 0.3}
+objects: [{name: box, shape: {box: [0.2, 0.2]}, mass: 1.0}]
+pusher: {width: 0.2, friction: 0.5}
+robot: {start: [-0.5, 0.0, 0.0]}
+start: [0.0, 0.0, 0.0]
+goal: {pose: [0.6, 0.4, 0.0], of: box}
+workspace: {x: [-3.0, 6.0], y: [-3.0, 3.0]}
+"""
+
 Arcs = tuple[tuple[tuple[float, float, float], float], ...]
 """Twists, and how long each is kept, m of path cost."""
 

@@ -13,7 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from planned_by_hand import one_push, pushes
+from matplotlib.text import Text
+from planned_by_hand import MULTI, SWAP, one_push, pushes
 
 from pushplan.drawing import PICTURE_SUFFIXES, PlotError, check_picture_path, palette
 from pushplan.drawing import figure as plot_figure
@@ -38,30 +39,6 @@ if TYPE_CHECKING:
     from conftest import ChainMaker
 
 MAGIC = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
-SWAP = """\
-format: pushplan/1
-name: change-places
-floor: {friction: 0.30}
-objects:
-  - {name: red-box, shape: {box: [0.30, 0.20]}, mass: 4.0, pose: [1.2, 1.0, 0.0]}
-  - {name: other, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [1.2, 2.2, 90 deg]}
-  - {name: bin, shape: {box: [0.15, 0.15]}, mass: 1.0, pose: [3.0, 3.0, 0.0]}
-pusher: {width: 0.28, friction: 0.50}
-robot: {footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}, start: [2.4, 1.6, 0.0]}
-goals: {red-box: {pose: [2.2, 2.2, 0.0], symmetry: 2}, other: [2.2, 1.0, 90 deg]}
-workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
-"""
-MULTI = """\
-format: pushplan/1
-name: box
-floor: {friction: 0.3}
-objects: [{name: box, shape: {box: [0.2, 0.2]}, mass: 1.0}]
-pusher: {width: 0.2, friction: 0.5}
-robot: {start: [-0.5, 0.0, 0.0]}
-start: [0.0, 0.0, 0.0]
-goal: {pose: [0.6, 0.4, 0.0], of: box}
-workspace: {x: [-3.0, 6.0], y: [-3.0, 3.0]}
-"""
 KINDS = ("push", "multi-push", "rearrangement")
 
 
@@ -218,7 +195,8 @@ def test_the_swept_area_reaches_along_the_whole_push(plans: dict[str, Plan]) -> 
     draw_scene(axes, scene)
     (swept,) = [p for p in axes.patches if to_hex(p.get_facecolor()) == palette.SWEPT]
     for pose in plan.segments[0].path.sampled(0.05):
-        assert swept.get_path().contains_point(se2.transform_points(pose, np.array([0.05, 0.0])))
+        x, y = se2.transform_points(pose, np.array([0.05, 0.0])).tolist()
+        assert swept.get_path().contains_point((x, y))
 
 
 def _extents(patch: Any) -> tuple[float, ...]:
@@ -251,9 +229,8 @@ def test_nothing_in_a_picture_covers_its_key_or_spills(
     plot_scenario(scenario, tmp_path / "s.png")
     for figure in figures:
         _assert_nothing_covered(figure)
-        assert (
-            min(text.get_fontsize() for text in figure.findobj(lambda it: hasattr(it, "get_fontsize"))) >= 6.0
-        )
+        sizes = [text.get_fontsize() for text in figure.findobj(Text) if isinstance(text, Text)]
+        assert min(sizes) >= 6.0
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])

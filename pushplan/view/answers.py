@@ -1,25 +1,27 @@
-"""What a draft leads to: its stable set and plan, or what is wrong with it in words."""
+"""What a draft leads to, worked out in a thread: its plan and stable set, or what is wrong with it in words."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from pushplan.errors import EmptyStableSetError, PlanningError, ScenarioError
-from pushplan.plan import plan
-from pushplan.plans.result import PlanResult
-from pushplan.queries import Queries
+from pushplan.planners.planner import Planner
+from pushplan.plans.plan import Plan
+from pushplan.plans.settings import Observer
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
-from pushplan.view.draft import Draft
+from pushplan.view.draft import ROBOT, Draft
 
-SEARCH = 0.5
-"""Time limit of a search for the first path, s: most are found in milliseconds."""
+SEARCH = {"push": 0.5, "multi-push": 2.0, "rearrangement": 5.0}
+"""Time limit of a search for the first plan, s: most are found in milliseconds, an order of objects in seconds."""
 
-POLISHING = 0.6
-"""Time limit of the search for better paths, s."""
+POLISHING = {"push": 0.6, "multi-push": 1.5, "rearrangement": 5.0}
+"""Time limit of the search for better plans, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +31,8 @@ class Answer:
     Attributes:
         draft: Which.
         scenario: The draft as a scenario; None when it is none.
-        stable: The set that was planned in; None where there is none.
-        result: The plan; None when it cannot be asked for.
+        stable: The set that a single push was planned in; None where there is none, or several.
+        plan: None when it cannot be asked for.
         findings: What is wrong, or why there is no plan, in sentences; empty when there is a plan.
         stage: How far the work has come: `path`, `timed` or `polished`.
     """
@@ -38,63 +40,135 @@ class Answer:
     draft: Draft
     scenario: Scenario | None
     stable: StableSet | None
-    result: PlanResult | None
+    plan: Plan | None
     findings: tuple[str, ...]
     stage: str
 
     @property
     def solved(self) -> bool:
         """Whether there is a plan."""
-        return self.result is not None and self.result.solved
+        return self.plan is not None and self.plan.solved
 
 
 class Answers:
-    """Answers drafts of one scenario; stable set, controls and compiled code are kept as long as the chain is.
+    """Answers drafts of one scenario; contacts, stable sets and compiled code are kept as long as the load is.
 
     Args:
         scenario: With which all begins.
-        tell: Called with sentences for the user about what takes long.
+        message: Called with sentences for the user about what takes long.
 
     Raises:
         EmptyStableSetError: When no pusher twist keeps every contact.
     """
 
-    def __init__(self, scenario: Scenario, tell: Callable[[str], None] | None = None) -> None:
-        self._queries = Queries(scenario, tell=tell)
-        self._slides = np.zeros(len(scenario.chain.objects))
+    def __init__(self, scenario: Scenario, message: Callable[[str], None] | None = None) -> None:
+        self._observer = Observer() if message is None else Observer(message=message)
+        self._planner = Planner(scenario, observer=self._observer)
+        self._slides = Draft.of(scenario).slides
 
     def path(self, draft: Draft) -> Answer:
-        """Return the first path, checked but not timed; it takes a tenth of the time of a timed one."""
-        return self._ask(draft, timed=False)
+        """Return the first plan, checked but not timed; it takes a tenth of the time of a timed one."""
+        return self._ask(draft, "path")
 
     def timed(self, draft: Draft) -> Answer:
-        """Return the first path, timed and executed, with what it tolerates; or why there is none."""
-        return self._ask(draft, timed=True)
+        """Return the first plan, timed and executed, with what it tolerates; or why there is none."""
+        return self._ask(draft, "timed")
 
     def polished(self, answer: Answer, stop: Callable[[], bool]) -> Answer:
-        """Return a better plan for an answer with a scenario; it ends when `stop` says so."""
-        assert answer.scenario is not None
-        result = plan(answer.scenario, time_limit=POLISHING, stop=stop)
-        return Answer(answer.draft, answer.scenario, answer.stable, result, tuple(result.why_not), "polished")
+        """Return a better plan for an answer; it ends when `stop` says so."""
+        return self._ask(answer.draft, "polished", stop)
 
-    def _ask(self, draft: Draft, timed: bool) -> Answer:
-        stage = "timed" if timed else "path"
+    def _ask(self, draft: Draft, stage: str, stop: Callable[[], bool] | None = None) -> Answer:
         try:
             scenario = draft.scenario()
         except ScenarioError as error:
             findings = tuple(finding.text("").lstrip(": ") for finding in error.findings)
             return Answer(draft, None, None, None, findings, stage)
+        kind, first = scenario.kind, stage != "polished"
+        observer = Observer(self._observer.message, cancelled=stop) if stop is not None else self._observer
         try:
-            queries = self._for(draft, scenario)
-            start, goal = scenario.start, scenario.goal.pose_chain
-            result = queries.plan(start, goal, timed=timed, time_limit=SEARCH, explain=timed)
+            planner = self._for(draft, scenario)
+            goals = np.array([goal.pose_chain for goal in scenario.tasks[0].goals]).reshape(-1, 3)
+            one = kind != "rearrangement"
+            plan = planner.plan(
+                scenario.start if one else None,
+                goals if one else None,
+                robot=draft.poses[ROBOT] if kind == "multi-push" else None,
+                timed=stage != "path",
+                explain=stage != "path",
+                first=first,
+                time_limit=(SEARCH if first else POLISHING)[kind],
+                observer=observer,
+            )
         except (EmptyStableSetError, PlanningError) as error:
             return Answer(draft, scenario, None, None, (str(error),), stage)
-        return Answer(draft, scenario, queries.stable, result, tuple(result.why_not), stage)
+        stable = planner.stable if kind == "push" else None
+        return Answer(draft, scenario, stable, plan, tuple(plan.why_not), stage)
 
-    def _for(self, draft: Draft, scenario: Scenario) -> Queries:
-        """Return queries about the draft's chain in its room."""
+    def _for(self, draft: Draft, scenario: Scenario) -> Planner:
+        """Return what plans for the draft's load in its room; where objects stand apart, all is prepared again."""
+        if scenario.kind == "rearrangement":
+            return Planner(scenario, observer=self._observer)
         if not np.array_equal(self._slides, draft.slides):
-            self._queries = Queries(scenario)
+            self._planner = Planner(scenario, observer=self._observer)
             self._slides = draft.slides
-        return self._queries.with_obstacles(scenario.obstacles)
+        return self._planner.with_obstacles(scenario.obstacles)
+
+
+Question = TypeVar("Question")
+
+
+class Worker(Generic[Question]):
+    """A thread that answers the question asked last, however fast questions come.
+
+    Args:
+        answer: Called in the thread with a question, and with a function that says whether there is a newer one.
+    """
+
+    def __init__(self, answer: Callable[[Question, Callable[[], bool]], None]) -> None:
+        self._answer = answer
+        self._changed = threading.Condition()
+        self._waiting: list[Question] = []
+        self._ended = False
+        self.failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._work, daemon=True, name="pushplan-view")
+        self._thread.start()
+
+    def ask(self, question: Question) -> None:
+        """Put a question in the place of the one that waits."""
+        with self._changed:
+            self._waiting = [question]
+            self._changed.notify()
+
+    def end(self) -> None:
+        """Let the thread end after what it is at."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join()
+
+    def outdated(self) -> bool:
+        """Whether there is a newer question than the one in work."""
+        return bool(self._waiting) or self._ended
+
+    def idle(self, seconds: float) -> bool:
+        """Let other threads work for a while, and return whether there is no newer question then."""
+        with self._changed:
+            return not self._changed.wait_for(self.outdated, seconds)
+
+    @property
+    def alive(self) -> bool:
+        """Whether questions are still answered."""
+        return self._thread.is_alive()
+
+    def _work(self) -> None:
+        try:
+            while (question := self._next()) is not None:
+                self._answer(question, self.outdated)
+        except BaseException as error:  # told to the user by whoever waits
+            self.failure = error
+
+    def _next(self) -> Question | None:
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting or self._ended)
+            return None if self._ended else self._waiting.pop()

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
 import yaml
 
-from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE
 from pushplan.scenario.builders import obstacle_document
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import CircleObstacle, Obstacle, PolygonObstacle, Scenario
 from pushplan.util.arrays import FloatArray, frozen
+
+START, GOAL, ROBOT = "start", "goal", "robot"
+"""What is dragged of one load: its chain frame at start and goal, and the plate where it is not in contact.
+
+Where several objects stand apart, `start/NAME` and `goal/NAME` are an object's own frame; `obstacle/K` is one.
+"""
 
 _TOUCHING = 1e-6
 """Distance from the plate's front at which a corner still lies on it, m."""
@@ -26,62 +33,55 @@ class Draft:
 
     Attributes:
         original: The scenario that all began with.
-        start: (3,) pose in the world of the original's chain frame, which stays with the plate.
-        goal: (3,) pose of the chain frame in the world at the goal, whichever object's goal the file states.
-        slides: (n,) how far each object was moved to the left along its contact, with all that it carries, m.
-        places: (m, 3) poses of the obstacles' frames in the world; they began unturned in their middles.
+        poses: (3,) of everything that can be dragged, in the world, by key. That of `start` stays with the plate;
+            obstacles began unturned in their middles; several goals of one thing move together.
+        slides: (n,) how far each object of a load in contact was moved to the left along its contact, with all that
+            it carries, m; none otherwise.
     """
 
     original: Scenario
-    start: FloatArray
-    goal: FloatArray
+    poses: Mapping[str, FloatArray]
     slides: FloatArray
-    places: FloatArray
 
     def __post_init__(self) -> None:
-        for name, shape in (("start", (3,)), ("goal", (3,)), ("slides", (None,)), ("places", (None, 3))):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+        poses = {key: frozen(pose, (3,), key) for key, pose in self.poses.items()}
+        object.__setattr__(self, "poses", MappingProxyType(poses))
+        object.__setattr__(self, "slides", frozen(self.slides, (None,), "slides"))
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
-        """Return a scenario of one push with nothing moved yet.
-
-        Raises:
-            PlanningError: When it asks for several pushes.
-        """
+        """Return a scenario with nothing moved yet."""
+        poses: dict[str, FloatArray] = {}
+        if scenario.kind == "rearrangement":
+            poses |= {f"{START}/{name}": body.pose for name, body in scenario.bodies.items()}
+            poses |= {f"{GOAL}/{name}": goals[0].pose for name, goals in scenario.goals.items()}
+        else:
+            poses |= {START: scenario.start, GOAL: scenario.tasks[0].goals[0].pose_chain}
         if scenario.pushes is not None:
-            raise PlanningError(
-                "the scenario asks for several pushes (robot.start); the window plans one push, "
-                "with the plate in contact"
-            )
-        places = [(*middle(obstacle), 0.0) for obstacle in scenario.obstacles]
-        slides = np.zeros(len(scenario.chain.objects))
-        return cls(
-            scenario, scenario.start, scenario.goal.pose_chain, slides, np.array(places).reshape(-1, 3)
-        )
+            poses[ROBOT] = scenario.pushes.robot_start
+        for k, obstacle in enumerate(scenario.obstacles):
+            poses[f"obstacle/{k}"] = np.array([*middle(obstacle), 0.0])
+        return cls(scenario, poses, np.zeros(len(scenario.chain.objects) if scenario.kind == "push" else 0))
 
-    def with_start(self, pose: FloatArray) -> Self:
-        """Return the draft with the chain elsewhere at the start."""
-        return self if np.array_equal(pose, self.start) else replace(self, start=pose)
+    def moved(self, key: str, pose: FloatArray) -> Self:
+        """Return the draft with something elsewhere."""
+        same = np.array_equal(pose, self.poses[key])
+        return self if same else replace(self, poses={**self.poses, key: np.asarray(pose, dtype=np.float64)})
 
-    def with_goal(self, pose: FloatArray) -> Self:
-        """Return the draft with the chain elsewhere at the goal."""
-        return self if np.array_equal(pose, self.goal) else replace(self, goal=pose)
-
-    def with_slide(self, index: int, slide: float) -> Self:
+    def slid(self, index: int, slide: float) -> Self:
         """Return the draft with an object elsewhere along its contact."""
-        return self if slide == self.slides[index] else replace(self, slides=_with(self.slides, index, slide))
-
-    def with_place(self, index: int, pose: FloatArray) -> Self:
-        """Return the draft with an obstacle elsewhere."""
-        same = np.array_equal(pose, self.places[index])
-        return self if same else replace(self, places=_with(self.places, index, pose))
+        if slide == self.slides[index]:
+            return self
+        slides = self.slides.copy()
+        slides[index] = slide
+        return replace(self, slides=slides)
 
     @property
     def shifts(self) -> FloatArray:
         """(n, 2) how far every object was moved in the chain frame: by itself, and by what carries it, m."""
         shifts = np.zeros((len(self.slides), 2))
-        for i, contact in enumerate(self.original.chain.contacts):  # what carries comes first
+        for i in range(len(self.slides)):  # what carries comes first
+            contact = self.original.chain.contacts[i]
             carried = shifts[contact.pusher] if contact.pusher != PLATE else 0.0
             shifts[i] = carried + self.slides[i] * contact.tangent
         return shifts
@@ -92,7 +92,7 @@ class Draft:
 
         The plate stays where it is; of an object that hangs over its end only a part touches it.
         """
-        aside = float(self.shifts[0, 1])
+        aside = float(self.shifts[0, 1]) if len(self.slides) else 0.0
         if aside == 0.0:
             return np.zeros(2)
         chain = self.original.chain
@@ -104,20 +104,42 @@ class Draft:
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """What is in the way, where it was dragged to."""
-        pairs = zip(self.original.obstacles, self.places, strict=True)
-        return tuple(_moved(obstacle, place) for obstacle, place in pairs)
+        each = enumerate(self.original.obstacles)
+        return tuple(_moved(obstacle, self.poses[f"obstacle/{k}"]) for k, obstacle in each)
 
     def document(self) -> dict[str, Any]:
         """Return the draft in the form of a scenario file, nothing left open."""
         document = self.original.resolved()
-        for stated, shift in zip(document["objects"], self.shifts - self.frame, strict=True):
-            x, y, theta = stated["pose"]
-            stated["pose"] = [x + float(shift[0]), y + float(shift[1]), theta]
-        document["objects"][0]["offset"] += float(self.shifts[0, 1])
-        document["start"] = se2.compose(self.start, np.array([*self.frame, 0.0])).tolist()
-        document["goal"]["pose"] = self._stated_goal(document).tolist()
+        if self.original.kind == "rearrangement":
+            for stated in document["objects"]:
+                stated["pose"] = self.poses[f"{START}/{stated['name']}"].tolist()
+            for name, goals in document["goals"].items():
+                self._move_goals(goals, f"{GOAL}/{name}", self.original.goals[name][0].pose)
+        else:
+            self._move_load(document)
+        if ROBOT in self.poses:
+            document["robot"]["start"] = self.poses[ROBOT].tolist()
         document["obstacles"] = [obstacle_document(obstacle) for obstacle in self.obstacles]
         return document
+
+    def _move_load(self, document: dict[str, Any]) -> None:
+        if len(self.slides):
+            for stated, shift in zip(document["objects"], self.shifts - self.frame, strict=True):
+                x, y, theta = stated["pose"]
+                stated["pose"] = [x + float(shift[0]), y + float(shift[1]), theta]
+            document["objects"][0]["offset"] += float(self.shifts[0, 1])
+        document["start"] = se2.compose(self.poses[START], np.array([*self.frame, 0.0])).tolist()
+        goals = document["goal"] if isinstance(document["goal"], list) else [document["goal"]]
+        chain, first = self.original.chain, self.original.tasks[0].goals[0].pose_chain
+        for stated, goal in zip(goals, self.original.tasks[0].goals, strict=True):
+            pose = se2.compose(self.poses[GOAL], se2.relative(first, goal.pose_chain))
+            if goal.of is not None:
+                pose = se2.compose(pose, document["objects"][chain.index_of(goal.of)]["pose"])
+            stated["pose"] = pose.tolist()
+
+    def _move_goals(self, goals: list[dict[str, Any]], key: str, first: FloatArray) -> None:
+        for goal in goals:
+            goal["pose"] = se2.compose(self.poses[key], se2.relative(first, goal["pose"])).tolist()
 
     def scenario(self) -> Scenario:
         """Return the draft as a scenario.
@@ -131,13 +153,6 @@ class Draft:
         """Return the text of a scenario file."""
         text: str = yaml.safe_dump(self.document(), sort_keys=False, default_flow_style=None, width=110)
         return text
-
-    def _stated_goal(self, document: dict[str, Any]) -> FloatArray:
-        """Return the goal as the pose of the body that the file states it for."""
-        of = self.original.goal.of
-        if of is None:
-            return self.goal
-        return se2.compose(self.goal, document["objects"][self.original.chain.index_of(of)]["pose"])
 
 
 def middle(obstacle: Obstacle) -> FloatArray:
@@ -154,9 +169,3 @@ def _moved(obstacle: Obstacle, place: FloatArray) -> Obstacle:
     if isinstance(obstacle, CircleObstacle):
         return CircleObstacle(place[:2], obstacle.radius)
     return PolygonObstacle(se2.transform_points(place, obstacle.outline - began), obstacle.unknown)
-
-
-def _with(values: FloatArray, index: int, value: float | FloatArray) -> FloatArray:
-    changed = values.copy()
-    changed[index] = value
-    return changed

@@ -1,28 +1,29 @@
-"""The scene of the window: bodies, obstacles, what they are dragged by, and the plan, drawn with viser."""
+"""What is seen in the window: the drawing model of a draft and its plan, drawn with viser."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import shapely
 import trimesh
 
-from pushplan.drawing.palette import GOAL, PATH, red_green_blue
+from pushplan.drawing import palette
+from pushplan.drawing.palette import red_green_blue
+from pushplan.drawing.scene import Line, Scene, piece_colours
 from pushplan.geometry import se2
-from pushplan.logging.view.scene import obstacle_outline
-from pushplan.logging.view.shapes import body_colours
-from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.body import BodyKind
 from pushplan.util.arrays import FloatArray
-from pushplan.view.draft import Draft, middle
+from pushplan.view.draft import GOAL, ROBOT, START, Draft
 
 MOST_DRAGGED = 40
 """Obstacles up to which each is dragged by handles of its own; those of a map stand still."""
 
 _HEIGHT = 0.04
 """Of all bodies in the picture, m."""
-_OBSTACLE, _UNKNOWN = "#8b8f96", "#c9c3b4"
+_PLAYED = 0.002
+"""Height of bodies that play the plan above those that stand, m."""
 _CELL = 0.5
 """Between the lines of the floor, m."""
 _FLOOR = 10.0
@@ -30,7 +31,7 @@ _FLOOR = 10.0
 _AMBIENT, _SUN = 1.8, 1.6
 """Strengths of the lights, in viser's measure: colours of the top look as in other pictures."""
 _OUTLINES = 12
-"""Places along a plan at which the chain is outlined."""
+"""Places along a single push at which the chain is outlined."""
 
 Moved = Callable[[FloatArray, bool], None]
 """Called with the pose (3,) of a handle, and whether it was let go."""
@@ -50,16 +51,17 @@ class Stage:
     def __init__(self, scene: Any, draft: Draft) -> None:
         self._scene = scene
         self._drawn: dict[str, Any] = {}
-        self.handle_size = 0.8 * draft.original.chain.reach
+        self.handle_size = 0.8 * max(task.chain.reach for task in draft.original.tasks)
         scene.set_up_direction("+z")
         # Without a graphics card shadows cost most of the time; viser's lights, standard material and grid cost
         # half of the rest (a picture took 44 ms, and takes 26, on two cores).
         scene.configure_default_lights(enabled=False)
         scene.add_light_ambient("/lights/ambient", intensity=_AMBIENT)
         scene.add_light_directional("/lights/sun", intensity=_SUN, position=(-0.5, -0.8, 2.0))
-        self._floor(draft)
-        self._chain = draft.original.chain
-        self._played = scene.add_frame("/played", show_axes=False, visible=False)
+        drawn = Scene.of(draft.original)
+        self._floor(drawn)
+        frames = (f"/played/{k}" for k in range(len(drawn.bodies)))
+        self._played = [scene.add_frame(name, show_axes=False, visible=False) for name in frames]
 
     def handle(
         self,
@@ -80,72 +82,90 @@ class Stage:
         )
 
         async def update(event: Any) -> None:  # on the server's loop, so that the order of events is kept
-            moved(_pose(event.target), event.phase == "end")
+            now = _pose(event.target)
+            if np.isfinite(now).all():  # whatever a page may send
+                moved(now, event.phase == "end")
 
         controls.on_update(update)
 
     def draw_obstacles(self, draft: Draft) -> None:
-        """Draw each obstacle under its own frame, about its middle."""
-        for i, (obstacle, place) in enumerate(zip(draft.original.obstacles, draft.places, strict=True)):
-            name = f"/obstacle{i}"
-            if len(draft.places) > MOST_DRAGGED:
-                self._scene.add_frame(name, show_axes=False, **_placed(place))
-            colour = _UNKNOWN if getattr(obstacle, "unknown", False) else _OBSTACLE
-            self._body(f"{name}/body", obstacle_outline(obstacle) - middle(obstacle), colour)
+        """Draw each obstacle under its own frame."""
+        for k, one in enumerate(Scene.of(draft.original).obstacles):
+            key = f"obstacle/{k}"
+            place = Draft.of(draft.original).poses[key]
+            if len(draft.original.obstacles) > MOST_DRAGGED:
+                self._scene.add_frame(f"/{key}", show_axes=False, **_placed(place))
+            colour = palette.mixed(one.colour, "#ffffff", 0.5) if one.unknown else one.colour
+            self._body(f"/{key}/body", se2.transform_points(se2.inverse(place), one.outline), colour)
 
-    def draw_chain(self, chain: Chain, frame: FloatArray) -> None:
-        """Draw the chain at the start, where its frame is `frame` (2,) aside, at the goal and as it is played."""
-        self._chain = chain
-        for k, (body, colour) in enumerate(zip(chain.bodies, body_colours(chain), strict=True)):
-            self._body(f"/start/body{k}", body.outline + frame, colour)
-            self._body(f"/goal/body{k}", body.outline, GOAL, opacity=0.35)
-            self._body(f"/played/body{k}", body.outline, colour, z=0.002)
+    def draw_bodies(self, draft: Draft, scene: Scene) -> None:
+        """Draw bodies and goals under what they are dragged by, and those that play the plan."""
+        for k, (body, pose) in enumerate(zip(scene.bodies, scene.start, strict=True)):
+            key = _key_of(draft, body.name, body.kind)
+            local = se2.relative(draft.poses[key], pose)
+            self._body(f"/{key}/body{k}", se2.transform_points(local, body.outline), body.colour)
+            self._body(f"/played/{k}/body", body.outline, body.colour, z=_PLAYED)
+        for k, goal in enumerate(scene.goals):
+            key = GOAL if GOAL in draft.poses else f"{GOAL}/{goal.name}"
+            outline = se2.transform_points(se2.inverse(draft.poses[key]), goal.outline)
+            self._body(f"/{key}/body{k}", outline, palette.mixed(goal.colour, palette.GOAL, 0.5), opacity=0.5)
+            ring = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
+            self._lines(f"/{key}/edge{k}", ring, [palette.GOAL] * len(ring), 3.0)
 
-    def draw_plan(self, poses: FloatArray | None) -> None:
-        """Draw the way (k, 3) of the chain frame, and the chain's outline along it; None stands for no plan."""
-        points = np.zeros((2, 2)) if poses is None else poses[:, :2]
-        outlines = [] if poses is None else self._outlines(poses)
-        self._lines("/plan/way", np.stack([points[:-1], points[1:]], axis=1), PATH, 4.0, poses is not None)
-        segments = np.concatenate(outlines) if outlines else np.zeros((1, 2, 2))
-        self._lines("/plan/outlines", segments, PATH, 1.0, bool(outlines))
+    def draw_plan(self, scene: Scene | None) -> None:
+        """Draw the plate's path, and outlines of what it leads along; None stands for no plan."""
+        lines: Sequence[Line] = () if scene is None else scene.lines
+        for kind, width in ((True, 4.0), (False, 2.0)):
+            chosen = [line for line in lines if line.pushes is kind and len(line.points) > 1]
+            pieces = [np.stack([line.points[:-1], line.points[1:]], axis=1) for line in chosen]
+            colours = [
+                colour
+                for line in chosen
+                for colour in (
+                    piece_colours(line.margins) if kind else [palette.ALONE] * (len(line.points) - 1)
+                )
+            ]
+            name = "/plan/pushed" if kind else "/plan/alone"
+            self._lines(name, np.concatenate(pieces) if pieces else np.zeros((0, 2, 2)), colours, width)
+        rings = (
+            []
+            if scene is None
+            else [np.stack([one, np.roll(one, -1, axis=0)], axis=1) for one in _along(scene)]
+        )
+        edges = np.concatenate(rings) if rings else np.zeros((0, 2, 2))
+        self._lines("/plan/outlines", edges, [palette.PATH] * len(edges), 1.0)
 
-    def show_played(self, pose: FloatArray | None) -> None:
-        """Put the chain that plays the plan somewhere, or take it away."""
-        self._played.visible = pose is not None
-        if pose is not None:
-            for name, value in _placed(pose).items():
-                setattr(self._played, name, value)
+    def show_played(self, poses: FloatArray | None) -> None:
+        """Put the bodies that play the plan to poses (b, 3), or take them away."""
+        for k, frame in enumerate(self._played):
+            frame.visible = poses is not None
+            if poses is not None:
+                for name, value in _placed(poses[k]).items():
+                    setattr(frame, name, value)
 
     @property
     def played(self) -> FloatArray | None:
-        """Where the chain that plays the plan is, (3,); None when nothing is played."""
-        return _pose(self._played) if self._played.visible else None
-
-    def _outlines(self, poses: FloatArray) -> list[FloatArray]:
-        chosen = poses[np.linspace(0, len(poses) - 1, _OUTLINES).round().astype(int)]
-        return [
-            np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
-            for pose in chosen
-            for outline in self._chain.outlines_at(pose)
-        ]
+        """Where the bodies that play the plan are, (b, 3); None when nothing is played."""
+        return np.array([_pose(frame) for frame in self._played]) if self._played[0].visible else None
 
     def _lines(
-        self,
-        name: str,
-        segments: FloatArray,
-        colour: str,
-        width: float,
-        visible: bool,
-        z: float = 1.2 * _HEIGHT,
+        self, name: str, segments: FloatArray, colours: Sequence[str], width: float, z: float = 1.2 * _HEIGHT
     ) -> None:
-        points = np.concatenate([segments, np.full((*segments.shape[:2], 1), z)], axis=2)
+        visible = len(segments) > 0
+        if not visible:
+            segments, colours = np.zeros((1, 2, 2)), [palette.FAINT]
+        points = np.concatenate([segments, np.full((*segments.shape[:2], 1), z)], axis=2).astype(np.float32)
+        paints = np.repeat(
+            np.array([red_green_blue(one) for one in colours], dtype=np.uint8)[:, None], 2, axis=1
+        )
         if (
             name in self._drawn
         ):  # made anew, the browser compiles its shader again: 50 ms without a graphics card
-            self._drawn[name].points, self._drawn[name].visible = points.astype(np.float32), visible
+            drawn = self._drawn[name]
+            drawn.points, drawn.colors, drawn.visible = points, paints, visible
             return
         look = {"thickness": width, "thickness_units": "screen", "visible": visible}
-        self._drawn[name] = self._scene.add_line_segments(name, points, red_green_blue(colour), **look)
+        self._drawn[name] = self._scene.add_line_segments(name, points, paints, **look)
 
     def _body(
         self, name: str, outline: FloatArray, colour: str, opacity: float | None = None, z: float = 0.0
@@ -163,17 +183,38 @@ class Stage:
             cast_shadow=False,
         )
 
-    def _floor(self, draft: Draft) -> None:
-        area = draft.original.workspace
+    def _floor(self, scene: Scene) -> None:
+        walls = scene.walls
         low, high = (
             (np.full(2, -_FLOOR), np.full(2, _FLOOR))
-            if area is None
-            else (np.array([area.xmin, area.ymin]), np.array([area.xmax, area.ymax]))
+            if walls is None
+            else (walls.min(axis=0), walls.max(axis=0))
         )
-        self._lines("/floor", _grid(low, high), "#d8dade", 1.0, True, z=0.0)
-        if area is not None:
-            ring = np.stack([area.outline, np.roll(area.outline, -1, axis=0)], axis=1)
-            self._lines("/walls", ring, _OBSTACLE, 3.0, True)
+        grid = _grid(low, high)
+        self._lines("/floor", grid, ["#d8dade"] * len(grid), 1.0, z=0.0)
+        if walls is not None:
+            ring = np.stack([walls, np.roll(walls, -1, axis=0)], axis=1)
+            self._lines("/walls", ring, [palette.WALL] * len(ring), 3.0)
+
+
+def _key_of(draft: Draft, name: str, kind: BodyKind) -> str:
+    """Return what a body is dragged by."""
+    if kind is not BodyKind.OBJECT:
+        return ROBOT if ROBOT in draft.poses else START
+    return START if START in draft.poses else f"{START}/{name}"
+
+
+def _along(scene: Scene) -> list[FloatArray]:
+    """Return the outlines of the bodies along a single push, or of what each of several pushes has moved."""
+    if len(scene.rests) > 1 or len(scene.t) == 1:
+        return [
+            body.at(pose)
+            for rest in scene.rests
+            for body, pose in zip(scene.bodies, rest.poses, strict=True)
+            if body.name in rest.names or len(scene.rests) == 1
+        ]
+    chosen = np.linspace(0, len(scene.t) - 1, _OUTLINES).round().astype(int)
+    return [outline for k in chosen for outline in scene.outlines(scene.poses[k])]
 
 
 def _grid(low: FloatArray, high: FloatArray) -> FloatArray:

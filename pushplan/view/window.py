@@ -12,18 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pushplan.drawing.scene import Scene
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
-from pushplan.view.answers import Answer, Answers
-from pushplan.view.draft import Draft
-from pushplan.view.worker import Worker
+from pushplan.view.answers import Answer, Answers, Worker
+from pushplan.view.draft import START, Draft
 
 if TYPE_CHECKING:
     from pushplan.view.stage import Stage
 
-_SPACING = 0.01
-"""Between places of a way that is drawn, m."""
 _FRAME = 1.0 / 30.0
 """Between pictures of an execution, s."""
 
@@ -38,9 +36,9 @@ class Window:
     """A scenario in a browser; every move of its poses is planned anew.
 
     Args:
-        scenario: Of one push.
+        scenario: Of one push, several pushes or several objects.
         port: To listen on, on this machine only; the next free one is taken when it is not free.
-        tell: Called with sentences for the user about what takes long.
+        message: Called with sentences for the user about what takes long.
 
     Attributes:
         draft: What is shown.
@@ -50,19 +48,20 @@ class Window:
 
     Raises:
         MissingExtraError: When viser is not installed.
-        PlanningError: When the scenario asks for several pushes.
+        EmptyStableSetError: When no pusher twist keeps every contact.
     """
 
     def __init__(
-        self, scenario: Scenario, port: int = 8080, tell: Callable[[str], None] | None = None
+        self, scenario: Scenario, port: int = 8080, message: Callable[[str], None] | None = None
     ) -> None:
         viser = optional("viser", "the window", "viser", "view")
         from pushplan.view.stage import Stage
 
         self.draft = Draft.of(scenario)
         self.answer: Answer | None = None
-        self._answers = Answers(scenario, tell)
+        self._answers = Answers(scenario, message)
         self._number, self._playing = 0, threading.Event()
+        self._seen: Scene | None = None
         with redirect_stdout(io.StringIO()):  # its banner comes without `verbose`, too
             self.server = viser.ViserServer(host="127.0.0.1", port=port, label="pushplan", verbose=False)
         self._look_at_all()
@@ -117,20 +116,21 @@ class Window:
                 self._show(better, began, dropped)
 
     def _show(self, answer: Answer, began: float, dropped: bool) -> None:
-        from pushplan.view.texts import answer_html, stable_set_html
+        from pushplan.view.panel import answer_html, stable_set_html
 
         changed = self.answer is None or not np.array_equal(self.answer.draft.slides, answer.draft.slides)
-        path = answer.result.path if answer.result is not None and answer.solved else None
+        plan = answer.plan if answer.solved else None
         with self.server.atomic():
             if changed and answer.scenario is not None:
-                self.stage.draw_chain(answer.scenario.chain, answer.draft.frame)
+                self.stage.draw_bodies(answer.draft, Scene.of(answer.scenario))
             if changed or (self.answer is not None and self.answer.stable is not answer.stable):
                 self._set.content = stable_set_html(answer.stable)
-            self.stage.draw_plan(None if path is None else path.sampled(_SPACING))
+            self._seen = None if plan is None else Scene.of(plan.scenario, plan)
+            self.stage.draw_plan(self._seen)
             self.answer, self._number = answer, self._number + 1
             spent = 1e3 * (time.perf_counter() - began)
             self._said.content = answer_html(answer, self._number, spent, dropped)
-            self._play.disabled = answer.result is None or answer.result.trajectory is None
+            self._play.disabled = plan is None or plan.execution is None
         self.server.flush()  # else it waits for a sixtieth of a second
 
     def _handles(self) -> None:
@@ -138,32 +138,27 @@ class Window:
         from pushplan.view.stage import MOST_DRAGGED
 
         draft, stage = self.draft, self.stage
-        stage.handle("/start", draft.start, self._moved(lambda pose: lambda it: it.with_start(pose)))
-        stage.handle("/goal", draft.goal, self._moved(lambda pose: lambda it: it.with_goal(pose)))
-        for k, contact in enumerate(draft.original.chain.contacts):
+        for key, pose in draft.poses.items():
+            standing = key.startswith("obstacle/")
+            if not standing or len(draft.original.obstacles) <= MOST_DRAGGED:
+                stage.handle(f"/{key}", pose, partial(self._moved, key), arrows=not standing)
+        for k in range(len(draft.slides)):
+            contact = draft.original.chain.contacts[k]
             along = np.array(
                 [*(0.5 * (contact.right + contact.left)), np.arctan2(-contact.tangent[0], contact.tangent[1])]
             )
-            stage.handle(f"/start/slide{k}", along, partial(self._slid, k, along), (False, True, False))
-        if len(draft.places) <= MOST_DRAGGED:
-            for i, place in enumerate(draft.places):
-                stage.handle(f"/obstacle{i}", place, partial(self._placed, i), arrows=False)
+            stage.handle(f"/{START}/slide{k}", along, partial(self._slid, k, along), (False, True, False))
         stage.draw_obstacles(draft)
-        stage.draw_chain(
-            draft.original.chain, draft.frame
-        )  # bodies hang under the handles, which have to be there
+        stage.draw_bodies(
+            draft, Scene.of(draft.original)
+        )  # they hang under the handles, which have to be there
 
-    def _moved(
-        self, change: Callable[[FloatArray], Callable[[Draft], Draft]]
-    ) -> Callable[[FloatArray, bool], None]:
-        return lambda pose, dropped: self.move(change(pose), dropped)
+    def _moved(self, key: str, pose: FloatArray, dropped: bool) -> None:
+        self.move(lambda it: it.moved(key, pose), dropped)
 
     def _slid(self, k: int, along: FloatArray, pose: FloatArray, dropped: bool) -> None:
         tangent = self.draft.original.chain.contacts[k].tangent
-        self.move(lambda it: it.with_slide(k, float((pose - along)[:2] @ tangent)), dropped)
-
-    def _placed(self, i: int, pose: FloatArray, dropped: bool) -> None:
-        self.move(lambda it: it.with_place(i, pose), dropped)
+        self.move(lambda it: it.slid(k, float((pose - along)[:2] @ tangent)), dropped)
 
     def _panel(self) -> None:
         gui = self.server.gui
@@ -176,13 +171,12 @@ class Window:
 
     def _perform(self) -> None:
         """Play the execution until it is over or something is moved."""
-        result = self.answer.result if self.answer is not None else None
-        if result is None or result.trajectory is None or self._playing.is_set():
+        seen, began = self._seen, time.perf_counter()
+        if seen is None or len(seen.t) == 1 or self._playing.is_set():
             return
-        trajectory, began = result.trajectory, time.perf_counter()
         self._playing.set()
-        while self._playing.is_set() and (t := time.perf_counter() - began) < trajectory.duration:
-            self.stage.show_played(trajectory.poses_at(np.array([t]))[0])
+        while self._playing.is_set() and (t := time.perf_counter() - began) < seen.t[-1]:
+            self.stage.show_played(seen.at(t))
             time.sleep(_FRAME)
         self.stage.show_played(None)
         self._playing.clear()
@@ -199,11 +193,9 @@ class Window:
         )
 
     def _look_at_all(self) -> None:
-        area, draft = self.draft.original.workspace, self.draft
-        ends = np.stack([draft.start[:2], draft.goal[:2]])
-        box = ends if area is None else np.array([[area.xmin, area.ymin], [area.xmax, area.ymax]])
-        low, high = box.min(axis=0), box.max(axis=0)
-        x, y = 0.5 * (low + high)
-        away = 0.95 * max(float((high - low).max()), 4.0 * draft.original.chain.reach)
+        window = Scene.of(self.draft.original).window
+        x, y = 0.5 * (window.xmin + window.xmax), 0.5 * (window.ymin + window.ymax)
+        reach = max(task.chain.reach for task in self.draft.original.tasks)
+        away = 0.95 * max(float(window.size.max()), 4.0 * reach)
         self.server.initial_camera.position = (x, y - 0.25 * away, away)
         self.server.initial_camera.look_at = (x, y, 0.0)

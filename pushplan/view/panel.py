@@ -8,13 +8,14 @@ from math import degrees
 import numpy as np
 import shapely
 
-from pushplan.drawing.palette import OBJECTS, PLATE
+from pushplan.drawing.palette import PLATE, SLIPS, TURNS, object_colours
+from pushplan.plans.plan import Segment
 from pushplan.sets.cor.cor_region import Window
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 from pushplan.view.answers import Answer
 
-_SENSES = {+1: "#2c6fa6", -1: "#c0622d"}
 _STYLE = "padding:0 12px;font-size:13px;line-height:1.45"
 
 
@@ -33,28 +34,37 @@ def answer_html(answer: Answer, number: int, milliseconds: float, dropped: bool)
 
 
 def _plan(answer: Answer, milliseconds: float) -> str:
-    result = answer.result
-    assert result is not None
-    assert result.path is not None
-    rows = [("path", f"{result.path.cost:.3f} m in {len(result.path.twists)} arcs")]
-    if result.min_margin is not None:
-        rows.append(("least margin", f"{result.min_margin:.3f}"))
-    if result.trajectory is not None:
-        rows.append(("drive", f"{result.trajectory.duration:.1f} s"))
-    if result.robustness is not None:
-        rows.append(("robustness", result.robustness.sentence))
-    if result.lowered:
-        rows.append(("note", result.lowered))
+    plan = answer.plan
+    assert plan is not None
+    rows = []
+    if plan.path is not None:
+        rows.append(("path", f"{plan.path.cost:.3f} m in {len(plan.path.twists)} arcs"))
+    else:
+        rows.append(("pushed", f"{plan.pushed_distance:.3f} m in {len(plan.pushes)} pushes"))
+        rows += [(f"push {k}", _push(push)) for k, push in enumerate(plan.pushes, start=1)]
+    if plan.min_margin is not None:
+        rows.append(("least margin", f"{plan.min_margin:.3f}"))
+    if plan.duration is not None:
+        rows.append(("drive", f"{plan.duration:.1f} s"))
+    if plan.robustness is not None:
+        rows.append(("robustness", plan.robustness.sentence))
+    if plan.lowered:
+        rows.append(("note", plan.lowered))
     rows.append(("answered in", f"{milliseconds:.0f} ms ({_STAGES[answer.stage]})"))
     return "".join(f"<div><b>{name}</b>: {escape(text)}</div>" for name, text in rows)
 
 
-_STAGES = {"path": "first path", "timed": "first path, timed", "polished": "polished"}
+def _push(push: Segment) -> str:
+    assert push.load is not None
+    return f"{', '.join(push.load.names)} at its {push.load.face} face, {push.cost:.2f} m"
+
+
+_STAGES = {"path": "first plan", "timed": "first plan, timed", "polished": "polished"}
 
 
 def _troubles(answer: Answer) -> str:
     items = "".join(f"<li>{escape(text)}</li>" for text in answer.findings)
-    return f'<b style="color:#c8322b">no plan</b><ul style="margin:0;padding-left:18px">{items}</ul>'
+    return f'<b style="color:{SLIPS}">no plan</b><ul style="margin:0;padding-left:18px">{items}</ul>'
 
 
 def stable_set_html(stable: StableSet | None) -> str:
@@ -63,11 +73,13 @@ def stable_set_html(stable: StableSet | None) -> str:
         return ""
     window = default_window(stable.chain, [stable])
     regions = "".join(_region(stable, sense, window) for sense in (+1, -1))
-    bodies = "".join(_body(body.outline, body.name) for body in stable.chain.bodies)
+    chain = stable.chain
+    fills = [PLATE] * len(chain.carried) + object_colours([obj.name for obj in chain.objects])
+    bodies = "".join(_body(body.outline, fill) for body, fill in zip(chain.bodies, fills, strict=True))
     return (
         f'<div style="{_STYLE}"><b>stable centres of rotation</b> '
-        f'(<span style="color:{_SENSES[+1]}">left turns</span>, '
-        f'<span style="color:{_SENSES[-1]}">right turns</span>){_cone(stable)}'
+        f'(<span style="color:{TURNS[+1]}">left turns</span>, '
+        f'<span style="color:{TURNS[-1]}">right turns</span>){_cone(stable)}'
         f'<svg id="pushplan-set" viewBox="{_view(window)}" style="width:100%;max-height:230px">'
         f"{regions}{bodies}</svg></div>"
     )
@@ -96,14 +108,13 @@ def _region(stable: StableSet, sense: int, window: Window) -> str:
         for ring in (part.exterior, *part.interiors)
     ]
     data = " ".join(f"M {_points(np.asarray(ring.coords)[:, :2])} Z" for ring in rings)
-    return f'<path d="{data}" fill="{_SENSES[sense]}" fill-opacity="0.35" fill-rule="evenodd"/>'
+    return f'<path d="{data}" fill="{TURNS[sense]}" fill-opacity="0.35" fill-rule="evenodd"/>'
 
 
-def _body(outline: np.ndarray[tuple[int, ...], np.dtype[np.float64]], name: str) -> str:
-    fill = PLATE if name in ("pusher", "robot") else OBJECTS[0]
+def _body(outline: FloatArray, fill: str) -> str:
     line = 'stroke="#333" stroke-width="1" vector-effect="non-scaling-stroke"'
     return f'<polygon points="{_points(outline)}" fill="{fill}" {line}/>'
 
 
-def _points(points: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
+def _points(points: FloatArray) -> str:
     return " ".join(f"{-y:.4f},{-x:.4f}" for x, y in points)
