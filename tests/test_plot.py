@@ -229,7 +229,7 @@ def test_nothing_in_a_picture_covers_its_key_or_spills(
     plot_scenario(scenario, tmp_path / "s.png")
     for figure in figures:
         _assert_nothing_covered(figure)
-        sizes = [text.get_fontsize() for text in figure.findobj(Text) if isinstance(text, Text)]
+        sizes = [float(text.get_fontsize()) for text in figure.findobj(Text) if isinstance(text, Text)]
         assert min(sizes) >= 6.0
 
 
