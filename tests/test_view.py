@@ -124,7 +124,7 @@ def test_every_stage_of_an_answer_leads_from_the_dragged_start_to_the_dragged_go
 ) -> None:
     draft = Draft.of(scenarios[kind])
     key = next(key for key in draft.poses if key.startswith("goal"))
-    draft, asked = draft.moved(key, draft.poses[key] + [-0.1, 0.05, 0.0]), Answers(scenarios[kind])
+    draft, asked = draft.moved(key, draft.poses[key] + [-0.1, -0.1, 0.0]), Answers(scenarios[kind])
     timed = asked.timed(draft)
     for answer in (asked.path(draft), timed, asked.polished(timed, lambda: False)):
         assert answer.solved, answer.findings
