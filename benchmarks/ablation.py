@@ -14,24 +14,54 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
 
 import numpy as np
-from convergence import FAR, NEAR, NEVER, Run, run
 from dense_scenes import HARD, NUMBERS
 from dense_scenes import scenes as dense_scenes
 
-from pushplan.bench.processes.machine import Machine
+from pushplan.bench.machine import Machine
 from pushplan.kernels import warm_up
+from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl import auto
+from pushplan.planners.ompl.factories import planner_named
+from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.margins import margins_to_try
-from pushplan.planners.problem.posing import build_problem
+from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
+from pushplan.planners.problem.problem import Problem
 from pushplan.planners.search import lattice_rounds
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
+
+MARKS = (0.1, 0.3, 1.0)
+"""Shares of the time at which costs are looked at."""
+
+NEAR, FAR = 1.01, 1.2
+NEVER = 10**12
+
+
+@dataclass(frozen=True)
+class Run:
+    """Costs (m) at the marks and in the end, and CPU seconds to the first path; infinite if there is none."""
+
+    costs: tuple[float, ...]
+    cost: float
+    first: float
+
+
+def run(scenario: Scenario, problem: Problem, seed: int, seconds: float) -> Run:
+    """Search with all of the time, without an end by stalling."""
+    session = Session(problem, scenario.start, Budget(seconds, stall=NEVER), seed)
+    search(session, planner_named("auto")[1], sampling_box(scenario), body_reach(scenario))
+    found = session.progress
+    return Run(
+        tuple(min((p.cost for p in found if p.seconds <= m * seconds), default=math.inf) for m in MARKS),
+        session.best.cost,
+        found[0].seconds if found else math.inf,
+    )
 
 
 def _nothing(*_: Any) -> None:
@@ -75,8 +105,7 @@ def measure(scenario: Scenario, arguments: argparse.Namespace) -> dict[str, list
     for part in arguments.parts:
         with PARTS[part]():
             found[part] = [
-                run(posed, problem, "auto", seed, arguments.seconds, NEVER)
-                for seed in range(1, arguments.seeds + 1)
+                run(posed, problem, seed, arguments.seconds) for seed in range(1, arguments.seeds + 1)
             ]
     best = min(r.cost for runs in found.values() for r in runs)
     return {

@@ -27,9 +27,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.bench.processes.machine import Machine
-from pushplan.bench.random_problems.generator import generate
-from pushplan.bench.random_problems.parameters import ProblemParameters
+from pushplan.bench.machine import Machine
+from pushplan.bench.random_problems import generate
+from pushplan.bench.schema import ProblemParameters
 from pushplan.geometry.se2 import compose, inverse, relative
 from pushplan.plan import plan
 from pushplan.plans.events import Replan

@@ -15,10 +15,8 @@ import numpy as np
 import shapely
 import yaml
 
-from pushplan.bench.random_problems.chain import random_chain
-from pushplan.bench.random_problems.parameters import GeneratorError, ProblemParameters
-from pushplan.bench.random_problems.scenario_yaml import scenario_yaml
-from pushplan.bench.random_problems.shapes import random_polygon
+from pushplan.bench.random_problems import GeneratorError, random_chain, random_polygon, scenario_yaml
+from pushplan.bench.schema import ProblemParameters
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario

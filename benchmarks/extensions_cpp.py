@@ -22,7 +22,7 @@ from ompl import base as ob
 from ompl import control as oc
 from ompl import util as ou
 
-from pushplan.bench.processes.machine import Machine
+from pushplan.bench.machine import Machine
 from pushplan.kernels import warm_up
 from pushplan.planners.improve.budget import Budget
 from pushplan.planners.improve.session import Session

@@ -2,7 +2,7 @@
 
 Run `python benchmarks/plans_in_physics.py [--problems 40] [--scenarios two-crates ...] [--settings old plain ...]
 [--out results.jsonl] [--tolerance]`. Every packaged scenario and random problems, all on four feet an object with
-known loads (`pushplan.bench.on_feet`), are planned with each of `SETTINGS` and executed in MuJoCo: as stated, and in
+known loads (`on_feet.py`), are planned with each of `SETTINGS` and executed in MuJoCo: as stated, and in
 each of eight worlds that differ from what the plan believes (`perturbed`). `--tolerance` executes each plan in worlds
 that differ by 0.9 of what it says it can bear instead. Raw results go to a file, one JSON object a line; with the
 same file a run goes on where it ended. Prints a Markdown table; exits 1 when a plan fails in the world as stated, or
@@ -29,11 +29,11 @@ from typing import Any
 
 import numpy as np
 import yaml
+from on_feet import on_feet
 
-from pushplan.bench.on_feet import on_feet
-from pushplan.bench.processes.machine import Machine
-from pushplan.bench.random_problems.generator import generate
-from pushplan.bench.random_problems.parameters import DRIVES, ProblemParameters
+from pushplan.bench.machine import Machine
+from pushplan.bench.random_problems import DRIVES, generate
+from pushplan.bench.schema import ProblemParameters
 from pushplan.errors import PushplanError
 from pushplan.kernels import warm_up
 from pushplan.mechanics.chain import Chain

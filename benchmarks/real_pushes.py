@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 import shapely
+from random_chains import tell
 from scipy.optimize import least_squares, minimize
-from slip_solver import tell
 
-from pushplan.bench.processes.machine import Machine
+from pushplan.bench.machine import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject

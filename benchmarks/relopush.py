@@ -1,10 +1,15 @@
 """Problems of ReloPush (fluentrobotics/ReloPush, BSD-3-Clause): each block alone, and whole instances.
 
     python benchmarks/relopush.py FOLDER [--instances 100] [--better 10] [--whole 100] [--seconds 20]
-        [--files 2o1r 4o 6o2] [--walls strict]
+        [--files 2o1r 4o 6o2] [--walls strict] [--scenarios DIR]
 
-FOLDER holds its `testdata` as 2o1r.json, 4o.json and 6o2.json, which `pushplan.bench.suites.relopush` reads. The
-walls are 0.5 m outside of the room of 4.0 x 5.4 m, or around it with `--walls strict`.
+FOLDER holds its `testdata` as 2o1r.json, 4o.json and 6o2.json: lists of instances with poses [x, y, theta] of blocks
+and goals, which block goes where, and the pose of the car's axle as the text `x,y,theta`. The blocks are cubes of
+0.15 m that may end in any of four orientations. The car has a footprint of 0.42 x 0.285 m, its rear axle 0.30 m
+behind its front plate, and a least turning radius of 1.008 m. Masses and frictions are not stated there; those here
+are common ones. The walls are 0.5 m outside of the room of 4.0 x 5.4 m, or around it with `--walls strict`.
+
+With `--scenarios` nothing is measured: each block whose goal is free becomes a scenario file in DIR, for suites.
 
 Printed for each block alone, the others in the way: how many with a free goal get a plan, the CPU time to the first
 one (the load prepared, the room built anew), how long a refusal of an occupied goal takes, and for the first
@@ -16,15 +21,17 @@ the legs of the first `--better` ones are timed, executed and judged by code tha
 from __future__ import annotations
 
 import argparse
+import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pushplan.bench.suites.relopush import SIDE, WALLS, Instance, read_instances, template
-from pushplan.errors import PlanningError
+from pushplan.bench.random_problems import scenario_yaml
+from pushplan.errors import PlanningError, ScenarioError
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
@@ -39,9 +46,102 @@ from pushplan.several.prepared import Prepared
 from pushplan.several.warm import warm_up_several
 from pushplan.util.arrays import FloatArray
 
+SIDE, AXLE, RADIUS = 0.15, 0.30, 1.008
+"""Side of a block, how far the axle is behind the plate, and the least turning radius, m."""
+
+ROOM = (4.0, 5.4)
+"""Size of the room, m; the corner at its lower left is the origin."""
+
+WALLS = {"loose": 0.5, "strict": 0.0}
+"""How far outside of the room the walls are, m: the planner of ReloPush lets its robot leave the room."""
+
 FIRST_LIMIT = 4.0
 FILES = ("2o1r", "4o", "6o2")
 SQUARE = 0.5 * SIDE * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Instance:
+    """Blocks, where they shall go, and where the car's axle is at first: poses (3,) in the room, m and rad."""
+
+    blocks: dict[str, FloatArray]
+    goals: dict[str, FloatArray]
+    assignment: dict[str, str]
+    robot: FloatArray
+
+    @property
+    def plate(self) -> FloatArray:
+        """(3,) pose of the car's plate at first."""
+        return se2.compose(self.robot, [AXLE, 0.0, 0.0])
+
+    def target(self, block: str) -> FloatArray:
+        """Return the goal (3,) of a block."""
+        return self.goals[self.assignment[block]]
+
+    def others(self, block: str) -> list[FloatArray]:
+        """Return the poses (3,) of the other blocks."""
+        return [pose for name, pose in self.blocks.items() if name != block]
+
+
+def read_instances(path: Path) -> tuple[Instance, ...]:
+    """Return the instances of a file."""
+
+    def poses(stated: Mapping[str, list[float]]) -> dict[str, FloatArray]:
+        return {name: np.array(pose, dtype=float) for name, pose in stated.items()}
+
+    return tuple(
+        Instance(
+            poses(one["blocks"]),
+            poses(one["goals"]),
+            one["assignment"],
+            np.array([float(number) for number in one["robot"].split(",")]),
+        )
+        for one in json.loads(path.read_text("utf-8"))
+    )
+
+
+def template(walls: str = "loose") -> dict[str, Any]:
+    """Return what all instances have in common, as a scenario file states it; places in it stand for any."""
+    out = WALLS[walls]
+    return {
+        "format": "pushplan/1",
+        "name": "relopush",
+        "floor": {"friction": 0.3},
+        "objects": [{"name": "block", "shape": {"box": [SIDE, SIDE]}, "mass": 1.0}],
+        "pusher": {"width": 0.285, "friction": 0.5, "thickness": 0.02},
+        "robot": {
+            "footprint": {"box": [0.42, 0.285], "pose": [-0.21, 0.0, 0.0]},
+            "drive": {"car": {"axle": [-AXLE, 0.0, 0.0], "min_radius": RADIUS}},
+            "start": [1.0, 1.0, 0.0],
+        },
+        "start": [1.5, 2.0, 0.0],
+        "goal": {"pose": [2.0, 2.0, 0.0], "of": "block", "symmetry": 4},
+        "workspace": {"x": [-out, ROOM[0] + out], "y": [-out, ROOM[1] + out]},
+    }
+
+
+def write_scenarios(instance: Instance, name: str, walls: str, folder: Path) -> None:
+    """Write a scenario file for each block of an instance whose goal is free, the others in its way."""
+    folder.mkdir(parents=True, exist_ok=True)
+    stated = template(walls)
+    for block in instance.assignment:
+        start = se2.compose(instance.blocks[block], [-0.5 * SIDE, 0.0, 0.0])
+        document = {
+            **stated,
+            "name": f"{name}-{block}",
+            "robot": {**stated["robot"], "start": instance.plate.tolist()},
+            "start": start.tolist(),
+            "goal": {"pose": instance.target(block).tolist(), "of": "block", "symmetry": 4},
+            "obstacles": [{"box": [SIDE, SIDE], "pose": pose.tolist()} for pose in instance.others(block)],
+        }
+        try:
+            scenario_from_document(document)
+        except ScenarioError as error:
+            if not all(finding.where.startswith("goal") for finding in error.findings):
+                raise
+            continue  # another block stands there
+        text = scenario_yaml({key: value for key, value in document.items() if key != "format"})
+        (folder / f"{name}-{block}.yaml").write_text(text, "utf-8")
 
 
 @dataclass(frozen=True)
@@ -78,7 +178,14 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="for each of these, at most")
     parser.add_argument("--files", nargs="+", default=FILES, choices=FILES)
     parser.add_argument("--walls", default="loose", choices=WALLS)
+    parser.add_argument("--scenarios", type=Path, help="write the blocks as scenario files here, and end")
     args = parser.parse_args()
+    if args.scenarios is not None:
+        for name in args.files:
+            instances = read_instances(args.folder / f"{name}.json")[: args.instances]
+            for k, instance in enumerate(instances, start=1):
+                write_scenarios(instance, f"{name}-{k}", args.walls, args.scenarios)
+        return
     warm_up_several(print, "ecof", intervals=False)
     prepared = _prepared(args.walls, {})
     light = _prepared(args.walls, {"switch_cost": 0.05, "transit_weight": 0.01})

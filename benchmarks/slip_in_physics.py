@@ -1,7 +1,7 @@
 """The slip simulator against MuJoCo: do the same contacts slip, and do the objects end in the same places?
 
 Run `python benchmarks/slip_in_physics.py [--chains 120] [--pushes 6] [--first 1] [--jobs 1]`; prints every
-figure next to what is wanted and exits 1 if one is missed. Chains are those of `physics_agreement.py` with
+figure next to what is wanted and exits 1 if one is missed. Chains are those of `random_chains.py` with
 contact friction from 0.06 to 0.48, every fourth is a tree; of the pushes of a chain a third each is stable,
 unstable, and near the boundary. They go 0.1 to 0.4 of the chain's length. MuJoCo moves so slowly that inertia
 does not matter (v^2 / (mu g L) = 1e-5), and its friction takes hold so slowly that sliding faces are not
@@ -17,10 +17,9 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
-from physics_agreement import random_chain
-from slip_solver import random_tree, tell
+from random_chains import random_chain, random_tree, tell
 
-from pushplan.bench.processes.machine import Machine
+from pushplan.bench.machine import Machine
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sets.named import stable_set

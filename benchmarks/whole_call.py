@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from pushplan import Queries
-from pushplan.bench.processes.machine import Machine
+from pushplan.bench.machine import Machine
 from pushplan.geometry import se2
 from pushplan.plan import plan
 from pushplan.planners.validation.room import Room

@@ -6,12 +6,11 @@ from collections.abc import Callable, Generator, Iterable
 from pathlib import Path
 
 from pushplan.bench.batch import run_suite
-from pushplan.bench.processes.outcome import Figures, Outcome, Task
-from pushplan.bench.storage.folder import ResultsFolder
-from pushplan.bench.storage.results import Results, read_results
-from pushplan.bench.suites.file import suite_from_text
+from pushplan.bench.outcome import Outcome
+from pushplan.bench.store import Results, ResultsFolder, read_results
+from pushplan.bench.suite import RunSpec, suite_from_text
 
-Make = Callable[[Task], Outcome]
+Make = Callable[[RunSpec], Outcome]
 
 SUITE = """\
 format: pushplan-suite/1
@@ -23,38 +22,36 @@ limits: {time: 4 s}
 """
 
 
-def solved(task: Task, cost: float, first: float, **more: object) -> Outcome:
-    figures = Figures(
-        found=True,
-        valid=True,
-        first_solution_s=first,
-        path_cost=cost,
-        seconds={"search": 2.0},
-        min_margin=0.1,
-        progress=((first, 2.0 * cost, 1), (3.0 * first, cost, 2)),
-    )
-    return Outcome(task.key, "ok", "", figures, seconds=2.1, host="here")
+def solved(spec: RunSpec, cost: float, first: float) -> Outcome:
+    values = {
+        "time": 2.0,
+        "first_solution_time": first,
+        "solution_length": cost,
+        "min_margin": 0.1,
+        "total_time": 2.1,
+    }
+    progress = ((first, 2.0 * cost, 1), (3.0 * first, cost, 2))
+    return Outcome(spec.key, "ok", "", values, progress=progress, host="here")
 
 
-def typical(task: Task) -> Outcome:
+def typical(spec: RunSpec) -> Outcome:
     """`slow` is ten times slower and a tenth costlier; one run is invalid, one crashes, one has no plan."""
-    slow = task.planner == "rrt"
-    if slow and task.seed == 3 and task.name == "one-box":
-        return Outcome(
-            task.key, "invalid", "it <slips>", Figures(found=True, path_cost=0.5, first_solution_s=0.1)
-        )
-    if slow and task.seed == 4 and task.name == "one-box":
-        return Outcome(task.key, "crash", "killed by SIGSEGV\nFatal <error>")
-    if slow and task.seed == 5 and task.name == "one-box":
-        return Outcome(task.key, "no plan", "there is none", Figures())
-    noise = 1.0 + 0.01 * task.seed
-    return solved(task, (3.3 if slow else 3.0) * noise, (0.5 if slow else 0.05) * noise)
+    slow = spec.planner.name == "rrt"
+    if slow and spec.problem.name == "one-box" and 3 <= spec.seed <= 5:
+        spoilt = {"solution_length": 0.5, "first_solution_time": 0.1}
+        return {
+            3: Outcome(spec.key, "invalid", "it <slips>", spoilt),
+            4: Outcome(spec.key, "crash", "killed by SIGSEGV\nFatal <error>"),
+            5: Outcome(spec.key, "no plan", "there is none"),
+        }[spec.seed]
+    noise = 1.0 + 0.01 * spec.seed
+    return solved(spec, (3.3 if slow else 3.0) * noise, (0.5 if slow else 0.05) * noise)
 
 
 def make(folder: Path, outcome: Make = typical, text: str = SUITE) -> Results:
-    def engine(tasks: Iterable[Task]) -> Generator[Outcome]:
-        for task in tasks:
-            yield outcome(task)
+    def engine(specs: Iterable[RunSpec]) -> Generator[Outcome]:
+        for spec in specs:
+            yield outcome(spec)
 
     results = ResultsFolder(folder)
     with results.locked():

@@ -8,8 +8,8 @@ from itertools import product
 
 import numpy as np
 
-from pushplan.bench.random_problems.generator import generate
-from pushplan.bench.random_problems.parameters import ProblemParameters
+from pushplan.bench.random_problems import generate
+from pushplan.bench.schema import ProblemParameters
 from pushplan.errors import SupportError, TimingError
 from pushplan.geometry.contact_segments import find_touch
 from pushplan.geometry.se2 import compose, rotate, transform_points

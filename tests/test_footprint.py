@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.bench.processes.validation import clearance
+from pushplan.bench.validation import clearance
 from pushplan.cli.main import main
 from pushplan.cli.steps.understood import room
 from pushplan.geometry import se2

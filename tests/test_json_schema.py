@@ -13,7 +13,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from pushplan.bench.suites.file import suite_names, suite_text
+from pushplan.bench.suite import suite_names, suite_text
 from pushplan.cli.main import main
 from pushplan.scenario.file import example_names, example_text, load_scenario
 from pushplan.scenario.json_schema import SCHEMAS, scenario_schema, schema_file, schema_text, suite_schema

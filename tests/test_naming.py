@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan.bench.suites.file import suite_from_text
+from pushplan.bench.suite import suite_from_text
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError, PushplanError
 from pushplan.planners.ompl.factories import planner_named

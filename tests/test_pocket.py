@@ -9,8 +9,8 @@ import pytest
 import shapely
 from plain import load_plain, plain
 
-from pushplan.bench.random_problems.generator import generate
-from pushplan.bench.random_problems.parameters import DRIVES, ProblemParameters
+from pushplan.bench.random_problems import DRIVES, generate
+from pushplan.bench.schema import ProblemParameters
 from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at
 from pushplan.planners.infeasible import pocket

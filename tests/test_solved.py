@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pushplan import run
-from pushplan.bench.processes.work import figures
+from pushplan.bench.outcome import validated
 from pushplan.cli.main import main
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
@@ -86,19 +86,17 @@ def test_a_path_that_loses_a_contact_when_driven_is_not_solved(hurried: None) ->
 
 def test_the_row_of_a_benchmark_says_so(hurried: None) -> None:
     scenario = load_scenario("two-crates")
-    row = figures(scenario, run(scenario, time_limit=60.0, iterations=ITERATIONS), Stopwatch())
-    assert row.found
-    assert not row.valid
-    assert row.reason.startswith("the plan does not hold when it is executed: ")
-    assert row.min_margin is None
+    row = validated("", scenario, run(scenario, time_limit=60.0, iterations=ITERATIONS), Stopwatch())
+    assert (row.status, row.values["correct_solution"]) == ("invalid", 0)
+    assert row.message.startswith("the plan does not hold when it is executed: ")
+    assert "min_margin" not in row.values
 
 
 def test_the_row_of_a_good_run_with_the_margin_that_auto_found_is_valid() -> None:
     scenario = load_scenario("two-crates")
-    row = figures(scenario, run(scenario, time_limit=60.0, iterations=ITERATIONS), Stopwatch())
-    assert (row.found, row.valid, row.reason) == (True, True, "")
-    assert row.min_margin is not None
-    assert row.min_margin > 0.05
+    row = validated("", scenario, run(scenario, time_limit=60.0, iterations=ITERATIONS), Stopwatch())
+    assert (row.status, row.message) == ("ok", "")
+    assert (row.values["min_margin"] or 0.0) > 0.05
 
 
 def test_the_command_says_so_in_words_in_json_in_the_log_and_by_its_exit_code(

@@ -3,29 +3,66 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from pushplan.bench.processes.machine import Machine, package_version
-from pushplan.bench.processes.outcome import Outcome, Task
-from pushplan.bench.storage.folder import FolderError, ResultsFolder
-from pushplan.bench.storage.store import Store
-from pushplan.bench.suites.selection import chosen, with_key
-from pushplan.bench.suites.suite import RunSpec, Suite
-from pushplan.bench.tally import Tally
-
-Engine = Callable[[Iterable[Task]], Generator[Outcome]]
-"""Does runs and yields what becomes of them in any order; stops them when the iterator is closed."""
+from pushplan.bench.executor import Engine
+from pushplan.bench.machine import Machine, package_version
+from pushplan.bench.outcome import NO_PLAN, OK
+from pushplan.bench.store import ResultsFolder, Store, StoreError
+from pushplan.bench.suite import RunSpec, Suite, run_with_key, select
 
 
 @dataclass(frozen=True)
-class Choice:
+class Tally:
+    """How far a benchmark has come.
+
+    Attributes:
+        total: Runs asked for.
+        before: Of them, those that had a result already.
+        counts: How those ended that were done now, by status.
+        seconds: Time that they took, s.
+    """
+
+    total: int
+    before: int = 0
+    counts: Mapping[str, int] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @property
+    def done(self) -> int:
+        """Runs done now."""
+        return sum(self.counts.values())
+
+    @property
+    def left(self) -> int:
+        """Runs without a result."""
+        return self.total - self.before - self.done
+
+    @property
+    def solved(self) -> int:
+        """Runs done now that ended with a valid solution."""
+        return self.counts.get(OK, 0)
+
+    @property
+    def failed(self) -> int:
+        """Runs done now that were neither solved nor just without a plan."""
+        return self.done - self.solved - self.counts.get(NO_PLAN, 0)
+
+    @property
+    def to_end(self) -> float | None:
+        """Seconds until all is done if it goes on as so far; None before the first run."""
+        return self.seconds / self.done * self.left if self.done else None
+
+
+@dataclass(frozen=True)
+class Selection:
     """Which runs of a suite are done.
 
     Attributes:
         resume: Go on in a folder that has results, with the runs that have none.
-        filters: Only runs that fit; see `selection.chosen`.
+        filters: Only runs that fit; see `suite.select`.
         rerun: Key, or its beginning, of a single run to do again; empty for none.
     """
 
@@ -33,99 +70,64 @@ class Choice:
     filters: tuple[str, ...] = ()
     rerun: str = ""
 
-    def of(self, runs: Sequence[RunSpec]) -> list[RunSpec]:
+    def of(self, suite: Suite, version: str) -> list[RunSpec]:
         """Return the runs that are meant.
 
         Raises:
             SelectionError: When a filter or key fits nothing.
         """
-        return [with_key(runs, self.rerun)] if self.rerun else chosen(runs, self.filters)
+        runs = list(suite.runs(version))
+        return [run_with_key(runs, self.rerun)] if self.rerun else select(runs, self.filters)
 
 
 def run_suite(
     suite: Suite,
     folder: ResultsFolder,
     engine: Engine,
-    choice: Choice | None = None,
-    tell: Callable[[Tally], None] | None = None,
+    selection: Selection | None = None,
+    observer: Callable[[Tally], None] | None = None,
     version: str | None = None,
 ) -> Tally:
-    """Do the runs of a suite that are asked for and missing.
+    """Do the runs of a suite that are asked for and missing, and keep the result of each before the next one.
 
     Args:
         suite: What to run.
         folder: Where results go; the caller holds its lock.
-        engine: Does the runs.
-        choice: Which runs; all by default.
-        tell: Called after every run.
+        engine: Does the runs; see `executor`.
+        selection: Which runs; all by default.
+        observer: Called after every run.
         version: Of the package; part of each run's key.
 
     Returns:
         How the runs ended.
 
     Raises:
-        FolderError: When the folder has results and they are not to be resumed.
+        StoreError: When the folder has results and they are not to be resumed.
         SelectionError: When a filter or key fits nothing.
     """
-    choice = choice or Choice()
+    selection = selection or Selection()
     version = version or package_version()
-    runs = list(suite.runs(version))
-    wanted = choice.of(runs)
+    wanted = selection.of(suite, version)
     with Store(folder.database) as store:
         done = store.done()
-        if done and not (choice.resume or choice.rerun):
-            raise FolderError(
+        if done and not (selection.resume or selection.rerun):
+            raise StoreError(
                 f"{folder.path} has the results of {len(done)} runs; go on with --resume, or name another folder"
             )
         folder.keep_suite(suite)
-        store.expect(suite, runs, Machine.this(), version)
-        missing = wanted if choice.rerun else [run for run in wanted if run.key not in done]
-        return _carry_out(missing, len(wanted), (folder, store), engine, tell)
-
-
-def _carry_out(
-    runs: Sequence[RunSpec],
-    total: int,
-    keep: tuple[ResultsFolder, Store],
-    engine: Engine,
-    tell: Callable[[Tally], None] | None,
-) -> Tally:
-    """Do runs, keeping what becomes of each before the next one is looked at."""
-    folder, store = keep
-    by_key = {run.key: run for run in runs}
-    tally = Tally(total=total, before=total - len(by_key))
-    began = time.monotonic()
-    try:
-        with closing(engine(task_of(run) for run in by_key.values())) as outcomes:
-            for outcome in outcomes:
-                run = by_key[outcome.key]
-                store.add(run, outcome, folder.keep_log(run, outcome))
-                tally = tally.with_one(outcome, time.monotonic() - began)
-                if tell is not None:
-                    tell(tally)
-    finally:
-        store.spent(time.monotonic() - began)
+        store.expect(suite, list(suite.runs(version)), Machine.this(), version)
+        by_key = {run.key: run for run in wanted if selection.rerun or run.key not in done}
+        before, counts, began = len(wanted) - len(by_key), dict[str, int](), time.monotonic()
+        tally = Tally(len(wanted), before)
+        try:
+            with closing(engine(by_key.values())) as outcomes:
+                for outcome in outcomes:
+                    run = by_key[outcome.key]
+                    store.add(run, outcome, folder.keep_log(run, outcome))
+                    counts[outcome.status] = counts.get(outcome.status, 0) + 1
+                    tally = Tally(len(wanted), before, dict(counts), time.monotonic() - began)
+                    if observer is not None:
+                        observer(tally)
+        finally:
+            store.spent(time.monotonic() - began)
     return tally
-
-
-def task_of(run: RunSpec) -> Task:
-    """Return a run as it is sent to the process that does it."""
-    scenario, planner = run.problem.scenario, run.planner
-    return Task(
-        key=run.key,
-        name=run.problem.name,
-        source=scenario.source,
-        attachments=dict(scenario.attachments),
-        planner=planner.name,
-        first=planner.first,
-        time_limit=planner.time,
-        iterations=planner.iterations,
-        cost=planner.cost,
-        gap=planner.gap,
-        stable_set=run.stable_set,
-        seed=run.seed,
-        seconds=run.seconds,
-        megabytes=run.megabytes,
-        version=run.version,
-        trials=run.trials,
-    )

@@ -6,8 +6,7 @@ import argparse
 import os
 import shlex
 from collections import Counter
-from collections.abc import Generator, Iterable
-from functools import partial
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,12 +16,9 @@ from pushplan.cli.terminal.numbers import counted
 from pushplan.errors import PushplanError
 
 if TYPE_CHECKING:
-    from pushplan.bench.batch import Choice, Engine
-    from pushplan.bench.processes.outcome import Outcome, Task
-    from pushplan.bench.storage.folder import ResultsFolder
-    from pushplan.bench.storage.results import Results
-    from pushplan.bench.suites.suite import Suite
-    from pushplan.bench.tally import Tally
+    from pushplan.bench.batch import Selection, Tally
+    from pushplan.bench.store import Results, ResultsFolder
+    from pushplan.bench.suite import Suite
 
 
 class BenchUsageError(PushplanError, ValueError):
@@ -102,7 +98,7 @@ def _refuse_together(args: argparse.Namespace, word: str, others: tuple[str, ...
 
 
 def _list(console: Console) -> int:
-    from pushplan.bench.suites.file import suite_names, suite_text
+    from pushplan.bench.suite import suite_names, suite_text
     from pushplan.cli.examples import first_comment
 
     about = {name: first_comment(suite_text(name)) for name in suite_names()}
@@ -120,14 +116,14 @@ def _bench(args: argparse.Namespace, console: Console) -> int:
             args, "--scheduler, which does as many runs at a time as its workers can,", ("jobs",)
         )
     with console.working(f"reading {args.suite}"):
-        from pushplan.bench.batch import Choice
-        from pushplan.bench.processes.machine import package_version
-        from pushplan.bench.storage.folder import ResultsFolder
-        from pushplan.bench.suites.file import load_suite
+        from pushplan.bench.batch import Selection
+        from pushplan.bench.machine import package_version
+        from pushplan.bench.store import ResultsFolder
+        from pushplan.bench.suite import load_suite
 
         suite = load_suite(args.suite)
-    choice = Choice(args.resume, tuple(args.filter), args.rerun)
-    choice.of(list(suite.runs(package_version())))  # before a folder is made and all is compiled
+    choice = Selection(args.resume, tuple(args.filter), args.rerun)
+    choice.of(suite, package_version())  # before a folder is made and all is compiled
     folder = ResultsFolder(args.output)
     with folder.locked():
         try:
@@ -137,9 +133,9 @@ def _bench(args: argparse.Namespace, console: Console) -> int:
                 console.note(f"stopped; go on with: {_resumption(args)}")
             raise
         results = _report(folder, console)
-    from pushplan.bench.processes.outcome import BROKEN, INVALID
+    from pushplan.bench.outcome import BROKEN, INVALID
 
-    ends = Counter(run.outcome for run in results.runs)  # now or before
+    ends = Counter(results.runs.outcome)  # now or before
     broken = sum(ends[end] for end in BROKEN)
     _tell(suite, folder, tally, broken, console)
     return MISMATCH if ends[INVALID] or (broken and not args.accept_broken) else DONE
@@ -155,39 +151,28 @@ def _resumption(args: argparse.Namespace) -> str:
 
 
 def _run(
-    args: argparse.Namespace, suite: Suite, choice: Choice, folder: ResultsFolder, console: Console
+    args: argparse.Namespace, suite: Suite, choice: Selection, folder: ResultsFolder, console: Console
 ) -> Tally:
     from pushplan.bench.batch import run_suite
 
-    with console.working("preparing, which compiles the first time"):
-        engine = _engine(args, folder)
-    with console.working(suite.name) as progress:
-        return run_suite(
-            suite, folder, engine, choice, tell=lambda tally: progress.tell(progress_text(tally))
-        )
+    with ExitStack() as stack:
+        with console.working("preparing, which compiles the first time"):
+            if args.scheduler is not None:
+                from pushplan.bench.executor import cluster_engine
 
+                engine = stack.enter_context(cluster_engine(args.scheduler))
+            else:
+                from pushplan.bench.executor import local_engine
 
-def _engine(args: argparse.Namespace, folder: ResultsFolder) -> Engine:
-    if args.scheduler is not None:
-        from pushplan.bench.processes.cluster import cluster_outcomes
-
-        return partial(cluster_outcomes, address=args.scheduler)
-    from pushplan.bench.processes.fork_server import supervisor
-    from pushplan.bench.processes.local import local_outcomes
-
-    supervisor().prepare()
-
-    def engine(tasks: Iterable[Task]) -> Generator[Outcome]:
-        return local_outcomes(tasks, args.jobs or 1, folder.scratch)
-
-    return engine
+                engine = stack.enter_context(local_engine(args.jobs or 1, folder.scratch))
+        progress = stack.enter_context(console.working(suite.name))
+        return run_suite(suite, folder, engine, choice, lambda tally: progress.tell(progress_text(tally)))
 
 
 def _report(folder: ResultsFolder, console: Console) -> Results:
     with console.working("writing the report"):
-        from pushplan.bench.reports.page import write_report
-        from pushplan.bench.storage.export import write_tables
-        from pushplan.bench.storage.results import read_results
+        from pushplan.bench.report import write_report
+        from pushplan.bench.store import read_results, write_tables
 
         results = read_results(folder.path)
         write_tables(results, folder.path)

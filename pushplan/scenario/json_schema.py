@@ -27,7 +27,7 @@ def scenario_schema() -> dict[str, Any]:
 
 def suite_schema() -> dict[str, Any]:
     """Return the JSON Schema of benchmark suites, likewise; it does not know names that installed packages add."""
-    from pushplan.bench.suites.schema import SuiteFile
+    from pushplan.bench.schema import SuiteFile
 
     return _finished(SuiteFile.model_json_schema(), "pushplan benchmark suite")
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +19,19 @@ if TYPE_CHECKING:
 
 PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 """The form of `module:attribute`."""
+
+
+_before_import: ContextVar[Callable[[str], None] | None] = ContextVar("before_import", default=None)
+
+
+@contextmanager
+def before_import(observer: Callable[[str], None]) -> Iterator[None]:
+    """Have an observer called with each `module:attribute` before its import, which it forbids by raising."""
+    token = _before_import.set(observer)
+    try:
+        yield
+    finally:
+        _before_import.reset(token)
 
 
 class OpenNames(tuple[str, ...]):
@@ -73,6 +89,8 @@ def attribute_named(name: str, group: str) -> Any:
         if found is None:
             return None
         name = found.value
+    elif (observer := _before_import.get()) is not None:
+        observer(name)
     module, _, path = name.partition(":")
     here = str(Path.cwd())
     if here not in sys.path:

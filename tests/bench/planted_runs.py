@@ -1,7 +1,4 @@
-"""Runs that go wrong on purpose, each as its seed says, and runs that wait until they are told to go on.
-
-Servers load this module before they fork, so it imports no planner: `planted_batch` is the program.
-"""
+"""Runs that go wrong on purpose, each as its seed says."""
 
 from __future__ import annotations
 
@@ -14,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pushplan.bench.processes.outcome import Figures, Task
+from pushplan.bench.outcome import Outcome
+from pushplan.bench.suite import RunSpec
 
 FATES = (
     "fine",
@@ -69,61 +67,32 @@ def fate_of(seed: int) -> str:
     return FATES[seed % len(FATES)]
 
 
-def work(task: Task, folder: Path) -> Figures:
+def work(spec: RunSpec, folder: Path) -> Outcome:
     """Meet the fate that the seed says."""
-    fate = fate_of(task.seed)
-    if fate in ("fine", "invalid", "no plan"):
-        return _figures(task.seed, fate)
+    fate = fate_of(spec.seed)
     if fate == "half a log":
         (folder / "run.mcap.partial").write_bytes(b"half")
         os._exit(1)
-    _go_wrong(fate)
-    raise AssertionError("nothing has gone wrong")
+    if fate not in ("fine", "invalid", "no plan"):
+        _go_wrong(fate)
+        raise AssertionError("nothing has gone wrong")
+    values = {} if fate == "no plan" else {"solution_length": spec.seed / 7.0}
+    return Outcome(spec.key, STATUS[fate], "" if fate == "fine" else f"it is {fate}", values)
 
 
-def meet(task: Task, folder: Path) -> Figures:
+def meet(spec: RunSpec, folder: Path) -> Outcome:
     """End well as soon as another run is there at the same time."""
-    (folder.parent / f"met-{task.seed}").touch()
+    (folder.parent / f"met-{spec.seed}").touch()
     while len(list(folder.parent.glob("met-*"))) < 2:
         time.sleep(0.01)
-    return _figures(task.seed, "fine")
+    return Outcome(spec.key, "ok")
 
 
-def _wait_to_go(folder: Path) -> None:
-    (folder.parent / f"waits-{os.getpid()}").touch()
-    while not (folder.parent / "go").exists():
-        time.sleep(0.01)
-
-
-def end_well(task: Task, folder: Path) -> Figures:
-    """End well as soon as the test says so."""
-    _wait_to_go(folder)
-    return Figures(found=True, valid=True, path_cost=float(task.seed))
-
-
-def end_badly(task: Task, folder: Path) -> Figures:
-    """End without a word as soon as the test says so."""
-    _wait_to_go(folder)
-    os._exit(task.seed)
-
-
-def end_server(task: Task, folder: Path) -> Figures:
-    """Take the server along."""
-    os.kill(os.getppid(), signal.SIGKILL)
-    os._exit(1)
-
-
-def _figures(seed: int, fate: str) -> Figures:
-    if fate == "no plan":
-        return Figures(reason="there is none")
-    arcs = ((1.0, 0.0, 0.0, 0.1 * seed), (0.9, 0.0, 1.0, 1.0 / (seed + 1)))
-    return Figures(
-        found=True,
-        valid=fate == "fine",
-        reason="" if fate == "fine" else "it slips",
-        path_cost=seed / 7.0,
-        arcs=arcs,
-    )
+def leave_number(spec: RunSpec, folder: Path) -> Outcome:
+    """Say who this process is, and never end."""
+    (folder.parent / "number").write_text(str(os.getpid()))
+    while True:
+        time.sleep(0.1)
 
 
 def _go_wrong(fate: str) -> None:

@@ -16,13 +16,11 @@ from typing import Any
 
 import pytest
 
-from pushplan.bench.batch import Choice, Engine, run_suite
-from pushplan.bench.processes.local import local_outcomes
-from pushplan.bench.processes.outcome import Figures, Outcome, Task
-from pushplan.bench.storage.folder import FolderError, ResultsFolder
-from pushplan.bench.suites.file import suite_from_text
-from pushplan.bench.suites.suite import Suite
-from pushplan.bench.tally import Tally
+from pushplan.bench.batch import Selection, Tally, run_suite
+from pushplan.bench.executor import local_engine
+from pushplan.bench.outcome import Outcome, perform
+from pushplan.bench.store import ResultsFolder, StoreError
+from pushplan.bench.suite import RunSpec, Suite, suite_from_text
 
 HERE = Path(__file__).parent
 
@@ -37,20 +35,33 @@ seeds: 2
 limits: {time: 20 s, iterations: 3000}
 """
 
-
-def _engine(jobs: int, folder: ResultsFolder, work: Any = None) -> Engine:
-    def engine(tasks: Iterable[Task]) -> Generator[Outcome]:
-        return local_outcomes(tasks, jobs, folder.scratch, *([work] if work else []))
-
-    return engine
+PROGRAM = """\
+import sys
+from pathlib import Path
+from planted_runs import work
+from pushplan.bench import executor
+from pushplan.bench.batch import Selection, run_suite
+from pushplan.bench.store import ResultsFolder
+from pushplan.bench.suite import load_suite
+executor.PRELOAD = "planted_runs"
+folder = ResultsFolder(Path(sys.argv[1]))
+with folder.locked(), executor.local_engine(2, folder.scratch, work) as engine:
+    run_suite(load_suite(Path(sys.argv[2])), folder, engine, Selection(resume=True),
+              lambda tally: print(tally.done, flush=True), "test")
+"""
 
 
 def _run(
-    suite: Suite, path: Path, jobs: int = 2, choice: Choice | None = None, work: Any = None, **more: Any
+    suite: Suite,
+    path: Path,
+    jobs: int = 2,
+    selection: Selection | None = None,
+    work: Any = perform,
+    observer: Any = None,
 ) -> Tally:
     folder = ResultsFolder(path)
-    with folder.locked():
-        return run_suite(suite, folder, _engine(jobs, folder, work), choice, version="test", **more)
+    with folder.locked(), local_engine(jobs, folder.scratch, work) as engine:
+        return run_suite(suite, folder, engine, selection, observer, "test")
 
 
 def _check_planted(found: Rows, planted: Any, count: int) -> None:
@@ -62,44 +73,23 @@ def _check_planted(found: Rows, planted: Any, count: int) -> None:
             assert row["solution_length"] == row["seed"] / 7.0
 
 
-def test_planted_faults_end_as_rows_with_the_right_status(
+def _results(found: Rows) -> list[tuple[object, ...]]:
+    """What a run's seed decides; when it was done and how long it took are chance."""
+    return [(row["key"], row["outcome"], row["solution_length"], row["arcs"]) for row in found]
+
+
+def test_a_batch_killed_at_random_and_resumed_has_the_same_rows(
     planted: Any, tmp_path: Path, rows: ReadRows
 ) -> None:
-    """The same with 1,000 runs is in benchmarks/bench.py."""
-    count = 2 * len(planted.FATES)
-    seen: list[Tally] = []
-    tally = _run(suite_from_text(planted.suite_text(count)), tmp_path, work=planted.work, tell=seen.append)
-    _check_planted(rows(tmp_path), planted, count)
-    assert (tally.total, tally.done, tally.left) == (count, count, 0)
-    assert tally.solved == sum(planted.fate_of(seed) == "fine" for seed in range(count))
-    assert tally.failed == sum(planted.fate_of(seed) not in ("fine", "no plan") for seed in range(count))
-    assert [t.done for t in seen] == list(range(1, count + 1))
-    assert seen[-1].to_end == 0.0
-    assert not (tmp_path / ".scratch").exists()
-
-
-@pytest.mark.parametrize("kind", ["planted", "real"])
-def test_a_batch_killed_at_random_and_resumed_has_the_same_rows(
-    kind: str, planted: Any, tmp_path: Path, rows: ReadRows
-) -> None:
-    """The same with 20 kills is in benchmarks/bench.py."""
-    count = len(planted.FATES)
-    text = planted.suite_text(count) if kind == "planted" else REAL
-    (tmp_path / "suite.yaml").write_text(text)
-    folder, rng = tmp_path / "results", random.Random(1)
-    command = [
-        sys.executable,
-        str(HERE / "planted_batch.py"),
-        str(folder),
-        str(tmp_path / "suite.yaml"),
-        kind,
-    ]
-    environment = {**os.environ, "PYTHONPATH": str(HERE)}
-    total = len(list(suite_from_text(text).runs("test")))
+    count, rng = len(planted.FATES), random.Random(1)
+    (tmp_path / "suite.yaml").write_text(planted.suite_text(count))
+    folder = tmp_path / "results"
+    command = [sys.executable, "-c", PROGRAM, str(folder), str(tmp_path / "suite.yaml")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])}
     before: Rows = []
-    while len(before) in (0, total):  # also where this process was held up until all was done
+    while len(before) in (0, count):  # also where this process was held up until all was done
         shutil.rmtree(folder, ignore_errors=True)
-        for sign in (signal.SIGKILL, signal.SIGTERM) if kind == "planted" else (signal.SIGKILL,):
+        for sign in (signal.SIGKILL, signal.SIGTERM):
             with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as program:
                 assert program.stdout is not None
                 program.stdout.readline()  # the first run is done
@@ -110,122 +100,93 @@ def test_a_batch_killed_at_random_and_resumed_has_the_same_rows(
     after = rows(folder)
     kept = {row["key"]: row["ended"] for row in before}
     assert kept.items() <= {row["key"]: row["ended"] for row in after}.items()
-    if kind == "planted":
-        _check_planted(after, planted, count)
-    else:
-        _run(suite_from_text(text), tmp_path / "whole")
-        assert _results(after) == _results(rows(tmp_path / "whole"))
+    _check_planted(after, planted, count)
+    assert not (folder / ".scratch").exists()
+    (half,) = (row for row in after if planted.fate_of(row["seed"]) == "half a log")
+    assert half["log"] == f"logs/one-box-auto-ecof-{half['seed']}-{half['key'][:8]}.mcap.partial"
+    assert (folder / half["log"]).read_bytes() == b"half"
 
 
-def _results(found: Rows) -> list[tuple[object, ...]]:
-    """What a run's seed decides; when it was done and how long it took are chance."""
-    return [(row["key"], row["outcome"], row["solution_length"], row["arcs"]) for row in found]
-
-
-def test_one_job_and_two_jobs_give_the_same_costs_and_arcs(tmp_path: Path, rows: ReadRows) -> None:
-    found = []
-    for jobs in (1, 2):
-        _run(suite_from_text(REAL), tmp_path / str(jobs), jobs)
-        found.append(rows(tmp_path / str(jobs)))
-    one, two = (_results(f) for f in found)
-    assert one == two
-    assert len(one) == 12
-    assert sum(row[1] == "ok" for row in one) >= 8
-    logs = [row["log"] for row in found[0]]
-    assert len(set(logs)) == 12
-    assert all((tmp_path / "1" / log).read_bytes().startswith(b"\x89MCAP0\r\n") for log in logs)
-
-
-def test_two_jobs_are_two_runs_at_the_same_time(planted: Any, tmp_path: Path) -> None:
-    """What that gains is measured by benchmarks/bench.py."""
-    text = planted.suite_text(2)
-    alone = _run(suite_from_text(text), tmp_path / "1", 1, Choice(filters=("seed=0",)), planted.meet)
-    assert alone.counts == {"timeout": 1}
-    patient = suite_from_text(text.replace(f"run: {planted.SECONDS} s", "run: 60 s"))
-    assert _run(patient, tmp_path / "2", 2, work=planted.meet).counts == {"ok": 2}
-
-
-def test_resuming_does_what_is_missing_and_nothing_else(tmp_path: Path, rows: ReadRows) -> None:
+def test_one_job_and_two_resumed_jobs_give_the_same_costs_and_arcs(tmp_path: Path, rows: ReadRows) -> None:
     suite = suite_from_text(REAL)
-    some = _run(suite, tmp_path, choice=Choice(filters=("problem=one-box", "planner=rrt")))
+    _run(suite, tmp_path / "1", 1)
+    some = _run(suite, tmp_path / "2", selection=Selection(filters=("problem=one-box", "planner=rrt")))
     assert (some.total, some.done) == (2, 2)
-    rest = _run(suite, tmp_path, choice=Choice(resume=True, filters=("problem=one-box",)))
-    assert (rest.total, rest.before, rest.done, rest.left) == (4, 2, 2, 0)
-    again = _run(suite, tmp_path, choice=Choice(resume=True, filters=("problem=one-box",)))
-    assert (again.total, again.before, again.done) == (4, 4, 0)
-    assert len(rows(tmp_path)) == 4
-
-
-def test_a_single_run_can_be_done_again(tmp_path: Path, rows: ReadRows) -> None:
-    suite = suite_from_text(REAL)
-    _run(suite, tmp_path, choice=Choice(filters=("problem=one-box",)))
-    before = rows(tmp_path)
-    (tmp_path / before[2]["log"]).unlink()
-    tally = _run(suite, tmp_path, choice=Choice(rerun=before[2]["key"][:8]))
+    rest = _run(suite, tmp_path / "2", selection=Selection(resume=True))
+    assert (rest.total, rest.before, rest.done, rest.left) == (12, 2, 10, 0)
+    one, two = rows(tmp_path / "1"), rows(tmp_path / "2")
+    assert _results(one) == _results(two)
+    assert len(one) == 12
+    assert sum(row["outcome"] == "ok" for row in one) >= 8
+    assert len({row["log"] for row in one}) == 12
+    assert all((tmp_path / "1" / row["log"]).read_bytes().startswith(b"\x89MCAP0\r\n") for row in one)
+    (tmp_path / "1" / one[2]["log"]).unlink()
+    tally = _run(suite, tmp_path / "1", selection=Selection(rerun=one[2]["key"][:8]))
     assert (tally.total, tally.done) == (1, 1)
-    after = rows(tmp_path)
-    assert [row["key"] for row in after] == [row["key"] for row in before]
-    assert [row["arcs"] for row in after] == [row["arcs"] for row in before]
-    assert (tmp_path / before[2]["log"]).exists()
+    assert _results(rows(tmp_path / "1")) == _results(one)
+    assert (tmp_path / "1" / one[2]["log"]).exists()
+    assert (tmp_path / "1" / "suite.yaml").read_bytes() == suite.source
+    assert (tmp_path / "1" / "problems" / "one-box.yaml").read_bytes() == suite.problems[0].source
 
 
 def test_an_interrupt_stops_cleanly_and_can_be_resumed(planted: Any, tmp_path: Path, rows: ReadRows) -> None:
-    def interrupt(tally: Tally) -> None:
-        if tally.done == 3:
+    seen: list[Tally] = []
+
+    def observe(tally: Tally) -> None:
+        seen.append(tally)
+        if len(seen) == 3:
             raise KeyboardInterrupt
 
     suite = suite_from_text(planted.suite_text(6))
     with pytest.raises(KeyboardInterrupt):
-        _run(suite, tmp_path, work=planted.work, tell=interrupt)
+        _run(suite, tmp_path, work=planted.work, observer=observe)
     assert len(rows(tmp_path)) == 3
     assert not (tmp_path / ".scratch").exists()
-    _run(suite, tmp_path, work=planted.work, choice=Choice(resume=True))
+    _run(suite, tmp_path, work=planted.work, selection=Selection(resume=True), observer=seen.append)
     _check_planted(rows(tmp_path), planted, 6)
+    assert [tally.done for tally in seen] == [1, 2, 3, 1, 2, 3]
+    assert (seen[-1].left, seen[-1].to_end) == (0, 0.0)
 
 
-def test_results_are_not_mixed_by_mistake(planted: Any, tmp_path: Path) -> None:
-    suite = suite_from_text(planted.suite_text(1))
-    _run(suite, tmp_path, work=planted.work)
-    with pytest.raises(
-        FolderError, match="has the results of 1 runs; go on with --resume, or name another folder"
-    ):
-        _run(suite, tmp_path, work=planted.work)
-    with ResultsFolder(tmp_path).locked(), pytest.raises(FolderError, match="another benchmark writes into"):
-        _run(suite, tmp_path)
-    (tmp_path / "file").write_text("")
-    with pytest.raises(FolderError, match="is a file; allowed: a folder, which may be new"):
-        _run(suite, tmp_path / "file")
-
-
-def test_the_folder_says_what_was_run(planted: Any, tmp_path: Path) -> None:
-    suite = suite_from_text(planted.suite_text(1))
-    _run(suite, tmp_path, work=planted.work)
-    assert (tmp_path / "suite.yaml").read_bytes() == suite.source
-    assert (tmp_path / "problems" / "one-box.yaml").read_bytes() == suite.problems[0].scenario.source
-
-
-def test_the_remains_of_a_log_keep_their_name(planted: Any, tmp_path: Path, rows: ReadRows) -> None:
-    first = planted.FATES.index("half a log")
-    _run(suite_from_text(planted.suite_text(1, first)), tmp_path, work=planted.work)
-    (row,) = rows(tmp_path)
-    assert row["log"] == f"logs/one-box-auto-ecof-{first}-{row['key'][:8]}.mcap.partial"
-    assert (tmp_path / row["log"]).read_bytes() == b"half"
-
-
-def test_a_second_outcome_of_a_run_replaces_the_first(tmp_path: Path, rows: ReadRows) -> None:
-    """As when a cluster has lost sight of a worker and did a run twice."""
+def test_results_are_not_mixed_by_mistake(tmp_path: Path) -> None:
     suite = suite_from_text(REAL)
 
-    def engine(tasks: Iterable[Task]) -> Generator[Outcome]:
-        for task in tasks:
-            for length in (1.0, 2.0):
-                yield Outcome(task.key, "ok", "", Figures(found=True, valid=True, path_cost=length))
+    def engine(specs: Iterable[RunSpec]) -> Generator[Outcome]:
+        yield from (Outcome(spec.key, "no plan") for spec in specs)
 
     folder = ResultsFolder(tmp_path)
     with folder.locked():
         run_suite(suite, folder, engine, version="test")
+        with pytest.raises(
+            StoreError, match="has the results of 12 runs; go on with --resume, or name another"
+        ):
+            run_suite(suite, folder, engine, version="test")
+        with (
+            pytest.raises(StoreError, match="another benchmark writes into"),
+            ResultsFolder(tmp_path).locked(),
+        ):
+            pass
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(StoreError, match="is a file; allowed: a folder, which may be new"),
+        ResultsFolder(tmp_path / "file").locked(),
+    ):
+        pass
+
+
+def test_a_second_outcome_of_a_run_replaces_the_first(tmp_path: Path, rows: ReadRows) -> None:
+    """As when a cluster has lost sight of a worker and did a run twice."""
+
+    def engine(specs: Iterable[RunSpec]) -> Generator[Outcome]:
+        for spec in specs:
+            for length in (1.0, 2.0):
+                yield Outcome(spec.key, "ok", "", {"solution_length": length})
+
+    folder = ResultsFolder(tmp_path)
+    with folder.locked():
+        run_suite(suite_from_text(REAL), folder, engine, version="test")
     assert [row["solution_length"] for row in rows(tmp_path)] == [2.0] * 12
     database = sqlite3.connect(tmp_path / "results.db")
     assert database.execute("SELECT COUNT(*) FROM runs").fetchone() == (12,)
     database.close()
-    assert os.listdir(tmp_path).count("results.db-wal") == 0
+    assert "results.db-wal" not in os.listdir(tmp_path)

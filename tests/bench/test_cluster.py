@@ -13,13 +13,10 @@ from typing import Any
 
 import pytest
 
-from pushplan.bench.batch import run_suite
-from pushplan.bench.processes.cluster import ClusterError, cluster_outcomes
-from pushplan.bench.processes.local import local_outcomes
-from pushplan.bench.processes.outcome import Outcome, Task
-from pushplan.bench.storage.folder import ResultsFolder
-from pushplan.bench.suites.file import suite_from_text
-from pushplan.bench.tally import Tally
+from pushplan.bench.batch import Tally, run_suite
+from pushplan.bench.executor import ExecutorError, cluster_engine, local_engine
+from pushplan.bench.store import ResultsFolder
+from pushplan.bench.suite import suite_from_text
 
 HERE = Path(__file__).parent
 
@@ -49,6 +46,7 @@ class Cluster:
         self._environment = {
             **os.environ,
             "PYTHONPATH": os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")]),
+            "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
         }
         self._folder = folder
         self._programs: list[subprocess.Popen[str]] = []
@@ -103,20 +101,22 @@ def _run(text: str, path: Path, engine: Any, **more: Any) -> Tally:
         return run_suite(suite_from_text(text), folder, engine, **more)
 
 
-def test_workers_of_another_version_do_nothing(
-    cluster: Cluster, make_task: Callable[..., Task], planted: Any
-) -> None:
-    outcomes = cluster_outcomes([make_task(1, version="0.0")], cluster.address, planted.work)
-    with pytest.raises(ClusterError, match=r"a worker has pushplan .*, the benchmark 0\.0; install the same"):
-        list(outcomes)
+def test_workers_of_another_version_do_nothing(cluster: Cluster, planted: Any) -> None:
+    suite = suite_from_text(planted.suite_text(1))
+    with (
+        cluster_engine(cluster.address, planted.work) as engine,
+        pytest.raises(ExecutorError, match=r"a worker has pushplan .*, the benchmark 0\.0; install the same"),
+    ):
+        list(engine(suite.runs("0.0")))
 
 
 def test_a_cluster_gives_the_same_rows_also_when_a_worker_is_killed(
     cluster: Cluster, planted: Any, tmp_path: Path, rows: ReadRows
 ) -> None:
-    address = cluster.address
-    _run(REAL, tmp_path / "local", lambda tasks: local_outcomes(tasks, 2))
-    _run(REAL, tmp_path / "dask", lambda tasks: cluster_outcomes(tasks, address))
+    with local_engine(2) as local:
+        _run(REAL, tmp_path / "local", local)
+    with cluster_engine(cluster.address) as dask:
+        _run(REAL, tmp_path / "dask", dask)
     one, two = (rows(tmp_path / name) for name in ("local", "dask"))
     for name in ("key", "outcome", "solution_length", "arcs", "log"):
         assert [row[name] for row in one] == [row[name] for row in two]
@@ -129,38 +129,24 @@ def test_a_cluster_gives_the_same_rows_also_when_a_worker_is_killed(
             cluster.add_worker("--nanny")
 
     count = len(planted.FATES)
-    _run(
-        planted.suite_text(count),
-        tmp_path / "planted",
-        lambda tasks: cluster_outcomes(tasks, address, planted.work),
-        tell=kill_one,
-    )
+    with cluster_engine(cluster.address, planted.work) as dask:
+        _run(
+            planted.suite_text(count).replace("run: 3 s", "run: 10 s"),
+            tmp_path / "planted",
+            dask,
+            observer=kill_one,
+        )
     found = rows(tmp_path / "planted")
     assert [(row["seed"], row["outcome"]) for row in found] == [
         (seed, planted.STATUS[planted.fate_of(seed)]) for seed in range(count)
     ]
 
 
-def test_a_scheduler_that_is_nowhere_is_told(
-    make_task: Callable[..., Task], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scheduler_that_is_nowhere_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("pushplan.bench.processes.cluster.CONNECT", 1.0)
-    with pytest.raises(ClusterError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"):
-        list(cluster_outcomes([make_task(1)], "tcp://127.0.0.1:9"))
-
-
-def test_a_run_that_loses_all_its_workers_is_a_crash(make_task: Callable[..., Task]) -> None:
-    from pushplan.bench.processes.cluster import _outcome
-
-    class KilledWorker(Exception):  # noqa: N818  the name that Dask gives it
+    monkeypatch.setattr("pushplan.bench.executor.CONNECT", 1.0)
+    with (
+        pytest.raises(ExecutorError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"),
+        cluster_engine("tcp://127.0.0.1:9"),
+    ):
         pass
-
-    class Lost:
-        status = "error"
-
-        def exception(self) -> Exception:
-            return KilledWorker()
-
-    outcome: Outcome = _outcome(Lost(), make_task(1))
-    assert (outcome.status, outcome.message) == ("crash", "every worker that did this run was lost")

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from interrupts import heed_interrupts
 
-from pushplan.bench.suites.file import load_suite, suite_names
-from pushplan.bench.tally import Tally
+from pushplan.bench.batch import Tally
+from pushplan.bench.suite import load_suite, suite_names
 from pushplan.cli.bench import progress_text, time_left
 from pushplan.cli.main import main
 
@@ -92,7 +92,7 @@ def test_smoke_is_bound_by_iterations_alone() -> None:
     """What it solves must not depend on how busy the machine is."""
     suite = load_suite("smoke")
     assert all(planner.iterations for planner in suite.planners)
-    assert all(60.0 <= planner.time < suite.seconds_for(planner) for planner in suite.planners)
+    assert all(60.0 <= planner.time < 5.0 * planner.time + 30.0 for planner in suite.planners)
 
 
 def test_packaged_suites_are_listed(capsys: Captured) -> None:

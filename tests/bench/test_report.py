@@ -12,16 +12,22 @@ import numpy as np
 import pytest
 from made_up_results import SUITE, Make, make, solved, typical
 
-from pushplan.bench.processes.isolation import isolated
-from pushplan.bench.processes.outcome import Figures, Outcome, Task
-from pushplan.bench.reports.page import render, write_report
-from pushplan.bench.reports.plots import cost_quartiles
-from pushplan.bench.reports.tables import by_planner, comparisons, number, outcomes, seconds
-from pushplan.bench.reports.versions import compare_versions
-from pushplan.bench.reports.worst import worst_runs
-from pushplan.bench.storage.export import write_tables
-from pushplan.bench.storage.results import read_results
-from pushplan.bench.storage.store import StoreError
+from pushplan.bench.executor import isolated
+from pushplan.bench.outcome import Outcome
+from pushplan.bench.report import (
+    by_planner,
+    comparisons,
+    cost_quartiles,
+    number,
+    outcomes,
+    render,
+    seconds,
+    worst_runs,
+    write_report,
+)
+from pushplan.bench.statistics import compare_versions
+from pushplan.bench.store import StoreError, read_results, write_tables
+from pushplan.bench.suite import RunSpec
 from pushplan.cli.main import main
 
 Captured = pytest.CaptureFixture[str]
@@ -63,19 +69,19 @@ def test_tables_say_what_was_made_up(tmp_path: Path) -> None:
 
 def test_the_best_cost_is_that_of_valid_paths_only(tmp_path: Path) -> None:
     results = make(tmp_path)
-    assert results.best_costs["one-box"] == pytest.approx(3.0 * 1.01)
-    assert min(results.excess(run) for run in results.runs) == 1.0
+    assert results.runs[results.runs.problem == "one-box"].cost.min() == pytest.approx(3.0 * 1.01)
+    assert results.runs.excess.min() == 1.0
 
 
 def test_costs_over_time_begin_when_half_of_the_runs_have_a_path(tmp_path: Path) -> None:
     results = make(tmp_path)
     times = np.array([0.01, 0.04, 0.052, 0.2, 3.0])
-    low, middle, high = cost_quartiles(results, results.of("auto"), times)
+    low, middle, high = cost_quartiles(results, "auto", times)
     assert np.isinf(middle[:2]).all()
     assert np.isinf([low[2], middle[2], high[2]]).all()
     assert middle[3] == pytest.approx(1.07 / 1.01, rel=0.02)
     assert low[3] <= middle[3] <= high[3]
-    assert cost_quartiles(results, [], times).shape == (3, 5)
+    assert cost_quartiles(results, "nobody", times).shape == (3, 5)
 
 
 def test_the_page_holds_all_it_shows_and_marks_what_is_invalid(tmp_path: Path) -> None:
@@ -94,10 +100,9 @@ def test_the_page_holds_all_it_shows_and_marks_what_is_invalid(tmp_path: Path) -
 
 def test_runs_worth_a_look_are_the_invalid_the_failed_and_the_costly(tmp_path: Path) -> None:
     worst = worst_runs(make(tmp_path))
-    assert [run.outcome for run in worst[:3]] == ["invalid", "crash", "no plan"]
-    assert len({(run.problem, run.planner, run.outcome) for run in worst}) == len(worst) == 6
-    assert worst[3].seed == 12
-    assert worst[3].planner == "slow"
+    assert list(worst.outcome[:3]) == ["invalid", "crash", "no plan"]
+    assert len(worst.drop_duplicates(["problem", "planner", "outcome"])) == len(worst) == 6
+    assert (worst.iloc[3].seed, worst.iloc[3].planner) == (12, "slow")
 
 
 def test_pictures_and_links_lead_to_the_logs(tmp_path: Path) -> None:
@@ -112,7 +117,7 @@ def test_pictures_and_links_lead_to_the_logs(tmp_path: Path) -> None:
 
 
 def test_a_report_of_nothing_solved_is_a_report(tmp_path: Path) -> None:
-    results = make(tmp_path, lambda task: Outcome(task.key, "timeout", "killed after 1 s"))
+    results = make(tmp_path, lambda spec: Outcome(spec.key, "timeout", "killed after 1 s"))
     text = render(results)
     Page(text)
     assert "No run has a valid path." in text
@@ -121,10 +126,10 @@ def test_a_report_of_nothing_solved_is_a_report(tmp_path: Path) -> None:
 
 
 def test_a_benchmark_that_was_stopped_has_a_report_too(tmp_path: Path) -> None:
-    def some(task: Task) -> Outcome:
-        if task.seed > 4:
+    def some(spec: RunSpec) -> Outcome:
+        if spec.seed > 4:
             raise KeyboardInterrupt
-        return typical(task)
+        return typical(spec)
 
     with pytest.raises(KeyboardInterrupt):
         make(tmp_path, some)
@@ -134,37 +139,26 @@ def test_a_benchmark_that_was_stopped_has_a_report_too(tmp_path: Path) -> None:
 
 def test_tables_for_other_programs_hold_every_run(tmp_path: Path) -> None:
     results = make(tmp_path)
-    files = write_tables(results, tmp_path)
+    write_tables(results, tmp_path)
     with (tmp_path / "runs.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 48
     assert rows[0]["problem"] == "one-box"
-    assert float(rows[0]["solution_length"]) == results.runs[0].cost
+    assert float(rows[0]["solution_length"]) == results.runs.cost[0]
     assert rows[0]["solution_clearance"] == ""
     assert {row["outcome"] for row in rows} == {"ok", "invalid", "crash", "no plan"}
-    parquet = pytest.importorskip("pyarrow.parquet")
-    assert len(files) == 4
-    table = parquet.read_table(tmp_path / "runs.parquet").to_pylist()
-    assert [row["key"] for row in table] == [row["key"] for row in rows]
-    assert table[0]["solution_length"] == results.runs[0].cost
-    assert len(parquet.read_table(tmp_path / "progress.parquet")) == sum(
-        len(run.progress) for run in results.runs
-    )
-
-
-def test_without_results_the_reader_says_so(tmp_path: Path) -> None:
-    with pytest.raises(StoreError, match=r"results\.db: there are no results"):
-        read_results(tmp_path)
+    with (tmp_path / "progress.csv").open(newline="") as file:
+        assert len(list(csv.DictReader(file))) == len(results.progress) > 48
 
 
 def _scaled(cost: float = 1.0, first: float = 1.0, fail: int = 0) -> Make:
     """Return outcomes with costs and times multiplied, of which the first seeds fail."""
 
-    def outcome(task: Task) -> Outcome:
-        if task.seed <= fail:
-            return Outcome(task.key, "no plan", "", Figures())
-        noise = 1.0 + 0.01 * (task.seed * 7 % 12)
-        return solved(task, 3.0 * cost * noise, 0.05 * first * noise)
+    def outcome(spec: RunSpec) -> Outcome:
+        if spec.seed <= fail:
+            return Outcome(spec.key, "no plan")
+        noise = 1.0 + 0.01 * (spec.seed * 7 % 12)
+        return solved(spec, 3.0 * cost * noise, 0.05 * first * noise)
 
     return outcome
 
@@ -190,14 +184,14 @@ def test_versions_are_compared_beyond_chance_and_threshold(
 
 
 def test_a_run_that_is_invalid_now_is_a_regression(tmp_path: Path) -> None:
-    def one_invalid(task: Task) -> Outcome:
-        if (task.name, task.planner, task.seed) == ("one-box", "rrt", 7):
-            return Outcome(task.key, "invalid", "it slips", Figures(found=True))
-        return _scaled()(task)
+    def one_invalid(spec: RunSpec) -> Outcome:
+        if (spec.problem.name, spec.planner.name, spec.seed) == ("one-box", "rrt", 7):
+            return Outcome(spec.key, "invalid", "it slips")
+        return _scaled()(spec)
 
     old, new = make(tmp_path / "old", _scaled()), make(tmp_path / "new", one_invalid)
     found = compare_versions(old, new, threshold=10.0)
-    assert [run.seed for run in found.newly_invalid] == [7]
+    assert list(found.newly_invalid.seed) == [7]
     assert found.is_regression
     assert not compare_versions(new, new).is_regression
     assert not compare_versions(new, old).is_regression

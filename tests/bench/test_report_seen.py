@@ -8,7 +8,7 @@ from typing import Any
 from boxes import SCREENS, assert_tidy, chromium, show
 from made_up_results import make
 
-from pushplan.bench.reports.page import write_report
+from pushplan.bench.report import write_report
 
 
 def test_nothing_overlaps_or_spills(tmp_path: Path) -> None:

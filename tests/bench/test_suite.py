@@ -12,12 +12,20 @@ import pytest
 import shapely
 
 import pushplan
-from pushplan.bench.batch import Choice, run_suite
-from pushplan.bench.processes.local import local_outcomes
-from pushplan.bench.storage.folder import ResultsFolder
-from pushplan.bench.suites.file import SuiteError, load_suite, suite_from_text, suite_names
-from pushplan.bench.suites.selection import SelectionError, chosen, with_key
-from pushplan.bench.suites.suite import RunSpec, Suite
+from pushplan.bench.batch import Selection, run_suite
+from pushplan.bench.executor import local_engine
+from pushplan.bench.store import ResultsFolder
+from pushplan.bench.suite import (
+    RunSpec,
+    SelectionError,
+    Suite,
+    SuiteError,
+    load_suite,
+    run_with_key,
+    select,
+    suite_from_text,
+    suite_names,
+)
 from pushplan.cli.bench import time_left
 from pushplan.scenario.file import example_text
 from pushplan.scenario.model import CircleObstacle, Scenario
@@ -47,7 +55,7 @@ def test_a_suite_is_problems_times_planners_times_sets_times_seeds() -> None:
     suite = suite_from_text(SMALL)
     assert [problem.name for problem in suite.problems] == ["one-box", "gaps-5", "gaps-6"]
     assert [problem.instance for problem in suite.problems] == [None, 5, 6]
-    assert {len(problem.scenario.chain.objects) for problem in suite.problems[1:]} == {2}
+    assert {len(problem.scenario().chain.objects) for problem in suite.problems[1:]} == {2}
     assert [planner.label for planner in suite.planners] == ["auto", "rrt-first"]
     assert [planner.time for planner in suite.planners] == [1.5, 0.5]
     assert [planner.iterations for planner in suite.planners] == [1000, 1000]
@@ -82,9 +90,9 @@ def test_keys_change_with_all_that_bears_on_results_and_nothing_else() -> None:
     renamed = replace(
         suite,
         name="other",
-        planners=tuple(replace(planner, label=f"my {planner.label}") for planner in suite.planners),
+        planners=tuple(p.model_copy(update={"label": f"my {p.label}"}) for p in suite.planners),
         problems=tuple(replace(problem, name=f"my {problem.name}") for problem in suite.problems),
-        megabytes=1.0,
+        limits=suite.limits.model_copy(update={"memory": 1.0}),
     )
     assert [run.key for run in _runs(renamed)] == keys
     others = [
@@ -107,7 +115,7 @@ problems:
   - {scenario: one-box, name: again}
   - bad.yaml
   - nowhere
-  - {name: gaps, generate: {gap: 1}}
+  - {name: gaps, generate: {workspace: 0.5}}
 planners: [auto, {name: auto, label: same}, {name: rrt, label: auto}]
 """
     with pytest.raises(SuiteError) as caught:
@@ -121,7 +129,7 @@ planners: [auto, {name: auto, label: same}, {name: rrt, label: auto}]
     )
     assert "problems[2]: cannot be used: /bad.yaml:" in lines[1]
     assert "no packaged scenario is called so either" in lines[3]
-    assert lines[4].endswith("gap is [1.0, 1.0]; allowed: [low, high] from 1.05 to 100")
+    assert "problems[4]: start and goal find no place in a workspace of 0.5 m" in lines[4]
     assert lines[5] == "s.yaml:8:18: planners[1]: is the same as planners[0]; leave one of them out"
     assert lines[6] == "s.yaml:8:45: planners[2]: is called 'auto' like planners[0]; give it another label"
 
@@ -134,6 +142,7 @@ planners: [auto, {name: auto, label: same}, {name: rrt, label: auto}]
         ("problem: [one-box]", "2:1: problem: unknown key; did you mean 'problems'?"),
         ("problems: [{generate: {}}]", "problems[0]: generates problems without a name; allowed: {name: ..."),
         ("problems: [{scenario: x, count: 2}]", "has count or seed but generates nothing"),
+        ("problems: [{scenario: x, format: relopush}]", "suites do not read files of ReloPush any more"),
         (
             "problems: [{name: x, generate: {objects: [3, 1]}}]",
             "is [3, 1]; allowed: [low, high] with low <= high",
@@ -143,6 +152,10 @@ planners: [auto, {name: auto, label: same}, {name: rrt, label: auto}]
             "generate.object: unknown key; did you mean 'objects'?",
         ),
         ("problems: [{name: x, generate: {drives: [car, tank]}}]", "drives[1]: is the text 'tank'"),
+        (
+            "problems: [{name: x, generate: {gap: 1}}]",
+            "problems[0].generate.gap: is 1; allowed: a number from 1.05 to 100",
+        ),
         ("problems: [one-box]\nplanners: [rtt]", "planners[0]: is the text 'rtt'"),
         ("problems: [one-box]\nplanners: [{name: rrt, first: 1}]", "first: is 1; allowed: true to stop"),
         ("problems: [one-box]\nsets: [ecof, ecof]", "3:7: sets: holds ecof twice; allowed: each value once"),
@@ -168,11 +181,11 @@ def test_a_suite_that_is_nowhere_is_told_with_those_there_are() -> None:
 
 def test_filters_choose_by_patterns_that_must_all_fit() -> None:
     runs = _runs(suite_from_text(SMALL))
-    some = chosen(runs, ["problem=gaps-*", "planner=auto", "seed=7"])
+    some = select(runs, ["problem=gaps-*", "planner=auto", "seed=7"])
     assert [str(run) for run in some] == [
         f"problem=gaps-{i} planner=auto set={name} seed=7" for i in (5, 6) for name in ("ecof", "translation")
     ]
-    assert chosen(runs, []) == runs
+    assert select(runs, []) == runs
 
 
 @pytest.mark.parametrize(
@@ -188,16 +201,16 @@ def test_filters_choose_by_patterns_that_must_all_fit() -> None:
 )
 def test_filters_that_fit_nothing_say_what_there_is(text: str, message: str) -> None:
     with pytest.raises(SelectionError) as caught:
-        chosen(_runs(suite_from_text(SMALL)), [text])
+        select(_runs(suite_from_text(SMALL)), [text])
     assert message in str(caught.value)
 
 
 def test_a_run_is_found_by_the_beginning_of_its_key() -> None:
     runs = _runs(suite_from_text(SMALL))
-    assert with_key(runs, runs[4].key[:9]) is runs[4]
+    assert run_with_key(runs, runs[4].key[:9]) is runs[4]
     for key, message in (("x", "no run"), ("", "24 runs")):
         with pytest.raises(SelectionError, match=message):
-            with_key(runs, key)
+            run_with_key(runs, key)
 
 
 @cache
@@ -222,30 +235,28 @@ def test_the_packaged_suites_are_those_that_the_docs_list() -> None:
 def test_a_part_of_every_packaged_suite_can_be_run(name: str, tmp_path: Path) -> None:
     suite = _packaged(name)
     assert suite.name == name
+    patient = tuple(planner.model_copy(update={"time": 60.0}) for planner in suite.planners)
+    suite = replace(suite, planners=patient)  # whatever else the machine does
     last = f"problem={suite.problems[-1].name}"
     folder = ResultsFolder(tmp_path)
-    with folder.locked():
-        tally = run_suite(
-            suite,
-            folder,
-            lambda tasks: local_outcomes(tasks, 1),
-            Choice(filters=(last, "planner=auto", "set=ecof", "seed=1")),
-        )
+    with folder.locked(), local_engine(1) as engine:
+        selection = Selection(filters=(last, "planner=auto", "set=ecof", "seed=1"))
+        tally = run_suite(suite, folder, engine, selection)
     assert tally.counts == {"ok": 1}
 
 
 def test_the_generated_problems_are_what_the_suites_promise() -> None:
     for problem in _packaged("chains").problems:
-        assert problem.family == f"chain-{len(problem.scenario.chain.objects)}"
+        assert problem.family == f"chain-{len(problem.scenario().chain.objects)}"
     assert {problem.family for problem in _packaged("chains").problems} == {f"chain-{n}" for n in range(1, 9)}
     for problem in _packaged("drives").problems:
-        assert problem.family == problem.scenario.chain.pusher.drive.kind
+        assert problem.family == problem.scenario().chain.pusher.drive.kind
     for problem in _packaged("clutter").problems:
         kind, _, number = problem.family.partition("-")
         if kind == "density":
-            assert _covered(problem.scenario) >= float(number) / 100.0
+            assert _covered(problem.scenario()) >= float(number) / 100.0
         else:
-            assert len(problem.scenario.obstacles) == 2
+            assert len(problem.scenario().obstacles) == 2
 
 
 def _covered(scenario: Scenario) -> float:

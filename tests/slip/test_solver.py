@@ -1,4 +1,4 @@
-"""The slip simulator's solver: a small version of `benchmarks/slip_solver.py`."""
+"""The slip simulator's solver: docs/slip.md has figures of a million steps."""
 
 from __future__ import annotations
 

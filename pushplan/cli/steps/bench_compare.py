@@ -11,27 +11,25 @@ from pushplan.cli.terminal.console import Console
 from pushplan.cli.terminal.failure import DONE, MISMATCH
 
 if TYPE_CHECKING:
-    from pushplan.bench.reports.statistics import Comparison
+    from pushplan.bench.statistics import Comparison
 
 
 def compare(old: Path, new: Path, threshold: float, console: Console) -> int:
     """Compare the results of two folders and return the exit code."""
-    from pushplan.bench.reports.tables import comparison_row
-    from pushplan.bench.reports.versions import compare_versions
-    from pushplan.bench.storage.results import read_results
+    from pushplan.bench.report import effect_text
+    from pushplan.bench.statistics import compare_versions
+    from pushplan.bench.store import read_results
 
     found = compare_versions(read_results(old), read_results(new), threshold)
     groups = (("better", found.better, "green"), ("worse", found.worse, "red"))
     for word, comparisons, colour in groups:
         for one in comparisons:
-            respect, planner, _, pairs, effect, p, _ = comparison_row(one)
-            console.say(
-                f"{console.paint(word, colour)}: {planner}, {respect}: {effect} in {pairs} runs (p = {p})"
-            )
-    for run in found.newly_invalid:
+            what = f"{one.first}, {one.respect}: {effect_text(one)} in {one.pairs} runs (p = {one.p:.2g})"
+            console.say(f"{console.paint(word, colour)}: {what}")
+    for run in found.newly_invalid.itertuples():
         text = f"{run.problem}, {run.planner}, seed {run.seed}: {run.message.partition(chr(10))[0]}"
         console.say(f"{console.paint('invalid now', 'red')}: {text}")
-    if not (found.better or found.worse or found.newly_invalid):
+    if not (found.better or found.worse or len(found.newly_invalid)):
         console.say("nothing has changed beyond chance")
     elif found.is_regression:
         console.say(f"a regression: worse by more than {100.0 * threshold:g} %, or invalid now")
@@ -42,7 +40,7 @@ def compare(old: Path, new: Path, threshold: float, console: Console) -> int:
             "regression": found.is_regression,
             "threshold": threshold,
             "comparisons": [_document(one) for one in found.comparisons],
-            "newly_invalid": [run.key for run in found.newly_invalid],
+            "newly_invalid": list(found.newly_invalid.key),
         }
     )
     return MISMATCH if found.is_regression else DONE

@@ -1,0 +1,92 @@
+"""Random chains and trees of objects, and how figures are printed: for scripts here that measure slip."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pushplan.geometry.se2 import compose, transform_points
+from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
+from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
+from pushplan.util.arrays import FloatArray
+
+PLATE = np.array([[-0.03, -0.08], [0.0, -0.08], [0.0, 0.08], [-0.03, 0.08]])
+
+
+def random_chain(rng: np.random.Generator) -> Chain:
+    """One to four quadrilaterals, each with its rear edge somewhere on the front edge of the one before."""
+    objects: list[PushedObject] = []
+    contacts: list[Contact] = []
+    line, half = np.zeros(3), 0.08
+    for i in range(int(rng.integers(1, 5))):
+        outline, lean = random_outline(rng)
+        rear = float(outline[3, 1])
+        offset = float(rng.uniform(-0.6, 0.6)) * min(rear, half)
+        pose = compose(line, np.array([0.0, offset, 0.0]))
+        ends = transform_points(line, [[0.0, max(-half, offset - rear)], [0.0, min(half, offset + rear)]])
+        contacts.append(Contact(ends[0], ends[1], float(rng.uniform(0.1, 0.8)), i, i - 1))
+        mass, floor_friction = float(rng.uniform(0.3, 3.0)), float(rng.uniform(0.1, 0.7))
+        objects.append(
+            PushedObject(f"object{i}", outline, mass, floor_friction, random_support(rng, outline), pose)
+        )
+        line = compose(pose, np.append(outline[1:3].mean(axis=0), lean))
+        half = 0.5 * float(np.linalg.norm(outline[2] - outline[1]))
+    return Chain(tuple(objects), tuple(contacts), Pusher(PLATE, contacts[0].friction))
+
+
+def random_outline(rng: np.random.Generator) -> tuple[FloatArray, float]:
+    """A quadrilateral (4, 2) with its rear edge on x = 0, and the direction of the normal of its front edge, rad."""
+    rear, front = rng.uniform(0.03, 0.06, 2)
+    depth, shift, lean = rng.uniform(0.04, 0.1), rng.uniform(-0.02, 0.02), rng.uniform(-0.3, 0.3)
+    y = shift + np.array([-front, front])
+    x = depth - np.tan(lean) * y
+    return np.array([[0.0, -rear], [x[0], y[0]], [x[1], y[1]], [0.0, rear]]), float(lean)
+
+
+def random_support(rng: np.random.Generator, outline: FloatArray) -> Support:
+    """Even pressure, or three to six feet with random loads."""
+    if rng.random() < 0.5:
+        return UniformSupport(outline)
+    count = int(rng.integers(3, 7))
+    positions = rng.dirichlet(np.ones(4), count) @ outline
+    return FeetSupport(positions, rng.dirichlet(np.full(count, 3.0)))
+
+
+def box(length: float, width: float) -> FloatArray:
+    return np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * [0.5 * length, 0.5 * width]
+
+
+def on_feet(name: str, outline: FloatArray, mass: float, pose: FloatArray) -> PushedObject:
+    return PushedObject(name, outline, mass, 0.3, FeetSupport(0.9 * outline, np.full(4, 0.25)), pose)
+
+
+def random_tree(rng: np.random.Generator) -> Chain:
+    """A wide box with two stacks on it, of one and of one or two boxes."""
+    friction = rng.uniform(0.1, 0.5, 4)
+    depth = rng.uniform(0.05, 0.1, 4)
+    left, right = rng.uniform(0.025, 0.055, 2)
+    places = [
+        [depth[0] / 2, 0.0, 0.0],
+        [depth[0] + depth[1] / 2, left + 0.005, 0.0],
+        [depth[0] + depth[2] / 2, -right, 0.0],
+    ]
+    widths = [0.16, 2.0 * left, 2.0 * right - 0.01]
+    pushers = [-1, 0, 0]
+    if rng.random() < 0.5:
+        places.append([depth[0] + depth[1] + depth[3] / 2, left + 0.005, 0.0])
+        widths.append(2.0 * left)
+        pushers.append(1)
+    objects, contacts = [], []
+    for i, (place, width, pusher) in enumerate(zip(places, widths, pushers, strict=True)):
+        mass = float(rng.uniform(0.3, 3.0))
+        objects.append(on_feet(f"object{i}", box(depth[i], width), mass, np.array(place)))
+        x, y = place[0] - depth[i] / 2, place[1]
+        ends = np.array([[x, y - width / 2], [x, y + width / 2]])
+        contacts.append(Contact(ends[0], ends[1], float(friction[i]), i, pusher))
+    return Chain(tuple(objects), tuple(contacts), Pusher(PLATE, contacts[0].friction))
+
+
+def tell(what: str, value: float, relation: str, wanted: float) -> bool:
+    """Print a figure next to what is wanted; tell whether it is met."""
+    met = {"<": value < wanted, "<=": value <= wanted, "=": value == wanted, ">=": value >= wanted}[relation]
+    print(f"{'ok  ' if met else 'MISS'} {what}: {value:.4g} (wanted {relation} {wanted:g})")
+    return met

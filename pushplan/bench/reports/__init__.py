@@ -1,1 +1,0 @@
-"""What results say: the page of a report, its statistics, and comparisons."""

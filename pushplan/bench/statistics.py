@@ -1,0 +1,212 @@
+"""What can be said about planners from few runs: percentiles, bootstrap intervals, paired rank tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from pushplan.bench.outcome import INVALID, OK
+from pushplan.bench.store import Results, StoreError
+from pushplan.util.arrays import BoolArray, FloatArray
+
+RESAMPLES = 2_000
+"""Bootstrap samples."""
+
+TAIL = 2.5
+"""Percent on either side of a bootstrap interval."""
+
+SIGNIFICANT = 0.05
+"""Probability of a wrong difference among all that are told together (Holm 1979)."""
+
+EQUAL = 1e-6
+"""Relative difference below which two values count as equal."""
+
+THRESHOLD = 0.05
+"""Change that matters between versions: of the share solved, or of times and costs as a share of the old ones."""
+
+SOLVED, FIRST_PATH, COST = "solved", "first path", "cost"
+
+
+def percentiles(values: FloatArray, which: Sequence[float]) -> FloatArray:
+    """Return percentiles (p,) of values (n,), of which some may be infinite; NaN of none.
+
+    Unlike interpolating ones, these are values that occur, so a percentile beyond the finite values is infinite.
+    """
+    if len(values) == 0:
+        return np.full(len(which), np.nan)
+    return np.quantile(values, np.asarray(which) / 100.0, method="higher")
+
+
+def median_interval(groups: Sequence[FloatArray]) -> tuple[float, float, float]:
+    """Return the (upper) median of all values together and its bootstrap percentile interval.
+
+    Values are drawn anew within each group: the groups (problems) are those of the suite, chance is in the seeds.
+    """
+    groups = [group for group in groups if len(group)]
+    if not groups:
+        return np.nan, np.nan, np.nan
+    rng = np.random.default_rng(0)
+    drawn = [group[rng.integers(0, len(group), (RESAMPLES, len(group)))] for group in groups]
+    rows = np.sort(np.concatenate(drawn, axis=1), axis=1)
+    low, high = percentiles(rows[:, rows.shape[1] // 2], (TAIL, 100.0 - TAIL))
+    pooled = np.sort(np.concatenate(groups))
+    return float(pooled[len(pooled) // 2]), float(low), float(high)
+
+
+def success_test(first: BoolArray, second: BoolArray) -> float:
+    """Return the p-value of McNemar's exact test: whether paired runs (n,) succeed (True) equally often."""
+    only_first, only_second = int((first & ~second).sum()), int((~first & second).sum())
+    if only_first + only_second == 0:
+        return 1.0
+    return float(stats.binomtest(only_first, only_first + only_second).pvalue)
+
+
+def log_ratios(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return log(second / first) of paired positive values (n,), 0 where both are infinite or hardly differ."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        change = np.log(second) - np.log(first)
+    return np.where(np.isnan(change) | (np.abs(change) < EQUAL), 0.0, change)
+
+
+def rank_test(first: FloatArray, second: FloatArray) -> float:
+    """Return the p-value of Wilcoxon's signed-rank test on the ratios of paired, positive values (n,).
+
+    An infinite value (not solved) is worse than any other; two of them are equal. Equal pairs count half for either
+    side.
+    """
+    change = log_ratios(first, second)
+    if not change.any():
+        return 1.0
+    # Ranks are all that counts: infinite changes become the largest finite ones.
+    most = 1.0 + np.abs(change[np.isfinite(change)]).max(initial=0.0)
+    return float(stats.wilcoxon(np.clip(change, -most, most), zero_method="zsplit").pvalue)
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Return p-values corrected for their number (Holm 1979): each may be compared with the level as it is."""
+    order = np.argsort(p_values, kind="stable")
+    scaled = np.asarray(p_values)[order] * (len(p_values) - np.arange(len(p_values)))
+    corrected = np.empty(len(p_values))
+    corrected[order] = np.minimum(np.maximum.accumulate(scaled), 1.0)
+    return [float(p) for p in corrected]
+
+
+# --- comparisons ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two planners, or two versions of one, compared in one respect.
+
+    Attributes:
+        respect: `solved`, `first path` or `cost`.
+        first: Name of the one.
+        second: Name of the other.
+        pairs: Runs of the same problem and seed that both have.
+        effect: Difference of the shares solved (second less first), or median ratio (second by first).
+        p: Corrected p-value.
+    """
+
+    respect: str
+    first: str
+    second: str
+    pairs: int
+    effect: float
+    p: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether the difference is more than chance."""
+        return self.p < SIGNIFICANT
+
+    @property
+    def second_is_better(self) -> bool:
+        """Which way the difference goes."""
+        return self.effect > 0.0 if self.respect == SOLVED else self.effect < 1.0
+
+    @property
+    def loss(self) -> float:
+        """By how much the second is worse: difference of shares, or relative change."""
+        return -self.effect if self.respect == SOLVED else self.effect - 1.0
+
+
+def compare_planners(results: Results) -> list[Comparison]:
+    """Compare every two planners of a suite in every respect; p-values are corrected for all of that."""
+    pairs = combinations(results.planners, 2)
+    return _corrected([one for a, b in pairs for one in _compare(a, results.of(a), b, results.of(b))])
+
+
+def _compare(first: str, one: pd.DataFrame, second: str, other: pd.DataFrame) -> list[Comparison]:
+    """Compare runs of the same problem and seed in every respect; p-values are not corrected yet."""
+    pairs = one.merge(other, on=["problem", "seed"], suffixes=("1", "2"))
+    if pairs.empty:
+        return []
+    solved = [(pairs[f"outcome{i}"] == OK).to_numpy() for i in (1, 2)]
+    found = [(SOLVED, float(solved[1].mean() - solved[0].mean()), success_test(*solved))]
+    for respect, column in ((FIRST_PATH, "first"), (COST, "cost")):
+        values = [pairs[f"{column}{i}"].to_numpy() for i in (1, 2)]
+        found.append((respect, float(np.exp(np.median(log_ratios(*values)))), rank_test(*values)))
+    return [Comparison(respect, first, second, len(pairs), effect, p) for respect, effect, p in found]
+
+
+def _corrected(comparisons: Sequence[Comparison]) -> list[Comparison]:
+    p_values = holm([one.p for one in comparisons])
+    return [replace(one, p=p) for one, p in zip(comparisons, p_values, strict=True)]
+
+
+@dataclass(frozen=True)
+class VersionComparison:
+    """What has changed from old results to new ones.
+
+    Attributes:
+        comparisons: For each planner that both have, in every respect, old against new.
+        newly_invalid: Runs of the new ones that are invalid and were not in the old ones.
+        threshold: Change that matters.
+    """
+
+    comparisons: tuple[Comparison, ...]
+    newly_invalid: pd.DataFrame
+    threshold: float
+
+    @property
+    def better(self) -> list[Comparison]:
+        """What has become better, beyond chance."""
+        return [one for one in self.comparisons if one.significant and one.second_is_better]
+
+    @property
+    def worse(self) -> list[Comparison]:
+        """What has become worse, beyond chance."""
+        return [one for one in self.comparisons if one.significant and not one.second_is_better]
+
+    @property
+    def is_regression(self) -> bool:
+        """Whether the new version is worse by more than the threshold, or invalid where it was not."""
+        return any(one.loss > self.threshold for one in self.worse) or not self.newly_invalid.empty
+
+
+def compare_versions(old: Results, new: Results, threshold: float = THRESHOLD) -> VersionComparison:
+    """Compare runs of the same planner, problem and seed.
+
+    Args:
+        old: Results of the one version.
+        new: Results of the other.
+        threshold: Change that matters; see `THRESHOLD`.
+
+    Raises:
+        StoreError: When they have no runs in common.
+    """
+    found = [one for name in new.planners for one in _compare(name, old.of(name), name, new.of(name))]
+    if not found:
+        raise StoreError(
+            f"{old.path} and {new.path} have no runs in common: of the same planner, problem and seed; planners are "
+            f"{', '.join(old.planners)} and {', '.join(new.planners)}"
+        )
+    keys = ["planner", "problem", "seed"]
+    before, now = (one.runs[one.runs.outcome == INVALID] for one in (old, new))
+    newly = ~now.set_index(keys).index.isin(before.set_index(keys).index)
+    return VersionComparison(tuple(_corrected(found)), now[newly], threshold)

@@ -1,0 +1,492 @@
+"""The results of a benchmark on disk: one SQLite file that Planner Arena opens, and a log for each run.
+
+The tables are those of Planner Arena (Moll, Sucan and Kavraki 2015). It takes what follows the third column of
+`runs` for attributes, what follows the twelfth of `experiments` for parameters of the problem, and what follows the
+second of `progress` for measurements over time. What it has no place for is in two tables of our own:
+`pushplan_suite`, and `pushplan_runs` with the key, the outcome and the log of each run that was asked for.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import re
+import shutil
+import sqlite3
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import pandas as pd
+
+from pushplan.bench.machine import Machine
+from pushplan.bench.outcome import ATTRIBUTES, OK, STATUSES, Outcome
+from pushplan.bench.suite import Problem, RunSpec, Suite, planner_settings
+from pushplan.errors import PushplanError
+from pushplan.util.files import check_output, write_whole
+
+FORMAT = 2
+"""Version of our own tables."""
+
+MISSING = "missing"
+"""Outcome of a run without a result."""
+
+BUSY = 30.0
+"""Seconds to wait for another program that has the file locked."""
+
+SAMPLES = 100
+"""Regular times in the progress of each run, the last one at the search's end: Planner Arena smooths over them, and
+improvements alone, most of them in the first moments, are too close to one another for that."""
+
+PARAMETERS = ("drive", "instance", "objects", "obstacles")
+"""Of a problem: the pusher's drive, seed of its generator, numbers of objects and obstacles, as far as they differ
+between the problems of a generator: Planner Arena's page of progress (1.0.1) looks in vain for a parameter with a
+single value. The order is that in which OMPL's reader adds them."""
+
+_KEY = "INTEGER PRIMARY KEY AUTOINCREMENT"
+_OF_RUN = "FOREIGN KEY (runid) REFERENCES runs(id) ON DELETE CASCADE"
+
+TABLES = f"""
+CREATE TABLE IF NOT EXISTS experiments (id {_KEY}, name VARCHAR(512), totaltime REAL, timelimit REAL,
+  memorylimit REAL, runcount INTEGER, version VARCHAR(128), hostname VARCHAR(1024), cpuinfo TEXT, date DATETIME,
+  seed VARCHAR(24), setup TEXT, drive TEXT, instance INTEGER, objects INTEGER, obstacles INTEGER);
+CREATE TABLE IF NOT EXISTS plannerConfigs (id {_KEY}, name VARCHAR(512) NOT NULL, settings TEXT);
+CREATE TABLE IF NOT EXISTS enums (name VARCHAR(512), value INTEGER, description TEXT, PRIMARY KEY (name, value));
+CREATE TABLE IF NOT EXISTS runs (id {_KEY}, experimentid INTEGER, plannerid INTEGER,
+  {", ".join(f"{name} {kind}" for name, kind in ATTRIBUTES.items())},
+  FOREIGN KEY (experimentid) REFERENCES experiments(id) ON DELETE CASCADE,
+  FOREIGN KEY (plannerid) REFERENCES plannerConfigs(id) ON DELETE CASCADE);
+CREATE TABLE IF NOT EXISTS progress (runid INTEGER, time REAL, best_cost REAL, iterations INTEGER,
+  PRIMARY KEY (runid, time), {_OF_RUN});
+CREATE TABLE IF NOT EXISTS pushplan_suite (id INTEGER PRIMARY KEY CHECK (id = 1), format INTEGER, name TEXT,
+  source BLOB, version TEXT, versions TEXT, machine TEXT, started TEXT, seconds REAL);
+CREATE TABLE IF NOT EXISTS pushplan_runs (key TEXT PRIMARY KEY, number INTEGER, problem TEXT, planner TEXT,
+  stable_set TEXT, seed INTEGER, runid INTEGER REFERENCES runs(id) ON DELETE SET NULL, outcome TEXT, message TEXT,
+  arcs TEXT, log TEXT, host TEXT, ended TEXT);
+"""
+
+_ALL = "FROM plannerConfigs p JOIN runs r ON p.id = r.plannerid JOIN experiments e ON e.id = r.experimentid"
+_MEANS = "AVG(r.solved) AS avg_solved, AVG(r.time) AS avg_total_time"
+
+VIEWS = f"""
+CREATE VIEW IF NOT EXISTS bestPlannerConfigsPerExperiment AS
+SELECT plannerid, experimentid, MIN(avg_solved) AS avg_solved, avg_total_time FROM (
+  SELECT r.plannerid, p.name AS plannerName, r.experimentid, {_MEANS} {_ALL} GROUP BY r.plannerid, r.experimentid
+) GROUP BY plannerName, experimentid ORDER BY avg_solved DESC, avg_total_time ASC;
+CREATE VIEW IF NOT EXISTS bestPlannerConfigs AS
+SELECT plannerid, MIN(avg_solved) AS avg_solved, avg_total_time FROM (
+  SELECT r.plannerid, p.name AS plannerName, {_MEANS} {_ALL} GROUP BY r.plannerid
+) GROUP BY plannerName ORDER BY avg_solved DESC, avg_total_time ASC;
+"""
+"""The views that OMPL's reader adds."""
+
+
+class StoreError(PushplanError, ValueError):
+    """A file or folder of results cannot be used."""
+
+
+# --- writing ----------------------------------------------------------------------------------------------------
+
+
+class Store:
+    """The database of a benchmark; one process writes, a commit a result.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open the file, or create it.
+
+        Raises:
+            StoreError: When it is no file of results of this version, or another program has it locked.
+        """
+        self.path = path
+        if check_output(path).streamed:
+            raise StoreError(f"{path} is a pipe or a device; name another folder")
+        self._database = sqlite3.connect(path, timeout=BUSY, isolation_level=None)
+        try:
+            self._prepare()
+        except BaseException as error:
+            self._database.close()
+            if not isinstance(error, sqlite3.DatabaseError):
+                raise
+            if _is_busy(error):
+                raise StoreError(f"another program has {path} locked; close it there") from error
+            raise StoreError(f"{path} is no file of results: {error}") from error
+
+    def _prepare(self) -> None:
+        run = self._database.execute
+        for pragma in ("foreign_keys = ON", "journal_mode = WAL", "synchronous = NORMAL"):
+            run(f"PRAGMA {pragma}")
+        with self._transaction():
+            for statement in (TABLES + VIEWS).split(";"):
+                run(statement)
+            self._database.executemany(
+                "INSERT OR IGNORE INTO enums VALUES ('status', ?, ?)", enumerate(STATUSES)
+            )
+        known = [[row[1] for row in run(f"PRAGMA table_info({name})")] for name in ("runs", "pushplan_runs")]
+        if known[0][3:] != list(ATTRIBUTES) or "number" not in known[1]:
+            raise StoreError(
+                f"{self.path} is of another version of pushplan, which measured other things; name another folder"
+            )
+
+    def close(self) -> None:
+        """Close the file, whole in itself again: without a write-ahead log beside it.
+
+        The log stays while another program has the file open, say to look at results; SQLite reads both as one.
+        """
+        try:
+            self._database.execute("PRAGMA journal_mode = DELETE")
+        except sqlite3.OperationalError as error:
+            if not _is_busy(error):
+                raise
+        finally:
+            self._database.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        """Write all inside, or nothing."""
+        self._database.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+        except BaseException:
+            self._database.execute("ROLLBACK")
+            raise
+        self._database.execute("COMMIT")
+
+    def expect(self, suite: Suite, runs: Sequence[RunSpec], machine: Machine, version: str) -> None:
+        """Note which runs the suite consists of now; results of earlier ones stay."""
+        values = (
+            FORMAT,
+            suite.name,
+            suite.source,
+            version,
+            json.dumps(machine.versions),
+            machine.text,
+            now(),
+        )
+        rows = [(r.key, i, r.problem.name, r.label, r.stable_set, r.seed) for i, r in enumerate(runs)]
+        with self._transaction():
+            self._database.execute(
+                "INSERT INTO pushplan_suite VALUES (1, ?, ?, ?, ?, ?, ?, ?, 0.0) ON CONFLICT (id) DO UPDATE SET "
+                "format = excluded.format, name = excluded.name, source = excluded.source, "
+                "version = excluded.version, versions = excluded.versions, machine = excluded.machine",
+                values,
+            )
+            self._database.execute("UPDATE pushplan_runs SET number = NULL")
+            self._database.executemany(
+                "INSERT INTO pushplan_runs (key, number, problem, planner, stable_set, seed) "
+                "VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET "
+                "number = excluded.number, problem = excluded.problem, planner = excluded.planner",
+                rows,
+            )
+            for problem, parameters in zip(suite.problems, _parameters(suite.problems), strict=True):
+                self._expect_problem(problem, parameters, suite, machine, version)
+
+    def _expect_problem(
+        self,
+        problem: Problem,
+        parameters: tuple[object, ...],
+        suite: Suite,
+        machine: Machine,
+        version: str,
+    ) -> None:
+        known = self._experiment(problem, version)
+        if known is not None:
+            self._database.execute(
+                f"UPDATE experiments SET ({', '.join(PARAMETERS)}) = (?, ?, ?, ?) WHERE id = ?",
+                (*parameters, known),
+            )
+            return
+        seeds = ",".join(str(seed) for seed in suite.seeds)
+        row = (
+            problem.family,
+            0.0,
+            max(planner.time or 0.0 for planner in suite.planners),
+            suite.limits.memory,
+            0,
+            f"pushplan {version}",
+            machine.host,
+            machine.text,
+            now(),
+            seeds if len(seeds) <= 24 else f"{seeds[:21]}...",
+            _setup(problem),
+        )
+        self._insert("experiments", (None, *row, *parameters))
+
+    def _experiment(self, problem: Problem, version: str) -> int | None:
+        query = "SELECT id FROM experiments WHERE setup = ? AND version = ?"
+        return self._single(query, (_setup(problem), f"pushplan {version}"))
+
+    def _single(self, query: str, values: tuple[object, ...]) -> int | None:
+        row = self._database.execute(query, values).fetchone()
+        return None if row is None else int(row[0])
+
+    def _insert(self, table: str, row: tuple[object, ...]) -> int:
+        places = ", ".join("?" * len(row))
+        return int(self._database.execute(f"INSERT INTO {table} VALUES ({places})", row).lastrowid or 0)
+
+    def done(self) -> set[str]:
+        """Return the keys of all runs that have a result."""
+        query = "SELECT key FROM pushplan_runs WHERE outcome IS NOT NULL"
+        return {key for (key,) in self._database.execute(query)}
+
+    def add(self, run: RunSpec, result: Outcome, log: str | None) -> None:
+        """Write the result of a run that is expected, in place of an earlier one.
+
+        Args:
+            run: Which run.
+            result: How it ended.
+            log: Name of its log's file, relative to the results' folder, or None.
+        """
+        own = {"solved": int(result.status == OK), "status": STATUSES.index(result.status), "seed": run.seed}
+        values = {**result.values, **own}
+        experiment = self._experiment(run.problem, run.version)
+        with self._transaction():
+            self._database.execute(
+                "DELETE FROM runs WHERE id = (SELECT runid FROM pushplan_runs WHERE key = ?)", (run.key,)
+            )
+            row = (None, experiment, self._planner(run), *(values.get(name) for name in ATTRIBUTES))
+            number = self._insert("runs", row)
+            self._database.execute(
+                "UPDATE pushplan_runs SET (runid, outcome, message, arcs, log, host, ended) = (?, ?, ?, ?, ?, ?, ?) "
+                "WHERE key = ?",
+                (
+                    number,
+                    result.status,
+                    result.message,
+                    json.dumps(result.arcs),
+                    log,
+                    result.host,
+                    now(),
+                    run.key,
+                ),
+            )
+            points = sampled(result.progress, result.values.get("time") or 0.0)
+            self._database.executemany(f"INSERT INTO progress VALUES ({number}, ?, ?, ?)", points)
+            self._database.execute(
+                "UPDATE experiments SET runcount = (SELECT COUNT(*) FROM runs WHERE experimentid = ?1), "
+                "totaltime = (SELECT SUM(total_time) FROM runs WHERE experimentid = ?1) WHERE id = ?1",
+                (experiment,),
+            )
+
+    def _planner(self, run: RunSpec) -> int:
+        """Return the id of a planner with its settings and stable set."""
+        settings = {**planner_settings(run.planner), "set": run.stable_set}
+        row = (
+            f"{run.label} ({run.stable_set})",
+            "".join(f"{name} = {value}\n" for name, value in settings.items()),
+        )
+        known = self._single("SELECT id FROM plannerConfigs WHERE name = ? AND settings = ?", row)
+        return self._insert("plannerConfigs", (None, *row)) if known is None else known
+
+    def spent(self, seconds: float) -> None:
+        """Add to the wall-clock time that the benchmark has taken."""
+        self._database.execute("UPDATE pushplan_suite SET seconds = seconds + ?", (seconds,))
+
+
+def sampled(improvements: Sequence[tuple[float, float, int]], end: float) -> list[tuple[float, float, int]]:
+    """Return seconds, best cost and iterations at each improvement, and at `SAMPLES` regular times up to the end."""
+    if not improvements:
+        return []
+    moments = [point[0] for point in improvements]
+    end = max(end, moments[-1])
+    times = sorted({*moments, *(end * (i + 1) / SAMPLES for i in range(SAMPLES))})
+    known = ((time, bisect_right(moments, time)) for time in times)
+    return [(time, *improvements[count - 1][1:]) for time, count in known if count]
+
+
+def _setup(problem: Problem) -> str:
+    """Return what `experiments` says of a problem; no other problem has the same."""
+    return f"# {problem.name}, SHA-256 {problem.hash}\n{problem.source.decode('utf-8')}"
+
+
+def _parameters(problems: Sequence[Problem]) -> list[tuple[object, ...]]:
+    """Return the values of `PARAMETERS` for each problem, None where all problems of its family have the same."""
+    rows = [(p.counts[0], p.instance, *p.counts[1:]) for p in problems]
+    families: dict[str, list[set[object]]] = {}
+    for problem, row in zip(problems, rows, strict=True):
+        for values, value in zip(families.setdefault(problem.family, [set() for _ in row]), row, strict=True):
+            values.add(value)
+    return [
+        tuple(
+            value if len(values) > 1 else None for value, values in zip(row, families[p.family], strict=True)
+        )
+        for p, row in zip(problems, rows, strict=True)
+    ]
+
+
+def _is_busy(error: sqlite3.Error) -> bool:
+    """Tell whether something failed because of another program that has the file open."""
+    return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY
+
+
+def now() -> str:
+    """Return the time of day."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+# --- the folder -------------------------------------------------------------------------------------------------
+
+
+class ResultsFolder:
+    """The folder of a benchmark: the database, a log for each run, the suite and its problems, the report."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.database = path / "results.db"
+        self.report = path / "report.html"
+        self.scratch = path / ".scratch"  # where runs have their files while they go on
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other benchmarks out of the folder, which is made if need be.
+
+        Raises:
+            StoreError: When another benchmark writes into it, or it is a file.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except FileExistsError as error:
+            raise StoreError(f"{self.path} is a file; allowed: a folder, which may be new") from error
+        with os.fdopen(os.open(self.path / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC), "rb") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise StoreError(f"another benchmark writes into {self.path} now") from error
+            shutil.rmtree(self.scratch, ignore_errors=True)
+            self.scratch.mkdir()
+            try:
+                yield
+            finally:
+                shutil.rmtree(self.scratch, ignore_errors=True)
+
+    def keep_suite(self, suite: Suite) -> None:
+        """Write the suite and its problems, so that the folder says what was run."""
+        write_whole(self.path / "suite.yaml", suite.source)
+        (self.path / "problems").mkdir(exist_ok=True)
+        for problem in suite.problems:
+            write_whole(self.path / "problems" / f"{_plain(problem.name)}.yaml", problem.source)
+
+    def keep_log(self, run: RunSpec, result: Outcome) -> str | None:
+        """Write the log of a run, whole or in part, in place of an earlier one; return its name in the folder."""
+        (self.path / "logs").mkdir(exist_ok=True)
+        stem = f"logs/{'-'.join(_plain(value) for value in run.fields.values())}-{run.key[:8]}.mcap"
+        for name in (stem, f"{stem}.partial"):
+            with contextlib.suppress(FileNotFoundError):
+                (self.path / name).unlink()
+        if result.log is None:
+            return None
+        name = stem if result.whole else f"{stem}.partial"
+        write_whole(self.path / name, result.log)
+        return name
+
+
+def _plain(name: str) -> str:
+    """Return a name with nothing in it that file names do not like."""
+    return re.sub(r"[^\w.+-]+", "_", name, flags=re.ASCII)
+
+
+# --- reading ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """All runs of a suite as it was asked for last.
+
+    Attributes:
+        path: The database.
+        about: `name`, `version`, `versions`, `machine`, `started`, `seconds` and `source` of the suite.
+        runs: A row for each run in the order of the suite: `key`, `problem`, `planner` (with the stable set when
+            there are several), `stable_set`, `seed`, `outcome` (of `STATUSES`, or `MISSING`), `message`, `log`,
+            `host`, `ATTRIBUTES` (NaN where there is nothing), and of valid runs, else infinite: `cost` (m), `first`
+            (seconds to the first path), `excess` (cost by the lowest known of the problem).
+        progress: A row for each improvement and regular time: `key`, `time`, `cost`.
+        time_limit: Largest planning time allowed, s.
+    """
+
+    path: Path
+    about: Mapping[str, object]
+    runs: pd.DataFrame
+    progress: pd.DataFrame
+    time_limit: float
+
+    @cached_property
+    def planners(self) -> list[str]:
+        """Names of the planners, in the order of the suite."""
+        return list(dict.fromkeys(self.runs.planner))
+
+    @cached_property
+    def done(self) -> pd.DataFrame:
+        """The runs that have a result."""
+        return self.runs[self.runs.outcome != MISSING]
+
+    def of(self, planner: str) -> pd.DataFrame:
+        """Return the runs of a planner that have a result."""
+        return self.done[self.done.planner == planner]
+
+
+def read_results(path: Path) -> Results:
+    """Read the results in a database or in a folder of results.
+
+    Raises:
+        StoreError: When there is no such file, or it holds no results of this version.
+    """
+    path = path / "results.db" if path.is_dir() else path
+    if not path.is_file():
+        raise StoreError(f"{path}: there are no results")
+    try:
+        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+            suite = pd.read_sql("SELECT * FROM pushplan_suite", database)
+            if suite.empty:
+                raise StoreError(f"{path}: there are no results")
+            if suite.format[0] != FORMAT:
+                raise StoreError(f"{path} has format {suite.format[0]}; this version reads format {FORMAT}")
+            own = pd.read_sql(
+                "SELECT * FROM pushplan_runs WHERE number IS NOT NULL ORDER BY number", database
+            )
+            measured = pd.read_sql("SELECT id AS runid, * FROM runs", database)
+            limit = database.execute("SELECT MAX(timelimit) FROM experiments").fetchone()[0]
+            progress = pd.read_sql(
+                "SELECT o.key, p.time, p.best_cost AS cost FROM progress p JOIN pushplan_runs o ON o.runid = p.runid "
+                "ORDER BY o.number, p.time",
+                database,
+            )
+    except (sqlite3.DatabaseError, pd.errors.DatabaseError) as error:
+        raise StoreError(f"{path} is no file of results: {error}") from error
+    runs = own.merge(measured[["runid", *(set(ATTRIBUTES) - {"seed"})]], on="runid", how="left")
+    runs[list(ATTRIBUTES)] = runs[list(ATTRIBUTES)].astype(float)
+    runs["seed"] = runs.seed.astype(int)
+    runs["outcome"] = runs.outcome.fillna(MISSING)
+    if runs.stable_set.nunique() > 1:
+        runs["planner"] = runs.planner + " (" + runs.stable_set + ")"
+    valid = runs.outcome == OK
+    runs["cost"] = runs.solution_length.where(valid, np.inf)
+    runs["first"] = runs.first_solution_time.where(valid, np.inf)
+    runs["excess"] = (runs.cost / runs.groupby("problem").cost.transform("min")).where(valid, np.inf)
+    return Results(path, suite.iloc[0].to_dict(), runs, progress, float(limit))
+
+
+def write_tables(results: Results, folder: Path) -> Iterable[Path]:
+    """Write `runs.csv`, a row for each run, and `progress.csv`; return the files."""
+    columns = ["key", "problem", "planner", "stable_set", "seed", "outcome", "message", "log", "host"]
+    measured = [name for name in ATTRIBUTES if name not in ("seed", "status", "solved")]
+    tables = {"runs.csv": results.runs[columns + measured], "progress.csv": results.progress}
+    for name, table in tables.items():
+        write_whole(folder / name, table.to_csv(index=False).encode())
+    return [folder / name for name in tables]
