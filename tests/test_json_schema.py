@@ -13,10 +13,11 @@ from typing import Any
 import jsonschema
 import pytest
 
+from pushplan.bench.schema import suite_schema
 from pushplan.bench.suite import suite_names, suite_text
 from pushplan.cli.main import main
 from pushplan.scenario.file import example_names, example_text, load_scenario
-from pushplan.scenario.json_schema import SCHEMAS, scenario_schema, schema_file, schema_text, suite_schema
+from pushplan.scenario.json_schema import scenario_schema, schema_file, schema_text
 from pushplan.scenario.schema import ScenarioFile
 from pushplan.scenario.source import Source
 from pushplan.scenario.template import new_scenario_text
@@ -53,6 +54,9 @@ def checker() -> jsonschema.protocols.Validator:
 
 def _document(text: str) -> Any:
     return Source(text.encode()).root.plain()
+
+
+SCHEMAS = {"scenario": scenario_schema, "suite": suite_schema}
 
 
 @pytest.mark.parametrize("name", SCHEMAS)

@@ -188,8 +188,10 @@ def isolated(spec: RunSpec, scratch: Path | None = None, work: Work = perform) -
     """Do a run in a process of its own and return how it ended, whatever happens to it."""
     with tempfile.TemporaryDirectory(prefix=f"{spec.key}-", dir=scratch, ignore_cleanup_errors=True) as name:
         folder = Path(name).absolute()
-        start = pebble.concurrent.process(name=NAME, timeout=spec.seconds, context=_context())(_do_run)
-        future = start(work, spec, folder)
+        # pebble 5.2 reads `context`, its documentation says `mp_context`
+        how: dict[str, Any] = {"context": _context(), "mp_context": _context()}
+        start = pebble.concurrent.process(name=NAME, timeout=spec.seconds, **how)(_do_run)
+        future: Future[Outcome] = start(work, spec, folder)
         began = time.monotonic()
         try:
             ended = future.result()

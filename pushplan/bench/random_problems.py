@@ -214,8 +214,8 @@ def _object_shape(rng: np.random.Generator, parameters: ProblemParameters) -> Ob
     outline = _hull(np.array(corners))
     ends = outline[:, 0].min(), outline[:, 0].max()
     rear, front = (outline[outline[:, 0] == end, 1] for end in ends)
-    edges = [(float(edge.min()), float(edge.max())) for edge in (rear, front)]
-    return ObjectShape(outline, *edges, {"polygon": outline.tolist()})
+    spans = [(float(edge.min()), float(edge.max())) for edge in (rear, front)]
+    return ObjectShape(outline, spans[0], spans[1], {"polygon": outline.tolist()})
 
 
 def _object(

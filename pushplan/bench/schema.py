@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -60,13 +60,16 @@ def _different(values: Sequence[Any]) -> Sequence[Any]:
 
 
 Q = TypeVar("Q")
-Range = Annotated[
-    Annotated[Q, Tag("<word>")] | Annotated[tuple[Q, Q], t.Several(2, 2), Tag("<mapping>")],
-    Discriminator(_form),
-    BeforeValidator(_as_list),
-    AfterValidator(_pair),
-]
-"""[low, high], or one number that is both; always a pair once it is read."""
+if TYPE_CHECKING:
+    Range = Annotated[tuple[Q, Q], "once it is read"]
+else:
+    Range = Annotated[
+        Annotated[Q, Tag("<word>")] | Annotated[tuple[Q, Q], t.Several(2, 2), Tag("<mapping>")],
+        Discriminator(_form),
+        BeforeValidator(_as_list),
+        AfterValidator(_pair),
+    ]
+"""[low, high], or one number that is both."""
 
 Choice = Annotated[tuple[Q, ...], t.Several(1, 3), BeforeValidator(_as_list)]
 
@@ -265,3 +268,8 @@ class SuiteFile(t.Strict):
     limits: LimitSection = Field(
         default_factory=LimitSection, description="{time: ..., memory: ..., run: ...}"
     )
+
+
+def suite_schema() -> dict[str, Any]:
+    """Return the JSON Schema of suites; it does not know names that installed packages add."""
+    return finished(SuiteFile.model_json_schema(), "pushplan benchmark suite")

@@ -21,9 +21,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     """Carry out the command and return the exit code."""
-    from pushplan.scenario.json_schema import SCHEMAS, schema_text
+    from pushplan.bench.schema import suite_schema
+    from pushplan.scenario.json_schema import scenario_schema, schema_text
 
-    schema = SCHEMAS[args.format]()
+    schema = suite_schema() if args.format == "suite" else scenario_schema()
     console.say(schema_text(schema).rstrip("\n"))
     console.emit(schema)
     return DONE

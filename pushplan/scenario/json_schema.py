@@ -22,18 +22,7 @@ def scenario_schema() -> dict[str, Any]:
     names, schema = models_json_schema([(model, "validation") for model in models])
     one, several = (names[model, "validation"] for model in models)
     chosen = {"if": {"required": ["goals"]}, "then": several, "else": one}
-    return _finished({"type": "object", **schema, **chosen}, "pushplan scenario")
-
-
-def suite_schema() -> dict[str, Any]:
-    """Return the JSON Schema of benchmark suites, likewise; it does not know names that installed packages add."""
-    from pushplan.bench.schema import SuiteFile
-
-    return _finished(SuiteFile.model_json_schema(), "pushplan benchmark suite")
-
-
-SCHEMAS = {"scenario": scenario_schema, "suite": suite_schema}
-"""What makes the schema of each file format; the package holds it as `NAME.schema.json`."""
+    return finished({"type": "object", **schema, **chosen}, "pushplan scenario")
 
 
 def schema_text(schema: dict[str, Any]) -> str:
@@ -42,12 +31,13 @@ def schema_text(schema: dict[str, Any]) -> str:
 
 
 def schema_file(name: str = "scenario") -> Path:
-    """Return the file in which the package holds a schema of `SCHEMAS`."""
+    """Return the file in which the package holds the schema of scenario files, or of suites."""
     with as_file(files("pushplan") / f"{name}.schema.json") as path:
         return path.resolve()
 
 
-def _finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
+def finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
+    """Return a schema of pydantic's with a title, and without those that it makes from keys."""
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **_without_titles(schema),
