@@ -232,7 +232,7 @@ def _context() -> ForkServerContext:
     """Return what starts processes: they are forked from one that has loaded all that runs and `__main__` need."""
     main = getattr(sys.modules["__main__"], "__spec__", None)
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([PRELOAD, *([main.name] if main is not None else [])])
+    context.set_forkserver_preload([PRELOAD, __name__, *([main.name] if main is not None else [])])
     return context
 
 
