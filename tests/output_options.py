@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
-from pushplan.cli.main import COMMANDS, parser
+import click
+
+from pushplan.cli.main import COMMANDS, MORE, pushplan
+from pushplan.cli.parameters import PATH
 
 _SUFFIXES = {"plot": ".svg", "output": ".mcap", "recovered": ".mcap", "worst": ".mcap", "name": ".yaml"}
 """By the option's name; an export's suffix is its name."""
 
 _FOLDERS = {"compare", "runs"}
-_INPUTS = {"map"}
+_INPUTS = {"maps", "map_file", "log", "logs", "suite"}
 _ELSEWHERE = {("bench", "output"), ("identify", "output")}
 """Need more than a scenario or the log of a plan; tested with the commands."""
 
 
 def _declared() -> list[tuple[str, str]]:
     """Return command and name of everything that takes a path."""
-    commands = next(
-        action for action in parser()._actions if isinstance(action, argparse._SubParsersAction)
-    ).choices
-    return [
-        (command, action.dest)
-        for command in COMMANDS
-        for action in commands[command]._actions
-        if action.type is Path or (command, action.dest) == ("new", "name")
-    ]
+    context, found = click.Context(pushplan), []
+    for name in (*COMMANDS, *MORE):
+        command = pushplan.get_command(context, name)
+        assert command is not None
+        found += [
+            (name, str(param.name))
+            for param in command.params
+            if param.type is PATH or (name, param.name) == ("new", "name")
+        ]
+    return found
 
 
 OPTIONS = [
@@ -48,10 +51,10 @@ def words(command: str, option: str, path: Path, log: Path) -> list[str]:
             return ["replay", str(log), f"--{option}", str(path)]
         case "trial", _:
             return ["trial", str(log), "--samples", "3", f"--{option}", str(path)]
-        case "run", _:
-            return ["run", "one-box", f"--{option}", str(path)]
+        case "simulate", _:
+            return ["simulate", "one-box", f"--{option}", str(path)]
         case "plan", _:
-            return ["plan", "one-box", "--first", f"--{option}", str(path)]
+            return ["plan", "one-box", "--first", "--no-page", f"--{option}", str(path)]
         case "check" | "stable-set", _:
             return [command, "one-box", f"--{option}", str(path)]
     raise ValueError(f"say how {command} writes {option}")

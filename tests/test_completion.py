@@ -1,56 +1,60 @@
-"""Completion scripts: every command, option and example, in the words of the parser, run by the shells there are."""
+"""Completion scripts: every command, option and example, run by the shells there are."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from pushplan.cli.completion import SHELLS, completion_script
-from pushplan.cli.main import COMMANDS, main, parser
-from pushplan.scenario.file import example_names
+from pushplan.cli.main import main
+
+Captured = pytest.CaptureFixture[str]
 
 
-@pytest.mark.parametrize("shell", SHELLS)
-def test_a_script_names_all_commands_options_and_examples(shell: str) -> None:
-    script = completion_script(shell, parser())
-    for word in (*COMMANDS, *example_names(), "time-limit", "plot"):
-        assert word in script
-
-
-@pytest.mark.parametrize("shell", SHELLS)
-def test_the_shell_can_read_its_script(shell: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_shell_can_read_its_script(shell: str, tmp_path: Path, capsys: Captured) -> None:
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    assert "_PUSHPLAN_COMPLETE" in script
     if shutil.which(shell) is None:
         pytest.skip(f"there is no {shell} here")
-    file = tmp_path / "script"
-    file.write_text(completion_script(shell, parser()))
-    subprocess.run([shell, "-n", str(file)], check=True, timeout=30)
+    (tmp_path / "script").write_text(script)
+    subprocess.run([shell, "-n", str(tmp_path / "script")], check=True, timeout=30)
 
 
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
-        (["pushplan", "pl"], {"plan"}),
-        (["pushplan", "plan", "two"], {"two-crates", "two-files.yaml"}),
-        (["pushplan", "plan", "two-crates", "--pl"], {"--planner", "--plot"}),
-        (["pushplan", "examples", "narr"], {"narrow-gap"}),
-        (["pushplan", "completion", "f"], {"fish"}),
+        ("pl", {"plain,plan"}),
+        ("plan two", {"plain,two-crates", "file,two"}),
+        ("plan two-crates --pl", {"plain,--planner", "plain,--plot"}),
+        ("examples narr", {"plain,narrow-gap", "file,narr"}),
+        ("completion f", {"plain,fish"}),
     ],
 )
-def test_bash_completes(typed: list[str], offered: set[str], tmp_path: Path) -> None:
-    (tmp_path / "script").write_text(completion_script("bash", parser()))
-    (tmp_path / "two-files.yaml").touch()
-    words = " ".join(f"'{word}'" for word in typed)
-    code = (
-        f"source ./script; COMP_WORDS=({words}); COMP_CWORD={len(typed) - 1}; "
-        f"_shtab_pushplan 2>/dev/null; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+def test_words_are_completed(typed: str, offered: set[str]) -> None:
+    words = f"pushplan {typed}"
+    code = "from pushplan.cli.main import main; main([])"
+    environment = {
+        "_PUSHPLAN_COMPLETE": "bash_complete",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(len(words.split()) - 1),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
-    done = subprocess.run(["bash", "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=30)
-    assert {line.strip() for line in done.stdout.splitlines()} == offered
+    assert set(done.stdout.split()) == offered
 
 
-def test_an_unknown_shell_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_shell_is_refused(capsys: Captured) -> None:
     assert main(["completion", "dos"]) == 2
-    assert "choose from" in capsys.readouterr().err
+    assert "is not one of" in capsys.readouterr().err

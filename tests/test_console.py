@@ -6,21 +6,24 @@ import io
 import json
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pushplan.cli.terminal import progress as progress_module
-from pushplan.cli.terminal.console import Console, takes_colour
-from pushplan.cli.terminal.failure import report_failure
-from pushplan.cli.terminal.numbers import counted, time_text
-from pushplan.cli.terminal.options import check_outputs
-from pushplan.cli.terminal.progress import Progress
+from pushplan.cli import console as console_module
+from pushplan.cli.console import Console, Progress, counted, time_text
+from pushplan.cli.main import _failed
+from pushplan.cli.parameters import check_outputs
 from pushplan.drawing import PlotError
 from pushplan.errors import Finding, OutputError, PlanningError, ScenarioError
 
 Captured = pytest.CaptureFixture[str]
+
+
+EVIL = "\x1b]0;owned\x07\x1b[31m\u202e\x9b2J"
+SHOWN = r"\x1b]0;owned\x07\x1b[31m\u202e\x9b2J"
 
 
 class Terminal(io.StringIO):
@@ -66,57 +69,58 @@ def test_tables_are_aligned_and_without_colour_off_a_terminal(capsys: Captured) 
 
 
 @pytest.mark.parametrize(
-    ("stream", "environment", "expected"),
-    [
-        (Terminal(), {"TERM": "xterm"}, True),
-        (Terminal(), {"TERM": "dumb"}, False),
-        (Terminal(), {"TERM": "xterm", "NO_COLOR": "1"}, False),
-        (io.StringIO(), {"TERM": "xterm"}, False),
-    ],
+    ("environment", "coloured"),
+    [({"TERM": "xterm"}, True), ({"TERM": "dumb"}, False), ({"TERM": "xterm", "NO_COLOR": "1"}, False)],
 )
 def test_colour_is_for_terminals_whose_user_wants_it(
-    stream: io.StringIO, environment: dict[str, str], expected: bool, monkeypatch: pytest.MonkeyPatch
+    environment: dict[str, str], coloured: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
-    assert takes_colour(stream) is expected
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stdout", terminal)
+    Console().say(("name", "bold"), ": ", ("solved", "green"))
+    plain, painted = "name: solved\n", "\x1b[1mname\x1b[0m: \x1b[32msolved\x1b[0m\n"
+    assert terminal.getvalue() == (painted if coloured else plain)
 
 
-def test_quick_work_shows_no_progress() -> None:
-    for live in (True, False):
-        stream = io.StringIO()
-        with Progress("thinking", stream, live=live) as progress:
-            progress.tell("never seen")
-        assert stream.getvalue() == ""
+@pytest.mark.parametrize("columns", [30, 200])
+def test_tables_fit_the_terminal(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stdout", terminal)
+    Console().table([("label", "many words " * 8)], styles=())
+    lines = terminal.getvalue().splitlines()
+    assert max(map(len, lines)) <= columns
+    assert (len(lines) > 1) == (columns < 100)
+    assert " ".join(" ".join(lines).split()) == "label " + ("many words " * 8).strip()
 
 
-def test_slow_work_shows_a_line_with_the_latest_news(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress_module, "DELAY", 0.02)
-    stream = io.StringIO()
-    with Progress("thinking", stream, live=False) as progress:
+def test_quick_work_shows_no_progress(capsys: Captured) -> None:
+    with Console().working("thinking") as progress:
+        progress.tell("never seen")
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_slow_work_shows_a_line_with_the_latest_news(live: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console_module, "DELAY", 0.02)
+    monkeypatch.setenv("TERM", "xterm")
+    stream = Terminal() if live else io.StringIO()
+    monkeypatch.setattr("sys.stderr", stream)
+    with Progress(f"reading {EVIL}") as progress:
         progress.tell("best 1.5 m")
-        _wait_for(lambda: "thinking" in stream.getvalue())
-    assert stream.getvalue().count("\n") == 1
-    assert stream.getvalue().startswith("thinking ...  0.")
-    assert stream.getvalue().endswith("s  best 1.5 m\n")
+        _wait_for(lambda: "best 1.5 m" in stream.getvalue())
+        progress.announce(f"compiling {EVIL}")
+    assert f"reading {SHOWN} ..." in stream.getvalue()
+    assert f"compiling {SHOWN}\n" in stream.getvalue()
+    assert "\x07" not in stream.getvalue()
 
 
-def test_on_a_terminal_the_line_is_wiped_before_anything_else_is_written(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(progress_module, "DELAY", 0.02)
-    stream = Terminal()
-    with Progress("thinking", stream, live=True) as progress:
-        _wait_for(lambda: "thinking" in stream.getvalue())
-        progress.announce("compiling")
-        _wait_for(lambda: stream.getvalue().count("thinking") >= 2)
-    assert "\r\x1b[Kcompiling\n" in stream.getvalue()
-    assert stream.getvalue().endswith("\r\x1b[K")
-
-
-def _wait_for(condition: object) -> None:
-    assert callable(condition)
+def _wait_for(condition: Callable[[], bool]) -> None:
     end = time.monotonic() + 60.0
     while not condition():
         assert time.monotonic() < end, "nothing happened within a minute"
@@ -124,10 +128,10 @@ def _wait_for(condition: object) -> None:
 
 
 def test_work_goes_on_when_nobody_reads_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress_module, "DELAY", 0.0)
-    with Progress("thinking", Closed(), live=False) as progress:
+    monkeypatch.setattr(console_module, "DELAY", 0.0)
+    monkeypatch.setattr("sys.stderr", Closed())
+    with Progress("thinking"):
         time.sleep(0.05)
-        progress.announce("still here")
 
 
 @pytest.mark.parametrize(
@@ -144,7 +148,7 @@ def test_work_goes_on_when_nobody_reads_its_progress(monkeypatch: pytest.MonkeyP
 def test_every_failure_has_its_exit_code_and_a_message_without_traceback(
     error: BaseException, code: int, message: str, capsys: Captured
 ) -> None:
-    assert report_failure(error, Console()) == code
+    assert _failed(error, json=False, verbose=False) == code
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith(message)
@@ -155,7 +159,7 @@ def test_a_defect_asks_for_a_report_and_shows_its_traceback_only_when_asked(caps
     for verbose in (False, True):
         with pytest.raises(KeyError) as caught:
             raise KeyError("k")
-        assert report_failure(caught.value, Console(verbose=verbose)) == 1
+        assert _failed(caught.value, json=False, verbose=verbose) == 1
         err = capsys.readouterr().err
         assert ("Traceback" in err) is verbose
         assert "error: KeyError: 'k'" in err
@@ -164,7 +168,7 @@ def test_a_defect_asks_for_a_report_and_shows_its_traceback_only_when_asked(caps
 
 def test_in_json_mode_a_failure_is_an_object_with_its_findings(capsys: Captured) -> None:
     error = ScenarioError("a.yaml", [Finding("goal.of", "is 'x'; there are a, b", 4, 7)])
-    assert report_failure(error, Console(json=True)) == 2
+    assert _failed(error, json=True, verbose=False) == 2
     out, err = capsys.readouterr()
     assert err == "a.yaml:4:7: goal.of: is 'x'; there are a, b\n"
     finding = {"path": "a.yaml", "where": "goal.of", "what": "is 'x'; there are a, b", "line": 4, "column": 7}
@@ -177,8 +181,8 @@ def test_in_json_mode_a_failure_is_an_object_with_its_findings(capsys: Captured)
 
 def test_a_closed_pipe_ends_quietly(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stderr", Closed())
-    assert report_failure(BrokenPipeError(), Console()) == 141
-    assert report_failure(PlanningError("nobody reads this"), Console()) == 141
+    assert _failed(BrokenPipeError(), json=False, verbose=False) == 141
+    assert _failed(PlanningError("nobody reads this"), json=False, verbose=False) == 141
 
 
 def test_outputs_are_checked_before_the_work(tmp_path: Path) -> None:
@@ -226,34 +230,19 @@ def test_numbers_read_well() -> None:
     assert [counted(n, "arc") for n in (0, 1, 2)] == ["0 arcs", "1 arc", "2 arcs"]
 
 
-EVIL = "\x1b]0;owned\x07\x1b[31m\u202e\x9b2J"
-SHOWN = r"\x1b]0;owned\x07\x1b[31m\u202e\x9b2J"
-
-
 def test_what_files_say_never_reaches_the_terminal_as_a_command(
     capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pushplan.cli.terminal.console.takes_colour", lambda _: True)
     console = Console()
-    console.say(f"{console.paint(EVIL, 'bold')}: {EVIL}")
+    console.say((EVIL, "bold"), f": {EVIL}")
     console.note(EVIL)
-    console.table([(EVIL, EVIL), ("two\nlines", "two\nlines")])
+    console.table([(EVIL, EVIL), ("two\nlines", "[bold]two\nlines")])
     out, err = capsys.readouterr()
     first, second, third = out.splitlines()
-    assert first == f"\x1b[1m{SHOWN}\x1b[0m: {SHOWN}"
-    assert second == f"  \x1b[2m{SHOWN}\x1b[0m  {SHOWN}"
-    assert third.endswith("\x1b[0m  two\\nlines")
-    assert r"two\nlines" in third.removesuffix("two\\nlines")
+    assert first == f"{SHOWN}: {SHOWN}"
+    assert second == f"  {SHOWN}  {SHOWN}"
+    assert third.split() == [r"two\nlines", r"[bold]two\nlines"]
     assert err == f"{SHOWN}\n"
-
-
-def test_progress_escapes_what_it_tells(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress_module, "DELAY", 0.02)
-    stream = Terminal()
-    with Progress(f"reading {EVIL}", stream, live=False) as progress:
-        progress.announce(EVIL)
-        _wait_for(lambda: "reading" in stream.getvalue())
-    assert stream.getvalue().startswith(f"{SHOWN}\nreading {SHOWN} ...")
 
 
 def test_json_says_exactly_what_files_say(capsys: Captured) -> None:

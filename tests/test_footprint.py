@@ -11,8 +11,8 @@ import pytest
 import shapely
 
 from pushplan.bench.validation import clearance
+from pushplan.cli.check import room
 from pushplan.cli.main import main
-from pushplan.cli.steps.understood import room
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.plan import plan

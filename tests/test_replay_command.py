@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pushplan.cli.main import main
-from pushplan.cli.steps.exports import WRITERS
+from pushplan.cli.replay import WRITERS
 from pushplan.logging.writer import RunLogWriter
 from pushplan.scenario.file import load_scenario
 

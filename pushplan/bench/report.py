@@ -21,7 +21,8 @@ from matplotlib.ticker import LogLocator
 from pushplan.bench.outcome import INVALID, NO_PLAN, OK, STATUSES
 from pushplan.bench.statistics import SOLVED, Comparison, compare_planners, median_interval, percentiles
 from pushplan.bench.store import MISSING, Results
-from pushplan.drawing.figure import FAINT, axes_at, figure_for
+from pushplan.drawing.figure import axes_at, figure_for
+from pushplan.drawing.palette import FAINT
 from pushplan.errors import PushplanError
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_whole
@@ -297,7 +298,7 @@ def worst_runs(results: Results, most: int = MOST_PICTURES) -> pd.DataFrame:
 
 def _pictures(results: Results, runs: pd.DataFrame) -> dict[str, str]:
     """Return pictures (data URIs) by key of those runs whose logs hold enough to draw one."""
-    from pushplan.drawing.run import plot_plan
+    from pushplan.drawing.plans import plot_plan
     from pushplan.logging.reader import read_run
 
     found = {}
@@ -308,7 +309,7 @@ def _pictures(results: Results, runs: pd.DataFrame) -> dict[str, str]:
                 recorded = read_run(results.path.parent / run.log)
                 if recorded.plan is None:
                     continue
-                plot_plan(recorded.scenario, recorded.plan, recorded.execution, path)
+                plot_plan(recorded.plan.as_plan(recorded.scenario, recorded.execution), path)
             except PushplanError:
                 continue  # a log that was cut off is listed without a picture
             found[run.key] = _data_uri(path.read_bytes(), "png")

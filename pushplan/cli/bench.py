@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import argparse
-import os
+import math
 import shlex
 from collections import Counter
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.cli.terminal.console import Console
-from pushplan.cli.terminal.failure import DONE, MISMATCH
-from pushplan.cli.terminal.numbers import counted
-from pushplan.errors import PushplanError
+import click
+
+from pushplan.cli import parameters as p
+from pushplan.cli.console import Console, counted
+from pushplan.cli.main import DONE, MISMATCH
 
 if TYPE_CHECKING:
     from pushplan.bench.batch import Selection, Tally
@@ -21,80 +22,103 @@ if TYPE_CHECKING:
     from pushplan.bench.suite import Suite
 
 
-class BenchUsageError(PushplanError, ValueError):
-    """Words of the command do not go together."""
+@p.command
+@click.argument("suite", type=p.PATH, metavar="[SUITE]", required=False)
+@click.option("-o", "--output", type=p.PATH, metavar="DIR", help="Folder of the results, may be new.")
+@click.option(
+    "--jobs",
+    type=p.Number("number of jobs", 1, 1024, whole=True),
+    metavar="N",
+    help="Runs at a time (default 1: they disturb one another).",
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Do the runs on a Dask cluster, e.g. tcp://HOST:8786.")
+@click.option("--resume", is_flag=True, help="Do what is missing in DIR.")
+@click.option(
+    "--filter",
+    "filters",
+    metavar="FIELD=PATTERN",
+    multiple=True,
+    help="Only runs whose problem, planner, set or seed fits, e.g. problem=gap-*; may be repeated.",
+)
+@click.option("--rerun", metavar="KEY", default="", help="Do the run with this key again, and only that.")
+@click.option("--accept-broken", is_flag=True, help="Exit code 0 also when runs crashed, or took too much.")
+@click.option(
+    "--compare",
+    type=p.PATH,
+    nargs=2,
+    metavar="OLD NEW",
+    help="Tell what two folders' results differ in.",
+)
+@click.option(
+    "--threshold",
+    type=p.Number("threshold", 0.0, 1000.0, {"%": 1.0}),
+    metavar="PERCENT",
+    default=5.0,
+    show_default=True,
+    help="With --compare: change for the worse that counts as a regression, exit code 4.",
+)
+@p.no_code_option
+def bench(
+    console: Console,
+    suite: Path | None,
+    output: Path | None,
+    jobs: int | None,
+    scheduler: str | None,
+    resume: bool,
+    filters: tuple[str, ...],
+    rerun: str,
+    accept_broken: bool,
+    compare: tuple[Path, Path] | None,
+    threshold: float,
+    no_code: bool,
+) -> int:
+    """Run a suite of problems, planners and seeds, and report what came out.
 
-
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the words of the command."""
-    add = parser.add_argument
-    add("suite", metavar="SUITE", nargs="?", help="a file, or a packaged suite; without it those are listed")
-    add("-o", "--output", metavar="DIR", type=Path, help="folder of the results, may be new")
-    add(
-        "--jobs",
-        metavar="N",
-        type=_count,
-        help="runs at a time (default 1: they disturb one another)",
-    )
-    add("--scheduler", metavar="ADDRESS", help="do the runs on a Dask cluster, e.g. tcp://HOST:8786")
-    add("--resume", action="store_true", help="do what is missing in DIR")
-    add(
-        "--filter",
-        metavar="FIELD=PATTERN",
-        action="append",
-        default=[],
-        help="only runs whose problem, planner, set or seed fits, e.g. problem=gap-*; may be repeated",
-    )
-    add("--rerun", metavar="KEY", default="", help="do the run with this key again, and only that")
-    add(
-        "--accept-broken",
-        action="store_true",
-        help="exit code 0 also when runs crashed, took too much time or memory, or ended with an error",
-    )
-    add(
-        "--compare",
-        nargs=2,
-        metavar=("OLD", "NEW"),
-        type=Path,
-        help="tell what two folders' results differ in",
-    )
-    add(
-        "--threshold",
-        metavar="PERCENT",
-        type=_percent,
-        default=0.05,
-        help="with --compare: change for the worse that counts as a regression, exit code 4 (default 5)",
-    )
-
-
-def run(args: argparse.Namespace, console: Console) -> int:
-    """Carry out the command and return the exit code."""
-    if args.compare is not None:
-        from pushplan.cli.steps.bench_compare import compare
-
-        _refuse_together(
-            args,
-            "--compare",
-            ("suite", "output", "jobs", "scheduler", "resume", "filter", "rerun", "accept_broken"),
-        )
-        old, new = args.compare
-        return compare(old, new, args.threshold, console)
-    if args.suite is None:
+    SUITE is a file or a packaged suite; without it those are listed.
+    """
+    given = {
+        "SUITE": suite,
+        "-o": output,
+        "--jobs": jobs,
+        "--scheduler": scheduler,
+        "--resume": resume,
+        "--filter": filters,
+        "--rerun": rerun,
+        "--accept-broken": accept_broken,
+    }
+    if compare:
+        _refuse("--compare", given, list(given))
+        return _compare(*compare, 0.01 * threshold, console)
+    if suite is None:
         return _list(console)
-    if args.output is None:
-        raise BenchUsageError(f"name a folder for the results: pushplan bench {args.suite} -o DIR")
-    return _bench(args, console)
+    if output is None:
+        raise p.UsageError(f"name a folder for the results: pushplan bench {suite} -o DIR")
+    if rerun:
+        _refuse("--rerun", given, ["--filter", "--resume"])
+    if scheduler is not None:
+        _refuse("--scheduler, which does as many runs at a time as its workers can,", given, ["--jobs"])
+    from pushplan.bench.batch import Selection
+
+    selection = Selection(resume, filters, rerun)
+    with p.code_of(suite, console.note, no_code) as observer:
+        read = _read(suite, selection, console)
+        for name in read.code:
+            observer(name)
+    words = ["pushplan", "bench", str(suite), "-o", str(output), "--resume"]
+    words += ["--jobs", str(jobs)] if jobs else []
+    words += ["--scheduler", scheduler] if scheduler else []
+    words += [word for text in filters for word in ("--filter", text)]
+    return _bench(read, output, selection, jobs, scheduler, accept_broken, shlex.join(words), console)
 
 
-def _refuse_together(args: argparse.Namespace, word: str, others: tuple[str, ...]) -> None:
+command = bench
+
+
+def _refuse(word: str, given: dict[str, object], others: list[str]) -> None:
     """Raise when words were given that `word` would leave without effect."""
-    given = [
-        name if name == "suite" else f"--{name.replace('_', '-')}" for name in others if getattr(args, name)
-    ]
-    if given:
-        raise BenchUsageError(
-            f"{word} does not go together with {' and '.join(given)}; leave one of them out"
-        )
+    some = [name for name in others if given[name]]
+    if some:
+        raise p.UsageError(f"{word} does not go together with {' and '.join(some)}; leave one of them out")
 
 
 def _list(console: Console) -> int:
@@ -108,65 +132,55 @@ def _list(console: Console) -> int:
     return DONE
 
 
-def _bench(args: argparse.Namespace, console: Console) -> int:
-    if args.rerun:
-        _refuse_together(args, "--rerun", ("filter", "resume"))
-    if args.scheduler is not None:
-        _refuse_together(
-            args, "--scheduler, which does as many runs at a time as its workers can,", ("jobs",)
-        )
-    with console.working(f"reading {args.suite}"):
-        from pushplan.bench.batch import Selection
+def _read(source: Path, selection: Selection, console: Console) -> Suite:
+    """Read a suite, and find out whether the runs that are wanted are there before a folder is made."""
+    with console.working(f"reading {source}"):
         from pushplan.bench.machine import package_version
-        from pushplan.bench.store import ResultsFolder
         from pushplan.bench.suite import load_suite
 
-        suite = load_suite(args.suite)
-    choice = Selection(args.resume, tuple(args.filter), args.rerun)
-    choice.of(suite, package_version())  # before a folder is made and all is compiled
-    folder = ResultsFolder(args.output)
-    with folder.locked():
+        suite = load_suite(str(source))
+        selection.of(suite, package_version())
+    return suite
+
+
+def _bench(
+    suite: Suite,
+    output: Path,
+    selection: Selection,
+    jobs: int | None,
+    scheduler: str | None,
+    accept_broken: bool,
+    resumption: str,
+    console: Console,
+) -> int:
+    from pushplan.bench.batch import run_suite
+    from pushplan.bench.outcome import BROKEN, INVALID
+    from pushplan.bench.store import ResultsFolder
+
+    folder = ResultsFolder(output)
+    with folder.locked(), ExitStack() as stack:
         try:
-            tally = _run(args, suite, choice, folder, console)
+            with console.working("preparing, which compiles the first time"):
+                from pushplan.bench.executor import cluster_engine, local_engine
+
+                engine = stack.enter_context(
+                    local_engine(jobs or 1, folder.scratch)
+                    if scheduler is None
+                    else cluster_engine(scheduler)
+                )
+            with console.working(suite.name) as progress:
+                tally = run_suite(
+                    suite, folder, engine, selection, lambda now: progress.tell(progress_text(now))
+                )
         except KeyboardInterrupt:
             if folder.database.exists():
-                console.note(f"stopped; go on with: {_resumption(args)}")
+                console.note(f"stopped; go on with: {resumption}")
             raise
         results = _report(folder, console)
-    from pushplan.bench.outcome import BROKEN, INVALID
-
     ends = Counter(results.runs.outcome)  # now or before
     broken = sum(ends[end] for end in BROKEN)
     _tell(suite, folder, tally, broken, console)
-    return MISMATCH if ends[INVALID] or (broken and not args.accept_broken) else DONE
-
-
-def _resumption(args: argparse.Namespace) -> str:
-    """Return the command that does what is missing."""
-    words = ["pushplan", "bench", args.suite, "-o", str(args.output), "--resume"]
-    words += ["--jobs", str(args.jobs)] if args.jobs else []
-    words += ["--scheduler", args.scheduler] if args.scheduler else []
-    words += [word for text in args.filter for word in ("--filter", text)]
-    return shlex.join(words)
-
-
-def _run(
-    args: argparse.Namespace, suite: Suite, choice: Selection, folder: ResultsFolder, console: Console
-) -> Tally:
-    from pushplan.bench.batch import run_suite
-
-    with ExitStack() as stack:
-        with console.working("preparing, which compiles the first time"):
-            if args.scheduler is not None:
-                from pushplan.bench.executor import cluster_engine
-
-                engine = stack.enter_context(cluster_engine(args.scheduler))
-            else:
-                from pushplan.bench.executor import local_engine
-
-                engine = stack.enter_context(local_engine(args.jobs or 1, folder.scratch))
-        progress = stack.enter_context(console.working(suite.name))
-        return run_suite(suite, folder, engine, choice, lambda tally: progress.tell(progress_text(tally)))
+    return MISMATCH if ends[INVALID] or (broken and not accept_broken) else DONE
 
 
 def _report(folder: ResultsFolder, console: Console) -> Results:
@@ -181,14 +195,9 @@ def _report(folder: ResultsFolder, console: Console) -> Results:
 
 
 def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: int, console: Console) -> None:
-    state = f"{counted(tally.done, 'run')} in {time_left(tally.seconds)}"
     before = f", {tally.before} done before" if tally.before else ""
-    console.say(f"{console.paint(suite.name, 'bold')}: {state}{before}")
-    colours = {"ok": "green", "no plan": "yellow"}
-    console.table(
-        (console.paint(outcome, colours.get(outcome, "red")), str(count))
-        for outcome, count in tally.counts.items()
-    )
+    console.say((suite.name, "bold"), f": {counted(tally.done, 'run')} in {time_left(tally.seconds)}{before}")
+    console.table([(outcome, str(count)) for outcome, count in tally.counts.items()], styles=())
     if broken:
         console.say(f"{counted(broken, 'run')} broke off, which --accept-broken would take for done")
     console.say(f"report: {folder.report}")
@@ -209,6 +218,46 @@ def _tell(suite: Suite, folder: ResultsFolder, tally: Tally, broken: int, consol
     )
 
 
+def _compare(old: Path, new: Path, threshold: float, console: Console) -> int:
+    """Compare the results of two folders and return the exit code."""
+    from pushplan.bench.report import effect_text
+    from pushplan.bench.statistics import compare_versions
+    from pushplan.bench.store import read_results
+
+    found = compare_versions(read_results(old), read_results(new), threshold)
+    for style, word, comparisons in (("green", "better", found.better), ("red", "worse", found.worse)):
+        for one in comparisons:
+            what = f"{one.first}, {one.respect}: {effect_text(one)} in {one.pairs} runs (p = {one.p:.2g})"
+            console.say((word, style), f": {what}")
+    for run in found.newly_invalid.itertuples():
+        text = f"{run.problem}, {run.planner}, seed {run.seed}: {run.message.partition(chr(10))[0]}"
+        console.say(("invalid now", "red"), f": {text}")
+    if not (found.better or found.worse or len(found.newly_invalid)):
+        console.say("nothing has changed beyond chance")
+    elif found.is_regression:
+        console.say(f"a regression: worse by more than {100.0 * threshold:g} %, or invalid now")
+    else:
+        console.say(f"no regression: nothing is worse by more than {100.0 * threshold:g} %")
+    comparisons = [
+        {
+            **asdict(one),
+            "effect": one.effect if math.isfinite(one.effect) else None,  # most runs are not solved any more
+            "significant": one.significant,
+            "better": one.second_is_better,
+        }
+        for one in found.comparisons
+    ]
+    console.emit(
+        {
+            "regression": found.is_regression,
+            "threshold": threshold,
+            "comparisons": comparisons,
+            "newly_invalid": list(found.newly_invalid.key),
+        }
+    )
+    return MISMATCH if found.is_regression else DONE
+
+
 def progress_text(tally: Tally) -> str:
     """Return how far a benchmark has come."""
     parts = [f"{tally.before + tally.done} of {tally.total} done", f"{tally.solved} solved"]
@@ -225,19 +274,3 @@ def time_left(seconds: float) -> str:
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
-
-
-def _count(text: str) -> int:
-    value = int(text)
-    if not 1 <= value <= 1024:
-        raise argparse.ArgumentTypeError(
-            f"{text} is no number of jobs; this machine has {os.cpu_count()} processors"
-        )
-    return value
-
-
-def _percent(text: str) -> float:
-    value = float(text.removesuffix("%"))
-    if not 0.0 <= value <= 1000.0:
-        raise argparse.ArgumentTypeError(f"{text} is no threshold; it must be a percentage from 0 to 1000")
-    return value / 100.0

@@ -1,60 +1,64 @@
-"""Check a scenario and show what was understood."""
+"""Check a scenario and show what was understood: bodies, weights, contacts, and the room at start and goal."""
 
 from __future__ import annotations
 
-import argparse
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from math import atan, degrees, isfinite
+from pathlib import Path
 
-from pushplan.cli.terminal.console import Console
-from pushplan.cli.terminal.failure import DONE
-from pushplan.cli.terminal.numbers import counted
-from pushplan.cli.terminal.options import add_maps, add_plot, add_scenario, check_outputs
+import numpy as np
+import shapely
 
-if TYPE_CHECKING:
-    from pushplan.scenario.model import Scenario
+from pushplan.cli import parameters as p
+from pushplan.cli.console import Console, counted, plain
+from pushplan.errors import ScenarioError
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
+from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
+from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle, Obstacle, Snapping
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import KNOWN_LOAD_SETS
 
 
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the words of the command."""
-    add_scenario(parser)
-    add_maps(parser)
-    add_plot(parser, "draw start, goal and obstacles, and the chain with its stable set")
-
-
-def run(args: argparse.Namespace, console: Console) -> int:
-    """Carry out the command and return the exit code."""
-    from pushplan.cli.stable_set import describe, document, rows
-    from pushplan.cli.steps import understood
-    from pushplan.cli.steps.pushable import require_pushable
-    from pushplan.cli.steps.several_objects import check_several_objects
+@p.command
+@p.scenario_argument
+@p.map_option
+@p.plot_option
+@p.no_code_option
+def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | None, no_code: bool) -> int:
+    """Check a scenario and show what was understood."""
     from pushplan.scenario.file import load_scenario
 
-    check_outputs([args.scenario, *args.map], args.plot)
-    scenario = load_scenario(args.scenario, args.map)
-    if scenario.kind == "rearrangement":
-        return check_several_objects(scenario, args, console)
-    asked = ask(scenario, console)
-    console.say(console.paint(scenario.name, "bold"))
-    console.table(understood.rows(scenario))
-    with console.computing("computing the stable set"):
-        require_pushable(scenario)
-        described = describe(scenario, scenario.stability.set)
-    console.say(console.paint(f"stable set {scenario.stability.set}", "bold"))
-    console.table(rows(described))
-    if args.plot is not None:
-        with console.computing(f"drawing {args.plot}"):
+    p.check_outputs([scenario, *maps], plot)
+    with p.code_of(scenario, console.note, no_code):
+        stated = load_scenario(scenario, maps)
+        questions = ask(stated, console)
+        if stated.kind == "rearrangement":
+            from pushplan.cli.rearrangement import check_rearrangement
+
+            return check_rearrangement(stated, plot, console)
+        console.say((stated.name, "bold"))
+        console.table(rows(stated))
+        from pushplan.cli.stable_set import describe, set_document, set_rows
+
+        with console.computing("computing the stable set"):
+            require_pushable(stated)
+            described = describe(stated, stated.stability.set)
+    console.say((f"stable set {stated.stability.set}", "bold"))
+    console.table(set_rows(described))
+    if plot is not None:
+        with console.computing(f"drawing {plot}"):
             from pushplan.drawing.plans import plot_scenario
 
-            plot_scenario(scenario, args.plot, described.stable)
-    told = f"no findings, but {counted(asked, 'question')}" if asked else "no findings"
-    console.say(console.paint(told, "yellow" if asked else "green"))
-    console.emit(
-        {
-            **understood.document(scenario),
-            "stable_set": {"set": scenario.stability.set, **document(described)},
-        }
-    )
-    return DONE
+            plot_scenario(stated, plot, described.stable)
+    said = f"no findings, but {counted(questions, 'question')}" if questions else "no findings"
+    console.say((said, "yellow" if questions else "green"))
+    console.emit({**document(stated), "stable_set": {"set": stated.stability.set, **set_document(described)}})
+    return 0
+
+
+command = check
 
 
 def ask(scenario: Scenario, console: Console) -> int:
@@ -65,3 +69,243 @@ def ask(scenario: Scenario, console: Console) -> int:
     for question in found:
         console.note(f"question: {question.text(str(scenario.path))}")
     return len(found)
+
+
+def require_pushable(scenario: Scenario) -> None:
+    """Check what loading leaves out: whether any push keeps the chain together.
+
+    Raises:
+        ScenarioError: With the findings.
+    """
+    from pushplan.scenario.check import check_scenario
+
+    findings = check_scenario(scenario)
+    if findings:
+        raise ScenarioError(str(scenario.path), findings)
+
+
+# --- what was understood ----------------------------------------------------------------------------------------
+
+
+def rows(scenario: Scenario) -> list[tuple[str, str]]:
+    """Return label and value of everything that a user should recognise."""
+    chain = scenario.chain
+    return [
+        ("file", str(scenario.path)),
+        ("pusher", pusher_text(chain.pusher)),
+        ("robot", robot_text(chain.pusher)),
+        *(row for i in range(len(chain.objects)) for row in object_rows(scenario, i)),
+        *(
+            (
+                f"contact {chain.contact_name(k)}",
+                f"{contact.length:.3f} m long, {friction_text(*_frictions(scenario, k))}",
+            )
+            for k, contact in enumerate(chain.contacts)
+        ),
+        *_uncounted(scenario),
+        *_snapped_rows(scenario.snapping),
+        ("workspace", workspace_text(scenario)),
+        ("start", _place_text(scenario, scenario.start)),
+        ("goal", _place_text(scenario, scenario.goal.pose_chain)),
+    ]
+
+
+def document(scenario: Scenario) -> dict[str, object]:
+    """Return the same as an object for JSON."""
+    chain = scenario.chain
+    return {
+        "scenario": scenario.name,
+        "robot": {"footprint": chain.pusher.footprint, "drive": chain.pusher.drive.kind},
+        "objects": [
+            {
+                "name": obj.name,
+                "mass": _stated(scenario, i, "mass"),
+                "weight": _stated(scenario, i, "mass", GRAVITY),
+                "floor_friction": _stated(scenario, i, "floor_friction"),
+                "support": support_text(obj),
+                "pressure_off_by": _pressure_share(scenario, i),
+                "pose": obj.pose_chain,
+            }
+            for i, obj in enumerate(chain.objects)
+        ],
+        "contacts": [
+            {
+                "pushed": chain.objects[contact.pushed].name,
+                "pusher": None if contact.pusher == PLATE else chain.objects[contact.pusher].name,
+                "length": contact.length,
+                "friction": _one_or_two(_frictions(scenario, k)),
+            }
+            for k, contact in enumerate(chain.contacts)
+        ],
+        "uncertainty": asdict(scenario.uncertainty),
+        "snapped": None if scenario.snapping is None else asdict(scenario.snapping),
+        "start": _place(scenario, scenario.start),
+        "goal": _place(scenario, scenario.goal.pose_chain),
+    }
+
+
+def _one_or_two(ends: tuple[float, float]) -> float | list[float]:
+    """Return a number, or the ends of an interval."""
+    return ends[0] if ends[0] == ends[1] else list(ends)
+
+
+def pusher_text(pusher: Pusher) -> str:
+    """Return the pusher in words."""
+    thickness, width = np.ptp(pusher.outline, axis=0)
+    height = f", pushing {pusher.contact_height:.3f} m above the floor" if pusher.contact_height else ""
+    return f"{width:.3f} m wide, {thickness:.3f} m thick, drive {pusher.drive.kind}{height}"
+
+
+def robot_text(pusher: Pusher) -> str:
+    """Return the robot's body in words, or that it is not known."""
+    if not pusher.footprint:
+        return "no footprint stated: the robot behind the plate is not looked at"
+    points = np.concatenate(pusher.footprint)
+    length, width = np.ptp(points, axis=0)
+    behind = -float(points[:, 0].min())
+    parts = counted(len(pusher.footprint), "part")
+    return f"{length:.3f} x {width:.3f} m in {parts}, up to {behind:.3f} m behind the plate's front"
+
+
+def _stated(scenario: Scenario, i: int, name: str, factor: float = 1.0) -> float | list[float]:
+    """Return a number of object i times a factor, or its lowest and highest value."""
+    if scenario.interval is not None:
+        low, high = factor * getattr(scenario.interval, name)[i]
+        if low < high:
+            return [float(low), float(high)]
+    return factor * float(getattr(scenario.chain.objects[i], name))
+
+
+def _frictions(scenario: Scenario, k: int) -> tuple[float, float]:
+    """Return the least and largest friction of contact k."""
+    if scenario.contact_friction is None:
+        return (scenario.chain.contacts[k].friction,) * 2
+    low, high = scenario.contact_friction[k]
+    return float(low), float(high)
+
+
+def _pressure_share(scenario: Scenario, i: int) -> float:
+    """Return the share by which the pressure under object i may be off, 0 where none is stated."""
+    return 0.0 if scenario.interval is None else scenario.interval.pressures.get(i, 0.0)
+
+
+def _uncounted(scenario: Scenario) -> list[tuple[str, str]]:
+    """Return what to know of `uncertainty` where the stable set does not go by the load."""
+    chosen = scenario.stability.set
+    if scenario.uncertainty.load == 0.0 or chosen in KNOWN_LOAD_SETS:
+        return []
+    return [
+        (
+            "uncertainty",
+            f"load is not counted: the set {chosen!r} holds for every pressure with the stated centre, "
+            "and takes that centre as it is",
+        )
+    ]
+
+
+def _snapped_rows(snapping: Snapping | None) -> list[tuple[str, str]]:
+    """Return how each object with a measured pose was moved."""
+    if snapping is None:
+        return []
+    rows = [
+        (
+            f"snapped {moved.name}",
+            f"by {1e3 * moved.gap:.3g} mm and {degrees(moved.turn):.3g} deg onto {moved.onto}",
+        )
+        for moved in snapping.objects
+    ]
+    if snapping.sideways:
+        what = f"moved by {1e3 * snapping.sideways:.3g} mm sideways, to the middle of the plate's contact"
+        rows.append(("chain frame", what))
+    return rows
+
+
+def _range_text(value: float | list[float], form: str) -> str:
+    return " to ".join(format(end, form) for end in (value if isinstance(value, list) else [value]))
+
+
+def workspace_text(scenario: Scenario) -> str:
+    """Return the room in words."""
+    area = scenario.workspace
+    space = (
+        "unlimited"
+        if area is None
+        else f"x {area.xmin:g} to {area.xmax:g} m, y {area.ymin:g} to {area.ymax:g} m"
+    )
+    return f"{space}, {counted(len(scenario.obstacles), 'obstacle')}"
+
+
+def object_rows(scenario: Scenario, i: int) -> list[tuple[str, str]]:
+    """Return the rows of an object: shape, mass and friction, and how its load rests on the floor."""
+    obj = scenario.chain.objects[i]
+    length, width = np.ptp(obj.outline, axis=0)
+    shape = f"{length:.3f} x {width:.3f} m, {len(obj.outline)} corners"
+    mass = _range_text(_stated(scenario, i, "mass"), "g")
+    weight = _range_text(_stated(scenario, i, "mass", GRAVITY), ".1f")
+    friction = _range_text(_stated(scenario, i, "floor_friction"), ".3g")
+    load = support_text(obj)
+    if scenario.interval is not None and i in scenario.interval.fractions:
+        load = load.replace("known loads", "loads in intervals")
+    if share := _pressure_share(scenario, i):
+        load += f", pressure off by up to {100.0 * share:.3g} %"
+    return [(f"object {obj.name}", f"{shape}, {mass} kg ({weight} N), floor friction {friction}"), ("", load)]
+
+
+def support_text(obj: PushedObject) -> str:
+    """Return in words how an object's load rests on the floor."""
+    support = obj.support
+    x, y = np.round(support.center, 4) + 0.0  # no "-0"
+    center = f"centre at ({x:g}, {y:g}) m of its frame"
+    match support:
+        case UniformSupport(center_of_mass=None):
+            return f"load spread evenly, {center}"
+        case UniformSupport():
+            return f"load spread linearly, {center}"
+        case FeetSupport():
+            known = "known" if support.known else "unknown"
+            return f"{counted(len(support.positions), 'foot', 'feet')} with {known} loads, {center}"
+        case PressureMapSupport():
+            return f"pressure map of {counted(len(support.points), 'point')}, {center}"
+    return f"load unknown, {center}"
+
+
+def friction_text(lowest: float, highest: float | None = None) -> str:
+    """Return a friction coefficient, or the ends of its interval, and its angle."""
+    ends = [lowest] if highest is None or highest == lowest else [lowest, highest]
+    angles = " to ".join(f"{degrees(atan(friction)):.1f}" for friction in ends)
+    return f"friction {' to '.join(f'{friction:.3g}' for friction in ends)} ({angles} deg)"
+
+
+def room(scenario: Scenario, pose: FloatArray) -> float:
+    """Return the distance of the chain at `pose` to the nearest obstacle or wall, m; infinite without any."""
+    corners = [transform_points(pose, body.outline) for body in scenario.chain.bodies]
+    bodies = shapely.MultiPolygon([shapely.Polygon(outline) for outline in corners])
+    distances = [_distance(bodies, obstacle) for obstacle in scenario.obstacles]
+    area = scenario.workspace
+    if area is not None:
+        walls = np.array([area.xmin, area.ymin, -area.xmax, -area.ymax])
+        points = np.concatenate(corners)
+        distances.append(float((np.hstack([points, -points]) - walls).min()))
+    return min(distances, default=np.inf)
+
+
+def _distance(bodies: shapely.MultiPolygon, obstacle: Obstacle) -> float:
+    if isinstance(obstacle, CircleObstacle):
+        return float(shapely.distance(bodies, shapely.Point(obstacle.center))) - obstacle.radius
+    return float(shapely.distance(bodies, shapely.Polygon(obstacle.outline)))
+
+
+def _place(scenario: Scenario, pose: FloatArray) -> dict[str, object]:
+    free = room(scenario, pose)
+    return {"pose": pose, "room": free if isfinite(free) else None}
+
+
+def _place_text(scenario: Scenario, pose: FloatArray) -> str:
+    free = room(scenario, pose)
+    x, y, theta = plain(pose[0]), plain(pose[1]), plain(degrees(pose[2]))
+    text = f"chain frame at ({x:.4g}, {y:.4g}) m, {theta:.4g} deg"
+    return (
+        f"{text}; nothing in the way"
+        if not isfinite(free)
+        else f"{text}; {free:.3f} m from the nearest thing"
+    )

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-import argparse
+import click
 
-from pushplan.cli.terminal.console import Console
-from pushplan.cli.terminal.failure import DONE
-
-
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the words of the command."""
-    parser.add_argument("name", metavar="NAME", nargs="?", help="print this one's file")
+from pushplan.cli import parameters as p
+from pushplan.cli.console import Console
 
 
-def run(args: argparse.Namespace, console: Console) -> int:
-    """Carry out the command and return the exit code."""
+@p.command
+@click.argument("name", type=p.SCENARIO, metavar="[NAME]", required=False)
+def examples(console: Console, name: str | None) -> int:
+    """List the packaged scenarios, or print the file of one."""
     from pushplan.scenario.file import example_names, example_text
 
-    if args.name is not None:
-        text = example_text(args.name)
+    if name is not None:
+        text = example_text(name)
         console.say(text.rstrip("\n"))
-        console.emit({"name": args.name, "text": text})
-        return DONE
+        console.emit({"name": name, "text": text})
+        return 0
     about = {name: first_comment(example_text(name)) for name in example_names()}
     console.table(about.items())
     console.emit({"examples": about})
-    return DONE
+    return 0
+
+
+command = examples
 
 
 def first_comment(text: str) -> str:

@@ -2,63 +2,66 @@
 
 from __future__ import annotations
 
-import argparse
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.cli.terminal.console import Console
-from pushplan.cli.terminal.failure import DONE
-from pushplan.cli.terminal.options import add_output, check_outputs, count, seed
+import click
+
+from pushplan.cli import parameters as p
+from pushplan.cli.console import Console
 
 if TYPE_CHECKING:
     from pushplan.scenario.model import Scenario
     from pushplan.sim.identify.identification import Identification
 
 
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the words of the command."""
-    parser.add_argument("logs", metavar="RUN.mcap", nargs="+", help="logs of pushes of the same objects")
-    add_output(parser, "-o", "--output", help="write what was learned as a piece of scenario (YAML)")
-    parser.add_argument(
-        "--into",
-        metavar="SCENARIO",
-        help="write to --output this scenario with what was learned in place of its numbers, ready to plan with",
-    )
-    parser.add_argument("--seed", type=seed, default=1, metavar="N", help="seed of the search (default: 1)")
-    parser.add_argument("--jobs", type=count, metavar="N", help="threads (default: one a processor)")
-
-
-def run(args: argparse.Namespace, console: Console) -> int:
-    """Carry out the command and return the exit code."""
-    from pushplan.errors import PushplanError
-
-    if args.into is not None and args.output is None:
-        raise PushplanError("--into needs --output: where the scenario with what was learned goes")
-    into = None
-    if args.into is not None:
+@p.command
+@click.argument("logs", type=p.PATH, metavar="RUN.mcap...", nargs=-1, required=True)
+@p.file_option("-o", "--output", help="Write what was learned as a piece of scenario (YAML).")
+@click.option(
+    "--into",
+    type=p.SCENARIO,
+    metavar="SCENARIO",
+    help="Write to --output this scenario with what was learned in place of its numbers, ready to plan with.",
+)
+@click.option("--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of the search.")
+@click.option("--jobs", type=p.COUNT, metavar="N", help="Threads (default: one a processor).")
+def identify(
+    console: Console,
+    logs: tuple[Path, ...],
+    output: Path | None,
+    into: str | None,
+    seed: int,
+    jobs: int | None,
+) -> int:
+    """Learn friction and loads from logs of pushes of the same objects in which the objects' poses are."""
+    if into is not None and output is None:
+        raise p.UsageError("--into needs --output: where the scenario with what was learned goes")
+    names, target = [str(log) for log in logs], None
+    if into is not None:
         from pushplan.scenario.file import load_scenario
 
-        into = load_scenario(args.into)  # before the work, which is lost if it cannot be read
-    check_outputs([*args.logs, *([args.into] if args.into else [])], None, args.output)
-    with console.computing(f"learning from {len(args.logs)} logs") as progress:
-        from pushplan.identify import identify
+        target = load_scenario(into)  # before the work, which is lost if it cannot be read
+    p.check_outputs([*names, *([into] if into else [])], None, output)
+    with console.computing(f"learning from {len(logs)} logs") as progress:
+        from pushplan.identify import identify as learn
 
-        found = identify(args.logs, seed=args.seed, jobs=args.jobs, progress=progress.tell_share)
-    console.say(console.paint(f"learned from {len(args.logs)} logs, 90 % intervals", "bold"))
-    console.table(rows(found))
-    if args.output is not None:
-        _write(found, args.logs, into, args.output)
-        console.say(
-            f"{args.output}: {'the scenario' if args.into else 'a piece of scenario'} with what was learned"
-        )
-    console.emit(document(found, args.output))
-    return DONE
+        found = learn(names, seed=seed, jobs=jobs, progress=progress.tell_share)
+    console.say((f"learned from {len(logs)} logs, 90 % intervals", "bold"))
+    console.table(_rows(found))
+    if output is not None:
+        _write(found, names, target, output)
+        console.say(f"{output}: {'the scenario' if into else 'a piece of scenario'} with what was learned")
+    console.emit(_document(found, output))
+    return 0
 
 
-def rows(found: Identification) -> list[tuple[str, str]]:
+command = identify
+
+
+def _rows(found: Identification) -> list[tuple[str, str]]:
     """Return label and value of what was found, for people."""
-    from math import degrees
-
     from pushplan.sim.identify.identification import ROUGH
 
     told = [
@@ -82,7 +85,7 @@ def rows(found: Identification) -> list[tuple[str, str]]:
     return [*told, ("measured poses off by", noise), *floor, *rough]
 
 
-def document(found: Identification, output: Path | None) -> dict[str, object]:
+def _document(found: Identification, output: Path | None) -> dict[str, object]:
     """Return the JSON object of what was found."""
     from pushplan.sim.identify.learned import piece_of
 

@@ -2,64 +2,106 @@
 
 from __future__ import annotations
 
-import argparse
+import difflib
 import os
 import sys
+import traceback
 from collections.abc import Sequence
+from importlib import import_module
 from io import TextIOWrapper
-from typing import NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
-from pushplan.cli import (
-    bench,
-    check,
-    completion,
-    examples,
-    identify,
-    new,
-    plan,
-    replay,
-    run,
-    runs,
-    schema,
-    stable_set,
-    trial,
-    view,
-)
-from pushplan.cli.terminal.console import Console
-from pushplan.cli.terminal.failure import PIPE_CLOSED, WRONG_INPUT, report_failure
-from pushplan.cli.terminal.parsing import Parser
-from pushplan.util.interruption import Interruption, leaving_at_once
+import click
+
+from pushplan.errors import PushplanError, ScenarioError
+from pushplan.util.interruption import INTERRUPTED, Interruption, leaving_at_once
+
+if TYPE_CHECKING:
+    pass
+
+DONE, DEFECT, WRONG_INPUT, NO_PLAN, MISMATCH = range(5)
+PIPE_CLOSED = 141
+"""What a shell reports for a program that writes to a closed pipe."""
 
 COMMANDS = {
-    "plan": plan,
-    "stable-set": stable_set,
-    "view": view,
-    "replay": replay,
-    "trial": trial,
-    "identify": identify,
-    "run": run,
-    "runs": runs,
-    "bench": bench,
-    "check": check,
-    "new": new,
-    "examples": examples,
-    "schema": schema,
-    "completion": completion,
+    "plan": "Plan, time, execute and log a push.",
+    "check": "Check a scenario and show what was understood.",
+    "stable-set": "Show which pusher twists keep every contact.",
+    "view": "Open a scenario in a browser and drag its poses.",
+    "replay": "Read a run's log back: show it, verify it, export it.",
+    "simulate": "Push in a simulated world, along the plan or in closed loop.",
+    "trial": "Execute a plan in sampled worlds: how often does it arrive?",
+    "identify": "Learn friction and loads from logs of pushes.",
+    "bench": "Run a suite of problems, planners and seeds, and report.",
+}
+MORE = {
+    "new": "Write a commented scenario to begin with.",
+    "examples": "List the packaged scenarios, or print one.",
+    "runs": "List the recorded runs, the last one first.",
+    "schema": "Print the JSON Schema of scenario files or of benchmark suites.",
+    "completion": "Print a script for a shell's completion.",
 }
 
-_EPILOG = """\
-SCENARIO is a file or the name of a packaged example (`pushplan examples` lists them).
+_WRONG_PATH = (FileNotFoundError, FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError)
 
-exit codes:
-  0    done
-  1    a failure that is not yours
-  2    the input is wrong
-  3    no plan: none found within the time limit, or none exists; the run is logged all the same
-  4    a replay or an execution does not match the plan, or loses a contact in the physics engine (--physics);
-       a run does not arrive; a benchmark found an invalid solution or a regression, or runs of it broke off (crash,
-       timeout, out of memory, error; not with --accept-broken)
-  130  interrupted
-"""
+
+class Commands(click.Group):
+    """The commands, each imported when it is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return all names."""
+        return [*COMMANDS, *MORE]
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Return a command by its name, None where there is none."""
+        if name not in COMMANDS | MORE:
+            return None
+        command: click.Command = import_module(f"pushplan.cli.{name.replace('-', '_')}").command
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that the first word names, and the other words."""
+        if args and not args[0].startswith("-") and args[0] not in COMMANDS | MORE:
+            close = difflib.get_close_matches(args[0], [*COMMANDS, *MORE], n=1)
+            hint = f" Did you mean '{close[0]}'?" if close else ""
+            raise click.UsageError(f"No such command '{args[0]}'.{hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the names of the commands, and what most people ask for about them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+        formatter.write_paragraph()
+        formatter.write_text(f"More: {', '.join(MORE)}")
+        formatter.write_text("SCENARIO is a file or a packaged example (`pushplan examples` lists them).")
+        formatter.write_text(
+            "Exit codes: 0 done, 1 a defect of pushplan, 2 wrong input, 3 no plan, 4 a mismatch: a replay, an "
+            "execution or a benchmark is not as it should be, 130 interrupted"
+        )
+
+
+def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:
+    if asked:
+        import pushplan
+
+        click.echo(f"pushplan {pushplan.__version__}")
+        context.exit()
+
+
+@click.group(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    subcommand_metavar="COMMAND ...",
+    options_metavar="",
+    help="Plan how a robot pushes a chain of objects to a goal pose without anything slipping.",
+)
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version."
+)
+def pushplan() -> None:
+    """Do nothing: each command does its own."""
 
 
 def entry() -> NoReturn:
@@ -78,56 +120,80 @@ def entry() -> NoReturn:
 
 def main(argv: Sequence[str]) -> int:
     """Run the command line with the words `argv` (without the program's name) and return the exit code."""
-    if not argv:
-        parser().print_help(sys.stderr)
-        return WRONG_INPUT
+    interruption = Interruption()
+    json, verbose = "--json" in argv, "--verbose" in argv
     try:
         if "" in argv:  # of a variable of the shell that is not set: as a path it would be the present folder
-            parser().error("there is an empty word, which names nothing; is a variable of the shell not set?")
-        args = parser().parse_every(argv)
-    except SystemExit as stop:  # argparse has written its help or what is wrong
-        return int(stop.code or 0)
-    console = Console(json=args.json, verbose=args.verbose)
-    interruption = Interruption()
-    try:
+            raise click.UsageError(
+                "there is an empty word, which names nothing; is a variable of the shell not set?"
+            )
+        if not argv and "_PUSHPLAN_COMPLETE" not in os.environ:
+            click.echo(pushplan.get_help(click.Context(pushplan, info_name="pushplan")), err=True)
+            return WRONG_INPUT
         with interruption.raising():
-            code: int = COMMANDS[args.command].run(args, console)
+            code: Any = pushplan.main(list(argv), prog_name="pushplan", standalone_mode=False)
             sys.stdout.flush()
+        return int(code or 0)
+    except click.ClickException as error:
+        error.show()
+        return _told({"kind": "UsageError", "message": error.format_message()}, json, WRONG_INPUT)
     except (Exception, KeyboardInterrupt) as error:
-        return report_failure(KeyboardInterrupt() if interruption.requested else error, console)
+        return _failed(KeyboardInterrupt() if interruption.requested else error, json, verbose)
+
+
+def _failed(error: BaseException, json: bool, verbose: bool) -> int:
+    """Tell people, and in JSON mode the caller, what went wrong; return the exit code."""
+    if isinstance(error, BrokenPipeError):
+        return PIPE_CLOSED
+    from pushplan.util.printable import printable
+
+    code, message = _explain(error)
+    try:
+        if verbose and code == DEFECT:
+            sys.stderr.write("".join(traceback.format_exception(error)).rstrip() + "\n")
+        sys.stderr.write(printable(message, "\n\t") + "\n")
+    except BrokenPipeError:
+        return PIPE_CLOSED
+    return _told(error_document(error), json, code)
+
+
+def _told(error: dict[str, object], json: bool, code: int) -> int:
+    from pushplan.cli.console import Console
+
+    try:
+        Console(json).emit({"error": error})
+    except BrokenPipeError:
+        return PIPE_CLOSED
     return code
 
 
-def parser() -> Parser:
-    """Return the parser of all commands."""
-    top = Parser(
-        prog="pushplan",
-        description="Plan how a robot pushes a chain of objects to a goal pose without anything slipping.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def _explain(error: BaseException) -> tuple[int, str]:
+    match error:
+        case KeyboardInterrupt() | click.Abort():
+            return INTERRUPTED, "interrupted"
+        case ScenarioError():
+            return WRONG_INPUT, str(error)
+        case PushplanError():
+            return WRONG_INPUT, f"error: {error}"
+        case OSError():
+            place = f"{error.filename}: " if error.filename else ""
+            code = WRONG_INPUT if isinstance(error, _WRONG_PATH) else DEFECT
+            return code, f"error: {place}{error.strerror or error}"
+        case MemoryError():
+            return DEFECT, "error: out of memory"
+    return DEFECT, (
+        f"error: {type(error).__name__}: {error}\n"
+        "This is a defect of pushplan, not of your input. Please report it with the command and its scenario; "
+        "--verbose shows where it happened."
     )
-    top.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
-    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, module in COMMANDS.items():
-        summary = (module.__doc__ or "").partition("\n")[0]
-        child = commands.add_parser(name, help=summary, description=summary)
-        module.declare(child)
-        child.add_argument("--json", action="store_true", help="print one JSON object on stdout")
-        child.add_argument(
-            "--verbose", action="store_true", help="show the traceback of an unexpected failure"
-        )
-    commands.choices["completion"].set_defaults(every_command=top)
-    return top
 
 
-class _Version(argparse.Action):
-    """Prints the installed version, looked up only when asked for."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        import pushplan
-
-        sys.stdout.write(f"pushplan {pushplan.__version__}\n")
-        parser.exit()
+def error_document(error: BaseException) -> dict[str, object]:
+    """Return what went wrong as a JSON object."""
+    found = {"kind": type(error).__name__, "message": str(error)}
+    if not isinstance(error, ScenarioError):
+        return {**found}
+    return {**found, "findings": [vars(finding) | {"path": error.path} for finding in error.findings]}
 
 
 def _writable(stream: TextIO | None) -> TextIO:

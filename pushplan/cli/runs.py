@@ -2,66 +2,49 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.cli.terminal.console import Console
-from pushplan.cli.terminal.failure import DONE
-from pushplan.cli.terminal.numbers import counted
-from pushplan.cli.terminal.options import add_runs, count
+import click
+
+from pushplan.cli import parameters as p
+from pushplan.cli.console import Console, counted
 
 if TYPE_CHECKING:
     from pushplan.logging.runs import RunEntry
 
-_COLOURS = {"solved": "green", "running": "yellow", "unsolved": "yellow"}
 _HEAD = ("", "outcome", "scenario", "planner", "set", "seed", "cost", "age", "size")
 
 
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the words of the command."""
-    add_runs(parser)
-    parser.add_argument("--last", metavar="N", type=count, help="only the last N of them")
-    parser.add_argument(
-        "--filter",
-        metavar="FIELD=PATTERN",
-        action="append",
-        default=[],
-        help="only runs whose outcome, scenario, planner, set or seed fits, e.g. scenario=two-*; may be repeated",
-    )
-
-
-def run(args: argparse.Namespace, console: Console) -> int:
-    """Carry out the command and return the exit code."""
+@p.command
+@p.runs_option
+@click.option("--last", type=p.COUNT, metavar="N", help="Only the last N of them.")
+@click.option(
+    "--filter",
+    "filters",
+    metavar="FIELD=PATTERN",
+    multiple=True,
+    help="Only runs whose outcome, scenario, planner, set or seed fits, e.g. scenario=two-*; may be repeated.",
+)
+def runs(console: Console, runs: Path | None, last: int | None, filters: tuple[str, ...]) -> int:
+    """List the recorded runs, the last one first."""
     from pushplan.logging.runs import chosen, runs_folder, runs_of
 
-    folder = runs_folder(args.runs)
+    folder = runs_folder(runs)
     every = runs_of(folder)
-    found = chosen(every, args.filter)[: args.last]
+    found = chosen(every, list(filters))[:last]
     now = datetime.now(UTC)
-    _tell(found, now, console)
-    if len(found) < len(every):
-        console.say(f"{len(found)} of {counted(len(every), 'run')} in {folder}")
-    else:
-        console.say(f"{counted(len(every), 'run')} in {folder}")
+    if found:
+        console.table([_HEAD, *(_row(one, now) for one in found)], styles=())
+    some = f"{len(found)} of " if len(found) < len(every) else ""
+    console.say(f"{some}{counted(len(every), 'run')} in {folder}")
     console.emit({"folder": folder, "runs": [_document(one, now) for one in found]})
-    return DONE
+    return 0
 
 
-def _tell(found: list[RunEntry], now: datetime, console: Console) -> None:
-    if not found:
-        return
-    rows = [_HEAD, *(_row(one, now) for one in found)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(_HEAD))]
-    for k, row in enumerate(rows):
-        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]
-        if k == 0:
-            console.say(console.paint("  ".join(cells).rstrip(), "dim"))
-        else:
-            cells[1] = console.paint(cells[1], _COLOURS.get(found[k - 1].outcome, "red"))
-            console.say("  ".join(cells).rstrip())
+command = runs
 
 
 def _row(one: RunEntry, now: datetime) -> tuple[str, ...]:

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-import argparse
+import click
 
-from pushplan.cli.terminal.console import Console
-from pushplan.cli.terminal.failure import DONE
-
-
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the words of the command."""
-    parser.add_argument(
-        "format",
-        choices=("scenario", "suite"),
-        nargs="?",
-        default="scenario",
-        help="of which files (scenario)",
-    )
+from pushplan.cli import parameters as p
+from pushplan.cli.console import Console
 
 
-def run(args: argparse.Namespace, console: Console) -> int:
-    """Carry out the command and return the exit code."""
+@p.command
+@click.argument(
+    "kind", type=click.Choice(("scenario", "suite")), metavar="[scenario|suite]", default="scenario"
+)
+def schema(console: Console, kind: str) -> int:
+    """Print the JSON Schema of scenario files (the default) or of benchmark suites, for editors."""
     from pushplan.bench.schema import suite_schema
     from pushplan.scenario.json_schema import scenario_schema, schema_text
 
-    schema = suite_schema() if args.format == "suite" else scenario_schema()
-    console.say(schema_text(schema).rstrip("\n"))
-    console.emit(schema)
-    return DONE
+    found = suite_schema() if kind == "suite" else scenario_schema()
+    console.say(schema_text(found).rstrip("\n"))
+    console.emit(found)
+    return 0
+
+
+command = schema

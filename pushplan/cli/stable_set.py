@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from dataclasses import dataclass
 from math import atan2, degrees, isfinite
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from pushplan.cli.terminal.console import Console
-from pushplan.cli.terminal.failure import DONE
-from pushplan.cli.terminal.numbers import time_text
-from pushplan.cli.terminal.options import add_plot, add_scenario, check_outputs
-from pushplan.util.naming import stable_set_names
+import click
+
+from pushplan.cli import parameters as p
+from pushplan.cli.console import Console, time_text
 
 if TYPE_CHECKING:
     from pushplan.mechanics.sphere import TurningRadii
@@ -43,41 +42,53 @@ class Described:
     seconds: float
 
 
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the words of the command."""
-    add_scenario(parser)
-    sets = stable_set_names()
-    parser.add_argument(
-        "--set",
-        action="append",
-        choices=sets,
-        metavar="NAME",
-        help=f"one of {sets.words}; may be repeated (default: the scenario's)",
-    )
-    add_plot(parser, "draw the regions of the centre of rotation")
-
-
-def run(args: argparse.Namespace, console: Console) -> int:
-    """Carry out the command and return the exit code."""
+@p.command
+@p.scenario_argument
+@click.option(
+    "--set",
+    "sets",
+    type=p.STABLE_SET,
+    multiple=True,
+    help="Name of a stable set, or module:attribute; may be repeated (default: the scenario's).",
+)
+@p.plot_option
+@p.no_code_option
+def stable_set(
+    console: Console, scenario: str, sets: tuple[str, ...], plot: Path | None, no_code: bool
+) -> int:
+    """Show which pusher twists keep every contact: translations, turns, tightest radii."""
     from pushplan.scenario.file import load_scenario
 
-    check_outputs([args.scenario], args.plot)
-    scenario = load_scenario(args.scenario)
-    with console.computing("computing stable sets"):
+    p.check_outputs([scenario], plot)
+    with p.code_of(scenario, console.note, no_code), console.computing("computing stable sets"):
         from pushplan.sets.cor_window import default_window
         from pushplan.sets.named import add_set
 
-        names = dict.fromkeys(add_set(name) for name in args.set or [scenario.stability.set])
-        found = {name: describe(scenario, name) for name in names}
-        window = default_window(scenario.chain, [each.stable for each in found.values()])
-        document = _document(scenario, found, window) if args.json else {}
-    if args.plot is not None:
-        _draw(scenario, found, args, window, console)
+        stated = load_scenario(scenario)
+        names = dict.fromkeys(add_set(name) for name in sets or [stated.stability.set])
+        found = {name: describe(stated, name) for name in names}
+        window = default_window(stated.chain, [each.stable for each in found.values()])
+    if plot is not None:
+        with console.computing(f"drawing {plot}"):
+            from pushplan.drawing.sets import plot_stable_sets
+
+            plot_stable_sets(stated.chain, [each.stable for each in found.values()], plot, window)
     for name, each in found.items():
-        console.say(console.paint(name, "bold"))
-        console.table(rows(each))
-    console.emit(document)
-    return DONE
+        console.say((name, "bold"))
+        console.table(set_rows(each))
+    if console.json:
+        regions = {
+            name: {
+                **set_document(each),
+                "cor_regions": {"ccw": _geojson(each, +1, window), "cw": _geojson(each, -1, window)},
+            }
+            for name, each in found.items()
+        }
+        console.emit({"scenario": stated.name, "window": window, "sets": regions})
+    return 0
+
+
+command = stable_set
 
 
 def describe(scenario: Scenario, name: str) -> Described:
@@ -97,7 +108,7 @@ def describe(scenario: Scenario, name: str) -> Described:
     )
 
 
-def rows(described: Described) -> list[tuple[str, str]]:
+def set_rows(described: Described) -> list[tuple[str, str]]:
     """Return label and value of what people want to know about a set."""
     cone = "none is stable"
     if described.cone is not None:
@@ -110,7 +121,7 @@ def rows(described: Described) -> list[tuple[str, str]]:
     ]
 
 
-def document(described: Described) -> dict[str, object]:
+def set_document(described: Described) -> dict[str, object]:
     """Return the numbers of a set as an object for JSON."""
     return {
         "translation_cone": described.cone,
@@ -136,32 +147,7 @@ def _radius_text(described: Described, side: str) -> str:
     return f"{text}; with the {described.drive} drive {words}"
 
 
-def _document(scenario: Scenario, found: dict[str, Described], window: Window) -> dict[str, object]:
-    sets = {
-        name: {
-            **document(each),
-            "cor_regions": {"ccw": _geojson(each, +1, window), "cw": _geojson(each, -1, window)},
-        }
-        for name, each in found.items()
-    }
-    return {"scenario": scenario.name, "window": window, "sets": sets}
-
-
 def _geojson(described: Described, sense: int, window: Window) -> object:
     import shapely
 
     return json.loads(shapely.to_geojson(described.stable.cor_region(sense, window)))
-
-
-def _draw(
-    scenario: Scenario,
-    found: dict[str, Described],
-    args: argparse.Namespace,
-    window: Window,
-    console: Console,
-) -> None:
-    with console.computing(f"drawing {args.plot}"):
-        from pushplan.drawing.sets import plot_stable_sets
-
-        sets = [each.stable for each in found.values()]
-        plot_stable_sets(scenario.chain, sets, args.plot, window)

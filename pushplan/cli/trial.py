@@ -2,110 +2,203 @@
 
 from __future__ import annotations
 
-import argparse
+from dataclasses import asdict
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from pushplan.cli.steps.trial_words import document, rows, uncertainty
-from pushplan.cli.terminal.console import Console
-from pushplan.cli.terminal.failure import DONE, NO_PLAN
-from pushplan.cli.terminal.options import add_output, add_plot, check_outputs, count, seed
+import click
+
+from pushplan.cli import parameters as p
+from pushplan.cli.console import Console, angle_text, length_text
+from pushplan.cli.main import DONE, NO_PLAN
+from pushplan.scenario import units
 
 if TYPE_CHECKING:
     from pushplan.plans.result import PlanResult
     from pushplan.scenario.model import Scenario
     from pushplan.sim.trials.result import Trials
+    from pushplan.sim.trials.uncertain import TrialUncertainty
+
+_UNITS = {
+    **dict.fromkeys(("contact_friction", "floor_friction", "mass", "load"), units.FRACTION),
+    "position": units.LENGTH,
+    "angle": units.ANGLE,
+}
 
 
-def declare(parser: argparse.ArgumentParser) -> None:
-    """Declare the words of the command."""
-    parser.add_argument(
-        "scenario",
-        metavar="SCENARIO|RUN.mcap",
-        help="what to plan first, or the log of a run that has a plan",
-    )
-    parser.add_argument(
-        "--samples", type=count, default=200, metavar="N", help="number of worlds (default: 200)"
-    )
-    parser.add_argument(
-        "--uncertainty",
-        type=uncertainty,
-        metavar="WHAT=HOW,...",
-        help="by how much worlds differ: contact_friction, floor_friction, mass, load, position, angle; e.g. "
-        "contact_friction=20%%,load=10%%,position=1mm,angle=0.3deg; what is not named stays as stated. Default: the "
-        "scenario's intervals, else 20 %% of friction, 10 %% of load, 1 mm and 0.3 deg",
-    )
-    parser.add_argument("--seed", type=seed, default=1, metavar="N", help="seed of the worlds (default: 1)")
-    parser.add_argument("--jobs", type=count, metavar="N", help="threads (default: one a processor)")
-    add_plot(parser, "draw where the objects end, and where contacts failed")
-    add_output(parser, "--worst", help="write the log (MCAP) of the sample that ends farthest off")
+def _uncertainty(found: dict[str, Any]) -> TrialUncertainty:
+    from pushplan.sim.trials.uncertain import TrialUncertainty
+
+    return TrialUncertainty(**{**dict.fromkeys(_UNITS, 0.0), **found})
 
 
-def run(args: argparse.Namespace, console: Console) -> int:
-    """Carry out the command and return the exit code."""
-    check_outputs([args.scenario], args.plot, log=args.worst)
-    scenario, plan = _planned(args.scenario, console)
+UNCERTAINTY = p.Named(_UNITS, _uncertainty)
+"""What may be uncertain; plain numbers are shares, m and rad."""
+
+
+@p.command
+@click.argument("source", type=p.SCENARIO, metavar="SCENARIO|RUN.mcap")
+@click.option(
+    "--samples", type=p.COUNT, metavar="N", default=200, show_default=True, help="Number of worlds."
+)
+@click.option(
+    "--uncertainty",
+    type=UNCERTAINTY,
+    metavar="WHAT=HOW,...",
+    help="By how much worlds differ: contact_friction, floor_friction, mass, load, position, angle; e.g. "
+    "contact_friction=20%,load=10%,position=1mm,angle=0.3deg; what is not named stays nominal. Default: the "
+    "scenario's intervals, else 20 % of friction, 10 % of load, 1 mm and 0.3 deg.",
+)
+@click.option("--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of the worlds.")
+@click.option("--jobs", type=p.COUNT, metavar="N", help="Threads (default: one a processor).")
+@p.plot_option
+@p.file_option("--worst", help="Write the log (MCAP) of the sample that ends farthest off.")
+@p.no_code_option
+def trial(
+    console: Console,
+    source: str,
+    samples: int,
+    uncertainty: Any,
+    seed: int,
+    jobs: int | None,
+    plot: Path | None,
+    worst: Path | None,
+    no_code: bool,
+) -> int:
+    """Execute a plan in sampled worlds, and tell in what share of them it arrives.
+
+    The plan is that of a log, or is made first.
+    """
+    p.check_outputs([source], plot, log=worst)
+    with p.code_of(source, console.note, no_code):
+        scenario, plan = _planned(source, console)
     if plan is None or plan.trajectory is None:
         why = "the log ends before a plan" if plan is None else plan.reason
         console.say(f"{scenario.name}: there is no plan to try: {why}")
         console.emit({"scenario": scenario.name, "solved": False, "reason": why})
         return NO_PLAN
-    trials = _tried(args, scenario, plan, console)
+    with console.computing(f"executing {samples} trials") as progress:
+        from pushplan.sim.trials.execute import execute_trials
+
+        trials = execute_trials(
+            scenario,
+            plan.trajectory,
+            samples,
+            uncertainty,
+            seed,
+            jobs=jobs,
+            progress=lambda done: progress.tell_share(done, samples),
+        )
     low, high = trials.interval
     rate = f"arrives in {100 * trials.success:.1f} % of {trials.samples} worlds"
-    console.say(
-        f"{console.paint(scenario.name, 'bold')}: {rate} ({100 * low:.1f} to {100 * high:.1f} % at 95 %)"
-    )
-    console.table(rows(trials))
-    _write_outputs(args, trials, plan, console)
-    console.emit(document(trials, args.worst))
+    console.say((scenario.name, "bold"), f": {rate} ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
+    console.table(_rows(trials))
+    if plot is not None:
+        with console.computing(f"drawing {plot}"):
+            from pushplan.drawing.trials import plot_trials
+
+            plot_trials(trials, plan.as_plan(trials.scenario), plot)
+    if worst is not None:
+        from pushplan.logging.trial_log import write_trial
+
+        write_trial(trials, trials.worst, plan, worst)
+        position, angle = trials.goal_errors[trials.worst]
+        off = f"sample {trials.worst}, {1e3 * position:.3g} mm and {degrees(angle):.3g} deg off"
+        console.say(f"{worst}: the worst, {off}")
+    console.emit(_document(trials, worst))
     return DONE
 
 
-def _planned(what: str, console: Console) -> tuple[Scenario, PlanResult | None]:
+command = trial
+
+
+def _planned(source: str, console: Console) -> tuple[Scenario, PlanResult | None]:
     """Return scenario and plan of a log, or the plan that is made now."""
-    if Path(what).suffix == ".mcap":
-        with console.working(f"reading {what}"):
+    if Path(source).suffix == ".mcap":
+        with console.working(f"reading {source}"):
             from pushplan.logging.reader import read_run
 
-            recorded = read_run(what)
+            recorded = read_run(source)
         return recorded.scenario, recorded.plan
     from pushplan.scenario.file import load_scenario
 
-    scenario = load_scenario(what)
+    scenario = load_scenario(source)
     with console.computing(f"planning, up to {scenario.planner.time_limit:g} s"):
         from pushplan.plan import plan
 
         return scenario, plan(scenario)
 
 
-def _tried(args: argparse.Namespace, scenario: Scenario, plan: PlanResult, console: Console) -> Trials:
-    assert plan.trajectory is not None
-    with console.computing(f"executing {args.samples} trials") as progress:
-        from pushplan.sim.trials.execute import execute_trials
+def _rows(trials: Trials) -> list[tuple[str, str]]:
+    """Return label and value of the numbers of trials, for people."""
+    position, angle = _percentiles(trials)
+    of = trials.scenario.goal.of or "worst object"
+    failed = ", ".join(f"{name} {count}" for name, count in trials.first_failures.items())
+    found = [
+        ("worlds", trials.uncertainty.words if trials.uncertainty else _stated(trials)),
+        ("contacts held", f"in {100.0 * trials.held:.1f} %"),
+        ("first to move", failed or "none"),
+        (
+            f"goal error ({of})",
+            f"median {_off(position[0], angle[0])}, 90 % within {_off(position[1], angle[1])}",
+        ),
+        ("at most", _off(position[2], angle[2])),
+    ]
+    return [*found, ("jammed", f"{trials.jammed.sum()}")] if trials.jammed.any() else found
 
-        return execute_trials(
-            scenario,
-            plan.trajectory,
-            args.samples,
-            args.uncertainty,
-            args.seed,
-            jobs=args.jobs,
-            progress=lambda done: progress.tell_share(done, args.samples),
-        )
+
+def _percentiles(trials: Trials) -> list[list[float]]:
+    """Return median, 90th percentile and maximum of the position's and the angle's error, m and rad."""
+    import numpy as np
+
+    found: list[list[float]] = np.percentile(trials.goal_errors, [50, 90, 100], axis=0).T.tolist()
+    return found
 
 
-def _write_outputs(args: argparse.Namespace, trials: Trials, plan: PlanResult, console: Console) -> None:
-    if args.plot is not None:
-        with console.computing(f"drawing {args.plot}"):
-            from pushplan.drawing.trials import plot_trials
+def _stated(trials: Trials) -> str:
+    from pushplan.sim.trials.uncertain import TrialUncertainty
 
-            plot_trials(trials, plan.as_plan(trials.scenario), args.plot)
-    if args.worst is not None:
-        from pushplan.logging.trial_log import write_trial
+    if trials.scenario.interval is None:
+        return TrialUncertainty().words
+    default = TrialUncertainty()
+    aside = f"objects aside ±{1e3 * default.position:.3g} mm and turned ±{degrees(default.angle):.3g} deg"
+    return f"the scenario's intervals, {aside}"
 
-        write_trial(trials, trials.worst, plan, args.worst)
-        position, angle = trials.goal_errors[trials.worst]
-        off = f"sample {trials.worst}, {1e3 * position:.3g} mm and {degrees(angle):.3g} deg off"
-        console.say(f"{args.worst}: the worst, {off}")
+
+def _off(position: float, angle: float) -> str:
+    return f"{length_text(position)} / {angle_text(angle)}"
+
+
+def _document(trials: Trials, worst: Path | None) -> dict[str, object]:
+    """Return the JSON object of trials."""
+    position, angle = _percentiles(trials)
+    return {
+        "scenario": trials.scenario.name,
+        "solved": True,
+        "samples": trials.samples,
+        "seed": trials.seed,
+        "uncertainty": None if trials.uncertainty is None else asdict(trials.uncertainty),
+        "arrived": int(trials.arrived.sum()),
+        "success": trials.success,
+        "interval": list(trials.interval),
+        "held": trials.held,
+        "jammed": int(trials.jammed.sum()),
+        "first_failures": trials.first_failures,
+        "failures": [
+            {
+                "sample": i,
+                "contact": trials.scenario.chain.contact_name(loss.contact),
+                "mode": loss.mode.name.lower(),
+                "time": loss.time,
+                "point": loss.point,
+            }
+            for i, loss in enumerate(trials.losses)
+            if loss is not None
+        ],
+        "goal_error": {
+            name: {"median": values[0], "p90": values[1], "max": values[2]}
+            for name, values in (("position", position), ("angle", angle))
+        },
+        "worst": {"sample": trials.worst, "log": worst},
+    }

@@ -107,12 +107,12 @@ def test_packaged_suites_are_listed(capsys: Captured) -> None:
     [
         (["smoke"], "name a folder for the results: pushplan bench smoke -o DIR"),
         (["nosuite", "-o", "x"], "no packaged suite is called so either"),
-        (["smoke", "-o", "x", "--jobs", "0"], "0 is no number of jobs"),
-        (["smoke", "-o", "x", "--jobs", "many"], "invalid"),
-        (["--compare", "a", "b", "--threshold", "-1"], "-1 is no threshold"),
+        (["smoke", "-o", "x", "--jobs", "0"], "'0' is no number of jobs"),
+        (["smoke", "-o", "x", "--jobs", "many"], "'many' is no number of jobs"),
+        (["--compare", "a", "b", "--threshold", "-1"], "'-1' is no threshold"),
         (
             ["smoke", "--compare", "a", "b", "--resume"],
-            "--compare does not go together with suite and --resume",
+            "--compare does not go together with SUITE and --resume",
         ),
         (
             ["smoke", "-o", "x", "--rerun", "ab", "--filter", "seed=1"],

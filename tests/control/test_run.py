@@ -115,10 +115,10 @@ def test_the_command_arrives_in_closed_loop_and_verifies(
 ) -> None:
     out, page = tmp_path / "run.mcap", tmp_path / "run.html"
     words = [
-        "run",
+        "simulate",
         "two-crates",
         "--closed-loop",
-        "--kick",
+        "--disturb",
         KICK,
         "-o",
         str(out),
@@ -137,18 +137,18 @@ def test_the_command_arrives_in_closed_loop_and_verifies(
 
 def test_the_command_says_what_does_not_arrive_and_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
     far = "time=3,object=far,x=0.3"
-    assert main(["run", "two-crates", "--no-log", "--closed-loop", "--kick", far]) == 4
+    assert main(["simulate", "two-crates", "--no-log", "--closed-loop", "--disturb", far]) == 4
     assert "gave up: no push of up to 50 mm closes the contacts" in capsys.readouterr().out
     aside = "time=3,object=far,y=-2cm"
-    assert main(["run", "two-crates", "--no-log", "--kick", aside]) == 4
+    assert main(["simulate", "two-crates", "--no-log", "--disturb", aside]) == 4
     assert "missed: the goal's object is not within its tolerances" in capsys.readouterr().out
-    assert main(["run", "two-crates", "--no-log", "--kick", "time=3,object=cat"]) == 2
+    assert main(["simulate", "two-crates", "--no-log", "--disturb", "time=3,object=cat"]) == 2
     assert "no object is called 'cat'; there are near, far" in capsys.readouterr().err
     for flag, words, why in (
-        ("--kick", "time=3", "'time=3' does not state the object of the kick"),
-        ("--kick", "object=far,time=soon", "time is 'soon'; allowed: a number, also with a unit (s, ms)"),
+        ("--disturb", "time=3", "'time=3' does not state the object"),
+        ("--disturb", "object=far,time=soon", "time is 'soon'; allowed: a number, also with a unit (s, ms)"),
         ("--sensor", "noise=1", "'noise=1' is not NAME=VALUE with a NAME of rate, delay, position, angle"),
         ("--sensor", "rate=0", "rate of the sensor is 0.0; it must be finite and > 0"),
     ):
-        assert main(["run", "two-crates", flag, words]) == 2
+        assert main(["simulate", "two-crates", flag, words]) == 2
         assert why in capsys.readouterr().err

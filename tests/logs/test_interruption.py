@@ -333,7 +333,7 @@ def test_a_full_disk_keeps_the_summary_and_names_the_partial_file(tmp_path: Path
     )
     assert told["error"]["message"] == expected
     assert f"error: {expected}" in error
-    assert "path cost" in error
+    assert "optimality gap" in error
     run = read_run(f"{log}.partial")
     assert run.best_path is not None
     assert not log.exists()

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pushplan.cli.steps.understood import document, rows
+from pushplan.cli.check import document, rows
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import PLATE
 from pushplan.scenario.file import scenario_from_document, scenario_from_text

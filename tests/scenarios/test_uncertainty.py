@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pushplan.cli.steps.understood import document, rows
+from pushplan.cli.check import document, rows
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport

@@ -1,0 +1,217 @@
+"""Where a command's words go: results to stdout, remarks and progress to stderr, colours to terminals.
+
+Everything that people read passes here, and whatever a terminal would obey in it (names, reasons and lines come from
+files of other hands) is escaped; JSON stays exact.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from math import degrees
+from pathlib import Path
+from typing import TextIO
+
+from rich.console import Console as RichConsole
+from rich.status import Status
+from rich.table import Table
+from rich.text import Text
+
+from pushplan.util.printable import printable
+
+DELAY = 1.0
+"""Seconds before it is said that work goes on."""
+
+PERIOD = 10.0
+"""Seconds between two lines about it in a file."""
+
+
+class Progress:
+    """What is said of work that takes more than a second: one line on a terminal, else one now and then."""
+
+    def __init__(self, what: str) -> None:
+        self._what, self._news, self._began = what, "", time.monotonic()
+        self._over = threading.Event()
+        self._lock = threading.Lock()
+        live = _is_terminal(sys.stderr)
+        self._status = Status("", console=_rich(sys.stderr)) if live else None
+        self._thread = threading.Thread(target=self._watch, name="progress", daemon=True)
+
+    def tell(self, news: str) -> None:
+        """Set the text that the next line ends with."""
+        self._news = news
+
+    def tell_share(self, done: int, of: int) -> None:
+        """Let the next line end with a bar of what is done."""
+        self.tell(f"[{'#' * round(20 * done / of):20}] {done} of {of}")
+
+    def announce(self, sentence: str) -> None:
+        """Write a sentence of its own, at once."""
+        with self._lock:
+            if self._status is not None:
+                self._status.stop()
+            _write(sys.stderr, printable(sentence))
+
+    def __enter__(self) -> Progress:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._over.set()
+        self._thread.join()
+        if self._status is not None:
+            self._status.stop()
+
+    def _watch(self) -> None:
+        wait = DELAY
+        while not self._over.wait(wait):
+            spent = f"{time.monotonic() - self._began:.1f} s"
+            line = printable("  ".join(part for part in (f"{self._what} ...", spent, self._news) if part))
+            with self._lock:
+                try:
+                    if self._status is None:
+                        _write(sys.stderr, line)
+                    else:
+                        self._status.update(Text(line))
+                        self._status.start()
+                except (OSError, ValueError):  # nobody reads any more; the work itself goes on
+                    return
+            wait = PERIOD if self._status is None else 0.2
+
+
+@dataclass
+class Console:
+    """The streams of one command.
+
+    Attributes:
+        json: stdout is left to one JSON object; what people read goes to stderr.
+        verbose: Failures that are not the user's show their traceback.
+    """
+
+    json: bool = False
+    verbose: bool = False
+    imported: set[str] = field(default_factory=set)
+
+    def say(self, *parts: str | tuple[str, str]) -> None:
+        """Write a line of the result, for people: texts, or texts with a style such as `bold` or `red`."""
+        text = Text()
+        for part in parts:
+            text.append(
+                *((printable(part, "\n\t"),) if isinstance(part, str) else (printable(part[0]), part[1]))
+            )
+        self._print(text)
+
+    def note(self, text: str) -> None:
+        """Write a line beside the result: a remark, a warning, an error."""
+        _write(sys.stderr, printable(text, "\n\t"))
+
+    def table(self, rows: Iterable[Sequence[str]], styles: Sequence[str] = ("dim",)) -> None:
+        """Write columns in some styles, the last one wrapped on a terminal that is too narrow."""
+        listed = [[printable(cell) for cell in row] for row in rows]
+        if not listed:
+            return
+        grid = Table.grid(padding=(0, 2, 0, 0), pad_edge=False)
+        grid.add_column(width=0)  # an indent of two
+        count = len(listed[0])
+        for i in range(count):
+            style = styles[i] if i < len(styles) else ""
+            grid.add_column(style=style, no_wrap=i < count - 1, overflow="fold")
+        for row in listed:
+            grid.add_row("", *(Text(cell) for cell in row))
+        self._print(grid)
+
+    def emit(self, document: Mapping[str, object]) -> None:
+        """Write the JSON object, in JSON mode only."""
+        if self.json:
+            sys.stdout.write(json.dumps(document, allow_nan=False, default=_plain) + "\n")
+
+    @contextmanager
+    def working(self, what: str) -> Iterator[Progress]:
+        """Show on stderr that `what` goes on, once it has taken more than a second."""
+        with Progress(what) as progress:
+            yield progress
+
+    @contextmanager
+    def computing(self, what: str) -> Iterator[Progress]:
+        """Show the same of work with stable sets, and tell when their code is being compiled."""
+        with self.working(what) as progress:
+            from pushplan.compiled.announcement import announced
+
+            with announced(progress.announce, progress.tell):
+                yield progress
+
+    def _print(self, what: Text | Table) -> None:
+        stream = sys.stderr if self.json else sys.stdout
+        buffer = io.StringIO()
+        _rich(stream, buffer).print(what, soft_wrap=isinstance(what, Text))
+        _write(stream, "\n".join(line.rstrip() for line in buffer.getvalue()[:-1].split("\n")))
+
+
+def _rich(stream: TextIO, file: TextIO | None = None) -> RichConsole:
+    """Return what writes for a stream, or into a file for it: as wide as the terminal, or as it takes."""
+    terminal = _is_terminal(stream)
+    width = shutil.get_terminal_size().columns if terminal else 100_000
+    return RichConsole(
+        file=file or stream,
+        width=width,
+        force_terminal=terminal,
+        color_system="standard" if terminal else None,
+        highlight=False,
+        markup=False,
+        emoji=False,
+    )
+
+
+def _is_terminal(stream: TextIO) -> bool:
+    """Tell whether a stream is a terminal that takes escape codes, and the user (NO_COLOR) has not said no."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb" and not os.environ.get("NO_COLOR")
+
+
+def _write(stream: TextIO, line: str) -> None:
+    stream.write(line + "\n")
+
+
+def _plain(value: object) -> object:
+    """Turn NumPy's arrays and numbers, and paths, into what JSON knows."""
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} has no JSON form")
+
+
+# --- numbers as people read them --------------------------------------------------------------------------------
+
+
+def time_text(seconds: float) -> str:
+    """Return a time of any size in a few digits."""
+    return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.2f} s"
+
+
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """Return a number with its noun, e.g. `1 arc`, `2 arcs`, or `2 feet` with the plural given."""
+    return f"{number} {noun}" if number == 1 else f"{number} {plural or noun + 's'}"
+
+
+def length_text(metres: float) -> str:
+    """Return a small length in mm; nobody cares how far below a nanometre it is."""
+    return "below 1e-6 mm" if abs(metres) < 1e-9 else f"{1e3 * metres:.3g} mm"
+
+
+def angle_text(radians: float) -> str:
+    """Return a small angle in degrees, likewise."""
+    angle = degrees(radians)
+    return "below 1e-6 deg" if abs(angle) < 1e-6 else f"{angle:.3g} deg"
+
+
+def plain(number: float) -> float:
+    """Return a number without rounding errors around 0 and without the sign of a zero."""
+    return round(number, 9) + 0.0

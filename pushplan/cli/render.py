@@ -1,0 +1,215 @@
+"""Plans and executions as a document for JSON, and the same document as lines for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from math import degrees, isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pushplan.cli.console import Console, angle_text, counted, length_text, plain, time_text
+from pushplan.cli.main import DONE, MISMATCH, NO_PLAN
+from pushplan.plans.execution import inertia_warning
+
+if TYPE_CHECKING:
+    from pushplan.plans.execution import Execution
+    from pushplan.plans.path import PushPath
+    from pushplan.plans.result import PlanResult
+    from pushplan.plans.segment import Segment
+    from pushplan.scenario.model import Scenario
+    from pushplan.util.arrays import FloatArray
+
+Document = dict[str, Any]
+Rows = list[tuple[str, str]]
+
+
+def exit_code(document: Mapping[str, Any]) -> int:
+    """Return the exit code of a plan: solved and executed as planned, no plan, or a contact lost on the way."""
+    if not document["solved"]:
+        return NO_PLAN
+    return MISMATCH if document["contact_lost"] else DONE
+
+
+def headline(document: Mapping[str, Any], console: Console) -> None:
+    """Write what was planned and whether it is solved."""
+    state = ("solved", "green") if document["solved"] else ("not solved", "red")
+    how = f"  planner {document['planner']}, stable set {document['set']}, seed {document['seed']}"
+    console.say((document["scenario"], "bold"), ": ", state, (how, "dim"))
+
+
+def plan_rows(document: Mapping[str, Any], remarks: Mapping[str, str]) -> Rows:
+    """Return label and value of the numbers of a plan's document, with what `remarks_on` says of it."""
+    found = [] if document["solved"] else [("reason", document["reason"])]
+    near = document["nearest"]
+    if near is not None:
+        off = f"ends {near['position']:.3g} m and {degrees(near['angle']):.3g} deg from the goal"
+        found.append(("nearest path", f"{near['path_cost']:.3f} m long, {off}"))
+    if len(document["segments"]) > 1:
+        found += segment_rows(document["segments"])
+    if document["cost"] is not None:
+        found.append(("cost", _cost_text(document)))
+        if document["gap"] is not None:
+            found.append(("optimality gap", f"<= {100.0 * document['gap']:.3g} %"))
+    if document["duration_s"] is not None:
+        found.append(("duration", f"{document['duration_s']:.2f} s"))
+    first = document["first_solution_s"]
+    begun = "" if first is None else f"first plan after {time_text(first)} of "
+    spent = f"{time_text(document['planning_s'])}, {counted(document['iterations'], 'iteration')}"
+    found.append(("planning", begun + spent))
+    error = document["goal_error"]
+    if error is not None and None not in error.values():
+        found.append(("goal error", f"{length_text(error['position'])}, {angle_text(error['angle'])}"))
+    if document["min_margin"] is not None:
+        found.append(("margin (min)", _margin_text(document, remarks)))
+    if remarks.get("warning"):
+        found.append(("warning", remarks["warning"]))
+    lost = document["contact_lost"]
+    if lost is not None:
+        found.append(("stopped", f"at {lost['time']:.2f} s: contact {lost['contact']} does not hold"))
+    found += [(name, remarks[name]) for name in ("robustness", "note") if remarks.get(name)]
+    return found + [(name, str(document[name])) for name in ("log", "page") if document.get(name)]
+
+
+def _cost_text(document: Mapping[str, Any]) -> str:
+    pushes = sum(segment["kind"] == "push" for segment in document["segments"])
+    if len(document["segments"]) < 2:
+        return f"{document['cost']:.3f} m in {counted(len(document['arcs']), 'arc')}"
+    way = f"{document['pushed_distance']:.3f} m in {counted(pushes, 'push', 'pushes')}"
+    return f"{document['cost']:.3f} m: pushed {way}, transits and changes of the contact"
+
+
+def _margin_text(document: Mapping[str, Any], remarks: Mapping[str, str]) -> str:
+    text = f"{document['min_margin']:.2g}{remarks.get('min_margin', '')}"
+    dynamic = document["min_dynamic_margin"]
+    return (
+        text
+        if dynamic is None
+        else f"{text}; with inertia {dynamic:.2g}{remarks.get('min_dynamic_margin', '')}"
+    )
+
+
+def segment_rows(segments: Sequence[Mapping[str, Any]]) -> Rows:
+    """Return a line for each segment: when, how far, and from where to where what moves."""
+    return [
+        (f"{k}. {segment['kind']}", _segment_text(segment)) for k, segment in enumerate(segments, start=1)
+    ]
+
+
+def _segment_text(segment: Mapping[str, Any]) -> str:
+    length = sum(arc["length"] for arc in segment["arcs"])
+    text = f"{segment['t0']:7.2f} - {segment['t1']:6.2f} s  {length:6.3f} m"
+    if segment["face"]:
+        text += f"  {segment['face']}"
+    if segment["offset"]:
+        text += f" {1e3 * segment['offset']:+.3g} mm"
+    if segment["kind"] != "push":
+        return text
+    before, after = (_pose_text(segment[name]) for name in ("object_before", "object_after"))
+    return f"{text}  {before} -> {after}"
+
+
+def _pose_text(pose: Sequence[float]) -> str:
+    x, y, theta = plain(round(pose[0], 3)), plain(round(pose[1], 3)), plain(round(degrees(pose[2]), 1))
+    return f"({x:.3f}, {y:.3f}, {theta:.1f} deg)"
+
+
+# --- the document of today's results; a Plan's `to_dict()` takes its place -----------------------------------------
+
+
+def plan_document(
+    scenario: Scenario, plan: PlanResult, execution: Execution | None, log: Path | None
+) -> Document:
+    """Return the document of a plan and its execution."""
+    cost = None if plan.path is None else plan.path.cost
+    document: Document = {
+        "scenario": scenario.name,
+        "solved": plan.solved,
+        "reason": plan.reason,
+        "planner": plan.planner,
+        "objective": plan.objective,
+        "set": plan.stable_set,
+        "seed": plan.seed,
+        "first_solution_s": plan.first_solution_s,
+        "planning_s": plan.planning_s,
+        "iterations": plan.extensions,
+        "cost": plan.objective_cost if plan.segments else cost,
+        "path_cost": cost,
+        "lower_bound": plan.lower_bound,
+        "gap": plan.gap,
+        "pushed_distance": plan.way_pushed,
+        "diagnosis": [vars(found) for found in plan.diagnosis],
+        "nearest": _nearest(plan),
+        "arcs": [] if plan.path is None else _arcs(plan.path),
+        "duration_s": plan.trajectory.duration if plan.trajectory else None,
+        "goal_error": _goal_error(execution) if execution else None,
+        "min_margin": execution.min_margin if execution else plan.min_margin,
+        "min_dynamic_margin": execution.min_dynamic_margin if execution else None,
+        "margin_asked": plan.margin_asked,
+        "margin": plan.margin,
+        "robustness": asdict(plan.tolerance) if plan.tolerance else None,
+        "contact_lost": None,
+        "segments": [_segment(segment) for segment in plan.segments],
+        "log": log,
+    }
+    if execution and execution.loss:
+        contact = scenario.chain.contact_name(execution.loss.contact)
+        document["contact_lost"] = {**vars(execution.loss), "contact": contact}
+    return document
+
+
+def remarks_on(scenario: Scenario, plan: PlanResult, execution: Execution | None) -> dict[str, str]:
+    """Return what people are told beside the numbers of a plan: where margins are smallest, what it tolerates."""
+    remarks = {"note": plan.lowered}
+    if plan.tolerance:
+        remarks["robustness"] = plan.tolerance.sentence
+    if execution:
+        names = [scenario.chain.contact_name(k) for k in range(len(scenario.chain.contacts))]
+        remarks["warning"] = inertia_warning(scenario, execution)
+        remarks["min_margin"] = _where(execution, execution.margins, names)
+        if execution.dynamic_margins is not None:
+            remarks["min_dynamic_margin"] = _where(execution, execution.dynamic_margins, names)
+    return remarks
+
+
+def _where(execution: Execution, margins: FloatArray, names: Sequence[str]) -> str:
+    """Return when and at which contact the smallest of margins (m, n) is."""
+    sample, contact = np.unravel_index(int(np.nanargmin(margins)), margins.shape)
+    return f" at {execution.t[sample]:.2f} s, contact {names[int(contact)]}"
+
+
+def _segment(segment: Segment) -> Document:
+    robot = segment.robot_path
+    return {
+        "kind": segment.kind,
+        "face": segment.face or None,
+        "offset": segment.offset,
+        "arcs": _arcs(segment.path),
+        "robot_before": robot.start,
+        "robot_after": robot.end,
+        "object_before": segment.load_before,
+        "object_after": segment.load_after,
+        "t0": segment.t0,
+        "t1": segment.t1,
+    }
+
+
+def _arcs(path: PushPath) -> list[Document]:
+    return [
+        {"twist": twist, "length": length} for twist, length in zip(path.twists, path.lengths, strict=True)
+    ]
+
+
+def _nearest(plan: PlanResult) -> Document | None:
+    if plan.approximate_path is None or plan.approximate_error is None:
+        return None
+    position, angle = plan.approximate_error
+    path = plan.approximate_path
+    return {"path_cost": path.cost, "position": position, "angle": angle, "arcs": _arcs(path)}
+
+
+def _goal_error(execution: Execution) -> Document:
+    position, angle = (error if isfinite(error) else None for error in execution.goal_error)
+    return {"position": position, "angle": angle}

@@ -1,0 +1,203 @@
+"""Push in a simulated world with disturbances, along the plan or in closed loop."""
+
+from __future__ import annotations
+
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pushplan.cli import parameters as p
+from pushplan.cli.console import Console
+from pushplan.cli.main import DONE, MISMATCH, NO_PLAN
+from pushplan.cli.trial import UNCERTAINTY
+from pushplan.errors import PlanningError
+from pushplan.scenario import units
+
+if TYPE_CHECKING:
+    from pushplan.closed_loop import ClosedLoopRun
+    from pushplan.scenario.model import Scenario
+    from pushplan.sim.control.sensor import Sensor
+    from pushplan.sim.worlds.kick import Kick
+
+_TIME = {"s": 1.0, "ms": 1e-3}
+
+
+def _sensor(found: dict[str, Any]) -> Sensor:
+    from pushplan.sim.control.sensor import Sensor
+
+    return Sensor(**found)
+
+
+SENSOR = p.Named(
+    {"rate": {"Hz": 1.0}, "delay": _TIME, "position": units.LENGTH, "angle": units.ANGLE}, _sensor
+)
+DISTURBANCE = p.Named(
+    {"time": _TIME, "object": None, "x": units.LENGTH, "y": units.LENGTH, "turn": units.ANGLE},
+    needed=("time", "object"),
+)
+
+
+@p.command
+@p.scenario_argument
+@click.option(
+    "--closed-loop",
+    is_flag=True,
+    help="Watch the objects, close contacts, plan again; else the plan is executed whatever happens.",
+)
+@click.option(
+    "--disturb",
+    "disturbances",
+    type=DISTURBANCE,
+    multiple=True,
+    metavar="WHAT=HOW,...",
+    help="Displace an object: time, object, and x, y, turn in its own frame, e.g. "
+    "'time=8s,object=far,y=5mm,turn=3deg'; may be given again.",
+)
+@click.option(
+    "--uncertainty",
+    type=UNCERTAINTY,
+    metavar="WHAT=HOW,...",
+    help="Draw a world whose friction, loads and places are off by up to that much, as `pushplan trial` does, e.g. "
+    "contact_friction=20%,floor_friction=20%; default: the world is as the scenario says.",
+)
+@click.option(
+    "--sensor",
+    type=SENSOR,
+    metavar="WHAT=HOW,...",
+    help="How objects are measured: rate, delay, position and angle (standard deviations); default: "
+    "rate=30,delay=0.1s,position=1mm,angle=0.3deg.",
+)
+@click.option(
+    "--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of world and noise."
+)
+@p.file_option("-o", "--output", help="Write the run's log (MCAP) here.")
+@p.no_log_option
+@p.runs_option
+@p.file_option("--html", help="Write a page that plays the run.")
+@p.no_code_option
+def simulate(
+    console: Console,
+    scenario: str,
+    closed_loop: bool,
+    disturbances: tuple[dict[str, Any], ...],
+    uncertainty: Any,
+    sensor: Any,
+    seed: int,
+    output: Path | None,
+    no_log: bool,
+    runs: Path | None,
+    html: Path | None,
+    no_code: bool,
+) -> int:
+    """Push in a simulated world with disturbances, along the plan or in closed loop."""
+    from pushplan.scenario.file import load_scenario
+
+    p.check_outputs([scenario], None, html, log=output)
+    with p.code_of(scenario, console.note, no_code):
+        stated = load_scenario(scenario)
+        kicks = _kicks(stated, disturbances)
+        try:
+            done = _simulated(stated, closed_loop, kicks, uncertainty, sensor, seed, console)
+        except PlanningError as error:
+            console.say((stated.name, "bold"), f": {error}")
+            console.emit({"scenario": stated.name, "outcome": "no plan", "reason": str(error)})
+            return NO_PLAN
+    log = output
+    if output is None and not no_log:
+        from pushplan.logging.runs import new_log, runs_folder
+
+        log = new_log(runs_folder(runs), stated.name, seed)
+    if log is not None:
+        done.write(log)
+    if output is None and log is not None:
+        from pushplan.logging.runs import prune
+
+        prune(log.parent, log)
+    if html is not None:
+        from pushplan.logging.page import write_html
+
+        with console.computing(f"writing {html}"):
+            write_html(done.recorded, html)
+    _tell(done, log, console)
+    return DONE if done.outcome == "arrived" else MISMATCH
+
+
+command = simulate
+
+
+def _kicks(scenario: Scenario, disturbances: tuple[dict[str, Any], ...]) -> list[Kick]:
+    """Return disturbances with the indices of their objects.
+
+    Raises:
+        ChainError: When there is no such object.
+    """
+    from pushplan.sim.worlds.kick import Kick
+
+    return [
+        Kick(
+            one["time"],
+            scenario.chain.index_of(one["object"]),
+            *(one.get(k, 0.0) for k in ("x", "y", "turn")),
+        )
+        for one in disturbances
+    ]
+
+
+def _simulated(
+    scenario: Scenario,
+    closed_loop: bool,
+    kicks: list[Kick],
+    uncertainty: Any,
+    sensor: Any,
+    seed: int,
+    console: Console,
+) -> ClosedLoopRun:
+    with console.computing("planning and pushing") as progress:
+        import numpy as np
+
+        from pushplan.closed_loop import run_closed_loop, run_open_loop
+        from pushplan.sim.control.course import SENSOR as USUAL
+        from pushplan.sim.trials.uncertain import sampled_world
+        from pushplan.sim.worlds.world import World
+
+        def told(now: float) -> None:
+            progress.tell(f"{now:.0f} s of the push")
+
+        world = World.from_scenario(scenario)
+        if uncertainty is not None:
+            world = sampled_world(scenario, uncertainty, np.random.default_rng([seed, 0]))
+        if not closed_loop:
+            return run_open_loop(scenario, world, kicks, tell=progress.announce, progress=told)
+        return run_closed_loop(
+            scenario,
+            world,
+            kicks,
+            sensor=sensor or USUAL,
+            seed=seed,
+            tell=progress.announce,
+            progress=told,
+        )
+
+
+def _tell(done: ClosedLoopRun, log: Path | None, console: Console) -> None:
+    position, angle = done.goal_errors
+    console.say((done.scenario.name, "bold"), f": {done.outcome}{f': {done.reason}' if done.reason else ''}")
+    of = done.scenario.goal.of or "worst object"
+    rows = [(f"{event.time:.2f} s", f"{event.kind}: {event.text}") for event in done.events]
+    rows.append(("goal error", f"{1e3 * position:.3g} mm, {degrees(angle):.3g} deg ({of})"))
+    console.table([*rows, *([] if log is None else [("log", str(log))])])
+    console.emit(
+        {
+            "scenario": done.scenario.name,
+            "closed_loop": done.settings is not None,
+            "outcome": done.outcome,
+            "reason": done.reason,
+            "goal_error": {"position": float(position), "angle": float(angle)},
+            "duration_s": float(done.course.t[-1]),
+            "events": [{"time": e.time, "kind": e.kind, "text": e.text} for e in done.events],
+            "replans": [{"time": r.time, "solved": r.solved, "seconds": r.seconds} for r in done.replans],
+            "log": log,
+        }
+    )

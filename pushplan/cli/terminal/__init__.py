@@ -1,1 +1,0 @@
-"""Words from and to the terminal: options, messages, numbers, progress."""
