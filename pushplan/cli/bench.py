@@ -76,7 +76,7 @@ def bench(
 
     SUITE is a file or a packaged suite; without it those are listed.
     """
-    given = {
+    given: dict[str, object] = {
         "SUITE": suite,
         "-o": output,
         "--jobs": jobs,
@@ -238,7 +238,7 @@ def _compare(old: Path, new: Path, threshold: float, console: Console) -> int:
         console.say(f"a regression: worse by more than {100.0 * threshold:g} %, or invalid now")
     else:
         console.say(f"no regression: nothing is worse by more than {100.0 * threshold:g} %")
-    comparisons = [
+    rows = [
         {
             **asdict(one),
             "effect": one.effect if math.isfinite(one.effect) else None,  # most runs are not solved any more
@@ -251,7 +251,7 @@ def _compare(old: Path, new: Path, threshold: float, console: Console) -> int:
         {
             "regression": found.is_regression,
             "threshold": threshold,
-            "comparisons": comparisons,
+            "comparisons": rows,
             "newly_invalid": list(found.newly_invalid.key),
         }
     )

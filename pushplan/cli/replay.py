@@ -196,7 +196,7 @@ def _tell_errands(runs: Sequence[RecordedRun], console: Console) -> list[Documen
     for k, run in enumerate(runs, start=1):
         began = time_text(1e-9 * run.began) if run.began else "the beginning"
         console.say(f"task {k}: {errand_of(run)} {aim_of(run)}, from {began} on")
-        about = {"object": errand_of(run), "delivers": delivers(run), "began": 1e-9 * run.began}
+        about: Document = {"object": errand_of(run), "delivers": delivers(run), "began": 1e-9 * run.began}
         if run.plan is not None:
             about |= plan_document(run.scenario, run.plan, run.execution, run.path) | {"outcome": run.outcome}
             console.table(segment_rows(about["segments"]))
