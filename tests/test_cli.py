@@ -14,8 +14,7 @@ import pytest
 import shapely
 
 from pushplan.cli.main import COMMANDS, MORE, main
-from pushplan.scenario.file import example_names, example_text
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_names, example_text, load_scenario
 from pushplan.sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]

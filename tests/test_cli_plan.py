@@ -18,8 +18,7 @@ from pushplan.logging.reader import read_run
 from pushplan.logging.several_again import execute_again
 from pushplan.plans.execution import Execution
 from pushplan.plans.path import cost_rate
-from pushplan.scenario.file import example_text
-from pushplan.scenario.file import load_scenario
+from pushplan.scenario.file import example_text, load_scenario
 from pushplan.sets.named import stable_set
 
 Captured = pytest.CaptureFixture[str]
