@@ -14,7 +14,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from planned_by_hand import MULTI, SWAP, one_push, pushes
+from planned_by_hand import MULTI, SPEED, SWAP, one_push, pushes
 
 from pushplan.drawing import PICTURE_SUFFIXES, PlotError, check_picture_path, palette
 from pushplan.drawing import figure as plot_figure
@@ -28,6 +28,7 @@ from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import GRAVITY
 from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, admissible_speeds
 from pushplan.mechanics.friction_cone import friction_cone
+from pushplan.plans.events import Event
 from pushplan.plans.plan import Diagnosis, Nearest, Plan
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
@@ -285,6 +286,19 @@ def test_a_picture_without_a_plan_shows_tree_and_nearest_path_and_has_the_reason
     told = " ".join(text.get_text().replace("\n", " ") for text in figures[0].texts)
     for sentence in unsolved.why_not:
         assert sentence.strip() in told
+
+
+def test_events_of_a_closed_loop_are_marked_where_the_plate_was(
+    plans: dict[str, Plan], tmp_path: Path
+) -> None:
+    plan = plans["push"]
+    events = [Event(0.0, "plan", ""), Event(2.0, "left", ""), Event(4.5, "replan", "")]
+    scene = Scene.of(plan.scenario, plan, events=events)
+    assert [mark.kind for mark in scene.marks] == ["left", "replan"]
+    for mark in scene.marks:
+        pose = plan.segments[0].path.poses_at([SPEED * mark.time])[0]
+        np.testing.assert_allclose(mark.place, pose[:2], atol=1e-3)
+    plot_plan(plan, tmp_path / "e.png", events=events)
 
 
 def test_trials_say_how_many_arrive_and_count_what_is_outside(

@@ -15,7 +15,6 @@ from pushplan.cli.check import (
 )
 from pushplan.cli.console import Console, counted, time_text
 from pushplan.cli.main import DONE, NO_PLAN
-from pushplan.cli.parameters import UsageError
 from pushplan.cli.render import plan_document, segment_rows
 from pushplan.util.interruption import INTERRUPTED, Interruption
 from pushplan.util.names import OUT_OF_THE_WAY, TO_ITS_GOAL
@@ -34,8 +33,6 @@ def check_rearrangement(scenario: Scenario, plot: Path | None, console: Console)
     """Check a scenario and show what was understood; return the exit code."""
     from pushplan.several.modes import find_modes
 
-    if plot is not None:
-        raise UsageError("--plot does not go together with goals of several objects; it is for one load")
     alone = {name: scenario.alone(name) for name in scenario.bodies}
     first = next(iter(alone.values()))
     rows, found = [("file", str(first.path))], []
@@ -53,6 +50,11 @@ def check_rearrangement(scenario: Scenario, plot: Path | None, console: Console)
         ("robot", robot_text(first.chain.pusher)),
         ("workspace", workspace_text(first)),
     ]
+    if plot is not None:
+        with console.computing(f"drawing {plot}"):
+            from pushplan.drawing.plans import plot_scenario
+
+            plot_scenario(scenario, plot)
     console.say((f"{scenario.name}  (several objects)", "bold"))
     console.table(rows)
     console.say(("no findings", "green"))

@@ -36,6 +36,14 @@ _PATH = 2.0
 """Width of the path, points."""
 _DASHES: Any = (0, (4, 2))
 _GOAL: Any = {"edgecolor": GOAL, "linestyle": (0, (3, 1.5))}
+_EVENT_MARKS = {"left": "v", "replan": "D", "room": "s", "unseen": "o", "gave up": "X"}
+_EVENT_NAMES = {
+    "left": "deviation",
+    "replan": "replan",
+    "room": "room changed",
+    "unseen": "unseen",
+    "gave up": "gave up",
+}
 _JUMP = 0.02
 """Change of the margin between two neighbouring points that is a jump: the pusher stops, and sets off differently."""
 
@@ -211,6 +219,18 @@ def draw_numbers(axes: Axes, scene: Scene) -> None:
         axes.text(float(spot[0]), float(spot[1]), str(rest.number), zorder=_z(Layer.MARK), **style)
 
 
+def draw_marks(axes: Axes, scene: Scene) -> None:
+    """Mark where something was noticed or done in a closed loop."""
+    look: Any = {
+        "markersize": 5.0,
+        "markeredgecolor": "white",
+        "markeredgewidth": 0.6,
+        "zorder": _z(Layer.MARK),
+    }
+    for mark in scene.marks:
+        axes.plot(*mark.place, marker=_EVENT_MARKS[mark.kind], color=palette.EVENTS[mark.kind], **look)
+
+
 def draw_names(axes: Axes, scene: Scene, poses: FloatArray, letters: int = 16) -> None:
     """Write the name of every object beside it, below its middle, where the picture shows it."""
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
@@ -264,6 +284,7 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
                 axes.add_patch(Polygon(body.at(pose), fill=False, **robot))
         draw_numbers(axes, scene)
     draw_lines(axes, scene.lines)
+    draw_marks(axes, scene)
 
 
 def is_single(scene: Scene) -> bool:
@@ -287,7 +308,7 @@ def scene_keys(scene: Scene) -> list[Artist]:
         keys.append(Patch(facecolor=palette.OBSTACLE, edgecolor=palette.OBSTACLE_EDGE, label="obstacle"))
     if True in known:
         keys.append(Patch(facecolor="none", edgecolor=palette.OBSTACLE, hatch="////", label="unknown"))
-    return [*keys, *_path_keys(scene)]
+    return [*keys, *_path_keys(scene), *_event_keys(scene)]
 
 
 def _path_keys(scene: Scene) -> Iterator[Artist]:
@@ -304,6 +325,12 @@ def _path_keys(scene: Scene) -> Iterator[Artist]:
         yield Line2D([], [], color=palette.TREE, linewidth=0.8, label="search tree")
     if scene.nearest:
         yield Line2D([], [], color=NEAREST, linewidth=1.4, label="nearest path")
+
+
+def _event_keys(scene: Scene) -> Iterator[Artist]:
+    for kind in dict.fromkeys(mark.kind for mark in scene.marks):
+        look: Any = {"marker": _EVENT_MARKS[kind], "color": palette.EVENTS[kind]}
+        yield Line2D([], [], linestyle="none", markersize=5.0, label=_EVENT_NAMES[kind], **look)
 
 
 def polygon_patches(geometry: shapely.Geometry) -> Iterator[PathPatch]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,7 @@ from pushplan.drawing.sets import draw_set, name_objects, turn_keys
 from pushplan.util.printable import cut
 
 if TYPE_CHECKING:
+    from pushplan.plans.events import Event
     from pushplan.plans.plan import Plan, Segment
     from pushplan.plans.run import Execution
     from pushplan.scenario.model import Scenario
@@ -52,7 +54,9 @@ _LETTERS = 7.5
 """Size of the letters beside the floor, points."""
 
 
-def plot_plan(plan: Plan, path: str | Path, execution: Execution | None = None) -> None:
+def plot_plan(
+    plan: Plan, path: str | Path, execution: Execution | None = None, events: Iterable[Event] = ()
+) -> None:
     """Draw a plan: the way from start to goal, the margin on it, and the stable set or the pushes.
 
     Args:
@@ -60,12 +64,13 @@ def plot_plan(plan: Plan, path: str | Path, execution: Execution | None = None) 
             nearest are drawn, and the reason is the title.
         path: File to write; its suffix says whether PNG, SVG or PDF.
         execution: What happened; by default the plan's own. Paths and margins are taken from it.
+        events: Of a closed loop: deviations and replans are marked.
 
     Raises:
         PlotError: On a suffix that is none of these.
     """
     execution = plan.execution if execution is None else execution
-    scene = Scene.of(plan.scenario, plan, execution)
+    scene = Scene.of(plan.scenario, plan, execution, events)
     view = view_of(scene.window)
     width = float(_HEIGHT * view.size[0] / view.size[1])
     side = _LEFT + width + _GAP
@@ -233,6 +238,8 @@ def _draw_margins(axes: Axes, scene: Scene, plan: Plan) -> None:
     kept = plan.margin
     if kept is not None:
         axes.axhline(kept, color=INK, linewidth=0.7, linestyle=(0, (3, 2)), zorder=1.5)
+    for mark in scene.marks:
+        axes.axvline(mark.time, color=palette.EVENTS[mark.kind], linewidth=0.8, zorder=1.4)
     axes.axhline(0.0, color=palette.SLIPS, linewidth=0.8, zorder=1.5)
     axes.set_title(
         "margin" + ("" if kept is None else f", at least {kept:.2g} kept"), loc="left", fontsize=9.0

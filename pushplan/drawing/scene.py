@@ -6,7 +6,7 @@ Pictures, the page, the film, the window and the logs draw this one description,
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -24,9 +24,13 @@ from pushplan.util.names import PUSH, PUSHER, ROBOT, TRANSIT
 
 if TYPE_CHECKING:
     from pushplan.mechanics.chain import PushedObject
+    from pushplan.plans.events import Event
     from pushplan.plans.plan import Plan, Poses, Segment
     from pushplan.plans.run import Execution
     from pushplan.scenario.model import Scenario
+
+MARKED = ("left", "replan", "room", "unseen", "gave up")
+"""Kinds of events that are marked."""
 
 PATH_SPACING = 0.01
 """Of the points of a path, m of path cost."""
@@ -151,6 +155,21 @@ class Rest:
 
 
 @dataclass(frozen=True, eq=False)
+class Mark:
+    """Where something was noticed or done in a closed loop.
+
+    Attributes:
+        time: s.
+        kind: A word of `events.KINDS`.
+        place: (2,) of the plate frame then, in the world, m.
+    """
+
+    time: float
+    kind: str
+    place: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """What there is to see.
 
@@ -168,6 +187,7 @@ class Scene:
         nearest: Where there is no plan, the path that comes nearest to the goal.
         nearest_poses: (b, 3) at its end; None where there is none.
         tree: (q, 2, 2) branches of the search tree.
+        marks: What was noticed and done in a closed loop.
     """
 
     name: str
@@ -183,15 +203,23 @@ class Scene:
     nearest: tuple[Line, ...] = ()
     nearest_poses: FloatArray | None = None
     tree: FloatArray | None = None
+    marks: tuple[Mark, ...] = ()
 
     @classmethod
-    def of(cls, scenario: Scenario, plan: Plan | None = None, execution: Execution | None = None) -> Self:
+    def of(
+        cls,
+        scenario: Scenario,
+        plan: Plan | None = None,
+        execution: Execution | None = None,
+        events: Iterable[Event] = (),
+    ) -> Self:
         """Return the scene of a scenario.
 
         Args:
             scenario: What is there.
             plan: What is meant to happen; None for the scenario alone.
             execution: What happened; by default that of the plan, if it has one.
+            events: Of a closed loop.
         """
         if execution is None and plan is not None:
             execution = plan.execution
@@ -224,6 +252,7 @@ class Scene:
             nearest,
             last,
             None if plan is None or not len(plan.tree) else plan.tree[:, :, :2],
+            tuple(_marks(events, execution)),
         )
 
     @property
@@ -346,6 +375,14 @@ def _goal_outlines(objects: tuple[PushedObject, ...], goal: Goal) -> Iterator[tu
     for obj in objects:
         if obj.name in goal.objects or not goal.objects:
             yield obj.name, se2.transform_points(goal.pose_chain, obj.outline_chain)
+
+
+def _marks(events: Iterable[Event], execution: Execution | None) -> Iterator[Mark]:
+    """Yield where the plate was at the events worth a mark; the first plan and its end need none."""
+    if execution is not None and len(execution.t):
+        for event in events:
+            if event.kind in MARKED:
+                yield Mark(event.time, event.kind, execution.poses_at(event.time)[0][:2])
 
 
 def _pose_rows(bodies: tuple[Body, ...], plate: FloatArray, objects: Poses) -> FloatArray:

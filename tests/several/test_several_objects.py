@@ -240,7 +240,9 @@ def test_check_tells_of_every_object_what_becomes_of_it(file: Path, capsys: Capt
     told = capsys.readouterr().out
     assert "goes to one of 2 goals, can be pushed at right, front, left, rear" in told
     assert told.count("is moved where it is in the way") == 1
-    assert main(["check", str(file), "--plot", str(file.with_name("x.png"))]) == 2
+    assert main(["check", str(file), "--plot", str(file.with_name("x.svg"))]) == 0
+    drawn = file.with_name("x.svg").read_text()
+    assert all(f"<!-- {name} -->" in drawn for name in ("red", "blue", "bin"))
 
 
 def test_editors_know_goals(file: Path) -> None:
