@@ -24,11 +24,9 @@ from ompl import util as ou
 
 from pushplan.bench.machine import Machine
 from pushplan.kernels import warm_up
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.session import Session
-from pushplan.planners.ompl.posing import pose_problem
-from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
-from pushplan.planners.problem.problem import Problem
+from pushplan.planners.improve.session import Budget, Session
+from pushplan.planners.ompl.form import pose_problem
+from pushplan.planners.problem.problem import Problem, body_reach, build_problem, sampling_box
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
 

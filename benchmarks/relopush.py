@@ -34,8 +34,7 @@ from pushplan.bench.random_problems import scenario_yaml
 from pushplan.errors import PlanningError, ScenarioError
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import Question
-from pushplan.planners.multi.search import Limits, search
-from pushplan.planners.multi.sequence import Sequence
+from pushplan.planners.multi.search import Limits, Sequence, search
 from pushplan.rearrangement.order import Order
 from pushplan.rearrangement.pieces import Piece, Situation
 from pushplan.rearrangement.plan import leg_of

@@ -21,7 +21,7 @@ from pushplan import Queries
 from pushplan.bench.machine import Machine
 from pushplan.geometry import se2
 from pushplan.plan import plan
-from pushplan.planners.validation.room import Room
+from pushplan.planners.validation.clearance import Room
 from pushplan.plans.result import PlanResult
 from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.file import load_scenario

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.several_again import segments_again
-from pushplan.planners.infeasible.lower_bound import lower_bound
-from pushplan.planners.problem.margins import margins_to_try
-from pushplan.planners.problem.posing import Posing
+from pushplan.planners.infeasible.bounds import lower_bound
+from pushplan.planners.problem.controls import margins_to_try
+from pushplan.planners.problem.problem import Posing
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.plans.judge import planning_set
 from pushplan.plans.result import PlanResult

@@ -16,7 +16,7 @@ from pushplan.logging.plan_again import timed_by_other_rules
 from pushplan.logging.several_again import check_segments, execute_again, segments_again
 from pushplan.logging.verify_file import verify_file
 from pushplan.planners.trajectories import make_trajectory
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.execution import Execution
 from pushplan.plans.judge import planning_set
 from pushplan.plans.path import PushPath

@@ -8,13 +8,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.session import Session
+from pushplan.planners.improve.session import Budget, Session
+from pushplan.planners.infeasible.bounds import lower_bound
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor
-from pushplan.planners.infeasible.lower_bound import lower_bound
 from pushplan.planners.ompl.search import Factory, search
 from pushplan.planners.problem.objective import make_objective
-from pushplan.planners.problem.posing import Posing, body_reach, sampling_box
+from pushplan.planners.problem.problem import Posing, body_reach, sampling_box
 from pushplan.plans.path import PushPath
 from pushplan.plans.result import ProgressPoint
 from pushplan.scenario.model import Scenario

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pushplan.geometry.se2 import pose_error
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.session import Session
+from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.validation.verdict import flaw
 from pushplan.plans.path import PushPath

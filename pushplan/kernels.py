@@ -19,26 +19,22 @@ from pushplan.mechanics.support import UniformSupport
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.planners.blending.section import make_part
 from pushplan.planners.blending.sweep import find_touches
-from pushplan.planners.collision.convex_pieces import convex_pieces
-from pushplan.planners.collision.scene import build_scene
+from pushplan.planners.collision.scene import build_scene, convex_pieces
 from pushplan.planners.collision.separation import separation
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.polish import shorten
-from pushplan.planners.improve.session import Session
-from pushplan.planners.infeasible.pocket import LEVELS, make_steps, push_hull, reached
-from pushplan.planners.multi.descents import MOVES, descend, pack_modes, pushed_at_random, random_descent
+from pushplan.planners.improve.session import Budget, Session
+from pushplan.planners.improve.shortening import shorten
+from pushplan.planners.infeasible.pockets import LEVELS, make_steps, push_hull, reached
 from pushplan.planners.multi.multi_push import MultiPushSearch
-from pushplan.planners.multi.pushing import joined
-from pushplan.planners.multi.room import Question
+from pushplan.planners.multi.room import Question, joined
+from pushplan.planners.multi.samples import MOVES, descend, pack_modes, pushed_at_random, random_descent
 from pushplan.planners.multi.search import Limits
 from pushplan.planners.multi.search import search as search_pushes
 from pushplan.planners.multi.transit import transit_is_free
-from pushplan.planners.ompl.chart import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.factories import PLANNERS, planner_named
+from pushplan.planners.ompl.form import arcs_at, controls_of, poses_along
 from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.objective import travel_objective
-from pushplan.planners.problem.posing import kept_distances
-from pushplan.planners.problem.problem import Problem
+from pushplan.planners.problem.problem import Problem, kept_distances
 from pushplan.planners.search.lattice_rounds import LatticeRounds
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path

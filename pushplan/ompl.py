@@ -13,12 +13,11 @@ from typing import Any
 
 from pushplan.errors import PlanningError
 from pushplan.kernels import warm_up
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.session import Session
-from pushplan.planners.ompl.posing import information_of, pose_problem
-from pushplan.planners.ompl.solution import push_path as path_of
-from pushplan.planners.problem.margins import margins_to_try
-from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
+from pushplan.planners.improve.session import Budget, Session
+from pushplan.planners.ompl.form import information_of, pose_problem
+from pushplan.planners.ompl.form import push_path as path_of
+from pushplan.planners.problem.controls import margins_to_try
+from pushplan.planners.problem.problem import body_reach, build_problem, sampling_box
 from pushplan.plans.judge import planning_set
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario

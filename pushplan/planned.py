@@ -14,14 +14,13 @@ from pushplan.errors import OutOfTimeError, PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error
 from pushplan.planners.attempts import Attempt, Search
 from pushplan.planners.failure import Failure, explain_failure
-from pushplan.planners.improve.branches import Branches
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.infeasible.lower_bound import lower_bound
+from pushplan.planners.improve.session import Branches, Budget
+from pushplan.planners.infeasible.bounds import lower_bound
 from pushplan.planners.ompl.search import Factory
-from pushplan.planners.problem.margins import margins_to_try
-from pushplan.planners.problem.posing import Posing
+from pushplan.planners.problem.controls import margins_to_try
+from pushplan.planners.problem.problem import Posing
 from pushplan.planners.trajectories import make_trajectory
-from pushplan.planners.validation.room import Room
+from pushplan.planners.validation.clearance import Room
 from pushplan.planners.validation.verdict import EXACT, path_verdict, verdict
 from pushplan.plans.judge import planning_set
 from pushplan.plans.path import PushPath

@@ -11,7 +11,7 @@ import shapely
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.plan import plan
-from pushplan.planners.problem.posing import SLACK, scenario_scene
+from pushplan.planners.problem.problem import SLACK, scenario_scene
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario
 from pushplan.util.names import CLEARANCE_ROOM

@@ -11,8 +11,7 @@ import shapely
 
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry import se2
-from pushplan.planners.collision.convex_pieces import convex_pieces
-from pushplan.planners.collision.scene import scene_of
+from pushplan.planners.collision.scene import convex_pieces, scene_of
 from pushplan.planners.collision.separation import Scene, separation, step, sweep_is_free
 from pushplan.util.arrays import FloatArray
 

@@ -9,7 +9,7 @@ import pytest
 
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
-from pushplan.planners.improve.polish import random_family
+from pushplan.planners.improve.shortening import random_family
 from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.plans.path import cost_rate
 from pushplan.sets.named import stable_set

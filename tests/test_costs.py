@@ -12,9 +12,9 @@ from plain import ARC_PRICE, load_plain
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Limits
 from pushplan.plan import plan
-from pushplan.planners.improve.polish import objective_value
+from pushplan.planners.improve.shortening import objective_value
 from pushplan.planners.problem.objective import Objective, arc_value, make_objective, rest_to_rest_time
-from pushplan.planners.problem.posing import build_problem
+from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.timing.arc_limits import arc_limits
 from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
 from pushplan.plans.path import PushPath

@@ -17,13 +17,14 @@ from pushplan.geometry.se2 import pose_error
 from pushplan.logging.reader import read_run
 from pushplan.plan import plan
 from pushplan.planners.failure import Failure
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.infeasible import diagnosis, pocket
+from pushplan.planners.improve.session import Budget
+from pushplan.planners.infeasible import diagnosis
+from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.infeasible.passage import passage_faults
 from pushplan.planners.problem.controls import straight_pushes
-from pushplan.planners.problem.posing import build_problem
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.problem.problem import build_problem
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.result import CAUSES, Diagnosis, PlanResult
 from pushplan.run import run
 from pushplan.scenario.file import example_names, example_text, scenario_from_text

@@ -18,8 +18,8 @@ from pushplan.mechanics.body import BodyKind
 from pushplan.plan import plan
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import sweep_is_free
-from pushplan.planners.problem.posing import build_problem
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.problem.problem import build_problem
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.execution import Execution
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.file import load_scenario, scenario_from_text

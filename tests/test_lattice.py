@@ -13,12 +13,9 @@ from scipy.sparse.csgraph import dijkstra
 
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import sweep_is_free
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.incumbent import path_from
-from pushplan.planners.improve.session import Session
-from pushplan.planners.ompl.chart import poses_along
-from pushplan.planners.problem.posing import build_problem, sampling_box
-from pushplan.planners.problem.problem import Problem
+from pushplan.planners.improve.session import Budget, Session, path_from
+from pushplan.planners.ompl.form import poses_along
+from pushplan.planners.problem.problem import Problem, build_problem, sampling_box
 from pushplan.planners.search.floor import distances_to, middle_of
 from pushplan.planners.search.lattice_kernel import (
     NODES,

@@ -11,9 +11,8 @@ from plain import load_plain
 
 from pushplan.mechanics.body import as_one
 from pushplan.plan import plan
-from pushplan.planners.infeasible.free_space import disc_at, largest_disc
-from pushplan.planners.infeasible.lower_bound import lower_bound
-from pushplan.planners.problem.posing import Posing
+from pushplan.planners.infeasible.bounds import disc_at, largest_disc, lower_bound
+from pushplan.planners.problem.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.file import example_names, scenario_from_text
 from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario

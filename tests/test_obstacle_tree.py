@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.planners.collision import obstacle_tree as tree_module
-from pushplan.planners.collision.obstacle_tree import LEAF, obstacle_tree
-from pushplan.planners.collision.scene import scene_of
+from pushplan.planners.collision import scene as tree_module
+from pushplan.planners.collision.scene import LEAF, obstacle_tree, scene_of
 from pushplan.planners.collision.separation import Scene, separation, sweep_is_free
 from pushplan.util.arrays import FloatArray
 

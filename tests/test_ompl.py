@@ -16,14 +16,12 @@ import pushplan
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.ompl import pose, push_path
-from pushplan.planners.improve.polish import random_family
-from pushplan.planners.ompl.chart import arcs_at, controls_of
+from pushplan.planners.improve.shortening import random_family
 from pushplan.planners.ompl.factories import PLANNERS as PLACES
 from pushplan.planners.ompl.factories import planner_named
-from pushplan.planners.ompl.posing import pose_of, state_at
-from pushplan.planners.ompl.solution import leave_path
+from pushplan.planners.ompl.form import arcs_at, controls_of, leave_path, pose_of, state_at
 from pushplan.planners.problem.problem import Problem
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import PLANNERS

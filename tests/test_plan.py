@@ -10,7 +10,7 @@ from plain import load_plain
 
 from pushplan.errors import PlanningError, ScenarioError
 from pushplan.plan import plan
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.result import PlanResult
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario

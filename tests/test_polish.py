@@ -11,14 +11,12 @@ import scipy.optimize
 from plain import load_plain
 
 from pushplan.geometry import se2
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.polish import objective_value, shorten
-from pushplan.planners.improve.session import Session
-from pushplan.planners.improve.varying import normals_of, vary
+from pushplan.planners.improve.local_changes import normals_of, vary
+from pushplan.planners.improve.session import Budget, Session
+from pushplan.planners.improve.shortening import objective_value, shorten
 from pushplan.planners.problem.objective import travel_objective
-from pushplan.planners.problem.posing import build_problem
-from pushplan.planners.problem.problem import Problem
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.problem.problem import Problem, build_problem
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
@@ -35,7 +33,7 @@ def _posed(name: str) -> tuple[Scenario, Problem]:
 def _first_path(scenario: Scenario, problem: Problem, seed: int) -> FloatArray:
     from pushplan.planners.ompl.auto import Auto
     from pushplan.planners.ompl.search import search
-    from pushplan.planners.problem.posing import body_reach, sampling_box
+    from pushplan.planners.problem.problem import body_reach, sampling_box
 
     session = Session(problem, scenario.start, Budget(60.0, first=True), seed)
     if not session.finished:

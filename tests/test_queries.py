@@ -15,11 +15,10 @@ from pushplan.compiled.announcement import ANNOUNCEMENT
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
 from pushplan.plan import plan
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.session import Session
-from pushplan.planners.ompl.posing import free_word
-from pushplan.planners.problem.posing import build_problem
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.improve.session import Budget, Session
+from pushplan.planners.ompl.form import free_word
+from pushplan.planners.problem.problem import build_problem
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Goal, PolygonObstacle
 

@@ -9,15 +9,11 @@ from plain import load_plain
 
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import sweep_is_free
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.session import Session
-from pushplan.planners.ompl.posing import pose_problem
+from pushplan.planners.improve.session import Budget, Session
+from pushplan.planners.ompl.form import pose_problem
 from pushplan.planners.ompl.search import search
-from pushplan.planners.ompl.sst import StableSparseRRT
-from pushplan.planners.problem.posing import body_reach, build_problem, sampling_box
-from pushplan.planners.problem.problem import NODE, Problem
-from pushplan.planners.search.sparse_rounds import doubled, planted
-from pushplan.planners.search.sst_kernel import (
+from pushplan.planners.problem.problem import NODE, Problem, body_reach, build_problem, sampling_box
+from pushplan.planners.search.sst import (
     ACTIVE,
     CHILDREN,
     NODES,
@@ -25,7 +21,10 @@ from pushplan.planners.search.sst_kernel import (
     UNUSED,
     WITNESSES,
     SparseTree,
+    StableSparseRRT,
+    doubled,
     grow_sparse,
+    planted,
 )
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray

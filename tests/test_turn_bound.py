@@ -11,7 +11,7 @@ from plain import load_plain
 
 from pushplan.geometry import se2
 from pushplan.plan import plan
-from pushplan.planners.infeasible.turn_bound import turn_bound
+from pushplan.planners.infeasible.bounds import turn_bound
 from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
 from pushplan.plans.path import TURN_WEIGHT, PushPath

@@ -6,7 +6,7 @@ import numpy as np
 
 from pushplan.mechanics.contacts.contact_kernel import contact_margins_of
 from pushplan.planners.timing.bounds import Bounds
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.sets.ecof_set import EcofSet

@@ -25,7 +25,7 @@ from pushplan.planners.blending.part import Part
 from pushplan.planners.blending.section import make_part
 from pushplan.planners.blending.sweep import find_touches
 from pushplan.planners.collision.separation import Scene
-from pushplan.planners.problem.posing import body_reach
+from pushplan.planners.problem.problem import body_reach
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory

@@ -18,7 +18,7 @@ from pushplan.planners.blending.blend_search import Blend, BlendSearch
 from pushplan.planners.blending.inset import inset_path
 from pushplan.planners.blending.joining import corners_of
 from pushplan.planners.collision.separation import Scene
-from pushplan.planners.problem.posing import scenario_scene
+from pushplan.planners.problem.problem import scenario_scene
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.planners.blending.section import passing_speeds, step_windows
-from pushplan.planners.problem.margins import most_stable_twist
+from pushplan.planners.problem.controls import most_stable_twist
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.sets.stable_set import StableSet

@@ -1,21 +1,184 @@
-"""One planning run that every planner drives: its best path, its counters, and when it is over."""
+"""One search that every planner drives: its budget, its best path, what is kept of its trees, and when it is over."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.planners.improve.branches import Branches
-from pushplan.planners.improve.budget import Budget
-from pushplan.planners.improve.incumbent import Incumbent, path_from
-from pushplan.planners.improve.nearest import NearestApproach
-from pushplan.planners.improve.polish import merged, shorten
-from pushplan.planners.improve.shortcuts import cut_short
+from pushplan.geometry import se2
+from pushplan.planners.improve.shortening import cut_short, merged, objective_value, shorten
+from pushplan.planners.problem.objective import GAIN, Objective
 from pushplan.planners.problem.problem import Problem, remaining
-from pushplan.plans.path import PushPath
-from pushplan.util.arrays import FloatArray
+from pushplan.plans.path import TURN_WEIGHT, PushPath
+from pushplan.util.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Budget:
+    """When a planner stops.
+
+    Attributes:
+        time_limit: Wall-clock seconds, at most.
+        stall: Stop after this many iterations without a better path, once there is one, and after more where it is
+            far above the lower bound (`session.DOUBTFUL`). Runs that end so, not by the time limit, repeat bit by
+            bit.
+        gap: Stop when the cost exceeds the lower bound by no more than this share.
+        first: Stop at the first path.
+        iterations: Stop after this many iterations, at most; None sets no limit. Unlike the time limit it ends the
+            same search at the same place on every machine.
+        patience: Share of the iterations where they are given, else of the time, after which a search without a
+            path is over.
+        enough: Likewise of a search that has a path.
+        stop: Asked now and then whether the search has to end at once.
+    """
+
+    time_limit: float
+    stall: int = 15_000
+    gap: float = 1e-9
+    first: bool = False
+    iterations: int | None = None
+    patience: float = 1.0
+    enough: float = 1.0
+    stop: Callable[[], bool] | None = None
+
+    def is_used_up(self, seconds: float, iterations: int, share: float = 1.0) -> bool:
+        """Tell whether a share of the iterations or of the time is spent, or all of the time, or `stop` says so."""
+        if self.stop is not None and self.stop():
+            return True
+        if self.iterations is None:
+            return seconds >= share * self.time_limit
+        return iterations >= share * self.iterations or seconds >= self.time_limit
+
+
+MOST_BRANCHES = 500
+"""Branches that are kept, at most."""
+
+
+class Branches:
+    """Keeps the branches of the largest trees of a search.
+
+    Attributes:
+        ends: (q, 2, 3) poses at both ends of each branch.
+        size: Number of branches of these trees.
+    """
+
+    def __init__(self) -> None:
+        self.ends = np.zeros((0, 2, 3))
+        self.size = 0
+
+    def offer(self, *trees: tuple[FloatArray, IntArray]) -> None:
+        """Keep the branches of trees that were grown together, if they are more than those before.
+
+        Args:
+            trees: Poses (k, 3) of the nodes of each, and the parents (k,), negative where there is none.
+        """
+        size = sum(int((parents >= 0).sum()) for _, parents in trees)
+        if size > self.size:
+            ends = np.concatenate([_ends(poses, parents) for poses, parents in trees])
+            kept = np.linspace(0, size - 1, min(size, MOST_BRANCHES)).astype(int)
+            self.ends, self.size = ends[kept], size
+
+    def offer_nodes(self, *trees: FloatArray) -> None:
+        """As `offer`, of trees (k, >= 5) whose rows begin with x, y, theta, cost and parent."""
+        self.offer(*((nodes[:, :3], nodes[:, 4].astype(np.int64)) for nodes in trees))
+
+
+def _ends(poses: FloatArray, parents: IntArray) -> FloatArray:
+    rows = np.flatnonzero(parents >= 0)
+    return np.stack([poses[parents[rows]], poses[rows]], axis=1)
+
+
+SHORTEST_ARC = 1e-10
+"""Arcs below this (m of cost) are rounding and are left out of paths."""
+
+
+def path_from(start: FloatArray, arcs: FloatArray) -> PushPath:
+    """Return the path of arcs (k, 4) from a pose (3,)."""
+    arcs = arcs[arcs[:, 3] > SHORTEST_ARC]
+    return PushPath(start, arcs[:, :3], arcs[:, 3])
+
+
+class Incumbent:
+    """The best path so far.
+
+    Args:
+        objective: What makes one path better than another.
+
+    Attributes:
+        arcs: (k, 4) its twists and lengths, None while there is none.
+        value: What the objective says of it; infinite while there is none.
+        cost: Its travel, m; infinite while there is none.
+    """
+
+    def __init__(self, objective: Objective) -> None:
+        self._objective = objective
+        self.arcs: FloatArray | None = None
+        self.value = self.cost = math.inf
+
+    @property
+    def horizon(self) -> float:
+        """Cost (m) from which on no path can be better; infinite while there is none.
+
+        That is what its value would buy at the lowest rate, on a single arc.
+        """
+        return (self.value - self._objective.per_arc) / self._objective.lowest
+
+    @property
+    def bound(self) -> float:
+        """Cost that a path has to stay below to be better, m."""
+        return self.horizon - GAIN
+
+    def value_of(self, arcs: FloatArray) -> float:
+        """Return the value of a path (k, 4)."""
+        return float(objective_value(self._objective, arcs))
+
+    def take(self, arcs: FloatArray) -> bool:
+        """Keep a path (k, 4) if it is better; return whether it is."""
+        offered = self.value_of(arcs)
+        if offered >= self.value - GAIN:
+            return False
+        self.arcs, self.value, self.cost = arcs.copy(), offered, float(np.sum(arcs[:, 3]))
+        return True
+
+
+class NearestApproach:
+    """The free path that ends nearest to the goal.
+
+    Args:
+        start: (3,) pose where paths begin.
+        goal: (3,) pose.
+
+    Attributes:
+        arcs: (k, 4) its twists and lengths; none at first, so that it ends at the start.
+        left: Lower bound on the cost from its end to the goal, m.
+    """
+
+    def __init__(self, start: FloatArray, goal: FloatArray) -> None:
+        self._goal = goal
+        self.arcs, self.left = np.zeros((0, 4)), float(remaining(start[0], start[1], start[2], goal))
+
+    def nearer(self, poses: FloatArray) -> int:
+        """Return which of the poses (n, 3) is nearest to the goal, -1 where none is nearer than the path's end."""
+        if len(poses) == 0:
+            return -1
+        left = self._left(poses)
+        node = int(np.argmin(left))
+        return node if left[node] < self.left - GAIN else -1
+
+    def take(self, arcs: FloatArray, end: FloatArray) -> None:
+        """Take over a free path (k, 4) that ends at a nearer pose (3,)."""
+        self.arcs, self.left = merged(arcs), float(self._left(end[None])[0])
+
+    def _left(self, poses: FloatArray) -> FloatArray:
+        """Straight travel and the smallest turn from poses (n, 3) to the goal, (n,) m."""
+        turn = np.abs(se2.wrap_angle(self._goal[2] - poses[:, 2]))
+        away = np.hypot(self._goal[0] - poses[:, 0], self._goal[1] - poses[:, 1])
+        return np.asarray(away + TURN_WEIGHT * turn)
+
 
 CHUNK = 128
 """Extensions between two looks at the clock."""

@@ -10,8 +10,8 @@ import math
 import time
 from collections.abc import Iterator
 
-from pushplan.planners.infeasible.boxed_in import boxed_in_faults
 from pushplan.planners.infeasible.passage import passage_faults
+from pushplan.planners.infeasible.pockets import boxed_in_faults
 from pushplan.planners.infeasible.turning import turning_faults
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.problem import Problem

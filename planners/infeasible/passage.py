@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from pushplan.mechanics.body import as_one
-from pushplan.planners.infeasible.free_space import largest_disc, room
+from pushplan.planners.infeasible.bounds import largest_disc, room
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

@@ -1,8 +1,4 @@
-"""What is known, or assumed, of the pushes and changes between poses of the load: the graph of a lazy search.
-
-Every push and every way of the robot is assumed to cost what it costs where nothing is in the way, until it is looked
-at; the cheapest sequence is looked at until all of it is known (lazy shortest paths, Bohlin and Kavraki 2000).
-"""
+"""Poses of the load and the pushes between them: a graph with edges worked out where they are needed."""
 
 from __future__ import annotations
 
@@ -13,14 +9,81 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.planners.multi.bound import lower_bounds
-from pushplan.planners.multi.pushing import ARCS, approaches_are_free, push, robot_at, settles, word_costs
-from pushplan.planners.multi.room import PushRoom, Question
-from pushplan.planners.multi.sequence import Sequence, Step
-from pushplan.planners.multi.shortest import cheapest_sequence
+from pushplan.compiled import compiled
+from pushplan.planners.multi.room import (
+    ARCS,
+    PushRoom,
+    Question,
+    approaches_are_free,
+    push,
+    robot_at,
+    settles,
+    word_costs,
+)
+from pushplan.planners.multi.search import PushSequence, Step, lower_bounds
 from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened, transit_is_free
-from pushplan.planners.problem.posing import sampling_box
-from pushplan.util.arrays import FloatArray
+from pushplan.planners.problem.problem import sampling_box
+from pushplan.util.arrays import FloatArray, IntArray
+
+
+@compiled
+def cheapest_sequence(
+    pushes: FloatArray, changes: FloatArray, first: FloatArray, goals: int, most: int
+) -> tuple[float, IntArray]:
+    """Find the cheapest sequence of pushes from node 0 to one of nodes 1 to `goals`.
+
+    By the number of pushes, cheapest first, as in the recursion of Bellman and Ford.
+
+    Args:
+        pushes: (m, v, v) cost of a push by mode from node to node.
+        changes: (v, m, m) cost of a change at a node from mode to mode.
+        first: (m,) cost of what comes before a first push.
+        goals: How many nodes are goals.
+        most: Pushes, at most.
+
+    Returns:
+        The cost, infinite where there is none, and (k, 3) mode, first and last node of each push.
+    """
+    modes, nodes = pushes.shape[0], pushes.shape[1]
+    ready = np.full((nodes, modes), np.inf)
+    ready[0] = first
+    came = np.zeros((most, nodes, modes), dtype=np.int64)
+    before = np.zeros((most, nodes, modes), dtype=np.int64)
+    best, last, at, by = np.inf, -1, -1, -1
+    for k in range(most):
+        done = np.full((nodes, modes), np.inf)
+        for m in range(modes):
+            for u in range(nodes):
+                # What costs as much as a whole plan already leads to none that is cheaper: no cost is negative.
+                if ready[u, m] < best:
+                    for v in range(nodes):
+                        cost = ready[u, m] + pushes[m, u, v]
+                        if cost < done[v, m]:
+                            done[v, m] = cost
+                            came[k, v, m] = u
+        for v in range(1, goals + 1):
+            for m in range(modes):
+                if done[v, m] < best:
+                    best, last, at, by = done[v, m], k, v, m
+        if k + 1 == most:
+            break
+        ready[:] = np.inf
+        # At a goal the sequence ends; at the start (node 0) no contact has been made that could be changed.
+        for v in range(goals + 1, nodes):
+            for m in range(modes):
+                if done[v, m] < best:
+                    for q in range(modes):
+                        cost = done[v, m] + changes[v, m, q]
+                        if cost < ready[v, q]:
+                            ready[v, q] = cost
+                            before[k + 1, v, q] = m
+    steps = np.zeros((last + 1, 3), dtype=np.int64)
+    for k in range(last, -1, -1):
+        u = came[k, at, by]
+        steps[k, 0], steps[k, 1], steps[k, 2] = by, u, at
+        at, by = u, before[k, u, by]
+    return best, steps
+
 
 EFFORT = (30, 200, 1000)
 """Poses drawn in search of a way of the robot: a way that is not found is looked for again, with more, later on."""
@@ -134,7 +197,7 @@ class Graph:
         """Whether no first push is free, or the robot cannot back off from any last one."""
         return not (self.begins & self.leaves).any() or not self.ends.any()
 
-    def cheapest(self, below: float, over: Callable[[], bool]) -> Sequence | None:
+    def cheapest(self, below: float, over: Callable[[], bool]) -> PushSequence | None:
         """Return the cheapest sequence of pushes, looking at what is assumed of it.
 
         None where none costs less than `below`, or before that is known once it is `over`.
@@ -148,10 +211,10 @@ class Graph:
                 return None
             rows = [(int(m), int(u), int(v)) for m, u, v in steps]
             if self._all_known(rows):
-                return Sequence(tuple(self._steps(rows)), cost + end)
+                return PushSequence(tuple(self._steps(rows)), cost + end)
         return None
 
-    def shorten_transits(self, best: Sequence) -> Sequence:
+    def shorten_transits(self, best: PushSequence) -> PushSequence:
         """Return a plan with shorter ways of the robot."""
         found = []
         for step in best.steps:
@@ -164,7 +227,7 @@ class Graph:
             float(old.transit[:, 3].sum() - new.transit[:, 3].sum())
             for old, new in zip(best.steps, found, strict=True)
         )
-        return Sequence(tuple(found), best.cost - self._weighed(saved))
+        return PushSequence(tuple(found), best.cost - self._weighed(saved))
 
     def _all_known(self, rows: list[tuple[int, int, int]]) -> bool:
         """Look at what is assumed of a sequence, pushes, then changes, then the first way, until one costs more."""

@@ -11,12 +11,10 @@ from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
-from pushplan.planners.multi.pushing import joined, robot_at
-from pushplan.planners.multi.room import Contact, PushRoom, Question
-from pushplan.planners.multi.search import Found, Limits, search
-from pushplan.planners.multi.sequence import Sequence
+from pushplan.planners.multi.room import Contact, PushRoom, Question, joined, robot_at
+from pushplan.planners.multi.search import Found, Limits, PushSequence, search
 from pushplan.planners.outcome import Improvements, Outcome, Segments
-from pushplan.planners.problem.posing import SLACK
+from pushplan.planners.problem.problem import SLACK
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Nearest, Poses, Segment
 from pushplan.plans.settings import PlanSettings
@@ -124,7 +122,7 @@ class MultiPushSearch:
                 settings.observer.cancelled,
             )
 
-            def improved(best: Sequence, looked_at: int, room: PushRoom = room) -> None:
+            def improved(best: PushSequence, looked_at: int, room: PushRoom = room) -> None:
                 improvements.add(best.cost, looked_at, self.segments(room, best, scenario.poses))
 
             found = search(room, question, limits, settings.seed, improved)
@@ -142,7 +140,7 @@ class MultiPushSearch:
             explain=lambda: _explanation(room, question, found, limit),
         )
 
-    def segments(self, room: PushRoom, sequence: Sequence, before: Poses) -> Segments:
+    def segments(self, room: PushRoom, sequence: PushSequence, before: Poses) -> Segments:
         """Return the segments of what a search found, not timed.
 
         Args:

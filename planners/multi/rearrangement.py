@@ -21,8 +21,7 @@ from shapely.geometry.base import BaseGeometry
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.multi.multi_push import MultiPushSearch, backed_off, free_goals, plan_cost
-from pushplan.planners.multi.pushing import robot_at
-from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.room import PushRoom, Question, robot_at
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.plan import Diagnosis, Nearest, Poses

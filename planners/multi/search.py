@@ -1,4 +1,4 @@
-"""The search for several pushes: a first plan soon, then better ones until the time is over."""
+"""The search for several pushes: what it finds, its lower bound, and how it goes on to better plans."""
 
 from __future__ import annotations
 
@@ -8,12 +8,67 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from pushplan.planners.multi.bound import lower_bounds
+import numpy as np
+
+from pushplan.geometry import se2
 from pushplan.planners.multi.graph import Graph
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.samples import Sampler, crossings
-from pushplan.planners.multi.sequence import Sequence
-from pushplan.util.arrays import BoolArray
+from pushplan.plans.path import TURN_WEIGHT
+from pushplan.util.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A push of a plan, and how the robot gets to it.
+
+    Attributes:
+        contact: Index of the contact.
+        before: (3,) pose of the load.
+        after: Likewise.
+        start: (3,) pose of the robot's frame before it drives there.
+        transit: (k, 4) arcs of the robot alone to the contact's approach.
+        arcs: (k, 4) of the push, in the contact's frame; of no length where there are fewer.
+        cost: Of the push, m.
+    """
+
+    contact: int
+    before: FloatArray
+    after: FloatArray
+    start: FloatArray
+    transit: FloatArray
+    arcs: FloatArray
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class PushSequence:
+    """A plan: its pushes and what it costs, the robot's ways and changes of the contact included, m."""
+
+    steps: tuple[Step, ...]
+    cost: float
+
+
+def lower_bounds(room: PushRoom, question: Question, through: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what no plan costs less than until the load is at poses (k, 3), (k,), and from there on, m."""
+    pushes = room.scenario.pushes
+    assert pushes is not None
+    contacts = np.array([contact.packed.contact[:2] for contact in room.contacts])
+    middle = contacts.mean(axis=0)
+    faster = max(1.0, float(np.linalg.norm(contacts - middle, axis=1).max()) / TURN_WEIGHT)
+    to = _bounds(question.load[None], through, middle, faster)[0]
+    on = _bounds(through, question.goals, middle, faster).min(axis=1)
+    alone = pushes.transit_weight * (pushes.approach + pushes.retreat)
+    return to, on + alone
+
+
+def _bounds(starts: FloatArray, goals: FloatArray, middle: FloatArray, faster: float) -> FloatArray:
+    """Return what no pushes from starts (n, 3) to goals (m, 3) cost less than, (n, m)."""
+    first, last = (se2.compose(poses, np.append(middle, 0.0))[:, :2] for poses in (starts, goals))
+    away = np.linalg.norm(first[:, None] - last[None], axis=2) / faster
+    turn = TURN_WEIGHT * np.abs(se2.wrap_angle(goals[None, :, 2] - starts[:, None, 2]))
+    return np.asarray(np.maximum(away, turn))
+
 
 MOST_POSES = 160
 """More are let go of, those first through which a plan can be least good."""
@@ -34,7 +89,7 @@ class Found:
         ends: (m, g) whether it has room to back off from each contact at each goal.
     """
 
-    best: Sequence | None
+    best: PushSequence | None
     lower_bound: float
     seconds: float | None
     looked_at: int
@@ -76,7 +131,7 @@ def search(
     question: Question,
     limits: Limits,
     seed: int,
-    improved: Callable[[Sequence, int], None] | None = None,
+    improved: Callable[[PushSequence, int], None] | None = None,
 ) -> Found:
     """Search for several pushes.
 
@@ -92,7 +147,7 @@ def search(
     graph = Graph(room, question, seed)
     bound = max(float(lower_bounds(room, question, question.load[None])[1][0]), graph.least)
     sampler = Sampler(room, question, graph.changes, graph.begins & graph.leaves, graph.ends, seed)
-    best: Sequence | None = None
+    best: PushSequence | None = None
     first: float | None = None
     batches = 0
     while True:

@@ -21,10 +21,9 @@ from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.improve.session import Session
-from pushplan.planners.ompl.anytime import AnytimePlanner
-from pushplan.planners.ompl.posing import PushInformation, bounds, state_at
-from pushplan.planners.problem.posing import Box
-from pushplan.planners.problem.problem import TRIES
+from pushplan.planners.ompl.auto import AnytimePlanner
+from pushplan.planners.ompl.form import PushInformation, bounds, state_at
+from pushplan.planners.problem.problem import TRIES, Box
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
 from pushplan.util.arrays import FloatArray, IntArray
 

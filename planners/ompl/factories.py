@@ -11,7 +11,7 @@ PLANNERS = {
     "rrt": "ompl.control:RRT",
     "est": "ompl.control:EST",
     "kpiece": "ompl.control:KPIECE1",
-    "sst": "pushplan.planners.ompl.sst:StableSparseRRT",
+    "sst": "pushplan.planners.search.sst:StableSparseRRT",
     "rrt-dubins": "pushplan.planners.ompl.dubins:RRTOverDubins",
     "bitstar-dubins": "pushplan.planners.ompl.dubins:BITStarOverDubins",
 }

@@ -9,11 +9,17 @@ from typing import Any
 from ompl import base as ob
 from ompl import util as ou
 from pushplan.errors import PlanningError, PushplanError
-from pushplan.planners.improve.polish import merged
 from pushplan.planners.improve.session import Session
-from pushplan.planners.ompl.posing import PushInformation, free_word, pose_problem
-from pushplan.planners.ompl.solution import arcs_to_goal, leave_path, push_path
-from pushplan.planners.problem.posing import Box
+from pushplan.planners.improve.shortening import merged
+from pushplan.planners.ompl.form import (
+    PushInformation,
+    arcs_to_goal,
+    free_word,
+    leave_path,
+    pose_problem,
+    push_path,
+)
+from pushplan.planners.problem.problem import Box
 from pushplan.plans.path import PushPath
 
 Factory = Callable[[Any], Any]

@@ -1,4 +1,4 @@
-"""The compiled search: a tree of stable arcs with an exact connection to the goal from every node."""
+"""A push problem as arrays for compiled code, and how it is made from a scenario and a stable set."""
 
 from __future__ import annotations
 
@@ -7,12 +7,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.compiled import any_integer, inlined, no_refcount
-from pushplan.planners.collision.separation import Scene, step, sweep_is_free
-from pushplan.planners.problem.objective import Objective
-from pushplan.planners.problem.rows import put
+from pushplan.compiled import any_integer, compiled, inlined, no_refcount
+from pushplan.planners.collision.scene import build_scene
+from pushplan.planners.collision.separation import Scene, separation, step, sweep_is_free
+from pushplan.planners.problem.controls import MARGIN_FLOOR, MERIDIANS, control_segments, steering_families
+from pushplan.planners.problem.objective import Objective, make_objective
 from pushplan.plans.path import TURN_WEIGHT
+from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, RandomState
+from pushplan.util.names import CLEARANCE_ROOM
+
+
+@no_refcount
+def put(target: FloatArray, source: FloatArray) -> None:
+    """Copy the numbers of `source` (k,) to the first ones of `target` (k or more,)."""
+    for i in range(source.shape[0]):
+        target[i] = source[i]
+
+
+@no_refcount
+def put_rows(target: FloatArray, source: FloatArray) -> None:
+    """Copy the rows of `source` (k, c) to the first ones of `target` (k or more, c)."""
+    for i in range(source.shape[0]):
+        put(target[i], source[i])
+
 
 NODE = 9
 """Columns of a node: x, y, theta, cost from the start, parent, arc that led here (vx, vy, omega, length)."""
@@ -171,3 +190,164 @@ def random(state: RandomState) -> float:
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     z = z ^ (z >> np.uint64(31))
     return float(z >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+SLACK = 2e-4
+"""Distance beyond the clearance, m, that the poses looked at have, so that those between can be proven to keep it."""
+
+ROUNDING = 1e-9
+"""Start and goal may fail by rounding to have the distance they have, m."""
+
+Box = tuple[float, float, float, float]
+
+
+class Controls(NamedTuple):
+    """What the pusher can do with a margin: `segments` (k, 6) and `families` (f, 3, 3) of a `Problem`."""
+
+    segments: FloatArray
+    families: FloatArray
+
+
+class Posing:
+    """Makes the problems of one chain in one room; scene and controls are made once.
+
+    Args:
+        scene: An `open_scene` that is there already.
+        controls: By margin, likewise.
+        meridians: Of the stable set that controls are taken from.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | None = None,
+        controls: dict[float, Controls] | None = None,
+        meridians: int = MERIDIANS,
+    ) -> None:
+        self._scene, self._meridians = scene, meridians
+        self._controls = {} if controls is None else controls
+
+    def __call__(self, scenario: Scenario, stable: StableSet, until: float = math.inf) -> Problem:
+        """Return the compiled problem.
+
+        Args:
+            scenario: Its margin is a number.
+            stable: The set to plan in.
+            until: `time.perf_counter` at which it must be there.
+
+        Raises:
+            EmptyStableSetError: When no twist is stable for the pusher's drive.
+            OutOfTimeError: When it takes too long.
+        """
+        scene, controls = self.scene(scenario, until), self.controls(scenario, stable)
+        xmin, ymin, xmax, ymax = sampling_box(scenario)
+        return Problem(
+            scene_between(scene, scenario.clearance, scenario.start, scenario.goal.pose_chain),
+            *controls,
+            np.array(scenario.goal.pose_chain, dtype=np.float64),
+            0.3 * math.hypot(xmax - xmin, ymax - ymin),
+            make_objective(scenario, stable, controls.segments),
+        )
+
+    def scene(self, scenario: Scenario, until: float = math.inf) -> Scene:
+        """Return the `open_scene` of the room."""
+        if self._scene is None:
+            self._scene = open_scene(scenario, until)
+        return self._scene
+
+    def controls(self, scenario: Scenario, stable: StableSet) -> Controls:
+        """Return what the pusher can do with the scenario's margin.
+
+        Raises:
+            EmptyStableSetError: When no twist is stable for the pusher's drive.
+        """
+        margin = scenario.required_margin
+        if margin not in self._controls:
+            drive = scenario.chain.pusher.drive
+            segments = control_segments(stable, drive, margin + MARGIN_FLOOR, self._meridians)
+            self._controls[margin] = Controls(segments, steering_families(segments))
+        return self._controls[margin]
+
+    def in_room(self, scene: Scene) -> Posing:
+        """Return it for another room: the controls are shared."""
+        return Posing(scene, self._controls, self._meridians)
+
+
+def build_problem(scenario: Scenario, stable: StableSet) -> Problem:
+    """Return the compiled problem of a scenario alone; see `Posing`."""
+    return Posing()(scenario, stable)
+
+
+def scenario_scene(scenario: Scenario) -> Scene:
+    """Return what moves and what stands still in a scenario, with the distances kept between start and goal."""
+    scene = open_scene(scenario)
+    return scene_between(scene, scenario.clearance, scenario.start, scenario.goal.pose_chain)
+
+
+def open_scene(scenario: Scenario, until: float = math.inf) -> Scene:
+    """Return what moves and what stands still; its clearance has `SLACK` more than the scenario's.
+
+    Raises:
+        OutOfTimeError: When it is not there at `until`, by `time.perf_counter`.
+    """
+    circles = [(*o.center, o.radius) for o in scenario.obstacles if isinstance(o, CircleObstacle)]
+    polygons = [o.outline for o in scenario.obstacles if not isinstance(o, CircleObstacle)]
+    return build_scene(
+        scenario.chain, polygons, circles, _walls(scenario), scenario.clearance + SLACK, until=until
+    )
+
+
+def scene_between(scene: Scene, clearance: float, start: FloatArray, goal: FloatArray) -> Scene:
+    """Return an `open_scene` with the distances that can be kept from a start to a goal (3,).
+
+    The poses looked at have `SLACK` more than the clearance, or what start and goal have if that is less;
+    those between have the clearance, less `CLEARANCE_ROOM` at most where start and goal leave no room to prove it.
+    """
+    gaps = [separation(scene, pose[0], pose[1], pose[2], clearance + SLACK) for pose in (start, goal)]
+    looked_at, kept = kept_distances(min(gaps), clearance)
+    return scene._replace(clearance=looked_at, kept=kept)
+
+
+@no_refcount
+def kept_distances(gap: float, clearance: float) -> tuple[float, float]:
+    """Return what the poses looked at keep, and those between, where start and goal have the distance `gap`, m."""
+    looked_at = max(gap, clearance) - ROUNDING
+    # A sweep proves what lies between poses from what is seen at them: with no room between the two distances it
+    # would need infinitely many.
+    return looked_at, min(clearance, looked_at - CLEARANCE_ROOM)
+
+
+@compiled
+def scene_with_gap(scene: Scene, gap: float, clearance: float) -> Scene:
+    """Return what `scene_between` does, in compiled code, where start and goal have the distance `gap`, m."""
+    looked_at, kept = kept_distances(gap, clearance)
+    return Scene(
+        scene.body, scene.body_bound, scene.obstacles, scene.circles, scene.tree, scene.walls, looked_at, kept
+    )
+
+
+def _walls(scenario: Scenario) -> Box:
+    area = scenario.workspace
+    if area is None:
+        return (-math.inf, -math.inf, math.inf, math.inf)
+    return (area.xmin, area.ymin, area.xmax, area.ymax)
+
+
+def sampling_box(scenario: Scenario) -> Box:
+    """Return (xmin, ymin, xmax, ymax) to sample from: the workspace, or around everything with room to turn."""
+    if scenario.workspace is not None:
+        return _walls(scenario)
+    points = [np.array([scenario.start[:2], scenario.goal.pose_chain[:2]])]
+    for obstacle in scenario.obstacles:
+        if isinstance(obstacle, CircleObstacle):
+            points.append(obstacle.center + obstacle.radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+        else:
+            points.append(obstacle.outline)
+    corners = np.concatenate(points)
+    room = 4.0 * body_reach(scenario) + 0.25 * float(np.ptp(corners, axis=0).max())
+    low, high = corners.min(axis=0) - room, corners.max(axis=0) + room
+    return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+
+def body_reach(scenario: Scenario) -> float:
+    """Return the distance from the chain frame's origin to the farthest point of all that moves, m."""
+    return scenario.chain.reach

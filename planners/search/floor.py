@@ -10,8 +10,7 @@ from pushplan.compiled import compiled, no_refcount
 from pushplan.geometry import se2
 from pushplan.planners.collision.scene import flatten
 from pushplan.planners.collision.separation import Scene, separation
-from pushplan.planners.problem.posing import Box
-from pushplan.planners.problem.problem import Problem
+from pushplan.planners.problem.problem import Box, Problem
 from pushplan.planners.problem.steering import STRAIGHT
 from pushplan.util.arrays import FloatArray
 

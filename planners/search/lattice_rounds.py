@@ -11,8 +11,7 @@ import math
 import numpy as np
 
 from pushplan.planners.improve.session import Session
-from pushplan.planners.problem.posing import Box
-from pushplan.planners.problem.problem import NODE, branch, random
+from pushplan.planners.problem.problem import NODE, Box, branch, random
 from pushplan.planners.search.floor import distances_to, middle_of
 from pushplan.planners.search.lattice_kernel import (
     NODES,

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from pushplan.geometry.se2 import pose_error
-from pushplan.planners.validation.checker import collision_along
-from pushplan.planners.validation.limits import excess
-from pushplan.planners.validation.motion import Motion
-from pushplan.planners.validation.room import Room
+from pushplan.planners.validation.clearance import Motion, Room, collision_along, excess
 from pushplan.plans.execution import Execution
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory

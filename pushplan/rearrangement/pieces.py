@@ -10,8 +10,7 @@ import shapely
 
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
-from pushplan.planners.multi.pushing import robot_at
-from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.room import PushRoom, Question, robot_at
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal, PolygonObstacle

@@ -9,7 +9,7 @@ from pushplan.errors import ChainError, EmptyStableSetError
 from pushplan.mechanics.chain import PLATE, Chain, Contact
 from pushplan.mechanics.faces import Place, carried_from, places
 from pushplan.planners.multi.contact_modes import ContactMode
-from pushplan.planners.problem.posing import Controls, Posing
+from pushplan.planners.problem.problem import Controls, Posing
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from pushplan.geometry import se2
-from pushplan.planners.validation.motion import densify
+from pushplan.planners.validation.clearance import densify
 from pushplan.plans.segment import Segment
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario

@@ -11,11 +11,10 @@ import numpy as np
 from pushplan.errors import PlanningError, TimingError
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import separation
-from pushplan.planners.improve.branches import Branches
+from pushplan.planners.improve.session import Branches
 from pushplan.planners.multi.room import PushRoom, Question
-from pushplan.planners.multi.search import Found, Limits, search
-from pushplan.planners.multi.sequence import Sequence
-from pushplan.planners.problem.posing import SLACK
+from pushplan.planners.multi.search import Found, Limits, PushSequence, search
+from pushplan.planners.problem.problem import SLACK
 from pushplan.plans.path import PushPath
 from pushplan.plans.result import PlanResult, ProgressPoint
 from pushplan.plans.segment import Segment, join_paths
@@ -139,7 +138,7 @@ class _Progress:
         self._tell, self._began = tell, began
         self.points: list[ProgressPoint] = []
 
-    def improved(self, best: Sequence, looked_at: int) -> None:
+    def improved(self, best: PushSequence, looked_at: int) -> None:
         self.points.append(ProgressPoint(time.perf_counter() - self._began, best.cost, looked_at))
         if self._tell is not None:
             self._tell(self.points[-1])

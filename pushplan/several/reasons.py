@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pushplan.planners.collision.separation import separation
-from pushplan.planners.multi.pushing import joined, robot_at
-from pushplan.planners.multi.room import Contact, PushRoom, Question
+from pushplan.planners.multi.room import Contact, PushRoom, Question, joined, robot_at
 from pushplan.planners.multi.search import Found
 from pushplan.plans.result import Diagnosis
 from pushplan.util.arrays import FloatArray

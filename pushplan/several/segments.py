@@ -9,7 +9,7 @@ import numpy as np
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import PushRoom
-from pushplan.planners.multi.sequence import Sequence
+from pushplan.planners.multi.search import PushSequence
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.trajectories import make_trajectory
@@ -28,7 +28,7 @@ SHORTEST_ARC = 1e-12
 """Arcs below this (m) are left out."""
 
 
-def segments_of(room: PushRoom, robot: FloatArray, sequence: Sequence) -> tuple[Segment, ...]:
+def segments_of(room: PushRoom, robot: FloatArray, sequence: PushSequence) -> tuple[Segment, ...]:
     """Return the segments of a plan, not timed.
 
     Args:

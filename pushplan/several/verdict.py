@@ -10,10 +10,7 @@ import shapely
 
 from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import TOUCH
-from pushplan.planners.validation.checker import collision_along
-from pushplan.planners.validation.limits import excess
-from pushplan.planners.validation.motion import Motion, densify
-from pushplan.planners.validation.room import Room
+from pushplan.planners.validation.clearance import Motion, Room, collision_along, densify, excess
 from pushplan.planners.validation.verdict import EXACT, flaw_along
 from pushplan.plans.execution import Execution
 from pushplan.plans.segment import Segment, trajectory_of

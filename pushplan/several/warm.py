@@ -11,9 +11,8 @@ import numpy as np
 
 from pushplan.compiled.announcement import announced
 from pushplan.kernels import warm_up
-from pushplan.planners.multi.descents import MOVES, descend, pack_modes, pushed_at_random, random_descent
-from pushplan.planners.multi.pushing import joined
-from pushplan.planners.multi.room import PushRoom, Question
+from pushplan.planners.multi.room import PushRoom, Question, joined
+from pushplan.planners.multi.samples import MOVES, descend, pack_modes, pushed_at_random, random_descent
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.multi.transit import transit_is_free
 from pushplan.scenario.file import scenario_from_document

@@ -13,7 +13,7 @@ from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import pose_error
 from pushplan.mechanics.perturb import slid
 from pushplan.plan import plan
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.events import Replan
 from pushplan.plans.path import PushPath
 from pushplan.plans.result import PlanResult

@@ -12,8 +12,7 @@ import shapely
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import Support
-from pushplan.planners.collision.convex_pieces import convex_pieces
-from pushplan.planners.collision.scene import bounding_circle
+from pushplan.planners.collision.scene import bounding_circle, convex_pieces
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.physics.model.feet import Feet, feet_of
 from pushplan.sim.slip.kernels.packed import PackedWorld

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 import pushplan
 from pushplan.errors import PlanningError, PushplanError, SupportError
 from pushplan.geometry.se2 import compose
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.sim.control.controller import Controller, Phase
 from pushplan.sim.control.course import Course, OpenLoop, course_in
 from pushplan.util.arrays import FloatArray

@@ -9,7 +9,7 @@ import pushplan
 from pushplan.errors import ChainError, PushplanError
 from pushplan.geometry.se2 import compose, exp, relative
 from pushplan.mechanics.perturb import slid
-from pushplan.planners.validation.limits import excess
+from pushplan.planners.validation.clearance import excess
 from pushplan.plans.path import cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.control.aims import SHARE, Aim

@@ -12,9 +12,9 @@ import pytest
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
 from pushplan.logging.verify import verify
-from pushplan.planners.infeasible.lower_bound import lower_bound
-from pushplan.planners.problem.margins import margins_to_try
-from pushplan.planners.problem.posing import Posing
+from pushplan.planners.infeasible.bounds import lower_bound
+from pushplan.planners.problem.controls import margins_to_try
+from pushplan.planners.problem.problem import Posing
 from pushplan.sim.judging import execute
 from pushplan.sim.robustness import robustness_of
 

@@ -12,13 +12,19 @@ from several.conftest import Problem
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.planners.multi import driving
-from pushplan.planners.multi.driving import CAR, DIFFERENTIAL, OMNIDIRECTIONAL, Surroundings, Wheels
-from pushplan.planners.multi.reeds_shepp import LETTERS, MOST_WORDS, find_reeds_shepp
+from pushplan.planners.multi.driving import (
+    CAR,
+    DIFFERENTIAL,
+    LETTERS,
+    MOST_WORDS,
+    OMNIDIRECTIONAL,
+    Surroundings,
+    Wheels,
+    find_reeds_shepp,
+)
 from pushplan.planners.multi.room import _scenes
 from pushplan.planners.multi.transit import MOST_ARCS, find_transit
-from pushplan.planners.validation.checker import collision_along
-from pushplan.planners.validation.motion import Motion
-from pushplan.planners.validation.room import Room
+from pushplan.planners.validation.clearance import Motion, Room, collision_along
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

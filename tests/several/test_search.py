@@ -12,13 +12,10 @@ from several.conftest import Problem, problem_document
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
 from pushplan.plan import plan
-from pushplan.planners.multi.bound import lower_bounds
-from pushplan.planners.multi.descents import descend, pack_modes
-from pushplan.planners.multi.pushing import ARCS, approaches_are_free
-from pushplan.planners.multi.room import Question
-from pushplan.planners.multi.search import Limits, search
-from pushplan.planners.multi.sequence import Sequence
-from pushplan.planners.multi.shortest import cheapest_sequence
+from pushplan.planners.multi.graph import cheapest_sequence
+from pushplan.planners.multi.room import ARCS, Question, approaches_are_free
+from pushplan.planners.multi.samples import descend, pack_modes
+from pushplan.planners.multi.search import Limits, PushSequence, lower_bounds, search
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.several.modes import find_modes
@@ -184,7 +181,7 @@ def test_no_push_ends_where_the_robot_cannot_back_off(problem: Problem, drive: s
     pillar = [{"circle": 0.05, "center": [2.0, 1.0]}]
     blocked = {"goal": {"pose": [3.0, 1.0, 0.0], "of": "b0"}, "pushes": {"retreat": 0.6}, "obstacles": pillar}
     room = (prepared := Prepared.of(problem(drive, **blocked))).room(0)
-    found: list[Sequence] = []
+    found: list[PushSequence] = []
     limits = Limits(time.perf_counter() + 60.0, iterations=8)
     search(room, question_of(prepared), limits, 1, lambda best, _: found.append(best))
     assert found

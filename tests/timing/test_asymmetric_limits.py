@@ -13,7 +13,7 @@ from pushplan.mechanics.chain import Limits
 from pushplan.planners.timing.arc_limits import arc_limits
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.planners.validation.limits import excess
+from pushplan.planners.validation.clearance import excess
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario

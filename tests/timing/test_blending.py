@@ -23,7 +23,7 @@ from pushplan.planners.timing.arc_limits import arc_limits, contact_limits
 from pushplan.planners.timing.bounds import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import example_names, load_scenario

@@ -1,12 +1,9 @@
-"""Compiled Stable Sparse RRT (Li, Littlefield and Bekris 2016) with an exact connection to the goal from every node.
-
-The best of the nodes near a random pose is extended by a random stable arc. Witnesses, no two of them close, divide
-the poses among them; each keeps only the cheapest node found near it, so the tree stays sparse while costs fall.
-"""
+"""Stable sparse RRT (SST): OMPL's has no constructor in Python."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,11 +11,16 @@ import numpy as np
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import step, sweep_is_free
+from pushplan.planners.improve.session import CHUNK, Session
+from pushplan.planners.ompl.auto import AnytimePlanner
+from pushplan.planners.ompl.form import PushInformation
 from pushplan.planners.problem.problem import (
     NODE,
     TRIES,
+    Box,
     Problem,
     apart,
+    branch,
     choose_twist,
     enter,
     random,
@@ -190,3 +192,85 @@ def grow_sparse(
         if cost < limit:
             return done, trace(tree.nodes, row, word, path)
     return iterations, 0
+
+
+class SparseRounds:
+    """The rounds of one search: each is a tree of its own.
+
+    Args:
+        session: The search that they serve.
+        box: (xmin, ymin, xmax, ymax) to sample from, m.
+        heading_length: Metres that a radian counts as.
+
+    Attributes:
+        extensions: Arcs tried so far.
+    """
+
+    def __init__(self, session: Session, box: Box, heading_length: float) -> None:
+        self._session, self._box, self._heading_length = session, np.array(box), heading_length
+        self._diagonal = math.hypot(box[2] - box[0], box[3] - box[1])
+        self._shrunk, self._extensions, self.extensions = 1.0, 4_000.0, 0
+
+    def run_next(self, stop: Callable[[], bool]) -> None:
+        """Grow one tree, offering every path found to the session."""
+        session = self._session
+        shares = (0.08, 0.04)  # of the diagonal: around a random pose, and between witnesses
+        radii = np.array([self._heading_length, *(self._shrunk * self._diagonal * share for share in shares)])
+        tree, left = planted(session, self._box, radii), int(self._extensions)
+        path = np.empty((len(tree.nodes) + 3, 4))
+        while left > 0 and not stop():
+            if tree.counts[0] + CHUNK > len(tree.nodes):
+                tree = doubled(tree)
+                path = np.empty((len(tree.nodes) + 3, 4))
+            done, arcs = grow_sparse(session.problem, tree, session.best.bound, CHUNK, path)
+            session.spent(done)
+            left -= done
+            self.extensions += done
+            if arcs:
+                session.offer(path[:arcs])
+        _note(session, tree)
+        self._shrunk, self._extensions = 0.85 * self._shrunk, 1.4 * self._extensions
+
+
+def planted(session: Session, box: FloatArray, radii: FloatArray) -> SparseTree:
+    """Return a tree of the start alone, which is the first witness too."""
+    nodes, roles = np.zeros((4 * CHUNK, NODE + 1)), np.zeros((4 * CHUNK, 2), dtype=np.int64)
+    witnesses, unused = np.zeros((4 * CHUNK, 4)), np.zeros(4 * CHUNK, dtype=np.int64)
+    nodes[0, :3] = witnesses[0, :3] = session.start
+    nodes[0, 4] = -1.0
+    x, y, theta = session.start
+    nodes[0, TO_GO] = remaining(x, y, theta, session.problem.goal)
+    roles[0, ACTIVE] = 1
+    counts = np.array([1, 1, 0])
+    return SparseTree(nodes, roles, witnesses, unused, counts, box, radii, session.random)
+
+
+def _note(session: Session, tree: SparseTree) -> None:
+    """Hand the tree's branches to the session, and the way to its node nearest to the goal."""
+    nodes = tree.nodes[: tree.counts[NODES]]
+    parents = nodes[:, 4].astype(np.int64)
+    parents[tree.unused[: tree.counts[UNUSED]]] = -1
+    session.branches.offer((nodes[:, :3], parents))
+    rows = np.append(0, np.flatnonzero(parents >= 0))
+    session.note_nearest(nodes[rows, :3], lambda node: branch(tree.nodes, int(rows[node])))
+
+
+def doubled(tree: SparseTree) -> SparseTree:
+    """Return the tree with twice the room."""
+    nodes, witnesses = (np.concatenate([a, np.zeros_like(a)]) for a in (tree.nodes, tree.witnesses))
+    roles, unused = (np.concatenate([a, np.zeros_like(a)]) for a in (tree.roles, tree.unused))
+    return tree._replace(nodes=nodes, roles=roles, witnesses=witnesses, unused=unused)
+
+
+class StableSparseRRT(AnytimePlanner):
+    """Rounds of sparse trees."""
+
+    name = "SST"
+
+    def improve(self, information: PushInformation) -> None:
+        """Run rounds until the search is over."""
+        session = information.session
+        rounds = SparseRounds(session, information.box, information.heading_length)
+        while not session.finished:
+            rounds.run_next(session.stop)
+            session.refine()

@@ -1,7 +1,4 @@
-"""Compiled shortening of a path: random pairs of its poses are joined anew by exact words.
-
-What counts is the sum of the values of a path's arcs (`objective`): by default their lengths and a little for each.
-"""
+"""Shorten paths: random pairs of points are joined by steering paths, and corners are cut."""
 
 from __future__ import annotations
 
@@ -9,12 +6,11 @@ import math
 
 import numpy as np
 
-from pushplan.compiled import compiled, inlined, no_refcount
+from pushplan.compiled import any_integer, compiled, inlined, no_refcount
 from pushplan.planners.collision.separation import step
-from pushplan.planners.improve.varying import normals_of, vary
+from pushplan.planners.improve.local_changes import normals_of, vary
 from pushplan.planners.problem.objective import GAIN, TRAVEL, Objective, arc_value
-from pushplan.planners.problem.problem import TRIES, Problem, between, random
-from pushplan.planners.problem.rows import put, put_rows
+from pushplan.planners.problem.problem import TRIES, Problem, between, put, put_rows, random
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
 from pushplan.util.arrays import FloatArray, RandomState
 
@@ -201,3 +197,42 @@ def shorten(
             ):
                 path = exchanged
     return path
+
+
+CORNER_TRIES = any_integer(3)
+"""Words between two corners that are swept, at most."""
+
+
+@compiled
+def cut_short(problem: Problem, start: FloatArray, arcs: FloatArray, per_arc: float) -> FloatArray:
+    """Return the path (k, 4) with pieces exchanged for free words that are shorter, or of fewer arcs.
+
+    Args:
+        problem: What to plan.
+        start: (3,) pose at the path's beginning.
+        arcs: (m, 4) twists and lengths.
+        per_arc: What an arc counts beside its length, m.
+    """
+    count = len(arcs)
+    corners, word, out = np.empty((count + 1, 3)), np.empty((3, 4)), np.empty((3 * count, 4))
+    corners[0] = start
+    for i in range(count):
+        pose, arc = corners[i], arcs[i]
+        corners[i + 1] = step(pose[0], pose[1], pose[2], arc[0], arc[1], arc[2], arc[3])
+    i, n = 0, 0
+    while i < count:
+        j = count
+        while j > i + 1:
+            # A word has three arcs: it may be longer by what the arcs count that it saves.
+            bound = arcs[i:j, 3].sum() + per_arc * (j - i - 3)
+            if (
+                connect(problem.scene, problem.families, corners[i], corners[j], bound, CORNER_TRIES, word)[0]
+                < bound
+            ):
+                break
+            j -= 1
+        for k in range(3 if j > i + 1 else 1):
+            put(out[n], word[k] if j > i + 1 else arcs[i])
+            n += 1
+        i = j
+    return merged(out[:n])

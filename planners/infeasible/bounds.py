@@ -1,0 +1,260 @@
+"""Costs that no path can beat: by the turns that the pushes allow, and by the way around the obstacles."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from pushplan.geometry import se2
+from pushplan.mechanics.body import SEAM, as_one
+from pushplan.mechanics.chain import Chain
+from pushplan.planners.infeasible.turning import Turns, turns_of
+from pushplan.planners.problem.problem import remaining
+from pushplan.plans.path import TURN_WEIGHT
+from pushplan.scenario.model import CircleObstacle, Obstacle, Scenario
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import CLEARANCE_ROOM
+
+ARC_SEGMENTS = 8
+"""Segments per quarter of a round corner, all inside it: what is blocked is never overestimated."""
+
+
+_AROUND = 10.0
+"""Room left around everything where there is no workspace, m: way enough around it all."""
+
+
+class Disc(NamedTuple):
+    """A disc inside the chain: centre (2,) in the chain frame, and radius, m."""
+
+    center: FloatArray
+    radius: float
+
+    def at(self, pose: FloatArray) -> shapely.Point:
+        """Return the centre with the chain frame at a pose (3,)."""
+        return shapely.Point(se2.transform_points(pose, self.center))
+
+
+def largest_disc(chain: Chain) -> Disc:
+    """Return the largest disc inside the chain."""
+    circle = shapely.maximum_inscribed_circle([as_one(chain.bodies)])
+    return disc_at(chain, shapely.get_coordinates(circle)[0])
+
+
+def disc_at(chain: Chain, center: FloatArray) -> Disc:
+    """Return the largest disc inside the chain around a point (2,) of it; its radius is 0 outside."""
+    shape, point = as_one(chain.bodies), shapely.Point(center)
+    radius = float(shape.boundary.distance(point)) if shape.contains(point) else 0.0
+    return Disc(np.asarray(center, dtype=np.float64), max(0.0, radius - 10.0 * SEAM))
+
+
+def blocked(obstacles: Sequence[Obstacle], radius: float) -> BaseGeometry:
+    """Return where the centre of a disc cannot be for the obstacles."""
+    shapes = [
+        shapely.Point(o.center) if isinstance(o, CircleObstacle) else shapely.Polygon(o.outline)
+        for o in obstacles
+    ]
+    own = [o.radius if isinstance(o, CircleObstacle) else 0.0 for o in obstacles]
+    grown = shapely.buffer(shapes, np.array(own) + radius, quad_segs=ARC_SEGMENTS)
+    return shapely.disjoint_subset_union_all(
+        grown
+    )  # a quarter of the time of `union_all` where most are apart
+
+
+def room(scenario: Scenario, radius: float) -> BaseGeometry:
+    """Return where the centre of a disc can be: inside the workspace and away from the obstacles.
+
+    Without a workspace it is cut off where nothing is in the way any more.
+    """
+    return shapely.difference(_floor(scenario, radius), blocked(scenario.obstacles, radius))
+
+
+def _floor(scenario: Scenario, radius: float) -> BaseGeometry:
+    area = scenario.workspace
+    if area is not None:
+        corners = area.xmin + radius, area.ymin + radius, area.xmax - radius, area.ymax - radius
+        empty = corners[0] >= corners[2] or corners[1] >= corners[3]
+        return shapely.Polygon() if empty else shapely.box(*corners)
+    points = [scenario.start[:2], scenario.goal.pose_chain[:2]]
+    for obstacle in scenario.obstacles:
+        if isinstance(obstacle, CircleObstacle):
+            points += [obstacle.center - obstacle.radius, obstacle.center + obstacle.radius]
+        else:
+            points += list(obstacle.outline)
+    return shapely.MultiPoint(np.array(points)).envelope.buffer(_AROUND + 4.0 * radius, join_style="mitre")
+
+
+BINS = 360
+"""Bins of the heading, a degree wide: rho is a lower bound on each of them."""
+
+DIRECTIONS = 48
+"""Directions of p looked at first, and then again around the best of them: the bound is concave in p."""
+
+SIZES = (1.0, 0.75, 0.5, 0.25, 0.0)
+"""Lengths of p; below 1 only where the goal is so near that turns cost more than the way."""
+
+NEVER = 1e6
+"""rho of turns to a side to which there are none, m: finite, so that no turn at all costs nothing."""
+
+
+def turn_bound(start: FloatArray, goal: FloatArray, segments: FloatArray) -> float:
+    """Return a cost (m) that no path of stable twists from start to goal can beat.
+
+    Args:
+        start: (3,) pose of the chain frame in the world.
+        goal: Likewise.
+        segments: (k, 6) stable twists between two ends; see `controls`.
+    """
+    turns = turns_of(segments)
+    between, step = _headings_between(start, goal, turns), 2.0 * math.pi / DIRECTIONS
+    best = 0.0
+    for size in SIZES:
+        integrals = [_integrals(_rates(sectors, size)) for sectors in (turns.left, turns.right)]
+        angles = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
+        coarse = _bounds(start, goal, between, integrals, size, angles)
+        around = angles[np.argmax(coarse)] + np.linspace(-step, step, DIRECTIONS)
+        here = float(max(coarse.max(), _bounds(start, goal, between, integrals, size, around).max()))
+        if here <= best:  # the bound is concave in p: shorter ones gain nothing, either
+            break
+        best = here
+    return best
+
+
+def _bounds(
+    start: FloatArray,
+    goal: FloatArray,
+    between: FloatArray,
+    integrals: list[FloatArray],
+    size: float,
+    angles: FloatArray,
+) -> FloatArray:
+    """Bounds (d,) with vectors p of a size in directions (d,); see `_headings_between` and `_integrals`."""
+    along = size * (np.column_stack([np.cos(angles), np.sin(angles)]) @ (goal[:2] - start[:2]))
+    to_there = _cheapest(integrals, start[2], between, angles)
+    from_there = _cheapest(integrals, between, goal[2], angles)
+    return np.asarray(along + np.min(to_there + from_there, axis=1))
+
+
+def _headings_between(start: FloatArray, goal: FloatArray, turns: Turns) -> FloatArray:
+    """Headings (m,) of which the path meets one: those at which the chain can move along the way, or against it."""
+    away = goal[:2] - start[:2]
+    headings = np.concatenate([2.0 * math.pi / BINS * np.arange(BINS), [start[2], goal[2]]])
+    low, high = turns.lean
+    if not away.any() or high - low >= math.pi:
+        return headings
+    # A bin more on either side: the sum of both integrals is least at start, goal, or where these headings end.
+    half, middle = 0.5 * (high - low) + 2.0 * math.pi / BINS, 0.5 * (high + low)
+    off = np.abs(se2.wrap_angle(headings + middle - math.atan2(away[1], away[0])))
+    return headings[np.minimum(off, math.pi - off) <= half]
+
+
+def _integrals(rates: FloatArray) -> FloatArray:
+    """Integrals (3 BINS + 1,) of rates (BINS,) over the heading, from -2 pi to 4 pi at the bins' edges."""
+    return np.concatenate([[0.0], np.cumsum(np.tile(rates, 3))]) * (2.0 * math.pi / BINS)
+
+
+def _cheapest(
+    integrals: list[FloatArray], begin: FloatArray | float, end: FloatArray | float, angles: FloatArray
+) -> FloatArray:
+    """Lesser integrals (d, m) of the rates from headings to headings (m,), with p in directions (d,)."""
+    edges = 2.0 * math.pi / BINS * np.arange(-BINS, 2 * BINS + 1)
+    first = (np.asarray(begin) - angles[:, None]) % (2.0 * math.pi)
+    to_left = (np.asarray(end) - np.asarray(begin)) % (2.0 * math.pi)
+    to_right = (np.asarray(begin) - np.asarray(end)) % (2.0 * math.pi)
+    left, right = (
+        np.abs(np.interp(first + turn, edges, integral) - np.interp(first, edges, integral))
+        for turn, integral in zip((to_left, -to_right), integrals, strict=True)
+    )
+    return np.asarray(np.minimum(left, right))
+
+
+def _rates(sectors: FloatArray, size: float) -> FloatArray:
+    """Lower bounds of rho (BINS,) on bins of the heading, relative to p's direction, for turns in sectors (k, 3)."""
+    if not len(sectors):
+        return np.full(BINS, NEVER)
+    half = math.pi / BINS
+    middles = half * (1.0 + 2.0 * np.arange(BINS))
+    radius, middle, width = sectors.T
+    off = np.abs(se2.wrap_angle(middles[:, None] + middle)) - width - half
+    return np.asarray(TURN_WEIGHT + np.min(radius * (1.0 - size * np.cos(np.maximum(off, 0.0))), axis=1))
+
+
+TOUCH = 1e-7
+"""Ways may cut into what is blocked by so much (m): they run along its edges."""
+
+MOST_SIGHTS = 10_000
+"""Lines of sight looked at, at most; the bound found until then is returned."""
+
+
+def lower_bound(scenario: Scenario, segments: FloatArray, most: float = math.inf) -> float:
+    """Return a cost (m) that no path which keeps the clearance can beat.
+
+    Where obstacles are in the way it ignores how the chain can turn, and all of its shape but a disc: then the gap
+    to it is an upper bound of what a path wastes, seldom the truth.
+
+    Args:
+        scenario: The problem.
+        segments: (k, 6) stable twists that the pusher can make; see `controls`.
+        most: Cost of a path that is known; ways longer than that are not looked at.
+    """
+    x, y, theta = scenario.start
+    goal = scenario.goal.pose_chain
+    turn = abs(float(se2.wrap_angle(goal[2] - theta)))
+    bounds = [float(remaining(x, y, theta, goal)), turn_bound(scenario.start, goal, segments)]
+    for disc in _discs(scenario):
+        rest = (TURN_WEIGHT - float(np.linalg.norm(disc.center))) * turn
+        bounds.append(_way_around(scenario, disc, most - rest) + rest)
+    return float(max(bounds))
+
+
+def _discs(scenario: Scenario) -> list[Disc]:
+    """Discs around the chain frame's origin, and around the roomiest point that is near enough to it."""
+    chain = scenario.chain
+    center = largest_disc(chain).center
+    near = center * min(1.0, TURN_WEIGHT / max(float(np.linalg.norm(center)), 1e-12))
+    return [disc_at(chain, point) for point in (np.zeros(2), near)]
+
+
+def _way_around(scenario: Scenario, disc: Disc, most: float) -> float:
+    """Length of the shortest way of a disc's centre from start to goal, or a lower bound of it, m (A*)."""
+    radius = disc.radius + scenario.clearance - CLEARANCE_ROOM
+    start, goal = disc.at(scenario.start), disc.at(scenario.goal.pose_chain)
+    shape = blocked(scenario.obstacles, radius)
+    points = _corners(shape, shapely.get_coordinates([start, goal]), most)
+    inside = shape.buffer(-TOUCH, join_style="mitre")
+    shapely.prepare(inside)
+    return _shortest(points, inside)
+
+
+def _shortest(points: FloatArray, inside: BaseGeometry) -> float:
+    """Length of the shortest way from the first of points (k, 2) to the second along lines that miss a shape."""
+    ahead = np.linalg.norm(points - points[1], axis=1)
+    so_far = np.where(np.arange(len(points)) == 0, 0.0, np.inf)
+    queue, done, sights = [(float(ahead[0]), 0)], np.zeros(len(points), dtype=bool), 0
+    while queue:
+        through, here = heapq.heappop(queue)
+        if here == 1 or sights > MOST_SIGHTS:
+            return through
+        if done[here]:
+            continue
+        done[here] = True
+        steps = so_far[here] + np.linalg.norm(points - points[here], axis=1)
+        better = np.flatnonzero(steps < so_far)
+        sights += len(better)
+        lines = np.stack([np.broadcast_to(points[here], (len(better), 2)), points[better]], axis=1)
+        for there in better[~shapely.intersects(inside, shapely.linestrings(lines))]:
+            so_far[there] = steps[there]
+            heapq.heappush(queue, (float(steps[there] + ahead[there]), int(there)))
+    return float(ahead[0])
+
+
+def _corners(shape: BaseGeometry, ends: FloatArray, most: float) -> FloatArray:
+    """Start, goal (2, 2) and the corners of a shape that ways of at most `most` can pass, (k, 2)."""
+    corners = shapely.get_coordinates(shape)
+    through = np.linalg.norm(corners - ends[0], axis=1) + np.linalg.norm(corners - ends[1], axis=1)
+    return np.concatenate([ends, corners[through <= most + TOUCH]])

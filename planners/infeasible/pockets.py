@@ -1,0 +1,358 @@
+"""Poses that no push leads out of, or into: proven on a grid, from the start forward and from the goal back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from pushplan.compiled import inlined, no_refcount
+from pushplan.geometry import se2
+from pushplan.planners.collision.separation import Scene, separation, sweep_is_free
+from pushplan.planners.infeasible.turning import tightest_turn
+from pushplan.planners.problem.controls import control_segments, segment_ends
+from pushplan.planners.problem.problem import Problem
+from pushplan.planners.search.cell_table import cell_key, slot_of
+from pushplan.plans.path import cost_rate
+from pushplan.plans.plan import Diagnosis
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.names import CLEARANCE_ROOM
+
+CLOSED, MET, OPEN = 0, 1, 2
+"""How spreading ends: no more cells, near the other pose, or with too many cells to tell."""
+
+ORIGIN = 1 << 19
+"""Column and row of the cell around the pose where it begins."""
+
+
+class Steps(NamedTuple):
+    """Cells, and what a step can do; seen from the body's middle, which moves ahead, +x, in every stable push.
+
+    Attributes:
+        side: Of a cell, m.
+        headings: Cells of a full turn.
+        sign: 1 for steps ahead, -1 for steps back.
+        travel: Of the body's middle ahead in a step, m.
+        longest: Bound on the way of the body's middle in a step or a part of one, m.
+        near: Distance of cells' middles, m, that a step or a part of one bridges at most.
+        turned: Turn, rad, likewise.
+        ahead: (2,) least and most travel along the heading at its beginning, m.
+        turn: Cells of heading to the first row of `aside`.
+        aside: (k, 2) least and most travel to the left (m) with each turn; the first is larger where there is none.
+        touching: The body at every pose of a cell touches something if its distance at the cell's middle is below, m.
+    """
+
+    side: float
+    headings: int
+    sign: float
+    travel: float
+    longest: float
+    near: float
+    turned: float
+    ahead: FloatArray
+    turn: int
+    aside: FloatArray
+    touching: float
+
+
+@inlined
+def _bounds(steps: Steps, row: int, c: float, s: float) -> tuple[float, float, float, float]:
+    """Box (xmin, ymin, xmax, ymax) around the displacements of a step with a turn, in cells; c, s of its heading."""
+    xmin = ymin = math.inf
+    xmax = ymax = -math.inf
+    for i in range(2):
+        for j in range(2):
+            ahead, aside = steps.sign * steps.ahead[i], steps.sign * steps.aside[row, j]
+            x, y = c * ahead - s * aside, s * ahead + c * aside
+            xmin, xmax, ymin, ymax = min(xmin, x), max(xmax, x), min(ymin, y), max(ymax, y)
+    return xmin / steps.side, ymin / steps.side, xmax / steps.side, ymax / steps.side
+
+
+@inlined
+def _position(begin: FloatArray, steps: Steps, i: int, j: int) -> tuple[float, float]:
+    """Middle of a column and row in the world, m."""
+    c, s = math.cos(begin[2]), math.sin(begin[2])
+    x, y = steps.side * (i - ORIGIN), steps.side * (j - ORIGIN)
+    return begin[0] + c * x - s * y, begin[1] + s * x + c * y
+
+
+@inlined
+def _may_hold(scene: Scene, begin: FloatArray, steps: Steps, cell: tuple[int, int, int], near: float) -> bool:
+    """Whether the body may be free at some pose in a cell."""
+    i, j, k = cell
+    x, y = _position(begin, steps, i, j)
+    theta = begin[2] + 2.0 * math.pi * k / steps.headings
+    c, s = math.cos(theta), math.sin(theta)
+    middle = scene.body_bound
+    x, y = x - c * middle[0] + s * middle[1], y - s * middle[0] - c * middle[1]
+    return separation(scene, x, y, theta, near) >= steps.touching
+
+
+@no_refcount
+def spread(
+    scene: Scene,
+    begin: FloatArray,
+    steps: Steps,
+    other: FloatArray,
+    table: IntArray,
+    cells: IntArray,
+) -> tuple[int, int]:
+    """Find the cells that can be reached, step by step, until there are no more.
+
+    Args:
+        scene: The body and what it must not touch.
+        begin: (3,) position of the body's middle and heading to begin at, world; a cell's middle.
+        steps: What a step can do.
+        other: (3,) the like of the pose that is looked for.
+        table: (2 n,) zeros, a power of two.
+        cells: (n, 3) filled with column, row and heading of the cells found; n cells are looked at, at most.
+
+    Returns:
+        (end, count): how it ended, and the cells found.
+    """
+    table[slot_of(table, cell_key(ORIGIN, ORIGIN, 0))] = cell_key(ORIGIN, ORIGIN, 0)
+    cells[0, 0], cells[0, 1], cells[0, 2] = ORIGIN, ORIGIN, 0
+    # `separation` may stop at a distance it is told: a little more than what is compared with decides as well.
+    near = max(steps.touching, 0.0) + steps.side
+    # Most cells that steps may lead to are known already: after 64 looks for each slot of the table it is given up.
+    count, done, looked, left = 1, 0, 1, 64 * table.shape[0]
+    while done < count:
+        i, j, k = cells[done, 0], cells[done, 1], cells[done, 2]
+        done += 1
+        x, y = _position(begin, steps, i, j)
+        theta = 2.0 * math.pi * k / steps.headings
+        turn = abs((begin[2] + theta - other[2] + math.pi) % (2.0 * math.pi) - math.pi)
+        if math.hypot(x - other[0], y - other[1]) < steps.near and turn < steps.turned:
+            return MET, count
+        if left < 0:
+            return OPEN, count
+        c, s = math.cos(theta), math.sin(theta)
+        for row in range(steps.aside.shape[0]):
+            if steps.aside[row, 0] > steps.aside[row, 1]:
+                continue
+            xmin, ymin, xmax, ymax = _bounds(steps, row, c, s)
+            heading = (k + steps.turn + row) % steps.headings
+            # From anywhere within half a cell to anywhere within half a cell: one cell more to either side.
+            for column in range(math.ceil(i - 1.0 + xmin), math.floor(i + 1.0 + xmax) + 1):
+                for line in range(math.ceil(j - 1.0 + ymin), math.floor(j + 1.0 + ymax) + 1):
+                    left -= 1
+                    key = cell_key(column, line, heading)
+                    slot = slot_of(table, key)
+                    if table[slot] == key:
+                        continue
+                    looked += 1
+                    if looked > cells.shape[0]:
+                        return OPEN, count
+                    table[slot] = key
+                    if _may_hold(scene, begin, steps, (column, line, heading), near):
+                        cells[count, 0], cells[count, 1], cells[count, 2] = column, line, heading
+                        count += 1
+    return CLOSED, count
+
+
+Level = tuple[int, int, int]
+
+LEVELS: tuple[Level, ...] = ((8, 8, 8), (16, 14, 16), (32, 24, 32), (4, 8, 40))
+"""Cells to the radius of the body, most cells to a step, and cells of heading to a radian.
+
+Many headings, on the last one, tell turns apart that are wide against the body.
+"""
+
+LOOKS = (8_000, 60_000, 200_000)
+"""Cells looked at before a level is left; the next of these only after all levels."""
+
+
+class Pocket(NamedTuple):
+    """Where one is boxed in: the pose is the goal or the start, and (m) how far away the body's middle can be."""
+
+    is_goal: bool
+    radius: float
+
+
+def find_pocket(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[Pocket | None]:
+    """Look for proof which end is boxed in, at more cells from step to step; yield it, or None, after each step.
+
+    Args:
+        scenario: The problem.
+        stable: The set that limits the pushes.
+        problem: The same problem compiled.
+    """
+    hull = push_hull(_extreme_twists(scenario, stable, problem), problem.scene.body_bound[:2])
+    if hull.is_empty:
+        return
+    left = {
+        (level, end): make_steps(problem.scene, hull, level, scenario.clearance, back=end == 1)
+        for level in LEVELS
+        for end in (0, 1)
+    }
+    ends = np.array([scenario.start, scenario.goal.pose_chain])
+    for looks in LOOKS:
+        yield _pocket(problem.scene, ends, left, looks)
+
+
+def _pocket(
+    scene: Scene, ends: FloatArray, left: dict[tuple[Level, int], Steps], looks: int
+) -> Pocket | None:
+    """Spread from both ends (2, 3) on every level left, dropping those on which one leads to the other."""
+    room = 1 << math.ceil(math.log2(2 * looks))
+    for (level, end), steps in [*left.items()]:
+        outcome, cells = reached(scene, ends[end], ends[1 - end], steps, room)
+        if outcome == CLOSED:
+            away = steps.side * np.hypot(*(cells[:, :2] - ORIGIN).T).max()
+            return Pocket(end == 1, float(away + steps.side + steps.longest))
+        if outcome == MET:
+            del left[level, end]
+    return None
+
+
+def _extreme_twists(scenario: Scenario, stable: StableSet, problem: Problem) -> FloatArray:
+    """Twists (k, 3) on the boundary of the stable set, of what the drive can do of it."""
+    drive = scenario.chain.pusher.drive
+    if drive.axle is not None:
+        return segment_ends(problem.segments)
+    return segment_ends(control_segments(stable, drive, scenario.required_margin, 4_096))
+
+
+def push_hull(twists: FloatArray, middle: FloatArray) -> shapely.Polygon:
+    """Return the hull of (a, kappa), kappa in 1/m, of twists (k, 3); an empty one if one does not move ahead.
+
+    Args:
+        twists: In the chain frame.
+        middle: (2,) of the body, chain frame, m.
+    """
+    ahead, aside = twists[:, 0] - twists[:, 2] * middle[1], twists[:, 1] + twists[:, 2] * middle[0]
+    # Twists that hardly move the middle ahead, by a thousandth of their largest part, make a hull too wide to prove
+    # anything.
+    if not (ahead > 1e-3 * np.abs(twists).max(axis=1)).all():
+        return shapely.Polygon()
+    points = np.stack([aside / ahead, twists[:, 2] / ahead], axis=1)
+    size = np.maximum(np.ptp(points, axis=0), 1e-3)
+    # Larger by 0.5 % of its extent, so that twists between meridians lie in it, too.
+    hull = shapely.convex_hull(shapely.MultiPoint(points / size)).buffer(5e-3, join_style="mitre")
+    return shapely.transform(hull, lambda corners: corners * size)
+
+
+def make_steps(scene: Scene, hull: shapely.Polygon, level: Level, clearance: float, back: bool) -> Steps:
+    """Return the cells and steps of a level.
+
+    Args:
+        scene: The body.
+        hull: Of (a, kappa); see `push_hull`.
+        level: One of `LEVELS`.
+        clearance: That the body has to keep, m.
+        back: Whether steps lead back in time.
+    """
+    radius, sign = float(scene.body_bound[2]), -1.0 if back else 1.0
+    side = radius / level[0]
+    headings = math.ceil(2.0 * math.pi * level[2])
+    angle = 2.0 * math.pi / headings
+    amin, kmin, amax, kmax = hull.bounds
+    lean, bend = max(abs(amin), abs(amax)), max(abs(kmin), abs(kmax))
+    # So short that steps turn by 0.6 rad at most, but for 6 cells: shorter ones blur what can be reached.
+    travel = max(6, min(level[1], 0.6 / (bend * side))) * side
+    turned = 0.5 * angle + travel * bend  # from the heading of the cell's middle
+    most = min(turned, 0.5 * math.pi)
+    ahead = travel * np.array(
+        [math.cos(min(turned, math.pi)) - lean * math.sin(most), 1.0 + lean * math.sin(most)]
+    )
+    rates = sorted((sign * kmin * travel / angle, sign * kmax * travel / angle))
+    first, last = math.ceil(rates[0] - 1.0), math.floor(rates[1] + 1.0)
+    rest = travel**2 * (kmax - kmin) / 8.0 + travel * (turned**3 / 6.0 + lean * turned**2 / 2.0)
+    aside = np.empty((last - first + 1, 2))
+    for row, cells in enumerate(range(first, last + 1)):
+        low, high = sorted((sign * (cells - 1) * angle / travel, sign * (cells + 1) * angle / travel))
+        part = shapely.intersection(hull, shapely.box(amin - 1.0, low, amax + 1.0, high))
+        if part.is_empty:
+            aside[row] = 1.0, -1.0
+            continue
+        middle = 0.5 * cells * angle
+        aside[row, 0] = travel * (part.bounds[0] + middle - 0.5 * angle) - rest
+        aside[row, 1] = travel * (part.bounds[2] + middle + 0.5 * angle) + rest
+    touching = clearance - CLEARANCE_ROOM - side * math.sqrt(0.5) - radius * 0.5 * angle
+    longest = float(ahead[1]) + travel * (lean + turned)
+    near, most = longest + 2.0 * side, travel * bend + angle
+    return Steps(side, headings, sign, travel, longest, near, most, ahead, first, aside, touching)
+
+
+def reached(
+    scene: Scene, begin: FloatArray, other: FloatArray, steps: Steps, room: int
+) -> tuple[int, IntArray]:
+    """Spread from one pose (3,) towards another; see `spread`.
+
+    Args:
+        scene: The body and what it must not touch.
+        begin: (3,) chain frame where it begins, world.
+        other: (3,) chain frame near which it ends.
+        steps: See `make_steps`.
+        room: Slots of the table of cells, a power of two; half as many cells are looked at.
+
+    Returns:
+        (end, cells): how it ended; (n, 3) column, row and heading of the cells found.
+    """
+    middle = scene.body_bound[:2]
+    ends = [np.append(se2.transform_points(pose, middle), pose[2]) for pose in (begin, other)]
+    cells = np.empty((room // 2, 3), dtype=np.int64)
+    outcome, count = spread(scene, ends[0], steps, ends[1], np.zeros(room, dtype=np.int64), cells)
+    return int(outcome), cells[:count]
+
+
+def boxed_in_faults(scenario: Scenario, stable: StableSet, problem: Problem) -> Iterator[list[Diagnosis]]:
+    """Yield after each step, a longer one each time, what it has proven; at last what may be.
+
+    Args:
+        scenario: The problem.
+        stable: The set that limits the pushes.
+        problem: The same problem compiled.
+    """
+    for pocket in find_pocket(scenario, stable, problem):
+        yield [_proven(pocket, tightest_turn(scenario, stable, problem.segments))] if pocket else []
+    yield _perhaps(scenario, problem)
+
+
+def _proven(pocket: Pocket, turn: str) -> Diagnosis:
+    if pocket.is_goal:
+        name, words = "goal", "it is boxed in: pushes into it, however combined, begin"
+    else:
+        name, words = "start", "the start is boxed in: pushes, however combined, end"
+    text = f"the goal cannot be reached: {words} no farther than {pocket.radius:.3g} m from it "
+    text += f"(middle of the chain){turn}"
+    return Diagnosis("boxed in", text, True, {f"radius_around_{name}": pocket.radius})
+
+
+def _perhaps(scenario: Scenario, problem: Problem) -> list[Diagnosis]:
+    found = []
+    reach = float(problem.scene.body_bound[2])
+    for name, pose, sign, words in (
+        ("start", scenario.start, 1.0, "leads farther from the start than"),
+        ("goal", scenario.goal.pose_chain, -1.0, "leads to the goal from farther away than"),
+    ):
+        free, tried = _longest_push(problem.scene, sign * _some_pushes(problem.segments), pose, reach)
+        if free < reach:
+            text = f"perhaps the {name} is boxed in: none of {tried} pushes tried {words} {1e3 * free:.3g} mm"
+            found.append(Diagnosis("boxed in", text, False, {f"free_from_{name}": free}))
+    return found
+
+
+def _some_pushes(segments: FloatArray) -> FloatArray:
+    """At most 300 twists (k, 3) spread over the segments, scaled to a cost rate of 1."""
+    rows = segments[np.linspace(0, len(segments) - 1, min(len(segments), 100)).astype(int)]
+    twists = np.concatenate([rows[:, :3], 0.5 * (rows[:, :3] + rows[:, 3:]), rows[:, 3:]])
+    return np.asarray(twists / cost_rate(twists)[:, None])
+
+
+def _longest_push(scene: Scene, twists: FloatArray, pose: FloatArray, enough: float) -> tuple[float, int]:
+    """Longest free push (m) from a pose, up to `enough`, and how many were tried."""
+    best = 0.0
+    for tried, twist in enumerate(twists, 1):
+        length = max(1e-3, 2.0 * best)
+        while sweep_is_free(scene, pose[0], pose[1], pose[2], twist[0], twist[1], twist[2], length):
+            best = length
+            if best >= enough:
+                return best, tried
+            length *= 2.0
+    return best, len(twists)
