@@ -22,10 +22,10 @@ from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.outcome import Outcome, Segments
 from pushplan.planners.problem.controls import MERIDIANS
 from pushplan.planners.problem.problem import Posing, open_scene
-from pushplan.planners.problem.steering import reach as costs_of_words
-from pushplan.planners.problem.steering import rejoin
+from pushplan.planners.problem.reach import reach as costs_of_words
+from pushplan.planners.problem.reach import rejoin
 from pushplan.planners.push_search import PushSearch
-from pushplan.planners.timing.bounds import Bounds, motion_bounds
+from pushplan.planners.timing.arc_limits import Bounds, motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.validation.validator import EXACT, Validator
 from pushplan.plans.path import PushPath

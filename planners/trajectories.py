@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.collision.separation import Scene
-from pushplan.planners.timing.bounds import motion_bounds
+from pushplan.planners.timing.arc_limits import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory

@@ -17,7 +17,7 @@ from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins
 from pushplan.mechanics.support import UniformSupport
 from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.planners.blending.section import make_part
+from pushplan.planners.blending.parts import make_part
 from pushplan.planners.blending.sweep import find_touches
 from pushplan.planners.collision.scene import build_scene, convex_pieces
 from pushplan.planners.collision.separation import separation
@@ -36,7 +36,7 @@ from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.objective import travel_objective
 from pushplan.planners.problem.problem import Problem, kept_distances
 from pushplan.planners.search.lattice_rounds import LatticeRounds
-from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath
 from pushplan.plans.settings import PlanSettings

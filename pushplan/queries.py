@@ -18,8 +18,8 @@ from pushplan.planned import Means, Wanted, means_for, planned
 from pushplan.planners.ompl.auto import Auto
 from pushplan.planners.problem.controls import MERIDIANS
 from pushplan.planners.problem.problem import Posing, open_scene
-from pushplan.planners.problem.steering import reach as costs_of_words
-from pushplan.planners.problem.steering import rejoin
+from pushplan.planners.problem.reach import reach as costs_of_words
+from pushplan.planners.problem.reach import rejoin
 from pushplan.planners.validation.clearance import Room
 from pushplan.plans.path import PushPath
 from pushplan.plans.result import PlanResult

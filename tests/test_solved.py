@@ -15,7 +15,7 @@ from pushplan.cli.main import main
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.plan import plan
-from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.judge import judging_set, planning_set
 from pushplan.plans.path import PushPath

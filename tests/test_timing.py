@@ -7,10 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.timing.arc_limits import arc_limits
-from pushplan.planners.timing.bounds import Bounds
-from pushplan.planners.timing.exact_timing import time_path
-from pushplan.planners.timing.profile import rest_to_rest
+from pushplan.planners.timing.arc_limits import Bounds, arc_limits
+from pushplan.planners.timing.exact_timing import rest_to_rest, time_path
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 

@@ -1,33 +1,193 @@
 """Blended timing of a path: the pusher does not stop where the path's twist changes.
 
-The twist moves from one arc's to the next on smooth steps (`section`), which cuts the corners of the way a
-little; the arcs' lengths are solved for anew so that the motion ends exactly where the path does. What comes
-out is checked again. Where it touches something, the lengths are changed once more to keep away from it. Where
-that does not help, or stability is lost, the pusher stops at the nearest corner after all, corner by corner, in
-the worst case at every one: then it is the exact timing. The faster the pusher, the more of a corner is cut;
-so where stops are needed, lower paces are tried, too.
+The twist moves from one arc's to the next on smooth steps (`parts`), which cuts the corners of the way a little; the
+arcs' lengths are solved for anew so that the motion ends exactly where the path does. What comes out is checked
+again. Where it touches something, the lengths are changed once more to keep away from it. Where that does not help,
+or stability is lost, the pusher stops at the nearest corner after all, corner by corner, in the worst case at every
+one: then it is the exact timing.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.planners.blending.blend_search import Blend, BlendSearch
-from pushplan.planners.blending.inset import inset_path
-from pushplan.planners.blending.joining import corners_of
+from pushplan.planners.blending.parts import (
+    NoFitError,
+    Part,
+    corners_of,
+    fitted,
+    joined,
+    make_part,
+    moving_arcs,
+    nearest_corners,
+    sharpest_corner,
+    slowed,
+    split_part,
+)
+from pushplan.planners.blending.sweep import (
+    LengthRows,
+    collision_times,
+    find_touches,
+    no_rows,
+    nudges,
+    off_chords,
+    unstable_times,
+)
 from pushplan.planners.collision.separation import Scene
-from pushplan.planners.problem.problem import scenario_scene
-from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.problem.problem import body_reach, scenario_scene
+from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath
-from pushplan.plans.trajectory import SAMPLE_RATE
+from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray
 
-LOWER_PACES = (0.5, 0.65, 0.8)
-"""Shares of the top speeds that are tried where full speed needs stops; the lowest needs the fewest, if any."""
+NUDGES = 6
+"""How often lengths are changed to keep away from what is touched before a stop is made."""
+
+OFF_CHORDS = 0.2
+"""Share of the room between the distances that poses looked at have and that is kept between, which may be used up by
+proving for a motion what its samples, with constant twists between them, keep; the checker is asked otherwise."""
+
+WORTH_A_STOP = 0.5
+"""Delay (s) by slowing down a whole section from which on a stop at its worst corner is preferred."""
+
+
+@dataclass(frozen=True, eq=False)
+class Blend:
+    """A blended trajectory and what was done to the path for it.
+
+    Attributes:
+        trajectory: Ends where the path ends.
+        stops: Indices of the path's arcs at whose end the pusher stops although the path goes on.
+    """
+
+    trajectory: Trajectory
+    stops: frozenset[int]
+
+
+class Nudging(NamedTuple):
+    """What is tried to keep away from things without a further stop.
+
+    Attributes:
+        rows: Conditions on the lengths.
+        suspects: The corner nearest to what was touched last.
+        tries: How often conditions were added.
+    """
+
+    rows: LengthRows
+    suspects: frozenset[int] = frozenset()
+    tries: int = 0
+
+    def further(self, rows: LengthRows, suspects: frozenset[int]) -> Nudging:
+        """Return it with more conditions."""
+        return Nudging(self.rows.joined(rows), suspects, self.tries + 1)
+
+
+class BlendSearch:
+    """The search for the stops and lengths of one blend.
+
+    Args:
+        scenario: Limits of the pusher, margin to keep, and what is in the way.
+        scene: What moves and what stands still in it.
+        path: Constant-twist arcs.
+        goal: (3,) pose in the world to end on, near the path's end.
+        stable: The set whose margin has to be kept.
+        rate: Samples per second of the trajectory.
+        bounds: What limits the motion.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        scene: Scene,
+        path: PushPath,
+        goal: FloatArray,
+        stable: StableSet,
+        rate: float,
+        bounds: Bounds,
+    ) -> None:
+        self.scenario, self.path, self.goal, self.stable = scenario, path, goal, stable
+        self.rate, self.bounds = rate, bounds
+        self.scene, self.reach = scene, body_reach(scenario)
+        self.corners = corners_of(path)
+        self.stops: frozenset[int] = frozenset()
+        self.parts = [make_part(path, moving_arcs(path), bounds)]
+        self.nudging = Nudging(no_rows(len(path.lengths)))
+
+    def blended(self, within: float, stops: float = math.inf) -> Blend | None:
+        """Return the blend; None when it takes `within` (s) or longer, or needs more `stops` or one at every corner.
+
+        It can be asked again, for more stops, and goes on from where it was.
+        """
+        while self.stops < self.corners and len(self.stops) <= stops and self._least_duration() < within:
+            blend = self._attempt()
+            if blend is not None:
+                return blend if blend.trajectory.duration < within else None
+        return None
+
+    def _least_duration(self) -> float:
+        """How long it takes with the present stops, s, if the lengths can stay and no step has to be widened."""
+        return sum(part.duration(self.path.lengths) for part in self.parts)
+
+    def _attempt(self) -> Blend | None:
+        """Return the trajectory with the present stops and nudges; None, after adding some, where it fails."""
+        try:
+            self.parts, lengths = fitted(self.path, self.goal, self.parts, self.nudging.rows)
+        except NoFitError:
+            self._stop(self.nudging.suspects or sharpest_corner(self.path, self.parts))
+            return None
+        parts, strained = slowed(self.parts, lengths, WORTH_A_STOP)
+        if len(strained):  # a section a million times slower is never made: its pieces would fill the memory
+            self._stop(nearest_corners(parts, lengths, strained))
+            return None
+        trajectory = joined(self.path, parts, lengths, self.rate)
+        if self._is_stable(parts, lengths, trajectory) and self._is_free(parts, lengths, trajectory):
+            return Blend(trajectory, self.stops)
+        return None
+
+    def _is_stable(self, parts: list[Part], lengths: FloatArray, trajectory: Trajectory) -> bool:
+        """Tell whether the margin is kept; stop at the corner where it is missed most if not."""
+        times = unstable_times(self.scenario, self.stable, trajectory, self.bounds)
+        if len(times):
+            self._stop(nearest_corners(parts, lengths, times[:1]))
+        return not len(times)
+
+    def _is_free(self, parts: list[Part], lengths: FloatArray, trajectory: Trajectory) -> bool:
+        """Tell whether nothing is touched; if not, keep away from it the next time, or stop near it."""
+        scene, proven = self._proving(trajectory)
+        touches = find_touches(scene, trajectory, self.reach)
+        times = touches.times[[int(np.argmin(touches.gaps))]] if len(touches.times) else np.zeros(0)
+        if len(times) and self.nudging.tries < NUDGES:
+            rows = nudges(self.scene, self.path, trajectory, lengths, touches, self.reach)
+            self.nudging = self.nudging.further(rows, nearest_corners(parts, lengths, times))
+            return False
+        if not len(times) and not proven:
+            times = collision_times(self.scenario, trajectory)
+        if len(times):
+            self._stop(nearest_corners(parts, lengths, times))
+        return not len(times)
+
+    def _proving(self, trajectory: Trajectory) -> tuple[Scene, bool]:
+        """The scene to prove a motion in, and whether its samples keep then what the checker asks for."""
+        scene = self.scene
+        kept = scene.kept + off_chords(trajectory, self.reach)
+        if kept > scene.kept + OFF_CHORDS * (scene.clearance - scene.kept):
+            return scene, False
+        return scene._replace(kept=kept), True
+
+    def _stop(self, corners: frozenset[int]) -> None:
+        """Stop at more corners, and see anew what is touched then."""
+        self.stops |= corners
+        self.parts = [
+            piece for part in self.parts for piece in split_part(self.path, part, self.stops, self.bounds)
+        ]
+        self.nudging = Nudging(no_rows(len(self.path.lengths)))
 
 
 def blend_path(
@@ -55,25 +215,6 @@ def blend_path(
     if not corners_of(path):
         return Blend(exact, frozenset())
     scene = scenario_scene(scenario) if scene is None else scene
-    inset = inset_path(path, stable, scenario.required_margin, bounds)
-
-    def paced(pace: float) -> BlendSearch:
-        return BlendSearch(scenario, scene, inset.path, path.end, stable, rate, bounds._replace(pace=pace))
-
-    full = paced(1.0)
-    blend = full.blended(exact.duration, stops=0)
-    if blend is None:
-        blend = _soonest([*map(paced, LOWER_PACES), full], exact.duration)
-    if blend is None:
-        return Blend(exact, corners_of(path))
-    arcs = inset.owner[blend.trajectory.arc.astype(np.int64)].astype(np.float64)
-    stops = frozenset(int(inset.owner[i]) for i in blend.stops)
-    return Blend(replace(blend.trajectory, arc=arcs), stops)
-
-
-def _soonest(searches: list[BlendSearch], within: float) -> Blend | None:
-    """The blend over soonest; None when none takes less than `within` (s)."""
-    best: Blend | None = None
-    for search in searches:
-        best = search.blended(within if best is None else best.trajectory.duration) or best
-    return best
+    search = BlendSearch(scenario, scene, path, path.end, stable, rate, bounds)
+    blend = search.blended(exact.duration)
+    return Blend(exact, corners_of(path)) if blend is None else blend

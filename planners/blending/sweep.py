@@ -1,4 +1,4 @@
-"""Where a timed motion comes too close to something: bisection with the compiled separation."""
+"""What a motion touches or loses on its way: swept, with the lengths of arcs that keep away from it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,18 @@ from typing import NamedTuple
 import numpy as np
 
 from pushplan.compiled import compiled
+from pushplan.geometry import se2
+from pushplan.mechanics.contacts.contact_kernel import contact_margins_of
 from pushplan.planners.collision.separation import Scene, separation
+from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.motion_bounds import top_rates
+from pushplan.planners.validation.clearance import find_collision
+from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
-from pushplan.util.arrays import FloatArray
+from pushplan.scenario.model import Scenario
+from pushplan.sets.ecof_set import EcofSet
+from pushplan.sets.stable_set import StableSet
+from pushplan.util.arrays import FloatArray, columns_of
 
 COARSE = 0.02
 """Travel of the body's farthest point (m) between the first poses that are looked at."""
@@ -79,3 +87,128 @@ def _gaps(scene: Scene, trajectory: Trajectory, travel: FloatArray, s: FloatArra
     """Separations (m,) at the body's travels (m,)."""
     poses = trajectory.poses_at(np.interp(s, travel, trajectory.breaks))
     return np.asarray(separations(scene, poses, 2.0 * (COARSE + scene.clearance)))
+
+
+APART = 0.2
+"""Touches closer together than this (s) count as one: the worst of them is pushed away."""
+
+ROOM = 2.0
+"""What a nudge aims at beyond the clearance, as a multiple of what may be lost between the poses looked at."""
+
+STEP = 1e-5
+"""Step of the separation's finite differences, m and, times the body's reach, rad."""
+
+
+class LengthRows(NamedTuple):
+    """Linear conditions on the lengths x (k,) of a path's arcs: matrix (c, k) x >= values (c,)."""
+
+    matrix: FloatArray
+    values: FloatArray
+
+    def joined(self, other: LengthRows) -> LengthRows:
+        """Return the conditions of both."""
+        return LengthRows(np.vstack([self.matrix, other.matrix]), np.append(self.values, other.values))
+
+
+def no_rows(count: int) -> LengthRows:
+    """Return no conditions on `count` lengths."""
+    return LengthRows(np.zeros((0, count)), np.zeros(0))
+
+
+def effects_on(pose: FloatArray, path: PushPath) -> FloatArray:
+    """Return (3, k): the body twist by which a later `pose` (3,) moves per unit of each arc's length."""
+    knots = se2.relative(pose, path.knots[1:])
+    v, omega = se2.rotate(knots[:, 2], path.twists[:, :2]), path.twists[:, 2]
+    return np.stack([v[:, 0] + omega * knots[:, 1], v[:, 1] - omega * knots[:, 0], omega])
+
+
+def nudges(
+    scene: Scene, path: PushPath, trajectory: Trajectory, lengths: FloatArray, touches: Touches, reach: float
+) -> LengthRows:
+    """Return the conditions under which the motion leaves the places where it touches something.
+
+    Args:
+        scene: What moves and what stands still.
+        path: The path that was blended.
+        trajectory: The blended motion.
+        lengths: (k,) of its arcs.
+        touches: Where it touches.
+        reach: Of the body, m.
+    """
+    rows = no_rows(len(lengths))
+    for group in np.split(np.arange(len(touches.times)), np.flatnonzero(np.diff(touches.times) > APART) + 1):
+        worst = group[np.argmin(touches.gaps[group])]
+        time = touches.times[worst]
+        pose = trajectory.poses_at([time])[0]
+        before = np.arange(len(lengths)) < trajectory.arc[trajectory.piece_at([time])[0]]
+        row = np.where(before, _gradient(scene, pose, reach) @ effects_on(pose, path), 0.0)
+        missing = scene.clearance + ROOM * (scene.clearance - scene.kept) - touches.gaps[worst]
+        rows = rows.joined(LengthRows(row[None], np.array([row @ lengths + missing])))
+    return rows
+
+
+def _gradient(scene: Scene, pose: FloatArray, reach: float) -> FloatArray:
+    """Change (3,) of the separation per unit of a body twist at a pose (3,)."""
+    steps = STEP * np.array([1.0, 1.0, 1.0 / reach])
+    poses = [se2.compose(pose, se2.exp(sign * step)) for step in np.diag(steps) for sign in (1.0, -1.0)]
+    ahead, behind = separations(scene, np.array(poses), 1.0).reshape(3, 2).T
+    return np.asarray((ahead - behind) / (2.0 * steps))
+
+
+RESTING = 1e-9
+"""Twist components below this (m/s, rad/s) are rest."""
+
+
+def unstable_times(
+    scenario: Scenario, stable: StableSet, trajectory: Trajectory, bounds: Bounds
+) -> FloatArray:
+    """Return when (k,) the trajectory does not keep more than the scenario's margins, worst first, s.
+
+    It is looked at its samples, its breaks and half-way between them; where the pusher rests, nothing is asked.
+    """
+    breaks = trajectory.breaks
+    times = np.unique(np.concatenate([trajectory.t, breaks, 0.5 * (breaks[:-1] + breaks[1:])]))
+    twists = trajectory.twists_at(times)
+    moving = np.abs(columns_of(twists)).max(axis=0) > RESTING
+    times, twists = times[moving], twists[moving]
+    contacts, floor = bounds.contacts, None
+    if contacts is not None and isinstance(stable, EcofSet) and stable.chain is contacts.chain:
+        floor = contacts.floor_wrenches(twists)  # those that the set asks for
+        margins = columns_of(contact_margins_of(stable.packed, floor)).min(axis=0)
+    else:
+        margins = stable.margin(twists)
+    spare = margins - scenario.required_margin
+    if contacts is not None:
+        with_inertia = contacts.margins(twists, trajectory.rates_at(times), floor)
+        spare = np.minimum(spare, columns_of(with_inertia).min(axis=0) - bounds.margin)
+    worst = np.argsort(spare, kind="stable")
+    return np.asarray(times[worst][spare[worst] <= 0.0])
+
+
+def off_chords(trajectory: Trajectory, reach: float) -> float:
+    """Return how far (m) a body gets, at most, from the constant twists between the samples of its motion.
+
+    The part of dV/dt along the twist V changes when the body is somewhere, not where it is. The rest takes a point by
+    no more than h^2 / 8 of the acceleration that it has from it, h being the time between samples.
+
+    Args:
+        trajectory: The motion.
+        reach: Distance from the chain frame's origin to the body's farthest point, m.
+    """
+    durations, scale = np.diff(trajectory.breaks)[:, None], np.array([1.0, 1.0, reach])
+    c0, c1, c2 = (trajectory.coefficients[:, k] * scale for k in range(3))
+    twists = np.concatenate([c0, c0 + durations * (c1 + durations * c2)])
+    rates = np.concatenate([c1, c1 + 2.0 * durations * c2])
+    along = (rates * twists).sum(axis=1) / np.maximum((twists * twists).sum(axis=1), RESTING**2)
+    rest = rates - along[:, None] * twists
+    most = np.hypot(rest[:, 0], rest[:, 1]) + np.abs(rest[:, 2])
+    return float(most.max(initial=0.0)) / (8.0 * trajectory.sample_rate**2)
+
+
+def collision_times(scenario: Scenario, trajectory: Trajectory) -> FloatArray:
+    """Return the time of the sample nearest to the first collision that the independent checker finds, if any."""
+    hit = find_collision(scenario, trajectory.poses)
+    if hit is None:
+        return np.zeros(0)
+    away = np.abs(trajectory.poses - np.array(hit.pose)).sum(axis=1)
+    return trajectory.t[[int(np.argmin(away))]]

@@ -13,7 +13,8 @@ from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import step, sweep_is_free
 from pushplan.planners.problem.objective import Objective, arc_value
-from pushplan.planners.problem.problem import Problem, between, put, put_rows, random
+from pushplan.planners.problem.problem import Problem, between, random
+from pushplan.planners.problem.rows import put, put_rows
 from pushplan.util.arrays import FloatArray, IntArray, RandomState
 
 KEEP_SHARE = 0.75

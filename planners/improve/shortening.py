@@ -10,7 +10,8 @@ from pushplan.compiled import any_integer, compiled, inlined, no_refcount
 from pushplan.planners.collision.separation import step
 from pushplan.planners.improve.local_changes import normals_of, vary
 from pushplan.planners.problem.objective import GAIN, TRAVEL, Objective, arc_value
-from pushplan.planners.problem.problem import TRIES, Problem, between, put, put_rows, random
+from pushplan.planners.problem.problem import TRIES, Problem, between, random
+from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
 from pushplan.util.arrays import FloatArray, RandomState
 

@@ -11,7 +11,7 @@ from pushplan.compiled import compiled, inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
-from pushplan.planners.problem.problem import put
+from pushplan.planners.problem.rows import put
 from pushplan.planners.problem.steering import cheapest
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.util.arrays import FloatArray

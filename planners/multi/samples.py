@@ -11,8 +11,8 @@ import numpy as np
 from pushplan.compiled import compiled
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import step
+from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import PackedMode, PushRoom, Question, joined, seen_from_contact
-from pushplan.planners.multi.search import PushSequence
 from pushplan.planners.multi.transit import TURN_LENGTH
 from pushplan.planners.problem.problem import random, sampling_box
 from pushplan.planners.problem.steering import MAX_WORDS, find_words

@@ -8,67 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-import numpy as np
-
-from pushplan.geometry import se2
-from pushplan.planners.multi.graph import Graph
+from pushplan.planners.multi.graph import Graph, PushSequence, lower_bounds
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.samples import Sampler, crossings
-from pushplan.plans.path import TURN_WEIGHT
-from pushplan.util.arrays import BoolArray, FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A push of a plan, and how the robot gets to it.
-
-    Attributes:
-        contact: Index of the contact.
-        before: (3,) pose of the load.
-        after: Likewise.
-        start: (3,) pose of the robot's frame before it drives there.
-        transit: (k, 4) arcs of the robot alone to the contact's approach.
-        arcs: (k, 4) of the push, in the contact's frame; of no length where there are fewer.
-        cost: Of the push, m.
-    """
-
-    contact: int
-    before: FloatArray
-    after: FloatArray
-    start: FloatArray
-    transit: FloatArray
-    arcs: FloatArray
-    cost: float
-
-
-@dataclass(frozen=True, eq=False)
-class PushSequence:
-    """A plan: its pushes and what it costs, the robot's ways and changes of the contact included, m."""
-
-    steps: tuple[Step, ...]
-    cost: float
-
-
-def lower_bounds(room: PushRoom, question: Question, through: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return what no plan costs less than until the load is at poses (k, 3), (k,), and from there on, m."""
-    pushes = room.scenario.pushes
-    assert pushes is not None
-    contacts = np.array([contact.packed.contact[:2] for contact in room.contacts])
-    middle = contacts.mean(axis=0)
-    faster = max(1.0, float(np.linalg.norm(contacts - middle, axis=1).max()) / TURN_WEIGHT)
-    to = _bounds(question.load[None], through, middle, faster)[0]
-    on = _bounds(through, question.goals, middle, faster).min(axis=1)
-    alone = pushes.transit_weight * (pushes.approach + pushes.retreat)
-    return to, on + alone
-
-
-def _bounds(starts: FloatArray, goals: FloatArray, middle: FloatArray, faster: float) -> FloatArray:
-    """Return what no pushes from starts (n, 3) to goals (m, 3) cost less than, (n, m)."""
-    first, last = (se2.compose(poses, np.append(middle, 0.0))[:, :2] for poses in (starts, goals))
-    away = np.linalg.norm(first[:, None] - last[None], axis=2) / faster
-    turn = TURN_WEIGHT * np.abs(se2.wrap_angle(goals[None, :, 2] - starts[:, None, 2]))
-    return np.asarray(np.maximum(away, turn))
-
+from pushplan.util.arrays import BoolArray
 
 MOST_POSES = 160
 """More are let go of, those first through which a plan can be least good."""

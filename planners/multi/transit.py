@@ -10,7 +10,8 @@ from pushplan.compiled import any_integer, inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import separation, step
 from pushplan.planners.multi.driving import LETTERS, Surroundings, Wheels, arc_is_free, drive, seen_from
-from pushplan.planners.problem.problem import apart, put, put_rows, random
+from pushplan.planners.problem.problem import apart, random
+from pushplan.planners.problem.rows import put, put_rows
 from pushplan.util.arrays import FloatArray, RandomState
 
 NODE = 4 + 1 + 4 * LETTERS

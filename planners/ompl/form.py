@@ -15,7 +15,7 @@ from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
 from pushplan.planners.collision.separation import step, sweep_is_free
 from pushplan.planners.improve.session import Session, path_from
-from pushplan.planners.ompl.auto import make_handle, ready
+from pushplan.planners.ompl.grow import make_handle, ready
 from pushplan.planners.problem.problem import (
     END_SHARE,
     LETTER_SHARE,

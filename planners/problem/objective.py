@@ -16,8 +16,7 @@ import numpy as np
 from pushplan.compiled import no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.mechanics.sphere import angles_of, twists_at
-from pushplan.planners.timing.arc_limits import arc_limits, contact_limits_of
-from pushplan.planners.timing.bounds import Bounds, motion_bounds
+from pushplan.planners.timing.arc_limits import Bounds, arc_limits, contact_limits_of, motion_bounds
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet

@@ -12,26 +12,12 @@ from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import Scene, separation, step, sweep_is_free
 from pushplan.planners.problem.controls import MARGIN_FLOOR, MERIDIANS, control_segments, steering_families
 from pushplan.planners.problem.objective import Objective, make_objective
+from pushplan.planners.problem.rows import put
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, RandomState
 from pushplan.util.names import CLEARANCE_ROOM
-
-
-@no_refcount
-def put(target: FloatArray, source: FloatArray) -> None:
-    """Copy the numbers of `source` (k,) to the first ones of `target` (k or more,)."""
-    for i in range(source.shape[0]):
-        target[i] = source[i]
-
-
-@no_refcount
-def put_rows(target: FloatArray, source: FloatArray) -> None:
-    """Copy the rows of `source` (k, c) to the first ones of `target` (k or more, c)."""
-    for i in range(source.shape[0]):
-        put(target[i], source[i])
-
 
 NODE = 9
 """Columns of a node: x, y, theta, cost from the start, parent, arc that led here (vx, vy, omega, length)."""

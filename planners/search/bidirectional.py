@@ -10,7 +10,8 @@ import numpy as np
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch, scratch_integers
 from pushplan.planners.collision.separation import Scene, step, sweep_is_free
-from pushplan.planners.problem.problem import TRIES, Problem, apart, put, put_rows, random, remaining
+from pushplan.planners.problem.problem import TRIES, Problem, apart, random, remaining
+from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
 from pushplan.planners.search.forest import Forest, draw_pose
 from pushplan.util.arrays import FloatArray, IntArray

@@ -16,17 +16,8 @@ import numpy as np
 from pushplan.compiled import inlined, no_refcount
 from pushplan.compiled.scratch import scratch
 from pushplan.planners.collision.separation import step, sweep_is_free
-from pushplan.planners.problem.problem import (
-    TRIES,
-    Problem,
-    choose_twist,
-    enter,
-    put,
-    put_rows,
-    random,
-    remaining,
-    trace,
-)
+from pushplan.planners.problem.problem import TRIES, Problem, choose_twist, enter, random, remaining, trace
+from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
 from pushplan.planners.search.cell_table import pose_key, slot_of
 from pushplan.util.arrays import FloatArray, IntArray, RandomState

@@ -9,14 +9,59 @@ whatever the profile does.
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.timing.bounds import Bounds
-from pushplan.planners.timing.profile import ArcLimits
+from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.plans.judge import contact_dynamics
+from pushplan.scenario.model import Scenario
+from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import BoolArray, FloatArray
+
+INERTIA_SHARE = 0.5
+"""Share of the margin asked for that contacts keep with inertia."""
+
+
+class Bounds(NamedTuple):
+    """What limits a motion.
+
+    Attributes:
+        limits: Of the pusher.
+        contacts: The chain whose contacts must hold; None leaves inertia out.
+        margin: Every contact keeps more than this with inertia.
+    """
+
+    limits: Limits
+    contacts: ContactDynamics | None = None
+    margin: float = 0.0
+
+
+def motion_bounds(scenario: Scenario, stable: StableSet) -> Bounds:
+    """Return what limits the motion of a scenario: the pusher and, unless inertia is left out, the contacts."""
+    limits = scenario.chain.pusher.limits
+    if limits.contact != "dynamic":
+        return Bounds(limits)
+    return Bounds(
+        limits, contact_dynamics(scenario, stable.name), margin_with_inertia(scenario.required_margin)
+    )
+
+
+def margin_with_inertia(margin: float) -> float:
+    """Return the margin that contacts keep with inertia where one without it is asked for: half of it."""
+    return INERTIA_SHARE * margin
+
+
+class ArcLimits(NamedTuple):
+    """Bounds on the derivatives of the arc parameter: s', s'' either way, and |s'''|; numbers, or arrays of them."""
+
+    speed: Any
+    acceleration: Any
+    deceleration: Any
+    jerk: Any
+
 
 ROOM = 0.98
 """Share of what a contact condition has to spare above the margin to keep that inertia may use up.

@@ -12,8 +12,9 @@ from pushplan.errors import PlanningError, TimingError
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import separation
 from pushplan.planners.improve.session import Branches
+from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import PushRoom, Question
-from pushplan.planners.multi.search import Found, Limits, PushSequence, search
+from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.problem.problem import SLACK
 from pushplan.plans.path import PushPath
 from pushplan.plans.result import PlanResult, ProgressPoint

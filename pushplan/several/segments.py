@@ -8,9 +8,9 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
+from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import PushRoom
-from pushplan.planners.multi.search import PushSequence
-from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.plans.path import PushPath

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from pushplan.errors import ChainError, PlanningError
 from pushplan.geometry.se2 import compose, log, relative
 from pushplan.mechanics.perturb import slid
-from pushplan.planners.timing.bounds import motion_bounds
+from pushplan.planners.timing.arc_limits import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.events import Event, Replan
 from pushplan.plans.path import PushPath, cost_rate

@@ -17,7 +17,7 @@ from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.reader import read_run
 from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.execution import Execution
 from pushplan.plans.path import PushPath, cost_rate

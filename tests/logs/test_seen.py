@@ -14,7 +14,7 @@ from boxes import SCREENS, assert_tidy, overlapping, show
 from boxes import chromium as started
 
 from pushplan.logging.page import write_html
-from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.execution import Execution
 from pushplan.plans.path import PushPath

@@ -13,11 +13,9 @@ from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, admissible_speeds
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.sphere import twists_at
-from pushplan.planners.blending.section import PASSED, passing_speeds
-from pushplan.planners.timing.arc_limits import ROOM, arc_limits, contact_limits
-from pushplan.planners.timing.bounds import Bounds
-from pushplan.planners.timing.exact_timing import time_path
-from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
+from pushplan.planners.blending.parts import PASSED, passing_speeds
+from pushplan.planners.timing.arc_limits import ROOM, ArcLimits, Bounds, arc_limits, contact_limits
+from pushplan.planners.timing.exact_timing import rest_to_rest, time_path
 from pushplan.plans.judge import contact_dynamics
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.file import load_scenario

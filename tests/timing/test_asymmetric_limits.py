@@ -10,8 +10,7 @@ import pytest
 import pushplan
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.timing.arc_limits import arc_limits
-from pushplan.planners.timing.bounds import Bounds
+from pushplan.planners.timing.arc_limits import Bounds, arc_limits
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.validation.clearance import excess
 from pushplan.plans.path import PushPath, cost_rate

@@ -16,13 +16,10 @@ from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.plan import plan
-from pushplan.planners.blending.blend_search import Blend
-from pushplan.planners.blending.blending import blend_path
-from pushplan.planners.blending.joining import corners_of
-from pushplan.planners.timing.arc_limits import arc_limits, contact_limits
-from pushplan.planners.timing.bounds import Bounds
-from pushplan.planners.timing.exact_timing import time_path
-from pushplan.planners.timing.profile import ArcLimits, rest_to_rest
+from pushplan.planners.blending.blending import Blend, blend_path
+from pushplan.planners.blending.parts import corners_of
+from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, arc_limits, contact_limits
+from pushplan.planners.timing.exact_timing import rest_to_rest, time_path
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory

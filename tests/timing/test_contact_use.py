@@ -6,9 +6,9 @@ import numpy as np
 from plain import load_plain
 
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
-from pushplan.planners.blending.section import step_windows
-from pushplan.planners.timing.bounds import Bounds
-from pushplan.planners.timing.contact_use import bounds_use
+from pushplan.planners.blending.parts import step_windows
+from pushplan.planners.timing.arc_limits import Bounds
+from pushplan.planners.timing.motion_bounds import bounds_use
 from pushplan.planners.timing.step_sum import Pieces, step_sum
 
 

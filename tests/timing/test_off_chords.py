@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from pushplan.geometry import se2
 from pushplan.plan import plan
-from pushplan.planners.blending.blend_check import off_chords
+from pushplan.planners.blending.sweep import off_chords
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
 

@@ -10,7 +10,8 @@ import pytest
 
 import pushplan
 from pushplan.errors import TimingError
-from pushplan.planners.timing.profile import ArcLimits, Profile, rest_to_rest, split, step_widths
+from pushplan.planners.timing.arc_limits import ArcLimits
+from pushplan.planners.timing.exact_timing import Profile, rest_to_rest, split, step_widths
 
 LIMITS = ArcLimits(0.2, 0.5, 0.3, 5.0)
 

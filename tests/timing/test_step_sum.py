@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from pushplan.geometry.se2 import chained
-from pushplan.planners.timing.motion_kernel import poses_after
-from pushplan.planners.timing.step_sum import MOST_OF_PHASE, Pieces, ordered_widths, step_sum
+from pushplan.planners.timing.step_sum import MOST_OF_PHASE, Pieces, ordered_widths, poses_after, step_sum
 from pushplan.plans.trajectory import Trajectory, advance
 from pushplan.util.arrays import FloatArray
 

@@ -1,0 +1,437 @@
+"""Parts of a path between two stops: arcs of one twist, or of several, driven without a stop in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Protocol
+
+import daqp
+import numpy as np
+
+from pushplan.errors import TimingError
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Limits
+from pushplan.planners.blending.sweep import LengthRows, effects_on
+from pushplan.planners.timing.arc_limits import Bounds, contact_limits, contact_limits_of
+from pushplan.planners.timing.exact_timing import SAME, step_widths, time_run
+from pushplan.planners.timing.motion_bounds import ORDERS, bounds_use
+from pushplan.planners.timing.step_sum import Pieces, ordered_widths, step_sum
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import Trajectory
+from pushplan.util.arrays import FloatArray, IntArray, columns_of
+
+
+class Part(Protocol):
+    """Arcs of a path between two stops; methods take the lengths (k,) of all arcs of the path."""
+
+    @property
+    def arcs(self) -> IntArray:
+        """Indices (a,) of the arcs."""
+
+    def pieces(self, lengths: FloatArray) -> Pieces:
+        """Return the twist over time; a piece's level is the index of its arc."""
+
+    def duration(self, lengths: FloatArray) -> float:
+        """Return how long it takes, s."""
+
+    def motion(self, lengths: FloatArray) -> FloatArray:
+        """Return the pose (3,) at the end, seen from the beginning."""
+
+    def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the arcs (c,) after which the twist changes, and when (c,), s from the beginning."""
+
+    def eased(self, lengths: FloatArray) -> Part:
+        """Return it with wider steps wherever a limit is exceeded, as far as that helps."""
+
+    def slowed(self, lengths: FloatArray) -> tuple[Part, float]:
+        """Return it slowed down as a whole until no limit is exceeded, and when the most was, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Push:
+    """Arcs of one twist, driven by the exact profile of `timing`; see `Part`.
+
+    Attributes:
+        arcs: (a,) their indices.
+        twist: (3,) body twist per unit of the arcs' parameters.
+        bounds: What limits the motion.
+    """
+
+    arcs: IntArray
+    twist: FloatArray
+    bounds: Bounds
+
+    def pieces(self, lengths: FloatArray) -> Pieces:
+        """Return the twist over time."""
+        own = lengths[self.arcs]
+        limits = contact_limits(self.twist, float(own.sum()), self.bounds)
+        durations, coefficients, owner = time_run(self.twist, own, limits)
+        return Pieces(durations, coefficients, self.arcs[owner])
+
+    def duration(self, lengths: FloatArray) -> float:
+        """Return how long it takes, s."""
+        return float(self.pieces(lengths).durations.sum())
+
+    def motion(self, lengths: FloatArray) -> FloatArray:
+        """Return the pose (3,) at the end."""
+        return se2.exp(self.twist * lengths[self.arcs].sum())
+
+    def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return nothing: there are none."""
+        del lengths
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
+
+    def eased(self, lengths: FloatArray) -> Push:
+        """Return the push: its profile keeps the limits."""
+        del lengths
+        return self
+
+    def slowed(self, lengths: FloatArray) -> tuple[Push, float]:
+        """Return the push: its profile keeps the limits."""
+        del lengths
+        return self, 0.0
+
+
+WIDENINGS = 25
+"""How often steps are widened to meet the limits, at most."""
+
+HELPING = 0.995
+"""Widening goes on for as long as it reduces the worst excess at least to this share."""
+
+MOST = 1.5
+"""A step is widened by no more than this factor at a time."""
+
+WIDTH_POWERS = np.array([0.0, 1.0, 0.5, 1.0])
+"""By which power of the use of each limit a lone step has to be widened to meet it."""
+
+PASSED = 0.3
+"""A shorter arc may be passed as fast as one of this length, m."""
+
+USED_UP = 1.0 + 1e-9
+"""A limit is kept when no more than this share of it is used."""
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Arcs of several twists, blended; see `Part`.
+
+    Attributes:
+        arcs: (a,) their indices.
+        levels: (a + 2, 3) the arcs' twists at full speed, m/s and rad/s, and rest at either end.
+        speeds: (a,) rates of the arcs' parameters.
+        widths: (a + 1, 2) windows of the steps between the levels, s.
+        bounds: What limits the motion.
+        slower: Factor by which everything is stretched in time.
+    """
+
+    arcs: IntArray
+    levels: FloatArray
+    speeds: FloatArray
+    widths: FloatArray
+    bounds: Bounds
+    slower: float = 1.0
+
+    def pieces(self, lengths: FloatArray) -> Pieces:
+        """Return the twist over time."""
+        made = step_sum(self.levels / self.slower, *self._steps(lengths))
+        return made._replace(level=self.arcs[np.clip(made.level - 1, 0, len(self.arcs) - 1)])
+
+    def duration(self, lengths: FloatArray) -> float:
+        """Return how long it takes, s."""
+        centers, widths = self._steps(lengths)
+        return float(centers[-1] + widths[-1].sum() / 2.0)
+
+    def motion(self, lengths: FloatArray) -> FloatArray:
+        """Return the pose (3,) at the end."""
+        return self.pieces(lengths).motion
+
+    def corners(self, lengths: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the arcs (c,) after which the twist changes, and when (c,)."""
+        turns = np.abs(np.diff(self.levels[1:-1], axis=0)).max(axis=1) > 0.0
+        return self.arcs[:-1][turns], self._steps(lengths)[0][1:-1][turns]
+
+    def eased(self, lengths: FloatArray) -> Section:
+        """Return the section with wider steps wherever a limit is exceeded, as far as that helps."""
+        section, worst = self, np.inf
+        for _ in range(WIDENINGS):
+            pieces = section.pieces(lengths)
+            use = bounds_use(pieces, self.bounds)
+            excess = columns_of(use.shares**WIDTH_POWERS).max(axis=0)
+            if excess.max() <= USED_UP or excess.max() > HELPING * worst:
+                break
+            section = section._widened(lengths, pieces.durations, np.maximum(excess, use.slowing))
+            worst = float(excess.max())
+            if HELPING * worst <= 1.0:  # whatever is seen next ends this
+                break
+        return section
+
+    def slowed(self, lengths: FloatArray) -> tuple[Section, float]:
+        """Return the section slowed down until no limit is exceeded, and when the most was."""
+        pieces = self.pieces(lengths)
+        use = columns_of(bounds_use(pieces, self.bounds).shares ** (1.0 / ORDERS)).max(axis=0)
+        factor = float(use.max())
+        at = float(pieces.durations[: int(np.argmax(use))].sum()) * factor
+        return (self if factor <= USED_UP else replace(self, slower=self.slower * factor)), at
+
+    def _widened(self, lengths: FloatArray, durations: FloatArray, excess: FloatArray) -> Section:
+        """The section with steps wider by up to the `excess` (q,) of the pieces that they overlap."""
+        centers, widths = self._steps(lengths)
+        half = widths.sum(axis=1) / 2.0
+        ends = np.cumsum(durations)
+        near = (ends - durations < (centers + half)[:, None]) & (ends > (centers - half)[:, None])
+        factor = np.max(np.where(near, np.clip(excess, 1.0, MOST), 1.0), axis=1)
+        return replace(self, widths=self.widths * factor[:, None])
+
+    def _steps(self, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Centres (a + 1,) of the steps, s from the section's beginning, and their windows (a + 1, 2), s."""
+        centers = np.concatenate([[0.0], np.cumsum(lengths[self.arcs] / self.speeds)])
+        widths = ordered_widths(centers, self.widths)
+        return (centers + widths[0].sum() / 2.0) * self.slower, widths * self.slower
+
+
+def make_part(path: PushPath, arcs: IntArray, bounds: Bounds) -> Part:
+    """Return some arcs (a,) of a path as one part.
+
+    Raises:
+        TimingError: When an arc cannot be timed.
+    """
+    twists, lengths = path.twists[arcs], path.lengths[arcs]
+    if np.abs(twists - twists[0]).max() <= SAME:
+        return Push(arcs, twists[0], bounds)
+    speeds = passing_speeds(twists, lengths, bounds)
+    levels = _levels(twists, speeds)
+    return Section(arcs, levels, speeds, step_windows(levels, bounds.limits), bounds)
+
+
+def passing_speeds(twists: FloatArray, lengths: FloatArray, bounds: Bounds) -> FloatArray:
+    """Return the top speeds (k,) of arcs (k, 3) that are passed without a stop, at full pace.
+
+    Where speed and acceleration compete for the room that a contact leaves, an arc from rest to rest takes the more
+    acceleration the shorter it is. Passing needs little of it: the steps to and fro are eased afterwards.
+    """
+    found, able = contact_limits_of(twists, np.maximum(lengths, PASSED), bounds)
+    speeds = np.array(found.speed)
+    for i in np.flatnonzero(~able):  # at the boundary of the set, only a shorter arc is over soon enough
+        speeds[i] = contact_limits(twists[i], float(lengths[i]), bounds).speed
+    return speeds
+
+
+def step_windows(levels: FloatArray, limits: Limits) -> FloatArray:
+    """Return the windows (m, 2) of the fastest steps between twists (m + 1, 3), each taken for itself, s."""
+    turning = np.hypot(levels[:, 0], levels[:, 1]) * np.abs(levels[:, 2])  # centripetal acceleration
+    braking, gaining = limits.both("acceleration")
+    resting = (levels == 0.0).all(axis=1)
+    most = np.where(resting[:-1], gaining, np.where(resting[1:], braking, min(braking, gaining)))
+    room = most - np.maximum(turning[:-1], turning[1:])
+    steps = np.diff(levels, axis=0)
+    linear, angular = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    rightward, leftward = limits.both("angular_acceleration")
+    turn = np.where(steps[:, 2] > 0.0, leftward, rightward)
+    rise = np.maximum(linear / room, angular / turn)
+    return step_widths(rise, np.maximum(linear / limits.jerk, angular / limits.angular_jerk))
+
+
+def _levels(twists: FloatArray, speeds: FloatArray) -> FloatArray:
+    """The twists of arcs (k, 3) at some speeds (k,), and rest at either end."""
+    rest = np.zeros((1, 3))
+    return np.concatenate([rest, twists * speeds[:, None], rest])
+
+
+CLOSE = 1e-12
+"""Error (m, rad) of the end that counts as none."""
+
+ENOUGH = 1e-10
+"""Error (m, rad) that is accepted when rounding allows no better."""
+
+ROUNDS = 25
+
+
+class NoFitError(TimingError):
+    """No arc lengths near the path's own make a blended motion end where the path does."""
+
+
+def fit_lengths(
+    end: Callable[[FloatArray], FloatArray],
+    goal: FloatArray,
+    path: PushPath,
+    lengths: FloatArray,
+    rows: LengthRows,
+) -> FloatArray:
+    """Return the lengths (k,) at which a motion along a path's twists ends on a pose.
+
+    Args:
+        end: Pose (3,) in the world at the end of the motion for lengths (k,).
+        goal: (3,) pose in the world, near the path's end.
+        path: Tells how the end depends on the lengths, nearly.
+        lengths: (k,) to begin with; long arcs are changed more than short ones, none below 0.
+        rows: Other conditions that the lengths have to meet: no less than their values.
+
+    Raises:
+        NoFitError: When Newton's method does not get there.
+    """
+    effects = effects_on(path.end, path)
+    best, least = lengths, np.inf
+    for _ in range(ROUNDS):
+        error = se2.relative(end(lengths), goal)
+        missing = rows.values - rows.matrix @ lengths
+        size = max(float(np.abs(error).max()), float(missing.max(initial=0.0)))
+        if size < least:
+            best, least = lengths, size
+        if size < CLOSE:
+            break
+        lengths = lengths + _change(effects, error, rows.matrix, missing, lengths)
+    if least > ENOUGH:
+        raise NoFitError(
+            f"no arc lengths found that end on the goal: the best miss a condition by {least:.2g}"
+        )
+    return best
+
+
+def _change(
+    effects: FloatArray, error: FloatArray, matrix: FloatArray, missing: FloatArray, lengths: FloatArray
+) -> FloatArray:
+    """The change of the lengths, small in relation to them, that takes away the error and what is missing.
+
+    Raises:
+        NoFitError: When what is missing cannot be had without a negative length.
+    """
+    kept = np.eye(len(lengths))
+    share = least_change(
+        effects * lengths, error, np.vstack([matrix * lengths, kept]), np.append(missing, -kept.sum(axis=1))
+    )
+    if share is None:
+        raise NoFitError("no arc lengths, none of them negative, keep away from everything that was touched")
+    return np.maximum(share, -1.0) * lengths
+
+
+RANK = 1e-9
+"""Singular values below this share of the largest one count as 0."""
+
+MISSED = 1e-12
+"""By so much an inequality may be missed: the lengths have to end on the goal to 1e-10."""
+
+
+def least_change(
+    equations: FloatArray, values: FloatArray, rows: FloatArray, bounds: FloatArray
+) -> FloatArray | None:
+    """Return the shortest y (k,) with equations y = values and rows y >= bounds, None where there is none.
+
+    Equations that contradict one another are met as well as they can be. Of what they leave free, y = y_0 + N z,
+    the shortest z with G z >= h is taken: a quadratic program (DAQP, Arnstrom, Bemporad and Axehill 2022).
+
+    Args:
+        equations: (m, k).
+        values: (m,).
+        rows: (c, k).
+        bounds: (c,).
+    """
+    left, sizes, right = np.linalg.svd(equations)
+    rank = int((sizes > RANK * sizes[0]).sum())
+    particular = right[:rank].T @ ((left[:, :rank].T @ values) / sizes[:rank])
+    free = right[rank:].T
+    g, h = rows @ free, bounds - rows @ particular
+    if (h <= 0.0).all():
+        return np.asarray(particular)
+    if not free.shape[1]:
+        return None
+    square, none = np.eye(free.shape[1]), np.zeros(free.shape[1])
+    z, _, flag, _ = daqp.solve(
+        square, none, np.ascontiguousarray(g), np.full(len(h), np.inf), h, primal_tol=MISSED
+    )
+    return np.asarray(particular + free @ z) if flag > 0 else None
+
+
+FITS = 2
+"""How often steps are widened and lengths fitted in turn."""
+
+
+def moving_arcs(path: PushPath) -> IntArray:
+    """Return the indices (a,) of the arcs that have a length."""
+    return np.flatnonzero(path.lengths > 0.0)
+
+
+def corners_of(path: PushPath) -> frozenset[int]:
+    """Return the arcs at whose end the twist changes."""
+    arcs = moving_arcs(path)
+    change = np.abs(np.diff(path.twists[arcs], axis=0)).max(axis=1, initial=0.0)
+    return frozenset(arcs[:-1][change > SAME].tolist())
+
+
+def split_part(path: PushPath, part: Part, stops: frozenset[int], bounds: Bounds) -> list[Part]:
+    """Return the parts of a part between the arcs after which the pusher stops; itself where there is no stop."""
+    ends = np.flatnonzero(np.isin(part.arcs[:-1], list(stops))) + 1
+    if not len(ends):
+        return [part]
+    return [make_part(path, arcs, bounds) for arcs in np.split(part.arcs, ends)]
+
+
+def fitted(
+    path: PushPath, goal: FloatArray, parts: Sequence[Part], rows: LengthRows
+) -> tuple[list[Part], FloatArray]:
+    """Widen steps to meet the limits, and fit lengths (k,) that end on the goal (3,), in turn.
+
+    Raises:
+        NoFitError: When no lengths lead there and meet the conditions.
+    """
+    lengths = path.lengths
+    for _ in range(FITS):
+        parts = [part.eased(lengths) for part in parts]
+        lengths = fit_lengths(partial(_end, path, parts), goal, path, lengths, rows)
+    return list(parts), lengths
+
+
+def slowed(parts: Sequence[Part], lengths: FloatArray, bearable: float) -> tuple[list[Part], FloatArray]:
+    """Slow parts down as wholes until they keep the limits.
+
+    Returns:
+        The parts, and (k,) when the limits were exceeded most in those that it delays by more than `bearable`, s.
+    """
+    slow, strained, begin = [], [], 0.0
+    for part in parts:
+        changed, worst = part.slowed(lengths)
+        duration = changed.duration(lengths)
+        if duration - part.duration(lengths) > bearable:
+            strained.append(begin + worst)
+        slow.append(changed)
+        begin += duration
+    return slow, np.array(strained)
+
+
+def joined(path: PushPath, parts: Sequence[Part], lengths: FloatArray, rate: float) -> Trajectory:
+    """Return the parts as one trajectory."""
+    pieces = [part.pieces(lengths) for part in parts]
+    durations, coefficients, arcs = (np.concatenate(column) for column in zip(*pieces, strict=True))
+    breaks = np.concatenate([[0.0], np.cumsum(durations)])
+    return Trajectory(path.start, breaks, coefficients, arcs.astype(np.float64), rate)
+
+
+def nearest_corners(parts: Sequence[Part], lengths: FloatArray, times: FloatArray) -> frozenset[int]:
+    """Return the corners without a stop that are nearest to some times (k,)."""
+    arcs, at = _blended_corners(parts, lengths)
+    return frozenset(arcs[np.abs(at - times[:, None]).argmin(axis=1)].tolist())
+
+
+def sharpest_corner(path: PushPath, parts: Sequence[Part]) -> frozenset[int]:
+    """Return the corner without a stop whose twists commute least: its blend moves the end most."""
+    arcs, _ = _blended_corners(parts, path.lengths)
+    moving = moving_arcs(path)
+    a, b = path.twists[arcs], path.twists[moving[np.searchsorted(moving, arcs) + 1]]
+    bracket = a[:, 2:] * b[:, :2] - b[:, 2:] * a[:, :2]
+    return frozenset({int(arcs[np.argmax(np.hypot(*bracket.T))])})
+
+
+def _end(path: PushPath, parts: Sequence[Part], lengths: FloatArray) -> FloatArray:
+    pose = path.start
+    for part in parts:
+        pose = se2.compose(pose, part.motion(lengths))
+    return pose
+
+
+def _blended_corners(parts: Sequence[Part], lengths: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The arcs (c,) after which the twist changes without a stop, and when (c,)."""
+    begins = np.cumsum([0.0, *(part.duration(lengths) for part in parts[:-1])])
+    corners = [part.corners(lengths) for part in parts]
+    times = [begin + at for begin, (_, at) in zip(begins, corners, strict=True)]
+    return np.concatenate([arcs for arcs, _ in corners]), np.concatenate(times)
