@@ -91,7 +91,7 @@ BROKEN: dict[str, tuple[int, Any, str]] = {
     "an approach that moves the load": (
         1, lambda s: replace(s, after={"b0": s.after["b0"] + np.array([1e-3, 0.0, 0.0])}), "moves what it"
     ),
-    "a push of another face": (2, lambda s: from_face(s, "rear"), "does not begin with its contacts closed"),
+    "a push of another face": (2, lambda s: from_face(s, "front"), "does not begin with its contacts closed"),
     "an approach to another face": (1, lambda s: from_face(s, "rear"), "does not follow an approach"),
     "a retreat from another face": (3, lambda s: from_face(s, "rear"), "not followed by a retreat"),
 }  # fmt: skip
