@@ -8,13 +8,10 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from numba.experimental import structref
 
 from ompl import base as ob
-from pushplan.compiled.private import COMPILES
 from pushplan.planners.improve.session import CHUNK, Session
 from pushplan.planners.ompl.form import PushInformation, information_of, leave_path
-from pushplan.planners.ompl.grow import Handle, _HandleInPython, _HandleType, make_handle
 from pushplan.planners.problem.problem import Box
 from pushplan.planners.search.bidirectional import grow_both
 from pushplan.planners.search.forest import NODE, Forest, plant
@@ -58,10 +55,6 @@ class AnytimePlanner(ob.Planner):  # type: ignore[misc]
 
 
 structref.define_proxy(Handle, _HandleType, ["problem", "nodes", "word"])  # type: ignore[no-untyped-call]
-
-
-if not COMPILES:  # for debuggers and coverage; there numba's reference would call itself for ever
-    make_handle = _HandleInPython  # type: ignore[assignment]
 
 
 ROUND, DOUBLINGS = 256, 4

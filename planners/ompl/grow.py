@@ -55,6 +55,10 @@ def make_handle(problem: Problem, nodes: FloatArray, word: FloatArray) -> Handle
     return Handle(problem, nodes, word)  # type: ignore[no-untyped-call]
 
 
+if not COMPILES:  # for debuggers and coverage; there numba's reference would call itself for ever
+    make_handle = _HandleInPython  # type: ignore[assignment]
+
+
 @compiled
 def grow(
     handle: Handle, count: int, parent: int, u0: float, u1: float, u2: float, bound: float
