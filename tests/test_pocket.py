@@ -13,14 +13,24 @@ from pushplan.bench.random_problems import DRIVES, generate
 from pushplan.bench.schema import ProblemParameters
 from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at
-from pushplan.planners.infeasible import pocket
+from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
-from pushplan.planners.infeasible.pocket import LEVELS, Pocket, find_pocket, make_steps, push_hull, reached
-from pushplan.planners.infeasible.pocket_kernel import CLOSED, MET, OPEN, ORIGIN, Steps
+from pushplan.planners.infeasible.pockets import (
+    CLOSED,
+    LEVELS,
+    MET,
+    OPEN,
+    ORIGIN,
+    Pocket,
+    Steps,
+    find_pocket,
+    make_steps,
+    push_hull,
+    reached,
+)
 from pushplan.planners.problem.controls import segment_ends
-from pushplan.planners.problem.posing import build_problem
-from pushplan.planners.problem.problem import Problem
-from pushplan.planners.validation.checker import find_collision
+from pushplan.planners.problem.problem import Problem, build_problem
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.scenario.file import example_names, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.sets.stable_set import StableSet

@@ -54,9 +54,6 @@ class AnytimePlanner(ob.Planner):  # type: ignore[misc]
         """Offer paths to the session until it is finished."""
 
 
-structref.define_proxy(Handle, _HandleType, ["problem", "nodes", "word"])  # type: ignore[no-untyped-call]
-
-
 ROUND, DOUBLINGS = 256, 4
 """Extensions of a round of trees, and how often they are doubled at most.
 

@@ -35,6 +35,9 @@ class Handle(structref.StructRefProxy):
     word: FloatArray
 
 
+structref.define_proxy(Handle, _HandleType, ["problem", "nodes", "word"])  # type: ignore[no-untyped-call]
+
+
 class _HandleInPython(NamedTuple):
     """Stands in for `Handle` where nothing is compiled."""
 
