@@ -14,8 +14,8 @@ import time
 from dataclasses import replace
 
 import numpy as np
-
 from pushplan.bench.processes.machine import Machine
+
 from pushplan.mechanics.chain import Limits
 from pushplan.plan import plan
 from pushplan.planners.blending.blending import blend_path

@@ -28,8 +28,8 @@ import numpy as np
 from dense_scenes import NUMBERS
 from dense_scenes import scenes as dense_scenes
 from extensions_cpp import build, improvements, why_not
-
 from pushplan.bench.processes.machine import Machine
+
 from pushplan.kernels import warm_up
 from pushplan.planned import STALL
 from pushplan.planners.improve.session import Budget, Session

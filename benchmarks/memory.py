@@ -15,6 +15,7 @@ import tempfile
 from pathlib import Path
 
 from pushplan.bench.processes.machine import Machine
+
 from pushplan.kernels import warm_up
 from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.ompl.auto import Auto

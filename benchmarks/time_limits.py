@@ -12,8 +12,8 @@ import time
 from dataclasses import replace
 
 import numpy as np
-
 from pushplan.bench.processes.machine import Machine
+
 from pushplan.plan import plan
 from pushplan.planners.collision.scene import convex_pieces
 from pushplan.scenario.builders import box, build_scenario, plate

@@ -9,9 +9,7 @@ import shapely
 
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.body import BodyKind
-from pushplan.planners.validation.checker import find_collision
-from pushplan.planners.validation.motion import densify
-from pushplan.planners.validation.room import Room
+from pushplan.planners.validation.clearance import Room, densify, find_collision
 from pushplan.plans.execution import Execution
 from pushplan.plans.result import PlanResult
 from pushplan.scenario.model import CircleObstacle, Scenario
