@@ -137,7 +137,7 @@ def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captur
         ),
         (["replay", "@first"], "@first is neither a file nor a recorded run; the last run is @1"),
         (["trial", "two-crates", "--samples", "0"], "'0' is no number; allowed: a whole number from 1"),
-        (["plan", "two-crates", "--see", "1"], "Did you mean '--seed'?"),
+        (["plan", "two-crates", "--see", "1"], "'--seed'"),
         (["plan", "two-crates", "--time-limit", "1x"], "'1x' is no time limit"),
         (["pln", "two-crates"], "Did you mean 'plan'?"),
         (["plan", "two-crates", "--planner", "autoo"], "did you mean 'auto'?"),
@@ -230,17 +230,15 @@ def test_code_that_a_file_names_is_told_before_its_import_or_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.yaml").write_text(
-        example_text("one-box") + "planner: {name: 'no_such_module:Planner'}\n"
-    )
     (tmp_path / "suite.yaml").write_text(
         "format: pushplan-suite/1\nproblems: [one-box]\nplanners: ['no_such_module:Planner']\n"
     )
-    for words in (["plan", "mine.yaml", "--no-log"], ["bench", "suite.yaml", "-o", "results"]):
+    planned = ["plan", "one-box", "--planner", "no_such_module:Planner", "--no-log"]
+    for words in (planned, ["bench", "suite.yaml", "-o", "results"]):
         assert main([*words, "--no-code"]) == 2
-        told = "names code, no_such_module:Planner, and --no-code refuses to import the module no_such_module"
-        assert f"{words[1]} {told}" in capsys.readouterr().err
+        told = "no_such_module:Planner is code, and --no-code refuses to import the module no_such_module"
+        assert f"{words[1]}: {told}" in capsys.readouterr().err
         assert not (tmp_path / "results").exists()
-    assert main(["plan", "mine.yaml", "--no-log"]) == 2
+    assert main(planned) == 2
     error = capsys.readouterr().err
-    assert error.index("mine.yaml: imports the module no_such_module") < error.index("cannot load")
+    assert error.index("one-box: imports the module no_such_module") < error.index("cannot load")

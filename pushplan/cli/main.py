@@ -130,10 +130,14 @@ def main(argv: Sequence[str]) -> int:
         if not argv and "_PUSHPLAN_COMPLETE" not in os.environ:
             click.echo(pushplan.get_help(click.Context(pushplan, info_name="pushplan")), err=True)
             return WRONG_INPUT
-        with interruption.raising():
-            code: Any = pushplan.main(list(argv), prog_name="pushplan", standalone_mode=False)
+        if "_PUSHPLAN_COMPLETE" in os.environ:
+            pushplan.main(list(argv), prog_name="pushplan")
+        with interruption.raising(), pushplan.make_context("pushplan", list(argv)) as context:
+            code: Any = pushplan.invoke(context)
             sys.stdout.flush()
         return int(code or 0)
+    except click.exceptions.Exit as done:  # of --help and --version
+        return done.exit_code
     except click.ClickException as error:
         error.show()
         return _told({"kind": "UsageError", "message": error.format_message()}, json, WRONG_INPUT)

@@ -285,10 +285,10 @@ def code_of(source: object, note: Callable[[str], None], forbidden: bool) -> Ite
 
     def observer(name: str) -> None:
         module = name.partition(":")[0]
+        if module.partition(".")[0] == "pushplan":
+            return
         if forbidden:
-            raise UsageError(
-                f"{source} names code, {name}, and --no-code refuses to import the module {module}"
-            )
+            raise UsageError(f"{source}: {name} is code, and --no-code refuses to import the module {module}")
         if module not in told:
             told.add(module)
             note(f"{source}: imports the module {module}")

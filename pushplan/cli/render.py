@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from math import degrees, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,9 +15,7 @@ from pushplan.plans.execution import inertia_warning
 
 if TYPE_CHECKING:
     from pushplan.plans.execution import Execution
-    from pushplan.plans.path import PushPath
     from pushplan.plans.result import PlanResult
-    from pushplan.plans.segment import Segment
     from pushplan.scenario.model import Scenario
     from pushplan.util.arrays import FloatArray
 
@@ -116,56 +113,26 @@ def _pose_text(pose: Sequence[float]) -> str:
     return f"({x:.3f}, {y:.3f}, {theta:.1f} deg)"
 
 
-# --- the document of today's results; a Plan's `to_dict()` takes its place -----------------------------------------
+# --- today's results; `plan` is a Plan when logs are of Plans ------------------------------------------------------
 
 
 def plan_document(
     scenario: Scenario, plan: PlanResult, execution: Execution | None, log: Path | None
 ) -> Document:
     """Return the document of a plan and its execution."""
-    cost = None if plan.path is None else plan.path.cost
-    document: Document = {
-        "scenario": scenario.name,
-        "solved": plan.solved,
-        "reason": plan.reason,
-        "planner": plan.planner,
-        "objective": plan.objective,
-        "set": plan.stable_set,
-        "seed": plan.seed,
-        "first_solution_s": plan.first_solution_s,
-        "planning_s": plan.planning_s,
-        "iterations": plan.extensions,
-        "cost": plan.objective_cost if plan.segments else cost,
-        "path_cost": cost,
-        "lower_bound": plan.lower_bound,
-        "gap": plan.gap,
-        "pushed_distance": plan.way_pushed,
-        "diagnosis": [vars(found) for found in plan.diagnosis],
-        "nearest": _nearest(plan),
-        "arcs": [] if plan.path is None else _arcs(plan.path),
-        "duration_s": plan.trajectory.duration if plan.trajectory else None,
-        "goal_error": _goal_error(execution) if execution else None,
-        "min_margin": execution.min_margin if execution else plan.min_margin,
-        "min_dynamic_margin": execution.min_dynamic_margin if execution else None,
-        "margin_asked": plan.margin_asked,
-        "margin": plan.margin,
-        "robustness": asdict(plan.tolerance) if plan.tolerance else None,
-        "contact_lost": None,
-        "segments": [_segment(segment) for segment in plan.segments],
-        "log": log,
-    }
-    if execution and execution.loss:
-        contact = scenario.chain.contact_name(execution.loss.contact)
-        document["contact_lost"] = {**vars(execution.loss), "contact": contact}
-    return document
+    document = plan.as_plan(scenario, execution).to_dict()
+    error = document["goal_error"]
+    if isinstance(error, dict):  # an execution that lost its load has no goal error
+        document["goal_error"] = {name: value if isfinite(value) else None for name, value in error.items()}
+    return {**document, "log": log}
 
 
 def remarks_on(scenario: Scenario, plan: PlanResult, execution: Execution | None) -> dict[str, str]:
     """Return what people are told beside the numbers of a plan: where margins are smallest, what it tolerates."""
     remarks = {"note": plan.lowered}
-    if plan.tolerance:
-        remarks["robustness"] = plan.tolerance.sentence
-    if execution:
+    if plan.robustness:
+        remarks["robustness"] = plan.robustness.sentence
+    if execution is not None:
         names = [scenario.chain.contact_name(k) for k in range(len(scenario.chain.contacts))]
         remarks["warning"] = inertia_warning(scenario, execution)
         remarks["min_margin"] = _where(execution, execution.margins, names)
@@ -178,38 +145,3 @@ def _where(execution: Execution, margins: FloatArray, names: Sequence[str]) -> s
     """Return when and at which contact the smallest of margins (m, n) is."""
     sample, contact = np.unravel_index(int(np.nanargmin(margins)), margins.shape)
     return f" at {execution.t[sample]:.2f} s, contact {names[int(contact)]}"
-
-
-def _segment(segment: Segment) -> Document:
-    robot = segment.robot_path
-    return {
-        "kind": segment.kind,
-        "face": segment.face or None,
-        "offset": segment.offset,
-        "arcs": _arcs(segment.path),
-        "robot_before": robot.start,
-        "robot_after": robot.end,
-        "object_before": segment.load_before,
-        "object_after": segment.load_after,
-        "t0": segment.t0,
-        "t1": segment.t1,
-    }
-
-
-def _arcs(path: PushPath) -> list[Document]:
-    return [
-        {"twist": twist, "length": length} for twist, length in zip(path.twists, path.lengths, strict=True)
-    ]
-
-
-def _nearest(plan: PlanResult) -> Document | None:
-    if plan.approximate_path is None or plan.approximate_error is None:
-        return None
-    position, angle = plan.approximate_error
-    path = plan.approximate_path
-    return {"path_cost": path.cost, "position": position, "angle": angle, "arcs": _arcs(path)}
-
-
-def _goal_error(execution: Execution) -> Document:
-    position, angle = (error if isfinite(error) else None for error in execution.goal_error)
-    return {"position": position, "angle": angle}
