@@ -285,7 +285,7 @@ def code_of(source: object, note: Callable[[str], None], forbidden: bool) -> Ite
 
     def observer(name: str) -> None:
         module = name.partition(":")[0]
-        if module.partition(".")[0] == "pushplan":
+        if module.partition(".")[0] in ("pushplan", "ompl"):  # planners that are built in
             return
         if forbidden:
             raise UsageError(f"{source}: {name} is code, and --no-code refuses to import the module {module}")
