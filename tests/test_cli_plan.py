@@ -184,7 +184,7 @@ def test_iterations_make_the_plan_repeat(capsys: Captured) -> None:
         assert main(words) == 0
         found.append(json.loads(capsys.readouterr().out))
     assert found[0]["arcs"] == found[1]["arcs"]
-    assert found[0]["iterations"] == found[1]["extensions"] <= 300
+    assert found[0]["iterations"] == found[1]["iterations"] <= 300
 
 
 def test_first_stops_at_the_first_path(capsys: Captured) -> None:
