@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 
 from pushplan.errors import ScenarioError
 from pushplan.scenario.builders import box, build_scenario, plate, polygon
-from pushplan.scenario.file import example_names, load_scenario, scenario_from_document, scenario_from_text
+from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
 
@@ -52,17 +51,6 @@ def _row(**changes: Any) -> Scenario:
 def test_arguments_and_file_state_the_same_scenario() -> None:
     assert _row() == scenario_from_text(TEXT)
     assert _row(obstacles=[PolygonObstacle(TRIANGLE)]) == _row(obstacles=[TRIANGLE.tolist()])
-
-
-@pytest.mark.parametrize("name", example_names())
-def test_plain_data_give_packaged_scenarios_back(name: str) -> None:
-    scenario = load_scenario(name)
-    assert scenario_from_document(scenario.resolved(), attachments=scenario.attachments) == scenario
-
-
-def test_what_is_built_can_be_written_as_a_file(tmp_path: Path) -> None:
-    (tmp_path / "row.yaml").write_text(_row().to_json())
-    assert load_scenario(tmp_path / "row.yaml") == _row()
 
 
 def test_mistakes_are_told_all_at_once_by_place() -> None:

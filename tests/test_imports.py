@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pushplan.errors import ImportedFileError
-from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.drawings import read_csv_outlines, read_svg_outlines
 from pushplan.scenario.fields import MOST_CORNERS
 from pushplan.scenario.maps import covering, hole_free, read_ros_map
@@ -167,22 +166,6 @@ def test_obstacles_cover_what_is_in_the_way_and_little_more(
     area = found.workspace
     if turned == 0.0:
         np.testing.assert_allclose([area.xmin, area.xmax, area.ymin, area.ymax], [-1.0, 3.0, 2.0, 5.0])
-
-
-def test_a_map_can_be_pushed_through(tmp_path: Path) -> None:
-    found = read_ros_map(_map(tmp_path, np.pad(np.full((50, 70), FREE, np.uint8), 3)))
-    area = found.workspace
-    scenario = build_scenario(
-        "room",
-        [box("crate", 0.3, 0.3, 5.0)],
-        plate(0.4, 0.5),
-        (1.5, 4.0, 1.0),
-        floor_friction=0.3,
-        start=(0.0, 3.0, 0.0),
-        obstacles=found.obstacles,
-        workspace={"x": [area.xmin, area.xmax], "y": [area.ymin, area.ymax]},
-    )
-    assert len(scenario.obstacles) == len(found.obstacles) >= 2
 
 
 @pytest.mark.parametrize(

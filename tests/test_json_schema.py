@@ -129,9 +129,3 @@ def test_names_are_the_same_for_editors_and_loader(
     document = _document(example_text("one-box")) | {"name": name}
     assert checker.is_valid(document) == valid
     assert (validate(ScenarioFile, Source(json.dumps(document).encode())) is not None) == valid
-
-
-def test_every_key_carries_the_words_that_messages_use() -> None:
-    for model in scenario_schema()["$defs"].values():
-        for key, field in model["properties"].items():
-            assert field["description"], key

@@ -28,13 +28,6 @@ def test_a_new_scenario_loads_passes_its_check_and_plans(capsys: Captured) -> No
     assert main(["plan", "mine.yaml", "--first"]) == 0
 
 
-def test_every_key_of_the_template_is_explained_or_plain() -> None:
-    main(["new", "mine"])
-    lines = Path("mine.yaml").read_text().splitlines()
-    assert sum("#" in line for line in lines) > len(lines) / 3
-    assert max(len(line) for line in lines[1:]) <= 120
-
-
 def test_a_file_is_never_overwritten(capsys: Captured) -> None:
     Path("mine.yaml").write_text("precious")
     for name in ("mine", "mine.yaml"):
@@ -93,14 +86,6 @@ def test_a_forgotten_suffix_and_a_misspelt_example_are_recognised(capsys: Captur
     for command in ("examples", "check"):
         assert main([command, "two-crate"]) == 2
         assert "did you mean 'two-crates'? there are asymmetric, " in capsys.readouterr().err
-
-
-def test_no_words_at_all_show_the_help(capsys: Captured) -> None:
-    assert main([]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert "COMMAND" in err
-    assert "pushplan examples" in err
 
 
 MAP = Path(__file__).parents[1] / "examples" / "office"

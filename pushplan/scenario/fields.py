@@ -34,6 +34,7 @@ from pushplan.scenario.units import (
     or_interval,
     show,
 )
+from pushplan.util import names
 from pushplan.util.names import FACES
 
 MOST_CORNERS = 500
@@ -164,6 +165,20 @@ class Strict(BaseModel):
     """A mapping that takes no other keys than its own."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def still_here(name: Any) -> Any:
+    """Return the name of a planner, but of one that went to the benchmarks.
+
+    Raises:
+        PydanticCustomError: With what to write instead.
+    """
+    if name in names.MOVED_PLANNERS and name not in names.PLANNERS:
+        raise fault(
+            f"is '{name}', a baseline that is in the benchmarks now",
+            f"{names.DEFAULT_PLANNER}, or where a module:attribute is allowed, that of the benchmark",
+        )
+    return name
 
 
 def require_one(model: Strict, *keys: str) -> None:

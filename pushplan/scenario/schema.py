@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from pushplan.mechanics.chain import Limits
 from pushplan.scenario import fields as t
@@ -369,7 +369,7 @@ class StabilityChoice(t.Strict):
 class PlannerChoice(t.Strict):
     """Which planner runs, for how long, with which random numbers."""
 
-    name: Literal[names.PLANNERS] = Field(  # type: ignore[valid-type]
+    name: Annotated[Literal[names.PLANNERS], BeforeValidator(t.still_here)] = Field(  # type: ignore[valid-type]
         default=names.DEFAULT_PLANNER, description=_one_of(names.PLANNERS)
     )
     time_limit: t.Duration = Field(default=2.0, description="a time in s")

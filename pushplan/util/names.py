@@ -15,6 +15,9 @@ PLANNERS = ("rrt", "est", "kpiece", "sst", "rrt-dubins", "bitstar-dubins", "auto
 
 DEFAULT_PLANNER = "auto"
 
+MOVED_PLANNERS = ("rrt-dubins", "bitstar-dubins")
+"""Baselines of the benchmarks that `planner.name` may not choose once they are no longer among `PLANNERS`."""
+
 STABLE_SETS = ("ecof", "cof", "translation", "stable", "robust")
 """Stable sets that `stability.set` may choose."""
 

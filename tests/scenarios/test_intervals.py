@@ -18,7 +18,7 @@ from pushplan.mechanics.support import FeetSupport
 from pushplan.plan import plan
 from pushplan.run import run
 from pushplan.scenario.check import check_scenario
-from pushplan.scenario.file import scenario_from_document, scenario_from_text
+from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
 
@@ -78,28 +78,6 @@ def test_intervals_are_read_in_every_place() -> None:
     assert [c.friction for c in chain.contacts] == pytest.approx([0.5, np.tan(np.radians(14.0))])
     assert isinstance(chain.objects[1].support, FeetSupport)
     assert chain.objects[1].support.fractions == pytest.approx([0.265, 0.22, 0.25, 0.265])
-
-
-def test_friction_of_one_pair_may_be_an_interval() -> None:
-    """Loads are numbers then: the lowest friction decides, and everything else is as usual."""
-    pair = "contacts: {friction: 0.9, between: [{objects: [near, far], friction: [0.2, 0.8]}]}"
-    text = TEXT.replace("contacts: {friction: [14 deg, 0.5]}", pair).replace("[0.2, 0.4]}", "0.3}")
-    text = text.replace('["700 g", 1.9]', "1.0").replace("[0.1, 0.4]", "0.25").replace("[0, 40 %]", "0.25")
-    text = text.replace("[10 %, 0.4]", "0.25")
-    found = scenario_from_text(text)
-    assert found.interval is None
-    assert found.chain.contacts[1].friction == 0.2
-    assert found.stable_set("cof").loads_known
-    assert scenario_from_document(found.resolved()) == found
-
-
-def test_what_is_recorded_states_the_intervals() -> None:
-    again = scenario_from_document(scenario().resolved())
-    assert again == scenario()
-    assert again.interval is not None
-    assert scenario().interval is not None
-    twists = np.random.default_rng(0).normal(size=(100, 3)) * [0.2, 0.2, 1.0] + [1.0, 0.0, 0.0]
-    assert again.stable_set().margin(twists).tolist() == scenario().stable_set().margin(twists).tolist()
 
 
 @pytest.mark.parametrize("name", ["ecof", "translation"])

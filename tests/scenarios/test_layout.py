@@ -157,11 +157,6 @@ def test_frictions_come_from_the_pair_then_from_the_default_then_from_the_pusher
     assert frictions(("[near, far], friction: 0.20", "[pusher, near], friction: 0.9")) == [0.9, 0.25]
 
 
-def test_an_object_may_state_its_own_floor_friction(valid: Changed) -> None:
-    chain = valid.scenario(("mass: 0.8", "mass: 0.8\n    floor_friction: 10 deg")).chain
-    assert [obj.floor_friction for obj in chain.objects] == pytest.approx([0.3, math.tan(math.radians(10.0))])
-
-
 @given(st.floats(-3.0, 3.0), st.floats(0.3, 1.5), st.floats(-3.1, 3.1))
 def test_the_goal_of_an_object_brings_that_object_there(x: float, y: float, theta: float) -> None:
     text = chain_file(

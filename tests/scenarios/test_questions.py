@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pushplan.cli.main import main
 from pushplan.errors import ScenarioError
 from pushplan.scenario.check import questions
-from pushplan.scenario.file import example_text, load_scenario
+from pushplan.scenario.file import load_scenario
 from pushplan.scenario.source import Source
 
 IN_MILLIMETRES = """\
@@ -43,33 +42,6 @@ def test_what_follows_from_millimetres_is_one_finding(tmp_path: Path) -> None:
     assert "more finding" in finding.what
 
 
-def test_other_mistakes_are_told_as_ever(tmp_path: Path) -> None:
-    file = tmp_path / "m.yaml"
-    file.write_text(IN_MILLIMETRES.replace("[120, 80]", "[0.12, 0.08]"))
-    with pytest.raises(ScenarioError, match=r"objects\[1\]\.shape\.polygon: is 100 m long: mm\?"):
-        load_scenario(file)
-    small = IN_MILLIMETRES.replace("120, 80", "0.12, 0.08").replace(
-        "[-50, -40], [50, -40], [50, 40], [-50, 40]", SMALL
-    )
-    file.write_text(small.replace("200, thickness: 30", "0.2").replace("[3000, 1000, 5]", "[3, 1, 0]"))
-    with pytest.raises(ScenarioError, match=r"limits\.speed: is 200"):
-        load_scenario(file)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "question"),
-    [
-        ("[120, 80]", "[120 m, 80 m]", "f.yaml:6:34: objects[1].shape.polygon: is 100 m long: mm?"),
-    ],
-)  # fmt: skip
-def test_lengths_are_asked_about(old: str, new: str, question: str) -> None:
-    text = IN_MILLIMETRES.replace("[3000, 1000, 5]", "[3, 1, 0]").replace("speed: 200", "speed: 0.2")
-    if "120" not in old:
-        text = text.replace("[120, 80]", "[12, 8]").replace("50", "5").replace("40", "4")
-    found = asked(text.replace(old, new))
-    assert [one[: len(question)] for one in found] == ([question] if question else [])
-
-
 @pytest.mark.parametrize(
     ("pusher", "question"),
     [
@@ -85,12 +57,3 @@ def test_speeds_and_axles_are_asked_about(pusher: str, question: str) -> None:
     found = asked(text.replace("limits: {speed: 200}", pusher))
     assert len(found) == bool(question)
     assert question in "".join(found)
-
-
-def test_what_loads_is_asked_about_and_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "fast.yaml"
-    text = example_text("free-space")
-    file.write_text(text.replace("  friction: 0.55\n", "  friction: 0.55\n  limits: {speed: 6.2}\n", 1))
-    assert "6.2" in file.read_text()
-    assert main(["check", str(file)]) == 0
-    assert "question:" in capsys.readouterr().err

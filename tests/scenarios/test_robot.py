@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
@@ -67,14 +66,6 @@ def test_poses_are_in_the_frame_of_the_plate_wherever_that_touches(valid: Change
     )
 
 
-def test_both_ways_to_state_a_drive_agree_where_the_frames_do(valid: Changed) -> None:
-    drive = "{differential: {axle: [-0.3, 0.0, 0.0]}}"
-    new = valid.scenario(with_robot(f"{{drive: {drive}}}"), ("  drive: omnidirectional\n", ""))
-    old = valid.scenario(("drive: omnidirectional", f"drive: {drive}"))
-    assert new.chain.pusher.drive.kind == old.chain.pusher.drive.kind == "differential"
-    np.testing.assert_array_equal(new.chain.pusher.drive.axle, old.chain.pusher.drive.axle)
-
-
 @pytest.mark.parametrize("stated", [
     "{footprint: {box: [0.42, 0.285], pose: [-0.21, 0, 0]}}",
     "{footprint: [{polygon: [[-0.03, -0.1], [-0.3, -0.1], [-0.2, 0], [-0.3, 0.1], [-0.03, 0.1]]}, "
@@ -104,25 +95,6 @@ def test_what_is_resolved_is_the_same_scenario(valid: Changed, stated: str) -> N
         "f.yaml:21:20: robot.footprint: 'robot' touches 'near' beside the plate, which alone may push; move it back",
     ),
     (
-        "{footprint: {box: [0.42, 0.285]}, bass: [0, 0, 0]}",
-        "f.yaml:21:42: robot.bass: unknown key; did you mean 'base'? allowed: footprint, drive, start, base",
-    ),
-    (
-        "{footprint: {box: [0.4, 0.2], polygon: [[0, 0], [1, 0], [0, 1]]}}",
-        "f.yaml:21:20: robot.footprint: has box and polygon; allowed: {box: [length, width], pose: [x, y, theta]}, "
-        "{polygon: [[x, y], ...]} or a list of 1 to 50 of these",
-    ),
-    (
-        "{footprint: [{box: [0.4, 0.2], pose: [-0.2, 0, 0]}, {box: [0.4, -1]}]}",
-        "f.yaml:21:72: robot.footprint[1].box[1]: is -1; allowed: a length in m from 0.001 to 1000, or with a unit, "
-        'e.g. "5 mm"',
-    ),
-    (
-        "{footprint: []}",
-        "f.yaml:21:20: robot.footprint: is a list of 0; allowed: {box: [length, width], pose: [x, y, theta]}, "
-        "{polygon: [[x, y], ...]} or a list of 1 to 50 of these",
-    ),
-    (
         "{drive: omnidirectional}",
         "f.yaml:21:9: robot.drive: is stated in pusher.drive, too; keep one of them",
     ),
@@ -137,16 +109,6 @@ def test_what_is_resolved_is_the_same_scenario(valid: Changed, stated: str) -> N
 ])  # fmt: skip
 def test_findings_name_the_place_and_what_helps(valid: Changed, stated: str, finding: str) -> None:
     assert finding in valid.findings(with_robot(stated))
-
-
-def test_a_robot_that_obstacles_meet_at_the_goal_is_told(valid: Changed) -> None:
-    robot = with_robot("{footprint: {box: [0.2, 0.1], pose: [-0.13, 0, 0]}}")
-    pose = valid.scenario(robot).goal.pose_chain
-    x, y = se2.transform_points(pose, np.array([-0.2, 0.0])).round(6)
-    disc = "{circle: 0.1, center: [1.0, 0.2]}", f"{{circle: 0.02, center: [{x}, {y}]}}"
-    assert valid.scenario(disc).obstacles
-    (found,) = valid.findings(robot, disc)
-    assert found.startswith("f.yaml:24:9: goal.pose: at the goal, 'robot' overlaps obstacles[2] by ")
 
 
 def test_an_object_may_be_called_robot_as_long_as_there_is_no_other(valid: Changed) -> None:

@@ -44,21 +44,6 @@ def findings(*changes: tuple[str, str]) -> list[str]:
     return [finding.text("s.yaml") for finding in error.value.findings]
 
 
-def test_a_file_without_a_start_of_the_robot_asks_for_one_push() -> None:
-    scenario = read(("robot: {start: [0.2, 1.0, 0.0]}\n", ""))
-    assert scenario.pushes is None
-    assert "pushes" not in scenario.resolved()
-    assert scenario.resolved()["goal"]["pose"] == [2.0, 1.0, 0.0]
-
-
-def test_defaults_are_all_faces_in_their_middle() -> None:
-    pushes = read().pushes
-    assert pushes is not None
-    assert (pushes.faces, pushes.offsets, pushes.most) == (None, (0.0,), 6)
-    assert (pushes.switch_cost, pushes.transit_weight) == (0.1, 0.1)
-    assert (pushes.approach, pushes.retreat, pushes.settle) == (0.05, 0.05, 0.02)
-
-
 def test_quantities_take_units_and_faces_take_angles() -> None:
     stated = "pusher: {width: 0.2, friction: 0.5, faces: [rear, 90 deg], offsets: [0, 15 mm]}"
     pushes = read(
@@ -80,14 +65,6 @@ def test_symmetry_turns_the_goal_about_the_object_that_it_is_for() -> None:
     for goal in pushes.goals:
         ahead = 0.075 * np.array([math.cos(goal.pose[2]), math.sin(goal.pose[2])])
         np.testing.assert_allclose(goal.pose_chain[:2] + ahead, [2.0, 1.0], atol=1e-12)
-
-
-def test_a_list_of_goals_is_read_in_its_order() -> None:
-    pushes = read(
-        ("{pose: [2.0, 1.0, 0.0], of: box}", "[{pose: [2, 1, 0]}, {pose: [2, 2, 90 deg], of: box}]")
-    ).pushes
-    assert pushes is not None
-    assert [goal.of for goal in pushes.goals] == [None, "box"]
 
 
 def test_the_robot_starts_where_its_plate_is() -> None:

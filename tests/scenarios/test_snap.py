@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pushplan.cli.check import document, rows
+from pushplan.cli.check import rows
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import PLATE
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
@@ -139,29 +139,6 @@ def test_the_first_object_lies_aside_and_takes_the_chain_frame_along() -> None:
     assert "the contact's midpoint at (0, 0.003)" in findings(text(objects, "snap: 2 mm"))[0]
 
 
-def test_what_lies_flush_already_stays() -> None:
-    objects = [box("near", 0.1, 0.08, (0.05, 0.0, 0.0)), "name: far, shape: {box: [0.1, 0.08]}, mass: 1"]
-    scenario = scenario_from_text(text(objects))
-    assert scenario.chain.objects[0].pose_chain.tolist() == [0.05, 0.0, 0.0]
-    assert scenario.snapping is not None
-    assert [(m.name, m.gap, m.turn) for m in scenario.snapping.objects] == [("near", 0.0, 0.0)]
-    assert scenario == scenario_from_text(text(objects, ""))
-
-
-def test_check_says_by_how_much_each_was_moved() -> None:
-    objects = [box("near", 0.1, 0.08, (0.0512, 0.0, math.radians(1.0)))]
-    scenario = scenario_from_text(text(objects, "snap: {position: 2 mm, angle: 90 mrad}"))
-    assert dict(rows(scenario))["snapped near"] == "by 1.2 mm and -1 deg onto the plate"
-    stated = document(scenario)["snapped"]
-    assert isinstance(stated, dict)
-    assert stated["objects"][0]["name"] == "near"
-    assert stated["objects"][0]["gap"] == pytest.approx(0.0012)
-    assert (
-        document(scenario_from_text(text(["name: b, shape: {box: [0.1, 0.1]}, mass: 1"], "")))["snapped"]
-        is None
-    )
-
-
 def test_without_snap_what_nearly_touches_is_a_finding() -> None:
     near = box("near", 0.1, 0.08, (0.05, 0.0, 0.0))
     far = box("far", 0.1, 0.08, (0.1504, 0.0, 0.0))
@@ -176,27 +153,3 @@ def test_without_snap_what_nearly_touches_is_a_finding() -> None:
             "of it; allowed: at least 1 mm, or a contact"
         ]
     scenario_from_text(text([near, box("aside", 0.1, 0.08, (0.05, 0.081, 0.0))], ""))
-
-
-@pytest.mark.parametrize(
-    ("snap", "finding"),
-    [
-        ("snap: 5", 'snap: is 5; allowed: a length in m from 1e-06 to 0.1, or with a unit, e.g. "5 mm"'),
-        ("snap: {angle: 2 deg}", "snap.position: is missing; needed: a length in m"),
-        ("snap: {position: 5 mm, turn: 1}", "snap.turn: unknown key; allowed: position, angle"),
-        (
-            "snap: [1]",
-            'snap: is a list of 1; allowed: a length in m from 1e-06 to 0.1, or with a unit, e.g. "5 mm"',
-        ),
-    ],
-)
-def test_a_wrong_snap_is_told_and_nothing_that_follows_from_it(snap: str, finding: str) -> None:
-    objects = [box("near", 0.1, 0.08, (0.0512, 0.0, 0.0))]
-    assert findings(text(objects, snap)) == [finding]
-
-
-def test_an_object_that_faces_nothing_is_told() -> None:
-    objects = [box("near", 0.1, 0.08, (0.05, 0.0, 0.0)), box("far", 0.1, 0.08, (0.15, 1.0, 0.0))]
-    (finding,) = findings(text(objects))
-    assert finding.startswith("objects[1].pose: 'far' ")
-    assert "snap allows 5 mm and 2 deg: move it" in finding

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from pushplan.cli.check import document, rows
-from pushplan.errors import PushplanError, ScenarioError
+from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport
 from pushplan.mechanics.worst_case.load_cells import load_cells
@@ -72,26 +70,6 @@ def test_it_is_the_same_as_writing_the_intervals() -> None:
     np.testing.assert_allclose(
         stable_set_over(bare).margin(at), scenario_from_text(written).stable_set().margin(at), atol=1e-12
     )
-
-
-def test_explicit_intervals_win() -> None:
-    text = TEXT.replace("{friction: 0.3}", "{friction: [0.29, 0.31]}").replace(
-        "-0.03, 0.2]", "-0.03, [0.1, 0.3]]"
-    )
-    found = scenario_from_text(LINE + text.replace("0.5}", "[0.5, 0.9]}"))
-    assert found.interval is not None
-    assert found.contact_friction is not None
-    assert found.interval.floor_friction[0].tolist() == [0.29, 0.31]
-    assert found.interval.fractions[1][0].tolist() == [0.1, 0.3]
-    assert found.contact_friction[0].tolist() == [0.5, 0.9]
-
-
-def test_parts_of_the_load_stay_parts() -> None:
-    one = TEXT.replace(FEET, "support: {feet: [[0.0, 0.0, 1.0]]}")
-    found = scenario_from_text(LINE + one)
-    assert found.interval is not None
-    assert found.interval.fractions[1].tolist() == [[0.9, 1.0]]
-    assert found.interval.chain.objects[1].support.center.tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -175,41 +153,6 @@ def test_the_set_is_reached_by_a_vertex_on_feet() -> None:
     assert ((least > 0.0) == exact).all()
 
 
-def test_check_shows_the_intervals() -> None:
-    said = dict(rows(scenario()))
-    assert said["object near"].endswith("floor friction 0.24 to 0.36")
-    assert said["contact pusher-near"].endswith("friction 0.4 to 0.6 (21.8 to 31.0 deg)")
-    values = [value for _, value in rows(scenario())]
-    assert any(value.endswith("pressure off by up to 10 %") for value in values)
-    assert any("loads in intervals" in value for value in values)
-    stated = json.loads(json.dumps(document(scenario()), default=np.ndarray.tolist))
-    assert stated["uncertainty"] == {"contact_friction": 0.2, "floor_friction": 0.2, "load": 0.1}
-    assert stated["contacts"][0]["friction"] == pytest.approx([0.4, 0.6])
-    assert stated["objects"][0]["pressure_off_by"] == 0.1
-
-
-def test_sets_that_go_by_the_centre_take_it_as_it_is_and_say_so() -> None:
-    flat = TEXT.replace(f", {FEET}", "")
-    found = scenario_from_text(LINE + flat + "stability: {set: stable}\n")
-    (said,) = [value for label, value in rows(found) if label == "uncertainty"]
-    assert said == (
-        "load is not counted: the set 'stable' holds for every pressure with the stated centre, and takes that "
-        "centre as it is"
-    )
-    without = scenario_from_text(LINE.replace(", load: 10 %", "") + flat + "stability: {set: stable}\n")
-    at = twists(6, 50)
-    assert found.stable_set().margin(at).tolist() == without.stable_set().margin(at).tolist()
-    assert not [label for label, _ in rows(scenario()) if label == "uncertainty"]
-
-
-def test_unknown_loads_go_with_the_line() -> None:
-    text = TEXT.replace(FEET, "support: unknown") + "stability: {set: stable}\n"
-    found = scenario_from_text(LINE + text)
-    assert found.interval is not None
-    assert found.interval.pressures == {0: 0.1}
-    assert check_scenario(found) == ()
-
-
 def test_cof_refuses_the_line() -> None:
     (finding,) = check_scenario(scenario_from_text(LINE + TEXT + "stability: {set: cof}\n"))
     assert finding.where == "stability.set"
@@ -242,30 +185,3 @@ def test_pushes_above_the_floor_say_what_to_do(line: str, name: str, needed: str
         found.stable_set()
     contact_only = scenario_from_text("uncertainty: {contact_friction: 10 %}\n" + text)
     assert not [finding for finding in check_scenario(contact_only) if finding.where == "uncertainty"]
-
-
-@pytest.mark.parametrize(
-    ("line", "where", "what"),
-    [
-        (
-            "uncertainty: {load: 20}",
-            "uncertainty.load",
-            'is 20; allowed: a share from 0 to 0.9, or with a unit, e.g. "20 %"',
-        ),
-        (
-            "uncertainty: {mass: 0.1}",
-            "uncertainty.mass",
-            "unknown key; allowed: contact_friction, floor_friction, load",
-        ),
-        (
-            "uncertainty: 20 %",
-            "uncertainty",
-            "is the text '20 %'; allowed: a mapping with the keys contact_friction, floor_friction, load",
-        ),
-    ],
-)
-def test_wrong_lines_are_located(line: str, where: str, what: str) -> None:
-    with pytest.raises(ScenarioError) as caught:
-        scenario_from_text(line + "\n" + TEXT)
-    (finding,) = caught.value.findings
-    assert (finding.where, finding.what, finding.line) == (where, what, 1)

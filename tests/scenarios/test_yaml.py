@@ -146,14 +146,6 @@ def test_size_depth_and_number_of_values_are_limited() -> None:
     assert refusal(many).endswith(f"the file holds more than the {MOST_NODES} values allowed")
 
 
-def test_a_billion_laughs_are_refused_at_the_first_alias() -> None:
-    bomb = "a: &a [x]\nb: &b [*a, *a]\nc: [*b, *b]\n"
-    assert refusal(bomb).splitlines()[1:3] == [
-        "f:2:4: b: anchors (&b) are not supported; leave it out",
-        "f:2:8: b[0]: aliases (*a) are not supported; write the value out",
-    ]
-
-
 def test_an_empty_file_is_an_empty_value() -> None:
     assert Source(b"").root.plain() is None
     assert Source(b"# nothing\n").root.plain() is None
