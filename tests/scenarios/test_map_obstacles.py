@@ -244,3 +244,35 @@ def test_a_picture_is_bounded_before_it_is_decoded() -> None:
     header = b"P5 9000 9000 255\n"
     with pytest.raises(ImportedFileError, match="9000 x 9000 cells"):
         cells_of(header, "huge.pgm", "trinary", False, 0.65, 0.25)
+
+
+def _of(cells: npt.NDArray[np.uint8], folder: Path) -> Path:
+    Image.fromarray(cells).save(folder / "map.png")
+    (folder / "map.yaml").write_text("image: map.png\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    return folder / "map.yaml"
+
+
+@pytest.mark.parametrize(
+    ("blocked", "told"),
+    [
+        (
+            np.indices((1000, 1000)).sum(axis=0) % 2 == 0,
+            "has 500000 separate runs of blocked cells in its rows",
+        ),
+        ((np.indices((500, 500)) % 4 == 0).all(axis=0), "has 15625 separate regions of blocked cells"),
+    ],
+)
+def test_a_map_of_specks_is_refused_with_their_number(
+    blocked: npt.NDArray[np.bool_], told: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ImportedFileError, match=f"{told}; allowed: .* smooth the picture"):
+        read_ros_map(_of(np.where(blocked, OCCUPIED, FREE).astype(np.uint8), tmp_path))
+
+
+def test_grey_and_coloured_pictures_of_the_same_cells_are_the_same_map(tmp_path: Path) -> None:
+    grey = _room()
+    found = [
+        [obstacle.outline.tolist() for obstacle in read_ros_map(_of(cells, tmp_path)).obstacles]
+        for cells in (grey, np.stack([grey] * 3, axis=2), np.dstack([grey] * 3 + [np.full_like(grey, 255)]))
+    ]
+    assert found[0] == found[1] == found[2] != []
