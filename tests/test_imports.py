@@ -77,6 +77,18 @@ def test_curves_become_chords_within_the_tolerance(tolerance: float, tmp_path: P
             "two shapes are called 'r'",
         ),
         ("<rect", "cannot read the drawing"),
+        ('<rect x="nan" width="9" height="9"/>', "x is 'nan'; allowed: a finite length"),
+        ('<rect id="r" width="-10" height="9"/>', "r: width is '-10'; allowed: a finite length, not below 0"),
+        (
+            f'<polygon points="{" ".join(f"{i},{i * i}" for i in range(20_000))}"/>',
+            "has 20000 points; allowed: 10000",
+        ),
+        (
+            "".join(f'<g id="a{k}">' + f'<use href="#a{k + 1}"/>' * 10 + "</g>" for k in range(7))
+            + '<g id="a7"/>',
+            "elements; allowed: 10000",
+        ),
+        ('<g id="a"><use href="#a"/></g>', "nested deeper than the 100 levels allowed"),
     ],
 )
 def test_a_drawing_that_is_no_outlines_is_refused(shapes: str, what: str, tmp_path: Path) -> None:

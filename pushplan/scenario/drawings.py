@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import shapely
@@ -15,9 +17,22 @@ from pushplan.errors import ImportedFileError
 from pushplan.geometry.polygon import simple_polygon
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
+from pushplan.util.regular_file import read_regular
 
 MOST_BYTES = 16 << 20
 """Size up to which a file is read."""
+
+MOST_ELEMENTS = 10_000
+"""Elements, copies by `use` among them, up to which a drawing is read."""
+
+MOST_POINTS = 10_000
+"""Points of one path up to which it is read: 20 times the corners that an object may have."""
+
+MOST_DEPTH = 100
+
+_NUMBERS = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_POSITIVE = {"width", "height", "r", "rx", "ry"}
+_SIZES = _POSITIVE | {"x", "y", "cx", "cy", "x1", "x2", "y1", "y2"}
 
 _PIXELS_PER_METRE = 96.0 / 0.0254  # of CSS, in which SVG counts
 
@@ -43,6 +58,7 @@ def read_svg_outlines(
     svg = optional("svgelements", "reading an SVG drawing", "svgelements", "import")
     path = Path(path)
     _check_size(path)
+    _check_elements(path)
     try:
         drawing = svg.SVG.parse(str(path), ppi=96.0, reify=True)
     except Exception as error:  # the parser and its XML library raise whatever they stumble over
@@ -58,6 +74,55 @@ def read_svg_outlines(
             f"{path}: no shape is in the drawing; needed: a path, polygon, rect, circle or ellipse"
         )
     return outlines
+
+
+def _check_elements(path: Path) -> None:
+    """Refuse a drawing that is no drawing, whose copies or corners are too many, or whose sizes are no sizes.
+
+    Raises:
+        ImportedFileError: With the number of what is too much.
+    """
+    try:
+        data = read_regular(path, MOST_BYTES)
+        if b"<!ENTITY" in data:
+            raise ImportedFileError(f"{path}: declares entities, which are not read; leave them out")
+        root = ElementTree.fromstring(data)
+    except (OSError, ElementTree.ParseError, LookupError, ValueError) as error:
+        if isinstance(error, ImportedFileError):
+            raise
+        reason = getattr(error, "strerror", None) or error
+        raise ImportedFileError(f"{path}: cannot read the drawing: {reason}") from error
+    named = {element.get("id"): element for element in root.iter() if element.get("id")}
+    known: dict[ElementTree.Element, int] = {}
+
+    def count(element: ElementTree.Element, depth: int = 0) -> int:
+        """Return how many elements one stands for, with the copies that `use` makes."""
+        if depth > MOST_DEPTH:
+            raise ImportedFileError(f"{path}: is nested deeper than the {MOST_DEPTH} levels allowed")
+        if element not in known:
+            href = next((v for k, v in element.attrib.items() if k.rpartition("}")[2] == "href"), "")
+            copied = named.get(href.removeprefix("#")) if element.tag.endswith("use") else None
+            inner = [*element, *([] if copied is None else [copied])]
+            known[element] = 1 + sum(count(child, depth + 1) for child in inner)
+        return known[element]
+
+    if count(root) > MOST_ELEMENTS:
+        raise ImportedFileError(f"{path}: draws {count(root)} elements; allowed: {MOST_ELEMENTS}")
+    for element in root.iter():
+        for key in ("d", "points"):
+            numbers = len(_NUMBERS.findall(element.get(key, "")))
+            if numbers > 2 * MOST_POINTS:
+                raise ImportedFileError(
+                    f"{path}: {element.get('id', 'a shape')} has {numbers // 2} points; allowed: {MOST_POINTS}; "
+                    "simplify the path"
+                )
+        for key in _SIZES & element.attrib.keys():
+            value = element.get(key, "").strip().lower()
+            if "nan" in value or "inf" in value or (key in _POSITIVE and value.startswith("-")):
+                raise ImportedFileError(
+                    f"{path}: {element.get('id', 'a shape')}: {key} is '{value}'; allowed: a finite length"
+                    f"{', not below 0' if key in _POSITIVE else ''}"
+                )
 
 
 def read_csv_outlines(path: str | Path, *, centered: bool = False) -> dict[str, FloatArray]:
