@@ -63,7 +63,7 @@ _KEY: Any = {"handlelength": 1.4, "columnspacing": 1.4, "handletextpad": 0.5, "b
 _BODY = 12.0
 """Least width of a body over that of its outline."""
 _TICKS, _TICK = 9, 0.3  # most of them on an axis; inches that each takes
-_LETTER = 0.62
+_LETTER = 0.57
 """Mean width of a letter of the font over its height."""
 
 

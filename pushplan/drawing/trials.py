@@ -28,6 +28,8 @@ _LEFT, _TOP, _RIGHT, _GAP, _AXIS = 0.62, 0.4, 0.2, 0.72, 0.52
 _HEIGHT = 4.0
 _WINDOW = 10.0
 """Half of the width of what is shown around the goal, in units of its tolerance, at most."""
+_SHARE = 0.95
+"""Of the samples whose ends are shown around the goal, at least."""
 _MOST = 400
 """Samples that are drawn."""
 
@@ -102,7 +104,8 @@ def _draw_close(axes: Axes, trials: Trials) -> None:
     axes.add_patch(Circle((0.0, 0.0), tolerance, fill=False, edgecolor=INK, linewidth=0.9, zorder=4.0))
     axes.axhline(0.0, color=FAINT, linewidth=0.5)
     axes.axvline(0.0, color=FAINT, linewidth=0.5)
-    far = 1.15 * float(np.clip(np.abs(off).max(), tolerance, _WINDOW * tolerance))
+    most = float(np.quantile(np.abs(off).max(axis=1), _SHARE))
+    far = 1.15 * float(np.clip(most, tolerance, _WINDOW * tolerance))
     outside = int((np.hypot(*off.T) > tolerance).sum())
     beyond = int((np.abs(off).max(axis=1) > far).sum())
     told = f"{outside} of {trials.samples} outside the tolerance" + (
