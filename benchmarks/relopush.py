@@ -33,8 +33,9 @@ import numpy as np
 from pushplan.bench.random_problems import scenario_yaml
 from pushplan.errors import PlanningError, ScenarioError
 from pushplan.geometry import se2
+from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import Question
-from pushplan.planners.multi.search import Limits, Sequence, search
+from pushplan.planners.multi.search import Limits, search
 from pushplan.rearrangement.order import Order
 from pushplan.rearrangement.pieces import Piece, Situation
 from pushplan.rearrangement.plan import leg_of
@@ -269,7 +270,7 @@ def _row(prepared: Prepared, scenario: Scenario, began: float, straight: float, 
     return Row(False, spent, _way(scenario, found) / straight, len(found.steps))
 
 
-def _way(scenario: Scenario, found: Sequence) -> float:
+def _way(scenario: Scenario, found: PushSequence) -> float:
     """How far the middle of the block goes, m; it is as far ahead of every contact."""
     ahead = float(scenario.chain.objects[0].pose_chain[0])
     arcs = np.concatenate([step.arcs for step in found.steps])

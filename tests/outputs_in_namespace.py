@@ -17,8 +17,8 @@ from pathlib import Path
 
 from output_options import OPTIONS, words
 
+import pushplan.logging.film as film
 from pushplan.cli.main import main
-from pushplan.logging import film
 
 
 def mount(*how: str) -> None:
