@@ -14,7 +14,7 @@ from typing import Any
 from stamp import stamp
 
 import pushplan
-from pushplan.logging.page import write_html
+from pushplan.logging.old.page import write_html
 from pushplan.view.window import Window
 
 ROOT = Path(__file__).parents[1]

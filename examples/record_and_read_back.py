@@ -3,8 +3,8 @@
 import numpy as np
 
 import pushplan
-from pushplan.logging.page import write_html
-from pushplan.logging.tables import write_csv
+from pushplan.logging.old.page import write_html
+from pushplan.logging.old.tables import write_csv
 
 run = pushplan.run(pushplan.load_scenario("one-box"), log="run.mcap", time_limit=0.5)
 log = pushplan.read_run("run.mcap")

@@ -5,7 +5,8 @@ there is no plan, /pusher/twist, /margins/... (a number each), /log; of the base
 /base/twist and /footprint, the outline of all that moves with it. Scene, paths and footprint are offered as transient
 local, and sent again every second for programs that only listen.
 
-Frames are nested as in ROS (REP 105): map -> odom -> base_link -> chain -> objects. Only odom -> base_link changes.
+Frames are nested as in ROS (REP 105): map -> odom -> base_link -> pusher, and map -> each object; what
+does not change is on /tf_static.
 """
 
 from __future__ import annotations
@@ -28,17 +29,25 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from pushplan.drawing import palette
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.logging.messages import metadata
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.messages.schemas import LEVELS
-from pushplan.logging.view.contact_messages import contact_messages
-from pushplan.logging.view.contacts import PushedContacts, resting
-from pushplan.logging.view.scene import CHAIN, PATH_SPACING, WORLD, nearest, scene
-from pushplan.logging.view.views import viewed
-from pushplan.logging.view.window import Window, smoothed_times, window
-from pushplan.mechanics.body import outline_of_all
-from pushplan.mechanics.chain import Chain
-from pushplan.plans.execution import Execution
+from pushplan.logging import metadata
+from pushplan.logging.contacts import ContactShapes, LoadContacts
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.scene import contact_messages, nearest, scene
+from pushplan.logging.schemas import LEVELS
+from pushplan.logging.shown import (
+    CHAIN,
+    PATH_SPACING,
+    WORLD,
+    Window,
+    contact_names,
+    smoothed_times,
+    viewed,
+    window,
+)
+from pushplan.logging.tables import base_in_plate, footprint_of
+from pushplan.logging.topics import pushed_at_samples
+from pushplan.plans.run import Execution
+from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
 from pushplan.util.files import check_output, write_whole
@@ -91,16 +100,16 @@ class Frames:
             )
         return cls(*names)
 
-    def check(self, chain: Chain) -> None:
-        """Find out whether the chain has a frame of one of these names.
+    def check(self, scenario: Scenario) -> None:
+        """Find out whether a run has a frame of one of these names.
 
         Raises:
             FrameNamesError: When it has.
         """
-        taken = {CHAIN, PUSHER, *(obj.name for obj in chain.objects)} & {self.map, self.odom, self.base}
+        taken = {CHAIN, PUSHER, *scenario.poses} & {self.map, self.odom, self.base}
         if taken:
             raise FrameNamesError(
-                f"the chain has a frame {sorted(taken)[0]!r} already; name others with --frames"
+                f"the run has a frame {sorted(taken)[0]!r} already; name others with --frames"
             )
 
 
@@ -117,11 +126,11 @@ def write_ros2(
 
     Raises:
         MissingExtraError: When rosbags is not installed.
-        FrameNamesError: When the chain has a frame of one of these names.
+        FrameNamesError: When the run has a frame of one of these names.
         OutputError: When a file cannot be written.
     """
     frames = Frames() if frames is None else frames
-    frames.check(run.scenario.chain)
+    frames.check(run.scenario)
     with tempfile.TemporaryDirectory() as folder:
         with _Bag(Path(folder) / "bag", round(_NANO * (_begun(run) if epoch is None else epoch))) as bag:
             _Contents(bag, run, frames).write()
@@ -203,13 +212,11 @@ class _Contents:
     """What a bag says of a run."""
 
     def __init__(self, bag: _Bag, run: RecordedRun, frames: Frames) -> None:
-        self._bag, self._run, self._frames = bag, run, frames
-        self._chain = run.scenario.chain
+        self._bag, self._run, self._frames, self._scenario = bag, run, frames, run.scenario
         self._width = line_width(window(run.scenario, run.plan))
+        self._base = base_in_plate(run.scenario)
         execution = run.execution
         self._execution = execution if execution is not None and len(execution.t) else None
-        slipped = execution is not None and execution.object_poses is not None
-        self._attached = run.scenario.pushes is None and not slipped
 
     def write(self) -> None:
         """Write all messages."""
@@ -232,7 +239,7 @@ class _Contents:
         ]
         for topic, poses in self._paths():
             still.append((topic, lambda time, poses=poses: self._path(poses, time)))  # type: ignore[misc]
-        ghost = () if run.plan is None else nearest(self._chain, run.plan).entities
+        ghost = () if run.plan is None else nearest(self._scenario, run.plan).entities
         if ghost:
             still.append(("/plan/nearest", lambda time: self._markers(ghost, time)))
         self._bag.send("/tf_static", 0.0, self._rigid(), latched=True)
@@ -243,66 +250,71 @@ class _Contents:
 
     def _motion(self) -> None:
         """Send frames, contacts and twists at each sample to show; the start where nothing was executed."""
-        run, chain, execution = self._run, self._chain, self._execution
+        scenario, execution = self._scenario, self._execution
         if execution is None:
-            shapes, times, samples = resting(chain), np.zeros(1), np.zeros(1, dtype=np.int64)
-            poses, twists = run.scenario.first_pose[None], np.zeros((1, 3))
-            objects = se2.compose(run.scenario.start[None, None], chain.places)
+            times, plates, twists = [0.0], scenario.plate_start[None], np.zeros((1, 3))
+            objects = np.stack(list(scenario.poses.values()))[None]
         else:
             samples = viewed(execution)
-            shapes, times = PushedContacts(chain, execution).at(samples), execution.t[samples]
-            poses, twists = execution.poses[samples], execution.twists[samples]
-            placed = execution.object_poses
-            loads = execution.load_poses[samples]
-            objects = se2.compose(loads[:, None], chain.places) if placed is None else placed[samples]
-        contacts = contact_messages(chain, shapes, np.zeros(len(samples), dtype=np.int64))
-        base = chain.pusher.base_pose
-        for time, pose, places, twist, row in zip(
-            times.tolist(), poses, objects, twists, contacts, strict=True
+            times, plates = execution.t[samples].tolist(), execution.poses[samples]
+            twists, objects = execution.twists[samples], execution.objects[samples]
+        for time, plate, places, twist, entities in zip(
+            times, plates, objects, twists, self._contacts(), strict=True
         ):
-            entities = SceneUpdate.FromString(row.tobytes()).entities if run.scenario.pushes is None else ()
-            self._bag.send("/tf", time, self._moving(pose, places, time))
+            self._bag.send("/tf", time, self._moving(plate, places, time))
             self._bag.send("/contacts", time, self._markers(entities, time))
-            self._bag.send("/pusher/twist", time, self._twist(twist, CHAIN, time))
-            moved = self._twist(se2.twist_of(base, twist), self._frames.base, time)
+            self._bag.send("/pusher/twist", time, self._twist(twist, PUSHER, time))
+            moved = self._twist(se2.twist_of(self._base, twist), self._frames.base, time)
             self._bag.send("/base/twist", time, moved)
+
+    def _contacts(self) -> Iterator[Any]:
+        """Yield the entities of the contacts that are closed at each sample to show."""
+        drawn, execution = LoadContacts(self._scenario, self._execution), self._execution
+        samples = np.zeros(1, dtype=np.int64) if execution is None else viewed(execution)
+        for load, part in pushed_at_samples(self._run, samples):
+            shapes: list[ContactShapes] = []
+            if load is not None:
+                shapes = drawn.at(load, None if execution is None else samples[part])
+            stamps = np.zeros(len(part), dtype=np.int64)
+            for data in contact_messages(shapes, len(self._scenario.poses), stamps):
+                yield SceneUpdate.FromString(data).entities
 
     def _margins(self, execution: Execution) -> None:
         """Send the margin of each contact as a number of its own."""
         for i in viewed(execution):
-            for topic, margin in zip(margin_topics(self._chain), execution.margins[i], strict=True):
+            for topic, margin in zip(margin_topics(self._scenario), execution.margins[i], strict=True):
                 number = self._bag.make("std_msgs/Float64", float(margin))
                 self._bag.send(topic, float(execution.t[i]), number)
 
     def _paths(self) -> Iterator[tuple[str, FloatArray]]:
         run = self._run
-        if run.plan is not None and run.plan.path is not None:
-            yield "/plan/path", run.plan.path.sampled(PATH_SPACING)
-        if run.trajectory is not None:
-            times = smoothed_times(run.trajectory)
-            yield "/plan/smoothed", run.trajectory.poses_at(times)
-            yield "/base/path", run.trajectory.base_poses_at(times)
+        if run.plan is None:
+            return
+        if run.plan.segments:
+            poses = [segment.path.sampled(PATH_SPACING) for segment in run.plan.segments]
+            yield "/plan/path", np.concatenate(poses)
+        if run.plan.trajectory is not None:
+            smoothed = run.plan.trajectory.poses_at(smoothed_times(run.plan.trajectory))
+            yield "/plan/smoothed", smoothed
+            yield "/base/path", se2.compose(smoothed, self._base)
 
     def _rigid(self) -> Any:
-        """Return the message for /tf_static; objects are in it where the plate is always in contact."""
-        frames, chain = self._frames, self._chain
+        """Return the message for /tf_static."""
+        frames, scenario = self._frames, self._scenario
         pairs = [
             (frames.map, frames.odom, np.zeros(3)),
-            (frames.base, CHAIN, se2.inverse(chain.pusher.base_pose)),
-            (CHAIN, PUSHER, np.zeros(3)),
+            (frames.base, PUSHER, se2.inverse(self._base)),
         ]
-        if self._attached:
-            pairs += [(CHAIN, obj.name, obj.pose_chain) for obj in chain.objects]
+        if scenario.kind == "push":
+            pairs.append((PUSHER, CHAIN, se2.inverse(scenario.pusher.plate_pose)))
         return self._bag.make("tf2_msgs/TFMessage", [self._transform(*pair, 0.0) for pair in pairs])
 
-    def _moving(self, pose: FloatArray, objects: FloatArray, time: float) -> Any:
-        """Return the message for /tf: the base, and the objects (n, 3) where they move on their own."""
-        frames, chain = self._frames, self._chain
-        base = se2.compose(pose, chain.pusher.base_pose)
-        moved = [self._transform(frames.odom, frames.base, base, time)]
-        if not self._attached:
-            pairs = zip(chain.objects, objects, strict=True)
-            moved += [self._transform(frames.map, obj.name, place, time) for obj, place in pairs]
+    def _moving(self, plate: FloatArray, objects: FloatArray, time: float) -> Any:
+        """Return the message for /tf: the base, with the plate at a pose (3,), and the objects (n, 3)."""
+        frames = self._frames
+        moved = [self._transform(frames.odom, frames.base, se2.compose(plate, self._base), time)]
+        pairs = zip(self._scenario.poses, objects, strict=True)
+        moved += [self._transform(frames.map, name, place, time) for name, place in pairs]
         return self._bag.make("tf2_msgs/TFMessage", moved)
 
     def _transform(self, parent: str, child: str, pose: FloatArray, time: float) -> Any:
@@ -337,10 +349,10 @@ class _Contents:
 
     def _footprint(self, time: float) -> Any:
         """Return the outline of robot and plate, and of the objects if they stay there, in the frame of the base."""
-        chain, attached = self._chain, self._run.scenario.pushes is None
-        around = outline_of_all(chain.bodies if attached else chain.carried)
-        corners = se2.transform_points(se2.inverse(chain.pusher.base_pose), around)
-        points = [self._bag.make("geometry_msgs/Point32", x, y, 0.0) for x, y in corners.tolist()]
+        points = [
+            self._bag.make("geometry_msgs/Point32", x, y, 0.0)
+            for x, y in footprint_of(self._scenario).tolist()
+        ]
         polygon = self._bag.make("geometry_msgs/Polygon", points)
         header = self._bag.header(self._frames.base, time)
         return self._bag.make("geometry_msgs/PolygonStamped", header, polygon)
@@ -402,10 +414,10 @@ class _Contents:
         )
 
 
-def margin_topics(chain: Chain) -> list[str]:
+def margin_topics(scenario: Scenario) -> list[str]:
     """Return the topic of each contact's margin; names in ROS have letters, digits and underscores only."""
-    names = (chain.contact_name(k) for k in range(len(chain.contacts)))
-    return [f"/margins/c{k:02d}_{re.sub('[^A-Za-z0-9]+', '_', name)}" for k, name in enumerate(names)]
+    names = enumerate(contact_names(scenario))
+    return [f"/margins/c{k:02d}_{re.sub('[^A-Za-z0-9]+', '_', name)}" for k, name in names]
 
 
 def line_width(view: Window) -> float:

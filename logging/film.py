@@ -23,13 +23,21 @@ from pushplan.drawing.floor import draw_room, draw_tree
 from pushplan.drawing.palette import FAINT, INK
 from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.view.contacts import PushedContacts, worst_contacts
-from pushplan.logging.view.scene import ghosts
-from pushplan.logging.view.shapes import body_colours
-from pushplan.logging.view.window import shown_path, shown_ways, window
-from pushplan.plans.execution import Execution
-from pushplan.plans.result import Run
+from pushplan.logging.contacts import LoadContacts
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.shown import (
+    bodies_of,
+    contact_names,
+    ghosts,
+    outlines_at,
+    shown_segments,
+    shown_ways,
+    smallest_margins,
+    window,
+    worst_contacts,
+)
+from pushplan.plans.plan import Load
+from pushplan.plans.run import Execution, Run
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
 from pushplan.util.files import write_whole
@@ -117,17 +125,17 @@ class Still:
         view = window(scenario, plan)
         axes.set(xlim=(view.xmin, view.xmax), ylim=(view.ymin, view.ymax), aspect="equal", adjustable="box")
         axes.axis("off")
-        scene = Scene.of(scenario, None if plan is None else plan.as_plan(scenario))
-        draw_room(axes, scene)
-        solved = plan is not None and plan.path is not None
+        drawn = Scene.of(scenario, plan)
+        draw_room(axes, drawn)
+        solved = plan is not None and plan.solved
         if plan is not None and not solved:
-            draw_tree(axes, scene)
+            draw_tree(axes, drawn)
         for name, outlines in ghosts(scenario).items():
             colour = FAINT if name == "start" else palette.GOAL
             axes.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colour, zorder=2.5))
-        path = shown_path(plan)
-        if path is not None and not solved:
-            ends = scenario.chain.outlines_at(path.end)
+        segments = shown_segments(plan)
+        if segments and not solved:
+            ends = outlines_at(bodies_of(scenario), segments[-1].path.end, segments[-1].after)
             axes.add_collection(
                 PolyCollection(ends, facecolors="none", edgecolors=palette.NEAREST, zorder=2.6)
             )
@@ -141,7 +149,7 @@ class Still:
         if plan is None:
             words = ["the log ends before a plan"]
         else:
-            words = ["planned, but not executed" if plan.path is not None else "no plan", *plan.why_not]
+            words = ["planned, but not executed" if plan.solved else "no plan", *plan.why_not]
         text = f"{self.run.scenario.name}: " + "\n".join(words)
         lines = [line for sentence in text.splitlines() for line in textwrap.wrap(sentence, 140)]
         axes.text(0.0, 1.0, "\n".join(lines), transform=axes.transAxes, color=INK, va="top", fontsize=12)
@@ -152,17 +160,19 @@ class Film(Still):
 
     def __init__(self, run: Run | RecordedRun, execution: Execution) -> None:
         super().__init__(run)
-        self._execution, chain = execution, run.scenario.chain
-        self._contacts = PushedContacts(chain, execution) if execution.loads is None else None
-        marks = palette.contact_colours(len(chain.contacts))
+        self._execution, self._shown = execution, bodies_of(run.scenario)
+        self._contacts = LoadContacts(run.scenario, execution)
+        self._names = contact_names(run.scenario)
+        self._least = smallest_margins(execution)
+        marks = palette.contact_colours(len(self._names))
         self._draw_margins(marks)
         bodies = [
-            Polygon(np.zeros((3, 2)), facecolor=paint, edgecolor=INK, linewidth=0.8)
-            for paint in body_colours(chain)
+            Polygon(np.zeros((3, 2)), facecolor=body.colour, edgecolor=INK, linewidth=0.8)
+            for body in self._shown
         ]
         for body in bodies:
             self.floor.add_patch(body)
-        lines = [] if self._contacts is None else [self.floor.plot([], [], color=c)[0] for c in marks]
+        lines = [self.floor.plot([], [], color=colour)[0] for colour in marks]
         now = self.plot.axvline(0.0, color=INK, linewidth=0.8)
         words = self.plot.text(1.0, 1.04, "", transform=self.plot.transAxes, ha="right", color=INK)
         self._moving: list[Artist] = [*bodies, *lines, now, words]
@@ -177,30 +187,41 @@ class Film(Still):
     def picture(self, time: float = 0.0) -> Picture:
         """Return the picture at a simulated time, s."""
         execution = self._execution
-        for patch, outline in zip(
-            self._bodies, execution.outlines_at(self.run.scenario.chain, time), strict=True
-        ):
+        plate, objects = execution.poses_at(time)
+        outlines = outlines_at(self._shown, plate, objects)
+        for patch, outline in zip(self._bodies, outlines, strict=True):
             patch.set_xy(outline)
         sample = max(0, int(np.searchsorted(execution.t, time, side="right")) - 1)
-        if self._contacts is not None:
-            self._place_contacts(self._contacts, sample, execution.place_at(time)[0])
+        self._place_contacts(sample, plate)
         self._now.set_xdata([time, time])
-        margin = float(execution.margins[sample].min())
-        self._words.set_text(f"{time:6.2f} s    smallest margin {margin:.3f}")
+        margin = self._least[sample]
+        told = "nothing is pushed" if np.isnan(margin) else f"smallest margin {margin:.3f}"
+        self._words.set_text(f"{time:6.2f} s    {told}")
         self.canvas.restore_region(self._background)
         for artist in self._moving:
             self.canvas.figure.draw_artist(artist)
         return self._pixels()
 
-    def _place_contacts(self, contacts: PushedContacts, sample: int, pose: FloatArray) -> None:
-        """Draw segment, friction cones and force of each contact as one line with gaps."""
-        for line, shapes in zip(self._lines, contacts.at(np.array([sample])), strict=True):
+    def _place_contacts(self, sample: int, plate: FloatArray) -> None:
+        """Draw segment, friction cones and force of each contact that is closed as one line with gaps."""
+        for line in self._lines:
+            line.set_data([], [])
+        load = self._load(sample)
+        for shapes in () if load is None else self._contacts.at(load, np.array([sample])):
             parts = [shapes.segment, *(cone[[1, 0, 2]] for cone in shapes.cones[0])]
             if shapes.shafts is not None and shapes.heads is not None:
                 parts += [shapes.shafts[0], shapes.heads[0][[1, 0, 2, 1]]]
             gap = np.full((1, 2), np.nan)
-            points = [piece for part in parts for piece in (se2.transform_points(pose, part), gap)]
-            line.set_data(*np.concatenate(points).T)
+            points = [piece for part in parts for piece in (se2.transform_points(plate, part), gap)]
+            self._lines[shapes.column].set_data(*np.concatenate(points).T)
+
+    def _load(self, sample: int) -> Load | None:
+        """Return what is pushed at a sample; None where nothing is."""
+        plan, k = self.run.plan, int(self._execution.segment[sample])
+        if plan is None or k >= len(plan.segments):
+            return Load.of(self.run.scenario) if self.run.scenario.kind == "push" else None
+        segment = plan.segments[k]
+        return segment.load if segment.pushes else None
 
     def _draw_margins(self, marks: list[str]) -> None:
         execution, axes = self._execution, self.plot
@@ -212,6 +233,6 @@ class Film(Still):
         axes.tick_params(colors=FAINT)
         named = worst_contacts(execution)
         for place, k in enumerate(named):
-            name = cut(self.run.scenario.chain.contact_name(k), 90 // len(named))
+            name = cut(self._names[k], 90 // len(named))
             left = 0.72 * place / len(named)
             axes.text(left, 1.04, name, transform=axes.transAxes, color=marks[k])

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from pushplan.drawing import palette
-from pushplan.logging.messages import schemas
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.view.scene import WORLD
-from pushplan.logging.view.window import window
-from pushplan.plans.result import PlanResult, Run
+from pushplan.logging import schemas
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.shown import WORLD, contact_names, window
+from pushplan.plans.plan import Plan
+from pushplan.plans.run import Run
 from pushplan.scenario.model import Scenario
 from pushplan.util.files import write_whole
 
@@ -48,14 +48,14 @@ def write_layout(run: Run | RecordedRun, path: Path | str) -> None:
     write_whole(path, layout_text(run.scenario, run.plan))
 
 
-def layout_text(scenario: Scenario, plan: PlanResult | None) -> bytes:
+def layout_text(scenario: Scenario, plan: Plan | None) -> bytes:
     """Return the layout as the JSON file that viewers import."""
     return (json.dumps(layout(scenario, plan), indent=1) + "\n").encode()
 
 
-def layout(scenario: Scenario, plan: PlanResult | None) -> dict[str, Any]:
+def layout(scenario: Scenario, plan: Plan | None) -> dict[str, Any]:
     """Return the layout for a run as plain data."""
-    solved = plan is not None and plan.path is not None
+    solved = plan is not None and plan.solved
     log = {"topicToRender": schemas.LOG.name, "minLogLevel": 1, "searchTerms": []}
     panels = {
         _SCENE: _scene(scenario, plan),
@@ -92,11 +92,11 @@ def _titled(title: str) -> dict[str, str]:
     return {"foxglovePanelTitle": title, "lichtblickPanelTitle": title}
 
 
-def _scene(scenario: Scenario, plan: PlanResult | None) -> dict[str, Any]:
+def _scene(scenario: Scenario, plan: Plan | None) -> dict[str, Any]:
     """The scene seen straight from above, all of it."""
     view = window(scenario, plan)
     side = max(view.xmax - view.xmin, view.ymax - view.ymin)
-    distance, solved = _RIM * side, plan is not None and plan.path is not None
+    distance, solved = _RIM * side, plan is not None and plan.solved
     return {
         **_titled(scenario.name if solved else f"{scenario.name}: no plan"),
         "followTf": WORLD,
@@ -133,16 +133,15 @@ def _topics(width: float, solved: bool) -> dict[str, Any]:
         schemas.PLAN_TREE.name: {"visible": not solved},
         schemas.PLAN_PATH.name: {**path, "gradient": 2 * [palette.PATH + "ff"]},
         schemas.PLAN_SMOOTHED.name: {**path, "gradient": 2 * [palette.SMOOTHED + "ff"]},
-        schemas.PUSHER_POSE.name: {"visible": False},
     }
 
 
 def _contacts(scenario: Scenario, title: str, field: str, bounds: dict[str, str]) -> dict[str, Any]:
     """A plot of one number of every contact over time, and of its bounds."""
-    chain = scenario.chain
+    names = contact_names(scenario)
     lines = [
-        _line(f"{schemas.MARGINS.name}.contacts[{k}].{field}", chain.contact_name(k), colour)
-        for k, colour in enumerate(palette.contact_colours(len(chain.contacts)))
+        _line(f"{schemas.MARGINS.name}.contacts[{k}].{field}", name, colour)
+        for k, (name, colour) in enumerate(zip(names, palette.contact_colours(len(names)), strict=True))
     ]
     lines += [_line(value, label, palette.SLIPS) for value, label in bounds.items()]
     return {**_plot(title, lines), "xAxisVal": "timestamp"}

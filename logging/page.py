@@ -1,4 +1,4 @@
-"""A run as one web page that plays it: the chain from above, and every contact's margin over time.
+"""A run as one web page that plays it: the floor from above, and every contact's margin over time.
 
 The page holds everything it needs and asks the network for nothing.
 """
@@ -16,16 +16,23 @@ import numpy as np
 
 from pushplan.drawing import palette
 from pushplan.geometry import se2
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.view.contacts import cone_heights, largest_force, longest_arrow, worst_contacts
-from pushplan.logging.view.scene import ghosts, obstacle_outline
-from pushplan.logging.view.shapes import body_colours
-from pushplan.logging.view.views import viewed
-from pushplan.logging.view.window import shown_ways, window
-from pushplan.mechanics.chain import Chain
+from pushplan.logging.contacts import cone_height, largest_force, longest_arrow, object_size
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.shown import (
+    bodies_of,
+    contact_names,
+    ghosts,
+    obstacle_outline,
+    outlines_at,
+    shown_segments,
+    shown_ways,
+    viewed,
+    window,
+    worst_contacts,
+)
 from pushplan.mechanics.friction_cone import friction_cone
-from pushplan.plans.execution import Execution
-from pushplan.plans.result import PlanResult, Run
+from pushplan.plans.plan import Load, Plan
+from pushplan.plans.run import Execution, Run
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.files import write_whole
@@ -45,9 +52,14 @@ def write_html(run: Run | RecordedRun, path: Path | str) -> None:
 
 def render(run: Run | RecordedRun) -> str:
     """Return the page of `run`."""
-    execution = _execution(run.scenario.chain, run.execution)
-    shown = {"window": window(run.scenario, run.plan), "why": _why(run), "events": _events(run)}
-    data = {**_world(run.scenario), **_plan(run.plan), **execution, **shown}
+    data = {
+        **_world(run.scenario),
+        **_plan(run.scenario, run.plan),
+        **_execution(run.scenario, run.execution),
+        "window": window(run.scenario, run.plan),
+        "why": _why(run),
+        "events": _events(run),
+    }
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no </script>
     page = files("pushplan.logging").joinpath("player.html").read_text(encoding="utf-8")
     return page.replace("@TITLE@", html.escape(f"{run.scenario.name} - pushplan")).replace("@RUN@", text)
@@ -55,48 +67,51 @@ def render(run: Run | RecordedRun) -> str:
 
 def _events(run: Run | RecordedRun) -> list[tuple[float, str]]:
     """Return what a closed loop noticed and did."""
-    feedback = run.feedback if isinstance(run, RecordedRun) else None
-    return (
-        [] if feedback is None else [(event.time, f"{event.kind}: {event.text}") for event in feedback.events]
-    )
+    events = () if run.feedback is None else run.feedback.events
+    return [(event.time, f"{event.kind}: {event.text}") for event in events]
 
 
 def _world(scenario: Scenario) -> dict[str, Any]:
-    chain, area = scenario.chain, scenario.workspace
+    area, names = scenario.workspace, contact_names(scenario)
+    bodies = [
+        {
+            "name": body.name,
+            "kind": body.kind.value,
+            "outline": _plain(body.outline),
+            "colour": body.colour,
+        }
+        for body in bodies_of(scenario)
+    ]
+    reach = max(float(np.linalg.norm(body.outline, axis=1).max()) for body in bodies_of(scenario))
+    paints = palette.contact_colours(len(names))
     return {
         "name": scenario.name,
         "workspace": None if area is None else area.outline.tolist(),
         "obstacles": [_plain(obstacle_outline(obstacle)) for obstacle in scenario.obstacles],
-        "start": scenario.first_pose.tolist(),
-        "load": scenario.start.tolist(),
-        "attached": scenario.pushes is None,
+        "start": scenario.plate_start.tolist(),
+        "first": [pose.tolist() for pose in scenario.poses.values()],
         "ghosts": {name: list(map(_plain, outlines)) for name, outlines in ghosts(scenario).items()},
-        "bodies": _bodies(chain),
-        "contacts": _contacts(chain),
-        "reach": chain.reach,
-        "longest_arrow": longest_arrow(chain),
+        "bodies": bodies,
+        "contacts": [{"name": name, "colour": paint} for name, paint in zip(names, paints, strict=True)],
+        "resting": _contacts(scenario, Load.of(scenario)) if scenario.kind == "push" else [],
+        "reach": reach,
+        "longest_arrow": longest_arrow(scenario),
         "colours": {"goal": palette.GOAL, "nearest": palette.NEAREST, "alone": palette.ALONE},
     }
 
 
-def _bodies(chain: Chain) -> list[dict[str, Any]]:
-    return [
-        {"name": body.name, "kind": body.kind.value, "outline": _plain(body.outline), "colour": colour}
-        for body, colour in zip(chain.bodies, body_colours(chain), strict=True)
-    ]
-
-
-def _contacts(chain: Chain) -> list[dict[str, Any]]:
-    """Segments, and friction cones with their apex at the origin, in the chain frame."""
-    heights, paints = cone_heights(chain), palette.contact_colours(len(chain.contacts))
+def _contacts(scenario: Scenario, load: Load) -> list[dict[str, Any]]:
+    """Return segment, and friction cone at the origin, of each contact of a load, in the plate frame."""
+    names, size = list(scenario.poses), object_size(scenario)
     return [
         {
-            "name": chain.contact_name(k),
-            "colour": paint,
-            "segment": _plain(np.stack([contact.right, contact.left])),
-            "cone": _plain(friction_cone(contact, np.zeros(2), tall)),
+            "column": names.index(name),
+            "segment": _plain(
+                se2.transform_points(load.frame_plate, np.stack([contact.right, contact.left]))
+            ),
+            "cone": _plain(friction_cone(contact, np.zeros(2), cone_height(contact, size))),
         }
-        for k, (contact, tall, paint) in enumerate(zip(chain.contacts, heights, paints, strict=True))
+        for name, contact in zip(load.names, load.chain.contacts, strict=True)
     ]
 
 
@@ -104,68 +119,68 @@ def _why(run: Run | RecordedRun) -> list[str]:
     """Return why there is nothing to play, in sentences."""
     if run.plan is None:
         return ["The log ends before a plan."]
-    if run.plan.path is not None and run.execution is None:
+    if run.plan.solved and run.execution is None:
         return ["A path was planned, but not executed."]
     return run.plan.why_not
 
 
-def _plan(plan: PlanResult | None) -> dict[str, Any]:
+def _plan(scenario: Scenario, plan: Plan | None) -> dict[str, Any]:
     if plan is None:
-        return {"facts": [], "ways": [], "tree": [], "nearest": None}
+        return {"facts": [], "ways": [], "tree": [], "nearest": None, "loads": []}
     facts = [f"{plan.planner}, set {plan.stable_set}, seed {plan.seed}"]
-    tree = _plain(plan.tree[:, :, :2].reshape(-1, 4))
     ways = [{"points": _plain(way.points), "alone": way.alone} for way in shown_ways(plan)]
-    shown = {"ways": ways, "tree": tree}
-    if plan.path is None:
-        end = None if plan.approximate_path is None else _plain(plan.approximate_path.end)
-        return {"facts": [*facts, "no plan"], "nearest": end, **shown}
-    if plan.segments:
-        pushes = sum(segment.pushes for segment in plan.segments)
-        count = f"{pushes} push{'es' if pushes > 1 else ''}"
-        facts.append(
-            f"{count}, {plan.way_pushed:.3f} m pushed, {plan.path.cost:.3f} m driven in all, alone where dashed"
-        )
-    else:
+    shown: dict[str, Any] = {
+        "ways": ways,
+        "tree": _plain(plan.tree[:, :, :2].reshape(-1, 4)),
+        "nearest": None,
+    }
+    loads = [s.load if s.pushes else None for s in plan.segments]
+    shown["loads"] = [None if load is None else _contacts(scenario, load) for load in loads]
+    segments = shown_segments(plan)
+    if not plan.segments:
+        if segments:
+            ends = outlines_at(bodies_of(scenario), segments[-1].path.end, segments[-1].after)
+            shown["nearest"] = list(map(_plain, ends))
+        return {"facts": [*facts, "no plan"], **shown}
+    if plan.path is not None:
         facts.append(f"{len(plan.path.lengths)} arcs, cost {plan.path.cost:.3f} m")
-    return {"facts": facts, "nearest": None, **shown}
+    else:
+        count, travel = len(plan.pushes), sum(segment.path.cost for segment in segments)
+        pushes = f"{count} push{'es' if count > 1 else ''}, {plan.pushed_distance:.3f} m pushed"
+        facts.append(f"{pushes}, {travel:.3f} m driven in all, alone where dashed")
+    return {"facts": facts, **shown}
 
 
-def _execution(chain: Chain, execution: Execution | None) -> dict[str, Any]:
-    """Samples by column; margins, lambdas and forces by contact."""
+def _execution(scenario: Scenario, execution: Execution | None) -> dict[str, Any]:
+    """Samples by column; margins, lambdas and forces by contact, null where nothing is pushed."""
     if execution is None or len(execution.t) == 0:
-        nothing: dict[str, Any] = {"t": [], "margins": [[] for _ in chain.contacts], "forces": None}
+        nothing: dict[str, Any] = {"t": [], "margins": [[] for _ in scenario.poses], "forces": None}
         return {"samples": nothing, "margin_range": [-0.05, 1.0], "largest_force": 1.0, "named": []}
     kept = _kept(execution)
-    poses, margins = execution.poses[kept], execution.margins[kept]
-    loads = None if execution.loads is None else _plain(execution.loads[kept].T)
-    slipped = execution.object_poses
+    margins = execution.margins[kept]
+    forces, lambdas = execution.forces, execution.lambdas
     samples = {
         "t": _plain(execution.t[kept]),
-        **dict(zip(("x", "y", "theta"), _plain(poses.T), strict=True)),
-        "loads": loads,
-        "objects": None if slipped is None else _moved(chain, slipped[kept]),
+        **dict(zip(("x", "y", "theta"), _plain(execution.poses[kept].T), strict=True)),
+        "objects": _plain(np.moveaxis(execution.objects[kept], 0, -1)),
+        "segment": execution.segment[kept].tolist(),
         "margins": _plain(margins.T),
-        "lambdas": None if execution.lambdas is None else _plain(execution.lambdas[kept].T),
-        "forces": None if execution.forces is None else _plain(np.moveaxis(execution.forces[kept], 0, -1)),
+        "lambdas": None if lambdas is None else _plain(lambdas[kept].T),
+        "forces": None if forces is None else _plain(np.moveaxis(forces[kept], 0, -1)),
     }
-    largest = 1.0 if execution.forces is None else largest_force(execution.forces)
-    low, high = min(0.0, float(margins.min())), float(margins.max())
+    known = margins[~np.isnan(margins)]
+    low, high = min(0.0, float(known.min(initial=0.0))), float(known.max(initial=0.0))
     room = 0.05 * max(high - low, 0.1)
-    shown = {"margin_range": [low - room, high + room], "largest_force": largest}
+    shown = {"margin_range": [low - room, high + room], "largest_force": largest_force(execution)}
     return {"samples": samples, **shown, "named": worst_contacts(execution)}
-
-
-def _moved(chain: Chain, object_poses: FloatArray) -> list[Any]:
-    """Return where each object of (m, n, 3) has moved the chain frame to, by column."""
-    return _plain(np.moveaxis(se2.compose(object_poses, se2.inverse(chain.places)), 0, -1))
 
 
 def _kept(execution: Execution) -> IntArray:
     """Indices of the samples on the page: what viewers see, and of very long executions less."""
-    shown = np.array(sorted(viewed(execution)), dtype=np.int64)
+    shown = viewed(execution)
     stride = math.ceil(len(shown) / MOST_SAMPLES)
-    always = [0, len(execution.t) - 1, *np.argmin(execution.margins, axis=0)]
-    return np.union1d(shown[::stride], always)
+    margins = np.where(np.isnan(execution.margins), np.inf, execution.margins)
+    return np.union1d(shown[::stride], [0, len(execution.t) - 1, *np.argmin(margins, axis=0)])
 
 
 def _plain(values: FloatArray) -> list[Any]:

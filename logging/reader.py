@@ -2,138 +2,125 @@
 
 from __future__ import annotations
 
+import hashlib
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from itertools import count
 from pathlib import Path
+from typing import Any
 
-from google.protobuf.message import DecodeError
+import numpy as np
 
-from pushplan.errors import PushplanError, RunLogError
+from pushplan.errors import PushplanError, RunLogError, ScenarioError
+from pushplan.logging import metadata, schemas
+from pushplan.logging.codec import CodecError, decode, memory
 from pushplan.logging.mcap_file import Attachment, DamageError, Item, McapFile, Message, Metadata
-from pushplan.logging.messages import metadata
-from pushplan.logging.messages.contents import TOPICS, Contents
-from pushplan.logging.messages.effort import Effort
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.messages.scenario_files import ScenarioFiles
-from pushplan.logging.messages.seal import unsealed
-from pushplan.plans.result import ProgressPoint
+from pushplan.logging.recorded import LogLine, RawMessage, RecordedRun
+from pushplan.logging.topics import lines_of
+from pushplan.logging.writer import (
+    END,
+    EVENT,
+    IMPROVEMENT,
+    LINE,
+    MEASURED,
+    PLAN,
+    REPLAN,
+    SAMPLES,
+    SCENARIO_FILE,
+    SCENARIO_FOLDER,
+    SCENARIO_JSON,
+    SERIES,
+    SERIES_KNOWN,
+)
+from pushplan.plans.events import Event, Feedback, Measured, Replan
+from pushplan.plans.plan import Improvement, Plan
+from pushplan.plans.run import Execution, StabilityLoss
+from pushplan.scenario.file import scenario_from_text
+from pushplan.scenario.model import Scenario
 from pushplan.util.files import PARTIAL
 
-_OURS = "pushplan."
+_SCENARIO_MEMORY = 5
+"""Bytes of memory for each byte of a scenario's file: of a pressure map, its numbers as well."""
 
-_RUN = 256 << 10
-"""Memory, in bytes, charged for each run of a log: beginning and ending one takes milliseconds, which this bounds."""
+_ITEM = 12 << 10
+"""Memory, in bytes, charged for each attachment, at least: reading one takes time."""
 
 
-def read_run(path: Path | str, *, recover: bool | None = None) -> RecordedRun:
+def load_run(path: Path | str, *, recover: bool | None = None, messages: bool = False) -> RecordedRun:
     """Read the log of a run.
 
     Args:
-        path: The file, with one run in it.
-        recover: Read what is whole of a damaged file and list in `losses` what is not. By default files whose
-            name ends in .partial are recovered and others are not.
+        path: The file.
+        recover: Read a damaged file up to the damage and list in `losses` what is lost. By default files whose name
+            ends in .partial are recovered and others are not.
+        messages: Keep what viewers see as well, for `verify`.
 
     Returns:
         The run; every array as it was recorded, bit for bit.
 
     Raises:
-        RunLogError: When the file is damaged (and not to be recovered), no run log, or of a newer format; or holds
-            several runs.
-    """
-    found = read_runs(path, recover=recover)
-    if len(found) > 1:
-        what = (
-            f"a log of {len(found)} errands; pushplan replay and read_runs take those, this takes one problem"
-        )
-        raise RunLogError(str(path), what)
-    return found[0]
-
-
-def read_runs(path: Path | str, *, recover: bool | None = None) -> tuple[RecordedRun, ...]:
-    """Read a log of one run, or of several that follow one another, as the errands with several objects do.
-
-    Args:
-        path: The file.
-        recover: See `read_run`.
-
-    Raises:
-        RunLogError: As `read_run`.
+        RunLogError: When the file is damaged (and not to be recovered), no run log, or of another format.
     """
     path = Path(path)
     damaged = path.name.endswith(PARTIAL) if recover is None else recover
-    file = McapFile(path, recover=damaged, topics={topic.name for topic in TOPICS})
-    readings = [_Reading(file, 0)]
+    file = McapFile(path, recover=damaged, topics=None if messages else ())
+    reading = _Reading(file)
     for item in file.items():
-        if isinstance(item, Metadata) and item.name == metadata.RUN and readings[-1].begun:
-            try:
-                file.keep(_RUN, item.offset)
-            except DamageError as damage:
-                file.lose(damage)
-                break
-            readings.append(_Reading(file, len(readings)))
-        readings[-1].take(item)
-    return tuple(reading.finish() for reading in readings)
+        reading.take(item)
+    return reading.finish()
 
 
 class _Reading:
     """Turns the items of a file, one after another, into a run."""
 
-    def __init__(self, file: McapFile, number: int) -> None:
+    def __init__(self, file: McapFile) -> None:
         self._file = file
-        self._number = number
-        self._began = 0
         self._words: dict[str, dict[str, str]] = {}
-        self._scenario = ScenarioFiles(file)
-        self._contents = Contents(lambda: len(self._scenario.read().chain.contacts), file.recover)
-
-    @property
-    def begun(self) -> bool:
-        """Whether its first item has come."""
-        return metadata.RUN in self._words
+        self._files: dict[str, Attachment] = {}
+        self._messages: list[RawMessage] = []
+        self._digest = hashlib.sha256()
 
     def take(self, item: Item) -> None:
         """Take the next item of the file."""
         try:
             match item:
                 case Message():
-                    self._take_message(item)
+                    self._file.keep(len(item.data) + 256, item.offset)
+                    self._messages.append(RawMessage(item.topic, item.time, bytes(item.data)))
                 case Attachment():
-                    self._scenario.take(item)
+                    self._take_attachment(item)
                 case Metadata():
                     self._take_metadata(item)
-        except RunLogError:
-            raise
         except DamageError as damage:
             self._file.lose(damage)
-        except (DecodeError, KeyError, ValueError, PushplanError) as error:
-            what = f"no {error}" if isinstance(error, KeyError) else str(error)
-            self._file.lose(DamageError(f"{_name(item)}: {what}", item.offset))
+        except (CodecError, KeyError, ValueError, PushplanError) as error:
+            if isinstance(error, RunLogError):
+                raise
+            name = item.topic if isinstance(item, Message) else repr(item.name)
+            self._file.lose(DamageError(f"{name}: {error}", item.offset))
 
-    def _take_message(self, item: Message) -> None:
-        self._file.keep(self._contents.memory(item), item.offset)
-        if self._number and not self._began:
-            self._began = self._contents.began = item.time
-        self._contents.take(item)
+    def _take_attachment(self, item: Attachment) -> None:
+        if item.name in self._files:
+            raise ValueError("a name that was there already")
+        ours = item.name.endswith(".bin") and item.name.startswith(_OURS)
+        cost = memory(item.data) if ours else _SCENARIO_MEMORY * len(item.data)
+        self._file.keep(max(cost, _ITEM), item.offset)
+        metadata.add_to_digest(self._digest, item.name, item.data)
+        self._files[item.name] = item
 
     def _take_metadata(self, item: Metadata) -> None:
-        if not item.name.startswith(_OURS):
+        if not item.name.startswith("pushplan."):
             return
-        words = unsealed(item.words)
         if item.name in self._words:
             raise ValueError("a name that was there already")
-        if item.name == metadata.RUN:
-            self._check_format(words["format"], item.offset)
-        if item.name.startswith(metadata.PROGRESS):
-            float(words["found_s"])
-        if item.name == metadata.PLANNING:
-            self._contents.effort = Effort.from_words(words)
-        self._words[item.name] = words
-
-    def _check_format(self, text: str, offset: int) -> None:
-        known = metadata.FORMAT
-        if int(text) > known:
-            what = f"a run log of format {text}; this version of pushplan reads formats up to {known}"
-            raise RunLogError(str(self._file.path), what, offset)
+        if item.name == metadata.RUN and item.words.get("format") != str(metadata.FORMAT):
+            what = (
+                f"a run log of format {item.words.get('format')}; this version of pushplan reads format "
+                f"{metadata.FORMAT}"
+            )
+            raise RunLogError(str(self._file.path), what, item.offset)
+        metadata.add_words_to_digest(self._digest, item.name, item.words)
+        self._words[item.name] = item.words
 
     def finish(self) -> RecordedRun:
         """Return the run, once the file has been read.
@@ -141,38 +128,194 @@ class _Reading:
         Raises:
             RunLogError: When something is missing that a run log has.
         """
-        self._file.require(metadata.RUN in self._words, f"the metadata {metadata.RUN!r} of a run log")
-        scenario = self._scenario.read()
-        self._scenario.check(self._words.get(metadata.RUN, {}))
-        self._file.require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
-        self._file.require(not self._contents.cut, "the end of the execution")
-        for first, behind in self._contents.gaps:
-            self._file.require(False, f"samples {first} to {behind - 1} of the execution")
-        plan, execution = self._contents.plan, self._contents.execution()
+        file = self._file
+        file.require(metadata.RUN in self._words, f"the metadata {metadata.RUN!r} of a run log")
+        scenario = self._scenario()
+        file.require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
+        self._check_digest()
+        contents = _Contents(file, self._files, scenario)
+        try:
+            plan, execution, feedback = contents.plan(), contents.execution(), contents.feedback()
+            if plan is not None:
+                plan = metadata.with_clock(plan, self._words[metadata.PLANNING])
+            others = [LogLine(*line) for line in contents.numbered(LINE, _is_line)]
+            improvements = self._improvements(contents)
+        except RunLogError:
+            raise
+        except (CodecError, KeyError, ValueError, TypeError, PushplanError) as error:
+            raise RunLogError(str(file.path), f"what it holds is no run: {error}", file.size) from error
+        if plan is not None:
+            plan = replace(plan, execution=execution, improvements=improvements)
         return RecordedRun(
-            path=self._file.path,
+            path=file.path,
             scenario=scenario,
-            plan=None if plan is None else replace(plan, execution=execution),
+            plan=plan,
             execution=execution,
-            lines=tuple(self._contents.lines),
+            feedback=feedback,
+            improvements=improvements,
+            lines=lines_of(scenario, plan, execution, feedback, others),
             words=self._words,
-            losses=tuple(self._file.losses),
-            progress=self._progress(),
-            feedback=self._contents.feedback.feedback,
-            number=self._number,
-            began=self._began,
+            losses=tuple(file.losses),
+            messages=tuple(self._messages),
         )
 
-    def _progress(self) -> tuple[ProgressPoint, ...]:
-        """Return the improvements with the times of the plan or, of a run that was cut off, of their metadata."""
-        if self._contents.plan is not None:
-            return self._contents.plan.progress
-        words = (self._words.get(f"{metadata.PROGRESS}.{k:04d}", {}) for k in count())
-        seconds = (float(found.get("found_s", "nan")) for found in words)
+    def _improvements(self, contents: _Contents) -> tuple[Improvement, ...]:
+        points = contents.numbered(IMPROVEMENT, lambda value: isinstance(value, Improvement))
+        words = [self._words.get(f"{metadata.PROGRESS}.{k:04d}", {}) for k in range(len(points))]
         return tuple(
-            replace(point, seconds=at) for point, at in zip(self._contents.progress, seconds, strict=False)
+            replace(point, seconds=float(found.get("found_s", "nan")))
+            for point, found in zip(points, words, strict=True)
         )
 
+    def _check_digest(self) -> None:
+        """Compare what was read with the digest in the result.
 
-def _name(item: Item) -> str:
-    return f"a message on {item.topic}" if isinstance(item, Message) else repr(item.name)
+        Raises:
+            RunLogError: When they differ, and the file is not to be recovered.
+        """
+        stated = self._words.get(metadata.RESULT, {}).get(metadata.DIGEST)
+        if metadata.RESULT in self._words and stated != self._digest.hexdigest():
+            what = "its attachments and metadata are not those that were written (their digest differs)"
+            self._file.lose(DamageError(what, self._file.size))
+
+    def _scenario(self) -> Scenario:
+        """Return the scenario.
+
+        The file as the user wrote it counts, unless this version of pushplan fills its gaps differently from the
+        version that wrote the log; then the resolved one counts. Of a log to be recovered, either one will do.
+        """
+        names = [name for name in (SCENARIO_FILE, SCENARIO_JSON) if name in self._files]
+        for name in (SCENARIO_FILE, SCENARIO_JSON):
+            self._file.require(name in names, f"the attachment {name!r}", vital=not names)
+        scenario = self._parsed(names[0])
+        if len(names) == 1 or scenario.to_json().encode() == self._files[SCENARIO_JSON].data:
+            return scenario
+        # The resolved one names no map any more, its source does.
+        return replace(self._parsed(SCENARIO_JSON), source=scenario.source, attachments=scenario.attachments)
+
+    def _parsed(self, name: str) -> Scenario:
+        text = self._files[name]
+        referred = {
+            key.removeprefix(SCENARIO_FOLDER): file.data
+            for key, file in self._files.items()
+            if key.startswith(SCENARIO_FOLDER)
+        }
+        try:
+            return scenario_from_text(text.data, self._file.path / name, referred)
+        except ScenarioError as error:
+            what = f"the scenario in it is refused: {error}"
+            raise RunLogError(str(self._file.path), what, text.offset) from error
+
+
+class _Contents:
+    """What the attachments of a log hold."""
+
+    def __init__(self, file: McapFile, files: Mapping[str, Attachment], scenario: Scenario) -> None:
+        self._file, self._files, self._scenario = file, files, scenario
+
+    def _decoded(self, name: str) -> Any:
+        """Return the value of an attachment; None where there is none."""
+        found = self._files.get(name)
+        try:
+            return None if found is None else decode(found.data, self._scenario)
+        except PushplanError as error:
+            what = f"attachment {name!r}: {error}"
+            raise RunLogError(str(self._file.path), what, found.offset if found else 0) from error
+
+    def numbered(self, name: str, check: Callable[[Any], bool]) -> list[Any]:
+        """Return the values of the attachments of a name and a number, as far as the numbers have no gap."""
+        found: list[Any] = []
+        while (key := f"{name}{len(found):06d}.bin") in self._files:
+            value = self._decoded(key)
+            if not check(value):
+                raise CodecError(f"the attachment {key!r} holds something else than its name says")
+            found.append(value)
+        count = sum(key.startswith(name) for key in self._files)
+        self._file.require(count == len(found), f"the attachment {name}{len(found):06d}.bin")
+        return found
+
+    def plan(self) -> Plan | None:
+        """Return the plan without its execution."""
+        plan = self._decoded(PLAN)
+        if not isinstance(plan, Plan | None):
+            raise CodecError(f"the attachment {PLAN!r} holds no plan")
+        return plan
+
+    def execution(self) -> Execution | None:
+        """Return the execution as far as it has come, None when none has begun."""
+        parts, end = self.numbered(SAMPLES, _is_part), self._decoded(END)
+        self._file.require(end is not None or not parts, "the end of the execution")
+        if not parts:
+            return None
+        first = parts[0]
+        count = 0
+        for part in parts:
+            same = all(tuple(part[key]) == tuple(first[key]) for key in ("names", "judge", "arrays"))
+            if not same or part["first"] != count:
+                raise CodecError(f"samples that do not follow sample {count - 1}")
+            count += len(part["arrays"]["t"])
+        if tuple(first["names"]) != tuple(self._scenario.poses):
+            raise CodecError("an execution with other objects than the scenario's")
+        arrays = {}
+        for name in first["arrays"]:
+            values = np.concatenate([part["arrays"][name] for part in parts])
+            shape, kind = _shape(name, count, len(first["names"]))
+            if values.shape != shape or values.dtype != kind:
+                raise CodecError(f"array {name!r} has shape {values.shape}, not {shape}")
+            values.setflags(write=False)
+            arrays[name] = values
+        loss, error = self._end(end, count)
+        return Execution(first["names"], first["judge"], **arrays, loss=loss, goal_error=error)
+
+    def _end(self, end: Any, count: int) -> tuple[StabilityLoss | None, tuple[float, float]]:
+        """Return the loss and the error at the goal; NaN where samples are missing."""
+        if end is not None and end["samples"] == count:
+            match end:
+                case {"loss": StabilityLoss() | None as loss, "goal_error": (float(position), float(angle))}:
+                    return loss, (position, angle)
+            raise CodecError("the end of the execution holds something else")
+        if end is not None:
+            self._file.require(False, f"samples {count} to {end['samples'] - 1} of the execution")
+        return None, (math.nan, math.nan)
+
+    def feedback(self) -> Feedback | None:
+        """Return what a closed loop measured, noticed and planned; None where it is none."""
+        measured: list[Measured] = self.numbered(MEASURED, lambda value: isinstance(value, Measured))
+        events = self.numbered(EVENT, lambda value: isinstance(value, Event))
+        replans: list[Replan] = self.numbered(REPLAN, lambda value: isinstance(value, Replan))
+        if not (measured or events or replans):
+            return None
+        t = np.concatenate([part.t for part in measured]) if measured else np.zeros(0)
+        poses = np.concatenate([part.poses for part in measured]) if measured else np.zeros((0, 1, 3))
+        return Feedback(Measured(t, poses), tuple(events), tuple(replans))
+
+
+_OURS = (PLAN, IMPROVEMENT, SAMPLES, END, MEASURED, EVENT, REPLAN, LINE)
+
+
+def _is_line(value: Any) -> bool:
+    """Tell whether a value is time, level and text of a line."""
+    match value:
+        case (float(), str(level), str()):
+            return level in schemas.LEVELS
+    return False
+
+
+def _is_part(value: Any) -> bool:
+    """Tell whether a value is a part of an execution with all arrays that one has."""
+    match value:
+        case {"first": int(), "names": tuple(names), "judge": str(), "arrays": dict(arrays)}:
+            known = set(SERIES) <= set(arrays) <= {*SERIES, *SERIES_KNOWN}
+            return known and all(isinstance(name, str) for name in names)
+    return False
+
+
+def _shape(name: str, samples: int, objects: int) -> tuple[tuple[int, ...], type]:
+    tails: dict[str, tuple[int, ...]] = {
+        "t": (),
+        "segment": (),
+        "forces": (objects, 2),
+        "objects": (objects, 3),
+    }
+    tails |= dict.fromkeys(("poses", "twists", "wrenches"), (3,))
+    return (samples, *tails.get(name, (objects,))), np.int64 if name == "segment" else np.float64

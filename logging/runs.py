@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pushplan.errors import OutputError, PushplanError
 from pushplan.logging.mcap_file import DamageError, metadata_of
-from pushplan.logging.messages.seal import unsealed
+from pushplan.logging.old.messages.seal import unsealed
 from pushplan.util.files import PARTIAL, is_being_written
 
 FOLDER, MEGABYTES = "PUSHPLAN_RUNS", "PUSHPLAN_RUNS_MB"
@@ -210,7 +210,8 @@ def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
             if name == _RESULT:
                 words.pop("path_cost", None)  # of an improvement: the result has the last word
             if name.startswith("pushplan."):
-                words |= {key: value for key, value in unsealed(group).items() if key in _WORDS}
+                checked = unsealed(group) if "crc32" in group else group
+                words |= {key: value for key, value in checked.items() if key in _WORDS}
             if name == _RESULT and "path_cost" in words:  # of several objects each transfer has one
                 costs.append(_number(words["path_cost"]) or 0.0)
     except (DamageError, OSError, ValueError):

@@ -14,9 +14,12 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.logging.messages.recorded import RecordedRun
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.shown import contact_names
 from pushplan.mechanics.body import outline_of_all
+from pushplan.plans.run import Run
 from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import write_pieces, write_whole
 
@@ -24,7 +27,7 @@ _AT_ONCE = 10_000
 """Rows that exist as text in memory."""
 
 
-def write_csv(run: RecordedRun, path: Path | str) -> None:
+def write_csv(run: Run | RecordedRun, path: Path | str) -> None:
     """Write the columns of `table` as CSV: a line of names, then a line a sample.
 
     Raises:
@@ -43,60 +46,67 @@ def _lines(rows: Iterable[Iterable[object]]) -> bytes:
     return text.getvalue().encode()
 
 
-def table(run: RecordedRun) -> dict[str, FloatArray]:
-    """Return the columns (m,) by name; SI units, radians.
+def table(run: Run | RecordedRun) -> dict[str, FloatArray]:
+    """Return the columns (m,) by name; SI units, radians; NaN where an object is not pushed.
 
-    `t`; `x`, `y`, `theta` of the chain frame in the world; `vx`, `vy`, `omega` of the body twist in the chain
-    frame; of several pushes, these are the robot's frame and `load_x`, `load_y`, `load_theta` that of the objects;
-    where contacts may slip, for each object O `O.x`, `O.y`, `O.theta` in the world, and `fx`, `fy`, `torque` with
-    which the plate pushes, chain frame;
-    `base_x`, `base_y`, `base_theta`, `base_vx`, `base_vy`, `base_omega` of the robot's base, in its own frame;
-    then for each contact C `C.margin` and, where the loads are known, `C.friction_margin`, `C.lambda`,
-    `C.force_x`, `C.force_y` (chain frame).
+    `t`, `segment`; `x`, `y`, `theta` of the plate frame in the world; `vx`, `vy`, `omega` of its body twist;
+    `base_x`, `base_y`, `base_theta`, `base_vx`, `base_vy`, `base_omega` of the robot's base, in its own frame; for
+    each object O `O.x`, `O.y`, `O.theta` in the world; where contacts may slip `fx`, `fy`, `torque` with which the
+    plate pushes, contact's frame; then for each contact C `C.margin` and, where they are known, `C.dynamic_margin`,
+    `C.friction_margin`, `C.lambda`, `C.force_x`, `C.force_y` (contact's frame).
 
     Raises:
         PushplanError: When nothing was executed.
     """
     execution = run.execution
     if execution is None:
-        raise PushplanError(f"{run.path}: nothing was executed, so there is no table to write")
-    columns = {
-        "t": execution.t,
-        **dict(zip(("x", "y", "theta"), execution.poses.T, strict=True)),
-        **dict(zip(("vx", "vy", "omega"), execution.twists.T, strict=True)),
+        raise PushplanError(f"{run.log}: nothing was executed, so there is no table to write")
+    base = base_in_plate(run.scenario)
+    series = {
+        ("x", "y", "theta"): execution.poses,
+        ("vx", "vy", "omega"): execution.twists,
+        ("base_x", "base_y", "base_theta"): se2.compose(execution.poses, base),
+        ("base_vx", "base_vy", "base_omega"): se2.twist_of(base, execution.twists),
     }
-    if execution.loads is not None:
-        columns |= dict(zip(("load_x", "load_y", "load_theta"), execution.loads.T, strict=True))
-    if execution.object_poses is not None:
-        for k, obj in enumerate(run.scenario.chain.objects):
-            names = [f"{obj.name}.{name}" for name in ("x", "y", "theta")]
-            columns |= dict(zip(names, execution.object_poses[:, k].T, strict=True))
+    for k, name in enumerate(execution.names):
+        series[f"{name}.x", f"{name}.y", f"{name}.theta"] = execution.objects[:, k]
     if execution.wrenches is not None:
-        columns |= dict(zip(("fx", "fy", "torque"), execution.wrenches.T, strict=True))
-    base = run.scenario.chain.pusher.base_pose
-    columns |= dict(
-        zip(("base_x", "base_y", "base_theta"), se2.compose(execution.poses, base).T, strict=True)
-    )
-    columns |= dict(
-        zip(("base_vx", "base_vy", "base_omega"), se2.twist_of(base, execution.twists).T, strict=True)
-    )
-    for k in range(execution.margins.shape[1]):
-        name = run.scenario.chain.contact_name(k)
-        columns[f"{name}.margin"] = execution.margins[:, k]
-        if execution.friction_margins is not None:
-            columns[f"{name}.friction_margin"] = execution.friction_margins[:, k]
-        if execution.lambdas is not None:
-            columns[f"{name}.lambda"] = execution.lambdas[:, k]
-        if execution.forces is not None:
-            columns[f"{name}.force_x"] = execution.forces[:, k, 0]
-            columns[f"{name}.force_y"] = execution.forces[:, k, 1]
+        series["fx", "fy", "torque"] = execution.wrenches
+    columns = {"t": execution.t, "segment": execution.segment.astype(np.float64)}
+    for names, values in series.items():
+        columns |= dict(zip(names, values.T, strict=True))
+    known = {
+        "margin": execution.margins,
+        "dynamic_margin": execution.dynamic_margins,
+        "friction_margin": execution.friction_margins,
+        "lambda": execution.lambdas,
+        "force_x": None if execution.forces is None else execution.forces[..., 0],
+        "force_y": None if execution.forces is None else execution.forces[..., 1],
+    }
+    for k, contact in enumerate(contact_names(run.scenario)):
+        columns |= {f"{contact}.{name}": values[:, k] for name, values in known.items() if values is not None}
     return columns
 
 
-FORMAT = "pushplan-trajectory/1"
+def base_in_plate(scenario: Scenario) -> FloatArray:
+    """Return the pose (3,) of the robot's base in the plate frame."""
+    return se2.relative(scenario.pusher.plate_pose, scenario.pusher.base_pose)
 
 
-def write_trajectory(run: RecordedRun, path: Path | str) -> None:
+def footprint_of(scenario: Scenario) -> FloatArray:
+    """Return the outline (v, 2) of all that moves with the robot, in the frame of its base.
+
+    That is robot and plate and, of a single push, the objects, which the plate never leaves.
+    """
+    chain = scenario.tasks[0].chain
+    around = outline_of_all(chain.bodies if scenario.kind == "push" else chain.carried)
+    return se2.transform_points(se2.inverse(scenario.pusher.base_pose), around)
+
+
+FORMAT = "pushplan-trajectory/2"
+
+
+def write_trajectory(run: Run | RecordedRun, path: Path | str) -> None:
     """Write the document of `trajectory_document` as JSON, all numbers in full precision.
 
     Raises:
@@ -106,47 +116,62 @@ def write_trajectory(run: RecordedRun, path: Path | str) -> None:
     write_whole(path, (json.dumps(trajectory_document(run), allow_nan=False) + "\n").encode())
 
 
-def trajectory_document(run: RecordedRun) -> dict[str, Any]:
-    """Return path, trajectory and samples of chain and base as plain data; SI units, radians, angles run on.
+def trajectory_document(run: Run | RecordedRun) -> dict[str, Any]:
+    """Return segments, trajectory and samples of plate and base as plain data; SI units, radians, angles run on.
 
     Raises:
         PushplanError: When there is no trajectory.
     """
-    plan, goal, chain = run.plan, run.scenario.goal, run.scenario.chain
-    if plan is None or plan.path is None or plan.trajectory is None:
-        raise PushplanError(f"{run.path}: there is no plan, so there is no trajectory to write")
-    trajectory, path = plan.trajectory, plan.path
-    footprint = se2.transform_points(se2.inverse(trajectory.base), outline_of_all(chain.bodies))
-    arcs = zip(path.twists.tolist(), path.lengths.tolist(), strict=True)
+    plan, scenario = run.plan, run.scenario
+    if plan is None or plan.trajectory is None:
+        raise PushplanError(f"{run.log}: there is no plan, so there is no trajectory to write")
+    trajectory, base = plan.trajectory, base_in_plate(scenario)
+    goals = [
+        {
+            "objects": [obj.name for obj in task.chain.objects],
+            "pose": goal.pose_chain.tolist(),
+            "tolerance": {"position": goal.position_tolerance, "angle": goal.angle_tolerance},
+        }
+        for task in scenario.tasks
+        for goal in task.goals
+    ]
+    segments = [
+        {
+            "kind": segment.kind,
+            "objects": [] if segment.load is None else list(segment.load.names),
+            "t0": begin,
+            "start": segment.path.start.tolist(),
+            "arcs": [
+                {"twist": twist, "length": length}
+                for twist, length in zip(
+                    segment.path.twists.tolist(), segment.path.lengths.tolist(), strict=True
+                )
+            ],
+        }
+        for segment, begin in zip(plan.segments, plan.times.tolist(), strict=False)
+    ]
     return {
         "format": FORMAT,
-        "scenario": run.scenario.name,
+        "scenario": scenario.name,
         "duration": trajectory.duration,
-        "base_in_chain": trajectory.base.tolist(),
-        "footprint": footprint.tolist(),
-        "goal": {
-            "chain": goal.pose_chain.tolist(),
-            "base": se2.compose(goal.pose_chain, trajectory.base).tolist(),
-            "tolerance": {"position": goal.position_tolerance, "angle": goal.angle_tolerance},
-        },
-        "path": {
-            "start": path.start.tolist(),
-            "arcs": [{"twist": twist, "length": length} for twist, length in arcs],
-        },
+        "base_in_plate": base.tolist(),
+        "footprint": footprint_of(scenario).tolist(),
+        "goals": goals,
+        "segments": segments,
         "polynomials": {
             "breaks": trajectory.breaks.tolist(),
             "coefficients": trajectory.coefficients.tolist(),
         },
-        "samples": {"rate": trajectory.rate, **_samples(trajectory)},
+        "samples": {"rate": trajectory.rate, **_samples(trajectory, base)},
     }
 
 
-def _samples(trajectory: Trajectory) -> dict[str, Any]:
+def _samples(trajectory: Trajectory, base: FloatArray) -> dict[str, Any]:
     columns: dict[str, FloatArray] = {
         "t": trajectory.t,
-        "chain_poses": trajectory.poses,
-        "chain_twists": trajectory.twists,
-        "base_poses": trajectory.base_poses,
-        "base_twists": trajectory.base_twists,
+        "plate_poses": trajectory.poses,
+        "plate_twists": trajectory.twists,
+        "base_poses": se2.compose(trajectory.poses, base),
+        "base_twists": se2.twist_of(base, trajectory.twists),
     }
     return {name: column.tolist() for name, column in columns.items()}

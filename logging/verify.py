@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-
-from pushplan.geometry.se2 import compose, exp
 from pushplan.logging.check import TOLERANCE, Check
 from pushplan.logging.messages import metadata
 from pushplan.logging.messages.recorded import RecordedRun
 from pushplan.logging.plan_again import timed_by_other_rules
 from pushplan.logging.several_again import check_segments, execute_again, segments_again
 from pushplan.logging.verify_file import verify_file
+
+from pushplan.geometry.se2 import compose, exp
 from pushplan.planners.trajectories import make_trajectory
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.execution import Execution

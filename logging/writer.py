@@ -1,44 +1,65 @@
-"""Writes the log of one run, so that a crash at any moment leaves a readable file.
+"""Writes the log of a run, so that a kill at any moment loses nothing that was known before.
 
-The log grows as NAME.mcap.partial and becomes NAME.mcap when it is finished. Two runs with the same seed write
-the same bytes, except in these words of the metadata (as long in both, on one machine with the same versions):
+A run is written as attachments, each when it is known: the scenario, every improvement of the path, the plan, every
+simulated second of the execution, what was measured and noticed. When the run is over, the messages for viewers are
+made from it (`topics`). The log grows as NAME.mcap.partial and becomes NAME.mcap when it is finished.
 
-- `pushplan.run`: `started_at`, `machine`, `git`, `crc32`;
-- `pushplan.progress.N`: `found_s`, `crc32`;
-- `pushplan.planning` and `pushplan.result`: times (`..._s`, `..._at`), `extensions`, `crc32`.
+Two runs with the same seed write the same bytes, except in these fields of the metadata (as long in both, on one
+machine with the same versions): `started_at`, `finished_at`, `machine`, `git`, `sha256`, `iterations`, and times of
+the clock, `..._s`.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+import hashlib
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
-from foxglove_schemas_protobuf.Log_pb2 import Log
 
-from pushplan.errors import OutputError
-from pushplan.logging.execution_writer import ExecutionWriter
-from pushplan.logging.feedback_writer import FeedbackWriter
+from pushplan.errors import OutputError, RunLogError
+from pushplan.logging import metadata, schemas
+from pushplan.logging.codec import MEDIA_TYPE, encode
 from pushplan.logging.layout import LAYOUT_FILE, layout_text
-from pushplan.logging.messages import execution_message, metadata, plan_message, schemas
-from pushplan.logging.messages.channels import Channels
-from pushplan.logging.messages.effort import Effort, exact
-from pushplan.logging.messages.scenario_files import MEDIA_TYPES, attachments_of
-from pushplan.logging.messages.sentences import execution_sentence, plan_sentence
-from pushplan.logging.view.contact_messages import contact_messages
-from pushplan.logging.view.contacts import resting
-from pushplan.logging.view.frames import frames_at, poses_in_world
-from pushplan.logging.view.scene import PATH_SPACING, nearest, nothing, scene, tree
-from pushplan.logging.view.window import smoothed_times
-from pushplan.plans.events import Feedback
-from pushplan.plans.execution import Execution, inertia_warning
-from pushplan.plans.result import PlanResult, ProgressPoint
-from pushplan.plans.segment import Segment
+from pushplan.logging.mcap_file import mcap_writer
+from pushplan.logging.recorded import LogLine, RecordedRun
+from pushplan.logging.topics import lines_of, messages
+from pushplan.plans.events import Event, Feedback, Measured, Replan
+from pushplan.plans.plan import Improvement, Plan
+from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 from pushplan.util.files import Output
+
+SCENARIO_FILE, SCENARIO_JSON, SCENARIO_FOLDER = "scenario.yaml", "scenario.json", "scenario/"
+"""Attachments: the scenario byte for byte; with everything resolved that it leaves open; the files it refers to."""
+
+PLAN, IMPROVEMENT, SAMPLES, END = "plan.bin", "improvement/", "execution/", "execution.bin"
+"""Attachments: the plan; followed by a number, an improvement of the path; likewise, a simulated second of the
+execution; what the execution came to."""
+
+MEASURED, EVENT, REPLAN, LINE = "measured/", "event/", "replan/", "line/"
+"""Attachments, followed by a number: measurements, events, plans on the way, other lines of /log."""
+
+SERIES = ("t", "poses", "twists", "objects", "segment", "margins")
+SERIES_KNOWN = ("dynamic_margins", "friction_margins", "lambdas", "forces", "wrenches")
+"""Arrays of an execution: those that every one has, and those that some do."""
+
+_LATEST = 1 << 33
+"""Simulated time has to be before this, s."""
+
+
+def seconds_of(t: FloatArray) -> Iterator[slice]:
+    """Yield the samples of each simulated second that has any, given their times (m,)."""
+    cuts = np.flatnonzero(np.diff(np.floor(t))) + 1
+    yield from (slice(a, b) for a, b in pairwise([0, *cuts.tolist(), len(t)]) if b > a)
 
 
 class RunLogWriter:
@@ -52,14 +73,17 @@ class RunLogWriter:
     Without `finish`, or with an exception inside, the file stays under `partial` and its metadata say why.
     """
 
-    def __init__(self, file: Output, scenario: Scenario, began: int = 0) -> None:
+    def __init__(self, file: Output, scenario: Scenario) -> None:
         self._file = file
-        self._scenario = scenario
-        self._channels = Channels(file, began)
-        self._words: dict[str, str] = {}
+        self._writer = mcap_writer(file, f"pushplan {metadata.version_of('pushplan')}")
+        self._channels: dict[str, int] = {}
+        self._sequence: Counter[int] = Counter()
         self._finished = False
-        self._improvements = 0
-        self._segments: tuple[Segment, ...] = ()
+        self._run = RecordedRun(file.path, scenario)
+        self._others: list[LogLine] = []
+        self._counts: Counter[str] = Counter()
+        self._samples = 0
+        self._digest = hashlib.sha256()
 
     @classmethod
     def create(
@@ -69,25 +93,22 @@ class RunLogWriter:
         settings: Mapping[str, object],
         words: Mapping[str, str] | None = None,
         new: bool = False,
-        began: int = 0,
     ) -> Self:
         """Begin a log: what the run starts from is written when this returns.
 
         Args:
             path: Final name of the log. A file of that name is replaced when the log is finished, not before.
-            scenario: What the run is about.
+            scenario: What the run is about, with the settings of the plan (`Planner.scenario`).
             settings: Names and values for the metadata `pushplan.run`: planner, set, seed, ...
             words: The metadata `pushplan.run` of a run that is over; None for one that begins now.
             new: Refuse a name that there is already.
-            began: Time of the log at which the run begins, ns: it was not the first one in its log.
 
         Raises:
             OutputError: When the file cannot be written.
         """
         file = Output(path, new=new)
         try:
-            log = cls(file, scenario, began)
-            log._channels.declare()
+            log = cls(file, scenario)
             log._begin(metadata.run_words(scenario, settings) if words is None else words)
         except BaseException:
             file.discard()
@@ -100,20 +121,21 @@ class RunLogWriter:
         return self._file.partial
 
     def _begin(self, words: Mapping[str, str]) -> None:
-        channels, scenario = self._channels, self._scenario
-        channels.note(metadata.RUN, words)
-        for name, data in attachments_of(scenario).items():
-            channels.attach(name, MEDIA_TYPES.get(name, "application/octet-stream"), data)
-        if channels.began:
-            channels.send(schemas.SCENE, nothing())  # what the run before has drawn
-        channels.send(schemas.SCENE, scene(scenario))
-        now = channels.instants(np.zeros(1))
-        chain, load = scenario.chain, None if scenario.pushes is None else scenario.start[None]
-        rows = {schemas.TF: frames_at(chain, scenario.first_pose[None], load, now)}
-        if load is None:
-            rows[schemas.CONTACTS] = contact_messages(chain, resting(chain), now)
-        channels.send_batch(channels.prepare(rows, now))
-        channels.flush()
+        scenario = self._run.scenario
+        self.note(metadata.RUN, words)
+        self._attach(SCENARIO_FILE, scenario.source, "application/yaml")
+        self._attach(SCENARIO_JSON, scenario.to_json().encode(), "application/json")
+        for name, data in scenario.attachments.items():
+            self._attach(SCENARIO_FOLDER + name, data, "application/octet-stream")
+
+    def _attach(self, name: str, data: bytes, media_type: str = MEDIA_TYPE) -> None:
+        """Write an attachment; when this returns, no kill can lose it."""
+        metadata.add_to_digest(self._digest, name, data)
+        self._writer.add_attachment(0, 0, name, media_type, data)
+
+    def _numbered(self, name: str, value: object) -> None:
+        self._attach(f"{name}{self._counts[name]:06d}.bin", encode(value))
+        self._counts[name] += 1
 
     def log(self, level: str, text: str) -> None:
         """Write a line to /log.
@@ -128,10 +150,18 @@ class RunLogWriter:
         """
         if level not in schemas.LEVELS:
             raise ValueError(f"level {level!r} is none of {', '.join(schemas.LEVELS)}")
-        number = schemas.LEVELS.index(level) + 1
-        stamp = self._channels.stamp
-        line = Log(timestamp=stamp, level=number, message=text, name="pushplan")  # type: ignore[arg-type]
-        self._channels.send(schemas.LOG, line)
+        execution = self._run.execution
+        time = 0.0 if execution is None or not len(execution.t) else float(execution.t[-1])
+        self.line(LogLine(time, level, text))
+
+    def line(self, line: LogLine) -> None:
+        """Write a line to /log as it is.
+
+        Raises:
+            OutputError: When the file cannot be written.
+        """
+        self._others.append(line)
+        self._numbered(LINE, (line.time, line.level, line.text))
 
     def note(self, name: str, words: Mapping[str, str]) -> None:
         """Write metadata under a name that begins with `pushplan.`.
@@ -139,82 +169,131 @@ class RunLogWriter:
         Raises:
             OutputError: When the file cannot be written.
         """
-        self._channels.note(name, words)
+        metadata.add_words_to_digest(self._digest, name, words)
+        self._writer.add_metadata(name, dict(words))
 
-    def plan(self, plan: PlanResult) -> None:
+    def improved(self, point: Improvement) -> None:
+        """Write an improvement of the best path.
+
+        Raises:
+            OutputError: When the file cannot be written.
+        """
+        number = len(self._run.improvements)
+        words = {"found_s": metadata.exact(point.seconds), "path_cost": repr(point.cost)}
+        self.note(f"{metadata.PROGRESS}.{number:04d}", words)
+        self._numbered(IMPROVEMENT, replace(point, seconds=math.nan))
+        self._run = replace(self._run, improvements=(*self._run.improvements, point))
+
+    def plan(self, plan: Plan) -> None:
         """Write what planning found, and what it took; improvements that `improved` has written are not repeated.
 
         Raises:
             OutputError: When the file cannot be written.
         """
-        channels = self._channels
-        effort = Effort.from_plan(plan).to_words()
-        channels.note(metadata.PLANNING, effort)
-        for point in plan.progress[self._improvements :]:
-            self._send_progress(point)
-        channels.send_stamped(schemas.COSTS, plan_message.encode_costs(plan.progress))
-        self._segments = plan.segments
-        channels.send_stamped(schemas.PLAN, plan_message.encode(plan))
-        self._show_plan(plan)
-        channels.attach(LAYOUT_FILE, "application/json", layout_text(self._scenario, plan))
-        self.log("info" if plan.solved else "warning", plan_sentence(plan))
-        self._words |= {**effort, **metadata.plan_words(plan)}
-        channels.flush()
+        for point in plan.improvements[len(self._run.improvements) :]:
+            self.improved(point)
+        self.note(metadata.PLANNING, metadata.planning_words(plan))
+        self._attach(PLAN, encode(metadata.without_clock(plan)))
+        self._attach(LAYOUT_FILE, layout_text(self._run.scenario, plan), "application/json")
+        self._run = replace(self._run, plan=plan)
 
-    def improved(self, point: ProgressPoint) -> None:
-        """Write an improvement of the best path; when this returns, no kill can lose it.
+    def samples(self, execution: Execution) -> None:
+        """Write the simulated seconds of an execution that are over and not written yet.
+
+        Args:
+            execution: As far as it has come; the samples that were written before are the same.
 
         Raises:
+            RunLogError: When times go back or are no numbers.
             OutputError: When the file cannot be written.
         """
-        words = {"found_s": exact(point.seconds), "path_cost": repr(point.cost)}
-        self._channels.note(f"{metadata.PROGRESS}.{self._improvements:04d}", words)
-        self._send_progress(point)
-        self._channels.flush()
-
-    def _send_progress(self, point: ProgressPoint) -> None:
-        self._channels.send_stamped(schemas.PROGRESS, plan_message.encode_progress(point))
-        self._improvements += 1
-
-    def _show_plan(self, plan: PlanResult) -> None:
-        self._channels.send(schemas.PLAN_TREE, tree(plan.tree))
-        self._channels.send(schemas.PLAN_NEAREST, nearest(self._scenario.chain, plan))
-        if plan.path is not None:
-            path = poses_in_world(plan.path.sampled(PATH_SPACING))
-            self._channels.send(schemas.PLAN_PATH, path)
-        if plan.trajectory is not None:
-            times = smoothed_times(plan.trajectory)
-            smoothed = poses_in_world(plan.trajectory.poses_at(times))
-            self._channels.send(schemas.PLAN_SMOOTHED, smoothed)
+        over = int(np.searchsorted(execution.t, np.floor(execution.t[-1]))) if len(execution.t) else 0
+        self._write_samples(execution, over)
+        self._run = replace(self._run, execution=execution)
 
     def execution(self, execution: Execution) -> None:
-        """Write what the simulator made of the plan, one simulated second after the other.
+        """Write what the simulator made of the plan, a simulated second at a time, as far as it is not written yet.
+
+        Raises:
+            RunLogError: When times go back or are no numbers.
+            OutputError: When the file cannot be written.
+        """
+        self._write_samples(execution, len(execution.t))
+        end = {"samples": len(execution.t), "goal_error": execution.goal_error, "loss": execution.loss}
+        self._attach(END, encode(end))
+        self._run = replace(self._run, execution=execution)
+
+    def _write_samples(self, execution: Execution, end: int) -> None:
+        """Write the samples of an execution up to one, but for those that were written before."""
+        self._check_times(execution.t)
+        about = {"names": execution.names, "judge": execution.judge}
+        arrays = {name: getattr(execution, name) for name in (*SERIES, *SERIES_KNOWN)}
+        for second in seconds_of(execution.t[self._samples : end]):
+            these = slice(self._samples + second.start, self._samples + second.stop)
+            part = {name: values[these] for name, values in arrays.items() if values is not None}
+            self._numbered(SAMPLES, {"first": these.start, **about, "arrays": part})
+        self._samples = end
+
+    def _check_times(self, t: FloatArray) -> None:
+        before = np.append(0.0, t[:-1])
+        wrong = np.flatnonzero(~((t >= before) & (t < _LATEST)))
+        if len(wrong):
+            what = f"time {t[wrong[0]]} s cannot follow {before[wrong[0]]} s"
+            raise RunLogError(str(self._file.path), what)
+
+    def measured(self, measured: Measured) -> None:
+        """Write what a closed loop has measured since the last time.
 
         Raises:
             OutputError: When the file cannot be written.
         """
-        channels = self._channels
-        ExecutionWriter(channels, self._scenario.chain, self._segments).write(execution)
-        self._end_execution(execution)
-        warning = inertia_warning(self._scenario, execution)
-        if warning:
-            self.log("warning", warning)
-        channels.flush()
+        before = self._feedback()
+        self._numbered(MEASURED, measured)
+        if len(before.measured.t):
+            t = np.concatenate([before.measured.t, measured.t])
+            measured = Measured(t, np.concatenate([before.measured.poses, measured.poses]))
+        self._run = replace(self._run, feedback=replace(before, measured=measured))
+
+    def event(self, event: Event) -> None:
+        """Write something that a closed loop has noticed or done.
+
+        Raises:
+            OutputError: When the file cannot be written.
+        """
+        before = self._feedback()
+        self._numbered(EVENT, event)
+        self._run = replace(self._run, feedback=replace(before, events=(*before.events, event)))
+
+    def replan(self, replan: Replan) -> None:
+        """Write an attempt to plan on the way.
+
+        Raises:
+            OutputError: When the file cannot be written.
+        """
+        before = self._feedback()
+        result: Any = replan.result  # see `topics`
+        result = None if result is None else metadata.without_clock(result)
+        self._numbered(REPLAN, replace(replan, seconds=math.nan, result=result))
+        self._run = replace(self._run, feedback=replace(before, replans=(*before.replans, replan)))
+
+    def _feedback(self) -> Feedback:
+        """Return what a closed loop has told so far."""
+        nothing = Measured(np.zeros(0), np.zeros((0, len(self._run.scenario.poses), 3)))
+        return self._run.feedback or Feedback(nothing, (), ())
 
     def closed_loop(self, execution: Execution, feedback: Feedback) -> None:
-        """Write the execution of a closed loop with all that was measured, noticed and planned meanwhile.
+        """Write the execution of a closed loop that is over with all that was measured, noticed and planned.
 
         Raises:
             OutputError: When the file cannot be written.
         """
-        FeedbackWriter(self._channels, self._scenario.chain, self.log).write(execution, feedback)
-        self._end_execution(execution)
-        self._channels.flush()
-
-    def _end_execution(self, execution: Execution) -> None:
-        self._channels.send_stamped(schemas.EXECUTION_END, execution_message.encode_end(execution))
-        self.log("info" if execution.loss is None else "warning", execution_sentence(execution))
-        self._words |= metadata.execution_words(execution)
+        if len(feedback.measured.t):
+            self.measured(feedback.measured)
+        for event in feedback.events:
+            self.event(event)
+        for replan in feedback.replans:
+            self.replan(replan)
+        self.execution(execution)
 
     def finish(self, outcome: str, seconds: Mapping[str, float] | None = None) -> None:
         """End the log and give it its final name.
@@ -229,48 +308,40 @@ class RunLogWriter:
         self._end(_ended(outcome, seconds))
         self._file.publish()
 
-    def follow(
-        self,
-        outcome: str,
-        scenario: Scenario,
-        settings: Mapping[str, object],
-        seconds: Mapping[str, float] | None = None,
-        words: Mapping[str, str] | None = None,
-    ) -> None:
-        """End the run, and begin the next one in the same log where its time ends.
-
-        Args:
-            outcome: As in `finish`.
-            scenario: Of the next run, as the others below; see `create`.
-            settings: For the metadata `pushplan.run`.
-            seconds: As in `finish`.
-            words: The metadata `pushplan.run` of a run that is over.
-
-        Raises:
-            OutputError: When the file cannot be written.
-        """
-        self._conclude(_ended(outcome, seconds))
-        self._scenario, self._words, self._improvements, self._segments = scenario, {}, 0, ()
-        self._channels.begin_run()
-        self._begin(metadata.run_words(scenario, settings) if words is None else words)
-
     def _conclude(self, words: Mapping[str, str]) -> None:
-        self._channels.flush()
-        self._channels.note(metadata.RESULT, {**self._words, **words, "finished_at": metadata.now()})
+        """Write messages and result of the run."""
+        run = self._run
+        lines = lines_of(run.scenario, run.plan, run.execution, run.feedback, self._others)
+        for instant, topic, data in messages(replace(run, lines=lines)):
+            self._send(instant, topic, data)
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        told = {**metadata.result_words(run), **words, "finished_at": metadata.now()}
+        metadata.add_words_to_digest(self._digest, metadata.RESULT, told)
+        self._writer.add_metadata(metadata.RESULT, {**told, metadata.DIGEST: self._digest.hexdigest()})
+
+    def _send(self, instant: int, topic: schemas.Topic, data: bytes) -> None:
+        if not self._channels:
+            numbers: dict[str, int] = {}
+            for one in schemas.TOPICS:
+                if one.kind not in numbers:
+                    numbers[one.kind] = self._writer.register_schema(one.kind, "protobuf", one.schema)
+                self._channels[one.name] = self._writer.register_channel(
+                    one.name, "protobuf", numbers[one.kind]
+                )
+        channel = self._channels[topic.name]
+        self._writer.add_message(channel, instant, data, instant, self._sequence[channel])
+        self._sequence[channel] += 1
 
     def _end(self, words: Mapping[str, str]) -> None:
         self._finished = True
         self._conclude(words)
-        self._channels.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close the file; see `abandon`."""
         self.abandon(error)
@@ -294,4 +365,7 @@ class RunLogWriter:
 
 def _ended(outcome: str, seconds: Mapping[str, float] | None) -> dict[str, str]:
     """Return how a run ended as metadata."""
-    return {"outcome": outcome, **{f"{phase}_s": exact(spent) for phase, spent in (seconds or {}).items()}}
+    return {
+        "outcome": outcome,
+        **{f"{phase}_s": metadata.exact(spent) for phase, spent in (seconds or {}).items()},
+    }

@@ -17,8 +17,8 @@ _HOMES = {
     "RunLogError ScenarioError SupportError TimingError UndefinedEcofError",
     "mechanics.contacts.friction": "cof ecof friction_wrench",
     "sim.following.follower": "Command Follower FollowerState",
-    "logging.reader": "read_run read_runs",
-    "logging.messages.recorded": "RecordedRun",
+    "logging.old.reader": "read_run read_runs",
+    "logging.old.messages.recorded": "RecordedRun",
     "plans.path": "PushPath",
     "recording": "IncompleteLogError",
     "plan": "plan",
@@ -90,9 +90,9 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.errors import TimingError as TimingError
     from pushplan.errors import UndefinedEcofError as UndefinedEcofError
     from pushplan.identify import identify as identify
-    from pushplan.logging.messages.recorded import RecordedRun as RecordedRun
-    from pushplan.logging.reader import read_run as read_run
-    from pushplan.logging.reader import read_runs as read_runs
+    from pushplan.logging.old.messages.recorded import RecordedRun as RecordedRun
+    from pushplan.logging.old.reader import read_run as read_run
+    from pushplan.logging.old.reader import read_runs as read_runs
     from pushplan.mechanics.chain import Chain as Chain
     from pushplan.mechanics.chain import Contact as Contact
     from pushplan.mechanics.chain import Drive as Drive

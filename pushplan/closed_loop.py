@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from pushplan.errors import PlanningError
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.writer import RunLogWriter
+from pushplan.logging.old.messages.recorded import RecordedRun
+from pushplan.logging.old.writer import RunLogWriter
 from pushplan.plan import plan as plan_push
 from pushplan.plans.events import Event, Feedback, Replan
 from pushplan.plans.execution import Execution

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pushplan.errors import PushplanError, RunLogError
-from pushplan.logging.courses import read_course
+from pushplan.logging.old.courses import read_course
 from pushplan.scenario.model import Scenario
 from pushplan.sim.identify.course import Course
 from pushplan.sim.identify.identification import Identification

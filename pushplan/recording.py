@@ -15,7 +15,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.util.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
-    from pushplan.logging.writer import RunLogWriter
+    from pushplan.logging.old.writer import RunLogWriter
 
 Where = Path | str | Literal[False] | None
 """A file, False for no log, or None for one in the folder of the recorded runs."""
@@ -73,7 +73,7 @@ class Recording:
 
     def _begin(self, where: Path | str | None) -> None:
         with self._writing():
-            from pushplan.logging.writer import RunLogWriter  # nobody waits for it who logs nothing
+            from pushplan.logging.old.writer import RunLogWriter  # nobody waits for it who logs nothing
 
             self._path = self._new_log() if where is None else Path(where)
             self._writer = RunLogWriter.create(self._path, self._scenario, self._settings)

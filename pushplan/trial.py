@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pushplan.errors import PlanningError
-from pushplan.logging.reader import read_run
+from pushplan.logging.old.reader import read_run
 from pushplan.plan import plan
 from pushplan.scenario.model import Scenario
 from pushplan.sim.slip.settings import SlipSettings
@@ -17,7 +17,7 @@ from pushplan.sim.trials.result import Trials
 from pushplan.sim.trials.uncertain import TrialUncertainty
 
 if TYPE_CHECKING:
-    from pushplan.logging.messages.recorded import RecordedRun
+    from pushplan.logging.old.messages.recorded import RecordedRun
     from pushplan.plans.result import Run
 
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from pushplan.cli.main import main
-from pushplan.logging.reader import read_run
-from pushplan.logging.several_again import execute_again
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.several_again import execute_again
 from pushplan.plans.execution import Execution
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.file import example_text, load_scenario
@@ -116,7 +116,7 @@ def test_replay_reports_a_mismatch_with_exit_code_4(
         assert execution is not None
         return replace(execution, poses=execution.poses + 1e-3)
 
-    monkeypatch.setattr("pushplan.logging.verify.execute_again", shifted)
+    monkeypatch.setattr("pushplan.logging.old.verify.execute_again", shifted)
     assert main(["replay", str(planned["log"]), "--verify"]) == 4
     out = capsys.readouterr().out
     assert "the log differs from what its scenario and its plan lead to:" in out

@@ -14,7 +14,7 @@ from plain import load_plain, plain
 from pushplan.cli.main import main
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry.se2 import pose_error
-from pushplan.logging.reader import read_run
+from pushplan.logging.old.reader import read_run
 from pushplan.plan import plan
 from pushplan.planners.failure import Failure
 from pushplan.planners.improve.session import Budget

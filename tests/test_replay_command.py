@@ -9,7 +9,7 @@ import pytest
 
 from pushplan.cli.main import main
 from pushplan.cli.replay import WRITERS
-from pushplan.logging.writer import RunLogWriter
+from pushplan.logging.old.writer import RunLogWriter
 from pushplan.scenario.file import load_scenario
 
 

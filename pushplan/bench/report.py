@@ -299,7 +299,7 @@ def worst_runs(results: Results, most: int = MOST_PICTURES) -> pd.DataFrame:
 def _pictures(results: Results, runs: pd.DataFrame) -> dict[str, str]:
     """Return pictures (data URIs) by key of those runs whose logs hold enough to draw one."""
     from pushplan.drawing.plans import plot_plan
-    from pushplan.logging.reader import read_run
+    from pushplan.logging.old.reader import read_run
 
     found = {}
     with tempfile.TemporaryDirectory() as folder:

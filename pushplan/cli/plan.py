@@ -139,7 +139,7 @@ def _page_beside(output: Path, console: Console) -> Path | None:
 
 def _write_page(done: Run, page: Path, asked: bool, console: Console) -> Path | None:
     """Write the page of a run; where nobody has asked for it, what hinders that is only a remark."""
-    from pushplan.logging.page import write_html
+    from pushplan.logging.old.page import write_html
 
     try:
         with console.working(f"writing {page}"):

@@ -21,8 +21,8 @@ from pushplan.errors import PushplanError, RunLogError
 from pushplan.util.names import BESIDE_A_BAG
 
 if TYPE_CHECKING:
-    from pushplan.logging.messages.recorded import RecordedRun
-    from pushplan.logging.verify import VerifyReport
+    from pushplan.logging.old.messages.recorded import RecordedRun
+    from pushplan.logging.old.verify import VerifyReport
 
 Document = dict[str, Any]
 
@@ -111,7 +111,7 @@ def replay(
     if plot is not None or wanted:
         how: dict[str, Any] = {}
         if "ros2" in wanted:
-            from pushplan.logging.bag import Frames
+            from pushplan.logging.old.bag import Frames
 
             how = {"frames": Frames.from_text(frames) if frames else None, "epoch": epoch}
         _export(_joined(shown), plot, wanted, how, console)
@@ -138,10 +138,10 @@ def log_meant(log: Path | None, runs: Path | None) -> str:
 
 def _read(source: str, recovered: Path | None) -> tuple[RecordedRun, ...]:
     if recovered is not None:
-        from pushplan.logging.recover import recover
+        from pushplan.logging.old.recover import recover
 
         return recover(source, recovered)
-    from pushplan.logging.reader import read_runs
+    from pushplan.logging.old.reader import read_runs
 
     return read_runs(source)
 
@@ -151,7 +151,7 @@ def _with_plan(run: RecordedRun, console: Console) -> RecordedRun:
     if run.plan is not None or run.best_path is None:
         return run
     with console.computing("timing and executing the best path"):
-        from pushplan.logging.cut_off import with_best_path
+        from pushplan.logging.old.cut_off import with_best_path
 
         return with_best_path(run)
 
@@ -161,7 +161,7 @@ def _with_plan(run: RecordedRun, console: Console) -> RecordedRun:
 
 def _tell(runs: Sequence[RecordedRun], recovered: Path | None, console: Console) -> Document:
     """Show what a log holds; return the document."""
-    from pushplan.logging.view.summary import summary
+    from pushplan.logging.old.view.summary import summary
 
     first, last = runs[0], runs[-1]
     about: Document = {"scenario": first.scenario.name, "log": first.path}
@@ -189,7 +189,7 @@ def _tell(runs: Sequence[RecordedRun], recovered: Path | None, console: Console)
 
 def _tell_errands(runs: Sequence[RecordedRun], console: Console) -> list[Document]:
     """Show the tasks of a log of several objects, one after the other."""
-    from pushplan.logging.errands import aim_of, delivers, errand_of
+    from pushplan.logging.old.errands import aim_of, delivers, errand_of
 
     console.say((runs[0].scenario.name, "bold"), "  (several objects)")
     found = []
@@ -207,8 +207,8 @@ def _tell_errands(runs: Sequence[RecordedRun], console: Console) -> list[Documen
 def _verified(runs: Sequence[RecordedRun], console: Console) -> VerifyReport:
     """Execute the recorded plans again, compare, and tell what differs."""
     with console.computing("executing the recorded plan again"):
-        from pushplan.logging.errands import check_errands
-        from pushplan.logging.verify import VerifyReport, verify
+        from pushplan.logging.old.errands import check_errands
+        from pushplan.logging.old.verify import VerifyReport, verify
 
         if len(runs) > 1:
             own = [
@@ -269,7 +269,7 @@ def _joined(runs: Sequence[RecordedRun]) -> RecordedRun:
     """
     if len(runs) == 1:
         return runs[0]
-    from pushplan.logging.joined import joined
+    from pushplan.logging.old.joined import joined
 
     executed = [run for run in runs if run.plan is not None and run.execution is not None]
     if not executed:
@@ -317,4 +317,4 @@ def _draw(run: RecordedRun, path: Path, console: Console) -> None:
 def _write(name: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console: Console) -> None:
     module, function, _ = WRITERS[name]
     with console.working(f"writing {path}"):
-        getattr(import_module(f"pushplan.logging.{module}"), function)(run, path, **how)
+        getattr(import_module(f"pushplan.logging.old.{module}"), function)(run, path, **how)

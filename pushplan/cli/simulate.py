@@ -116,7 +116,7 @@ def simulate(
 
         prune(log.parent, log)
     if html is not None:
-        from pushplan.logging.page import write_html
+        from pushplan.logging.old.page import write_html
 
         with console.computing(f"writing {html}"):
             write_html(done.recorded, html)

@@ -100,7 +100,7 @@ def trial(
 
             plot_trials(trials, plan.as_plan(trials.scenario), plot)
     if worst is not None:
-        from pushplan.logging.trial_log import write_trial
+        from pushplan.logging.old.trial_log import write_trial
 
         write_trial(trials, trials.worst, plan, worst)
         position, angle = trials.goal_errors[trials.worst]
@@ -117,7 +117,7 @@ def _planned(source: str, console: Console) -> tuple[Scenario, PlanResult | None
     """Return scenario and plan of a log, or the plan that is made now."""
     if Path(source).suffix == ".mcap":
         with console.working(f"reading {source}"):
-            from pushplan.logging.reader import read_run
+            from pushplan.logging.old.reader import read_run
 
             recorded = read_run(source)
         return recorded.scenario, recorded.plan

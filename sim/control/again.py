@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from pushplan.errors import PushplanError, RunLogError
-from pushplan.logging.check import Check
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.verify import check_way
+from pushplan.logging.old.check import Check
+from pushplan.logging.old.messages.recorded import RecordedRun
+from pushplan.logging.old.verify import check_way
 from pushplan.plans.events import Feedback
 from pushplan.plans.execution import Execution
 from pushplan.sim.control.controller import Controller

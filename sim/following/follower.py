@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.logging.messages.recorded import RecordedRun
+from pushplan.logging.old.messages.recorded import RecordedRun
 from pushplan.mechanics.body import outline_of_all
 from pushplan.plans.result import Run
 from pushplan.sets.stable_set import StableSet

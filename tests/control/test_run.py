@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 import pushplan
 from pushplan.cli.main import main
 from pushplan.errors import RunLogError
-from pushplan.logging.page import render
-from pushplan.logging.tables import table
-from pushplan.logging.verify import verify
+from pushplan.logging.old.page import render
+from pushplan.logging.old.tables import table
+from pushplan.logging.old.verify import verify
 from pushplan.sim.control.again import check_closed_loop
 
 KICK = "time=4s,object=far,y=-5mm,turn=3deg"

@@ -15,8 +15,8 @@ import pushplan
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.geometry import se2
-from pushplan.logging.courses import read_course
-from pushplan.logging.writer import RunLogWriter
+from pushplan.logging.old.courses import read_course
+from pushplan.logging.old.writer import RunLogWriter
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.course import Course
 from pushplan.sim.identify.identification import Identification

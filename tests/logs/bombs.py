@@ -18,7 +18,7 @@ from typing import Any
 
 import zstandard
 
-from pushplan.logging.messages import schemas
+from pushplan.logging.old.messages import schemas
 
 BOMBS: dict[str, Callable[[bytes], bytes]] = {}
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.reader import read_run
-from pushplan.logging.writer import RunLogWriter
+from pushplan.logging.old.messages.recorded import RecordedRun
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.writer import RunLogWriter
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path

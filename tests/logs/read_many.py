@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from pushplan.errors import RunLogError
-from pushplan.logging.reader import read_run
+from pushplan.logging.old.reader import read_run
 
 
 def peak_mb() -> float:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.logging.messages import blocks
-from pushplan.logging.messages.schemas import TOPICS
+from pushplan.logging.old.messages import blocks
+from pushplan.logging.old.messages.schemas import TOPICS
 
 PAGE = Path(__file__).parents[2] / "docs" / "run-log.md"
 

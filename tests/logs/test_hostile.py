@@ -22,8 +22,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pushplan.errors import RunLogError
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.reader import read_run
+from pushplan.logging.old.messages.recorded import RecordedRun
+from pushplan.logging.old.reader import read_run
 
 HERE = Path(__file__).parent
 MOST_SECONDS, MOST_MB = 5.0, 100.0

@@ -15,8 +15,8 @@ import pytest
 from boxes import chromium, show
 
 from pushplan.errors import OutputError
-from pushplan.logging.page import MOST_SAMPLES, render, write_html
-from pushplan.logging.reader import read_run
+from pushplan.logging.old.page import MOST_SAMPLES, render, write_html
+from pushplan.logging.old.reader import read_run
 from pushplan.plans.result import Run
 
 

@@ -21,11 +21,11 @@ from interrupts import heed_interrupts, interrupts_heeded
 import pushplan
 from pushplan.cli.main import main
 from pushplan.errors import RunLogError
-from pushplan.logging.cut_off import with_best_path
-from pushplan.logging.messages import plan_message, schemas
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.reader import read_run
-from pushplan.logging.verify import verify
+from pushplan.logging.old.cut_off import with_best_path
+from pushplan.logging.old.messages import plan_message, schemas
+from pushplan.logging.old.messages.recorded import RecordedRun
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.verify import verify
 from pushplan.plans.result import ProgressPoint
 from pushplan.util.interruption import Interruption
 

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from mcap.reader import SeekingReader
 
-from pushplan.logging.layout import layout, write_layout
-from pushplan.logging.messages.schemas import TOPICS
-from pushplan.logging.reader import read_run
-from pushplan.logging.view.window import window
+from pushplan.logging.old.layout import layout, write_layout
+from pushplan.logging.old.messages.schemas import TOPICS
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.view.window import window
 
 KEYS = Path(__file__).parent / "data" / "lichtblick-keys.json"
 

@@ -8,8 +8,8 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pushplan.logging.message_template import MessageTemplate
-from pushplan.logging.messages.schemas import MessageClass, Twist
+from pushplan.logging.old.message_template import MessageTemplate
+from pushplan.logging.old.messages.schemas import MessageClass, Twist
 
 
 def twist(stamp: Timestamp, numbers: list[float]) -> MessageClass:

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 import pushplan
-from pushplan.logging.reader import read_run
-from pushplan.logging.verify import verify
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.verify import verify
 from pushplan.scenario.file import scenario_from_text
 
 DOCUMENTED = {

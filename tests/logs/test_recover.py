@@ -14,8 +14,8 @@ import pytest
 
 from pushplan.cli.main import main
 from pushplan.errors import OutputError, RunLogError
-from pushplan.logging.reader import read_run
-from pushplan.logging.recover import recover
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.recover import recover
 
 
 def _hostile() -> Any:

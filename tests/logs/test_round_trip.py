@@ -13,11 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pushplan.logging.messages import blocks
-from pushplan.logging.messages.effort import Effort, exact
-from pushplan.logging.messages.schemas import Array
-from pushplan.logging.reader import read_run
-from pushplan.logging.writer import RunLogWriter
+from pushplan.logging.old.messages import blocks
+from pushplan.logging.old.messages.effort import Effort, exact
+from pushplan.logging.old.messages.schemas import Array
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.writer import RunLogWriter
 from pushplan.plans.execution import StabilityLoss
 
 

@@ -16,7 +16,7 @@ import pushplan
 from pushplan.cli.main import main
 from pushplan.cli.runs import age_text
 from pushplan.errors import OutputError, PlanningError
-from pushplan.logging.reader import read_run
+from pushplan.logging.old.reader import read_run
 from pushplan.logging.runs import (
     RunsError,
     chosen,
@@ -128,7 +128,7 @@ def test_what_fails_while_writing_fails_no_recorded_run_and_keeps_the_plan_of_a_
     def full(*_: object) -> None:
         raise OutputError("the log", "No space left on device")
 
-    monkeypatch.setattr("pushplan.logging.writer.RunLogWriter.plan", full)
+    monkeypatch.setattr("pushplan.logging.old.writer.RunLogWriter.plan", full)
     scenario = pushplan.load_scenario("one-box")
     with pytest.warns(RuntimeWarning, match="not recorded: the log: No space left"):
         done = pushplan.run(scenario, first=True, runs=tmp_path / "runs")

@@ -13,7 +13,7 @@ import pytest
 from boxes import SCREENS, assert_tidy, overlapping, show
 from boxes import chromium as started
 
-from pushplan.logging.page import write_html
+from pushplan.logging.old.page import write_html
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.execution import Execution

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.reader import read_run
-from pushplan.logging.verify import verify
+from pushplan.logging.old.messages.recorded import RecordedRun
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.verify import verify
 from pushplan.planners.infeasible.bounds import lower_bound
 from pushplan.planners.problem.controls import margins_to_try
 from pushplan.planners.problem.problem import Posing

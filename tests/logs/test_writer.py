@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 
 from pushplan.errors import OutputError, RunLogError
-from pushplan.logging.messages.channels import Channels
-from pushplan.logging.reader import read_run
-from pushplan.logging.writer import RunLogWriter
+from pushplan.logging.old.messages.channels import Channels
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.writer import RunLogWriter
 
 
 def in_child(work: Callable[[], None]) -> int:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from pushplan.errors import PushplanError, ScenarioError
-from pushplan.logging.reader import read_run
-from pushplan.logging.verify import verify
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.verify import verify
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport

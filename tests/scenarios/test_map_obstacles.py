@@ -16,7 +16,7 @@ from PIL import Image
 
 import pushplan
 from pushplan.errors import ImportedFileError, PushplanError, ScenarioError
-from pushplan.logging.verify import verify
+from pushplan.logging.old.verify import verify
 from pushplan.scenario.maps import cells_of, read_ros_map
 from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
 

@@ -20,16 +20,16 @@ from several.conftest import Problem, problem_document
 
 from pushplan.cli.main import main
 from pushplan.geometry import se2
-from pushplan.logging.bag import write_ros2
-from pushplan.logging.film import Film
-from pushplan.logging.messages import schemas
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.page import render, write_html
-from pushplan.logging.reader import read_run
-from pushplan.logging.tables import table
-from pushplan.logging.verify import verify
-from pushplan.logging.view.scene import ghosts
-from pushplan.logging.view.window import shown_ways
+from pushplan.logging.old.bag import write_ros2
+from pushplan.logging.old.film import Film
+from pushplan.logging.old.messages import schemas
+from pushplan.logging.old.messages.recorded import RecordedRun
+from pushplan.logging.old.page import render, write_html
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.tables import table
+from pushplan.logging.old.verify import verify
+from pushplan.logging.old.view.scene import ghosts
+from pushplan.logging.old.view.window import shown_ways
 
 Captured = pytest.CaptureFixture[str]
 

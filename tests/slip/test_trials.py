@@ -13,7 +13,7 @@ from conftest import ChainMaker
 import pushplan
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError, PushplanError
-from pushplan.logging.trial_log import write_trial
+from pushplan.logging.old.trial_log import write_trial
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.sim.physics.report import contact_motion

@@ -1,0 +1,286 @@
+"""Plans, executions and what belongs to them as bytes, every number bit for bit, and back: the attachments of a log.
+
+An attachment is the line `pushplan-arrays/1 SIZE`, a line of JSON, and the numbers of all arrays, SIZE bytes, as one
+zstd frame. The JSON has `value` and `arrays`, type and shape of each as NumPy writes them. In `value` an array is
+`{"array": index}`, an object `{"type": name, field: value, ...}`, a mapping `{"mapping": {...}}`, and a number that
+is not finite `{"number": "nan" | "inf" | "-inf"}`. Inside the frame lie byte 0 of every number of an array, then
+byte 1 of every number, and so on (as Parquet's BYTE_STREAM_SPLIT): neighbours share their high bytes.
+
+A load is written as its objects, and the face and offset at which the plate pushes them; its chain is made again from
+the scenario.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from pushplan.errors import PushplanError
+from pushplan.mechanics.faces import pushed_at
+from pushplan.plans.events import Event, Measured, Replan
+from pushplan.plans.path import PushPath
+from pushplan.plans.plan import Diagnosis, Improvement, Load, Nearest, Plan, Segment
+from pushplan.plans.robustness import Robustness
+from pushplan.plans.run import Execution, StabilityLoss
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Scenario
+from pushplan.util.lazy_field import LazyField
+
+MEDIA_TYPE = "application/x-pushplan-arrays"
+
+_HEAD = b"pushplan-arrays/1 "
+
+_JSON_LIMIT = 4 << 20
+"""Longest line of JSON, bytes."""
+
+_TYPES: dict[str, type] = {
+    kind.__name__: kind
+    for kind in (
+        Plan,
+        PushPath,
+        Trajectory,
+        Segment,
+        Improvement,
+        Diagnosis,
+        Nearest,
+        Robustness,
+        StabilityLoss,
+        Event,
+        Measured,
+        Replan,
+    )
+}
+"""What an attachment may hold."""
+
+_LEFT_OUT = {"Plan": {"scenario", "execution", "improvements"}}
+"""Fields that have attachments of their own."""
+
+_NUMBERS = ("<f8", "<i8", "|b1")
+"""Types of arrays."""
+
+_MEMORY = 24
+"""Bytes of memory that each byte of JSON may take once it is read."""
+
+
+class CodecError(PushplanError, ValueError):
+    """Bytes that are none of what `encode` writes."""
+
+
+def encode(value: object) -> bytes:
+    """Return the attachment that holds a value: numbers, texts, arrays, sequences, mappings, the types above."""
+    arrays: list[NDArray[Any]] = []
+    tree = _plain(value, arrays)
+    kept = [np.asarray(array, dtype=_dtype(array)) for array in arrays]
+    data = b"".join(_planes(array) for array in kept)
+    told = [[array.dtype.str, list(array.shape)] for array in kept]
+    head = json.dumps({"value": tree, "arrays": told}, separators=(",", ":"))
+    return _HEAD + b"%d\n" % len(data) + head.encode() + b"\n" + zstandard.compress(data)
+
+
+def _dtype(array: NDArray[Any]) -> str:
+    return {"f": "<f8", "i": "<i8", "u": "<i8", "b": "|b1"}[array.dtype.kind]
+
+
+def _planes(array: NDArray[Any]) -> bytes:
+    """Return the bytes of an array (m, ...): its columns one after another, split into planes."""
+    if not array.size:
+        return b""
+    columns = np.ascontiguousarray(array.reshape(len(array) if array.ndim else 1, -1).T)
+    return columns.view(np.uint8).reshape(-1, array.itemsize).T.tobytes()
+
+
+def _array(data: bytes, dtype: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return the array, read-only, of which `_planes` returned the bytes."""
+    width, rows = np.dtype(dtype).itemsize, shape[0] if shape else 1
+    if not math.prod(shape):
+        return np.zeros(shape, dtype=dtype)
+    numbers = np.ascontiguousarray(np.frombuffer(data, dtype=np.uint8).reshape(width, -1).T).view(dtype)
+    found = np.ascontiguousarray(numbers.reshape(-1, rows).T).reshape(shape)
+    found.setflags(write=False)
+    return found
+
+
+def _plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
+    """Return a value as JSON has it; arrays are added to `arrays`."""
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else {"number": repr(float(value))}
+    if isinstance(value, np.ndarray):
+        arrays.append(value)
+        return {"array": len(arrays) - 1}
+    if isinstance(value, np.generic):
+        return _plain(value.item(), arrays)
+    if isinstance(value, Mapping):
+        return {"mapping": {str(key): _plain(one, arrays) for key, one in value.items()}}
+    if isinstance(value, Sequence):
+        return [_plain(one, arrays) for one in value]
+    if isinstance(value, Load):
+        return {"type": "Load", "names": list(value.names), "face": value.face, "offset": value.offset}
+    name = type(value).__name__
+    if name not in _TYPES:
+        raise TypeError(f"no attachment holds a {name}")
+    names = [field.name for field in fields(value) if field.name not in _LEFT_OUT.get(name, ())]
+    return {"type": name, **{name: _plain(getattr(value, name), arrays) for name in names}}
+
+
+def _parts(data: bytes) -> tuple[int, bytes, bytes]:
+    """Return the size of the arrays, the line of JSON and the frame of an attachment."""
+    first = data.find(b"\n", 0, 64)
+    line = data.find(b"\n", first + 1, first + 1 + _JSON_LIMIT)
+    size = data[len(_HEAD) : first]
+    if first < 0 or line < 0 or not data.startswith(_HEAD) or not size.isdigit():
+        raise CodecError("an attachment of another kind, or of another version of pushplan")
+    return int(size), data[first + 1 : line], data[line + 1 :]
+
+
+def memory(data: bytes) -> int:
+    """Return the bytes of memory that an attachment may take once it is decoded, whatever it holds.
+
+    Raises:
+        CodecError: When it is none of `encode`'s.
+    """
+    size, head, _ = _parts(data)
+    return 2 * size + _MEMORY * len(head)
+
+
+def decode(data: bytes, scenario: Scenario) -> Any:
+    """Return the value that an attachment holds; sequences become tuples, arrays are read-only.
+
+    Args:
+        data: The attachment.
+        scenario: Of the run: loads are those of its objects, plans are plans of it.
+
+    Raises:
+        CodecError: When the bytes are none of `encode`'s, or what they hold fits no type.
+        PushplanError: When an object cannot be of its fields.
+    """
+    size, head, frame = _parts(data)
+    try:
+        if zstandard.frame_content_size(frame) != size:
+            raise CodecError(f"an attachment that states other than the {size} bytes that it holds")
+        numbers = zstandard.ZstdDecompressor().decompress(frame, max_output_size=size) if size else b""
+        told = json.loads(head)
+        return _Decoder(_arrays(numbers, told["arrays"]), scenario).value(told["value"])
+    except PushplanError:
+        raise
+    except (ValueError, LookupError, TypeError, RecursionError, OverflowError, zstandard.ZstdError) as error:
+        raise CodecError(f"a damaged attachment ({type(error).__name__}: {error})") from error
+
+
+def _arrays(data: bytes, told: list[list[Any]]) -> list[NDArray[Any]]:
+    found, at = [], 0
+    for dtype, sides in told:
+        shape = tuple(sides)
+        if dtype not in _NUMBERS or len(shape) > 4 or not all(type(n) is int and n >= 0 for n in shape):
+            raise CodecError(f"an array of type {dtype!r} and shape {shape}")
+        end = at + math.prod(shape) * np.dtype(dtype).itemsize
+        if end > len(data):
+            raise CodecError(f"an array of shape {shape} is cut off")
+        found.append(_array(data[at:end], dtype, shape))
+        at = end
+    return found
+
+
+class _Decoder:
+    """Makes values of plain data."""
+
+    def __init__(self, arrays: list[NDArray[Any]], scenario: Scenario) -> None:
+        self._arrays, self._scenario = arrays, scenario
+
+    def value(self, plain: Any) -> Any:
+        """Return the value that `_plain` made plain."""
+        if isinstance(plain, list):
+            return tuple(self.value(one) for one in plain)
+        if not isinstance(plain, dict):
+            return plain
+        if "array" in plain:
+            return self._arrays[plain["array"]]
+        if "number" in plain:
+            return float(plain["number"])
+        if "mapping" in plain:
+            return {key: self.value(one) for key, one in plain["mapping"].items()}
+        name = plain.pop("type")
+        if name == "Load":
+            return load_of(self._scenario, tuple(plain["names"]), plain["face"], plain["offset"])
+        kind, values = _TYPES[name], {field: self.value(one) for field, one in plain.items()}
+        hints = _hints(kind)
+        for field, value in values.items():
+            if field not in hints or not _fits(value, hints[field]):
+                raise CodecError(f"field {field!r} of a {name} cannot be {value!r:.60}")
+        return kind(**values, **({"scenario": self._scenario} if kind is Plan else {}))
+
+
+def load_of(scenario: Scenario, names: tuple[str, ...], face: str, offset: float) -> Load:
+    """Return the load of some objects of a scenario, pushed at a place; the same object for the same place.
+
+    Raises:
+        PushplanError: When there is no such load.
+    """
+    known = _loads(scenario)
+    if (names, face, offset) not in known:
+        known[names, face, offset] = _load(scenario, names, face, offset)
+    return known[names, face, offset]
+
+
+def _loads(scenario: Scenario) -> dict[tuple[tuple[str, ...], str, float], Load]:
+    """Return the loads of a scenario that have been made, kept with it: each has stable sets of its own."""
+    found: dict[tuple[tuple[str, ...], str, float], Load] = vars(scenario).setdefault("_loads_of_logs", {})
+    return found
+
+
+def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float) -> Load:
+    if scenario.kind == "push":
+        load = Load.of(scenario)
+    else:
+        base = scenario if scenario.kind == "multi-push" else scenario.alone(names[0])
+        chain = pushed_at(base.chain, face, offset)
+        interval = None if base.interval is None else base.interval.carried_by(chain)
+        own = replace(base, chain=chain, interval=interval, contact_friction=None, pushes=None)
+        load = Load.of(own, face, offset)
+    if load.names != names:
+        raise CodecError(f"no load of the scenario is {', '.join(names)}")
+    return load
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(
+        kind,
+        localns={**_TYPES, "Execution": Execution, "Load": Load, "Scenario": Scenario, "PlanResult": Plan},
+    )
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Tell whether a value may be of a field with that annotation."""
+    origin, args = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return any(_fits(value, one) for one in args)
+    if origin is LazyField:
+        return _fits(value, args[0])
+    if origin is tuple:
+        rest = args[0] if args[-1] is Ellipsis else None
+        if not isinstance(value, tuple) or (rest is None and len(value) != len(args)):
+            return False
+        kinds = [rest] * len(value) if rest is not None else list(args)
+        return all(_fits(one, kind) for one, kind in zip(value, kinds, strict=True))
+    if origin is not None and issubclass(origin, Mapping):
+        return isinstance(value, dict) and all(_fits(one, args[1]) for one in value.values())
+    if origin is np.ndarray:
+        return isinstance(value, np.ndarray)
+    if hint in (None, NoneType):
+        return value is None
+    if hint is float:
+        return isinstance(value, float | int) and not isinstance(value, bool)
+    if hint in (int, bool, str):
+        return type(value) is hint
+    return is_dataclass(hint) and isinstance(value, hint)  # type: ignore[arg-type]

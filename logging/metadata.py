@@ -1,0 +1,169 @@
+"""The metadata of a run log: who wrote it, from what, and how it ended."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import platform
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+
+from pushplan.logging.recorded import RecordedRun
+from pushplan.plans.plan import Plan
+from pushplan.plans.run import Execution
+from pushplan.scenario.model import Scenario
+
+FORMAT = 2
+"""Version of the log's format; logs of others are refused."""
+
+RUN = "pushplan.run"
+PLANNING = "pushplan.planning"
+PROGRESS = "pushplan.progress"
+"""Followed by `.0000`, `.0001`, ...: what /planner/progress leaves out of improvements logged when found."""
+RESULT = "pushplan.result"
+DIGEST = "sha256"
+"""Field of `pushplan.result`: what all metadata and attachments of a run come to (see `add_to_digest`)."""
+RECOVERY = "pushplan.recovery"
+"""In logs that were written from a damaged one: its name, and what of it was lost."""
+
+Digest = Any  # hashlib publishes no type of its own for it
+
+_NONE = "none"
+
+_DEPENDENCIES = ("numpy", "numba", "scipy", "shapely", "ompl", "ruckig", "mcap", "protobuf")
+
+
+def run_words(scenario: Scenario, settings: Mapping[str, object]) -> dict[str, str]:
+    """Return what is known when a run begins; `started_at` and `machine` differ from run to run."""
+    return {
+        **{name: str(value) for name, value in settings.items()},
+        "format": str(FORMAT),
+        "scenario": scenario.name,
+        "scenario_sha256": hashlib.sha256(scenario.source).hexdigest(),
+        **{f"version.{name}": version_of(name) for name in ("pushplan", *_DEPENDENCIES)},
+        "version.python": platform.python_version(),
+        "git": git_commit(),
+        "machine": f"{platform.system()} {platform.release()} {platform.machine()}, {os.cpu_count()} CPUs",
+        "started_at": now(),
+    }
+
+
+def current_version(name: str) -> str:
+    """Return the version of a package, or of Python, that runs now; empty where it is not installed."""
+    if name == "python":
+        return platform.python_version()
+    try:
+        return version_of(name)
+    except PackageNotFoundError:
+        return ""
+
+
+@cache
+def version_of(package: str) -> str:
+    """Return the version of an installed package, from the head of its metadata: parsing all of it takes long."""
+    text = distribution(package).read_text("METADATA") or distribution(package).read_text("PKG-INFO") or ""
+    return next((line[9:].strip() for line in text.splitlines() if line.startswith("Version: ")), "")
+
+
+def now() -> str:
+    """Return the wall-clock time, always in as many letters."""
+    return datetime.now(UTC).isoformat(timespec="microseconds")
+
+
+def git_commit() -> str:
+    """Return the commit of the checkout that this package runs from, or an empty string."""
+    git = Path(__file__).resolve().parents[1] / ".git"
+    try:
+        head = (git / "HEAD").read_text().strip()
+        if not head.startswith("ref: "):
+            return head
+        reference = head.removeprefix("ref: ")
+        loose = git / reference
+        if loose.is_file():
+            return loose.read_text().strip()
+        packed = (line.split() for line in (git / "packed-refs").read_text().splitlines())
+        return next((words[0] for words in packed if words[1:] == [reference]), "")
+    except OSError:
+        return ""
+
+
+def exact(number: float) -> str:
+    """Return `number` in a text of fixed width that gives it back bit for bit."""
+    return f"{number:.17e}"
+
+
+def planning_words(plan: Plan) -> dict[str, str]:
+    """Return what planning took: the one part of a plan that two runs with the same seed do not share."""
+    first = plan.first_solution_s
+    return {
+        "planning_s": exact(plan.planning_s),
+        "first_solution_s": _NONE if first is None else exact(first),
+        "iterations": f"{plan.iterations:012d}",
+    }
+
+
+def without_clock(plan: Plan) -> Plan:
+    """Return a plan without what it took."""
+    return replace(plan, planning_s=math.nan, first_solution_s=None, iterations=0)
+
+
+def with_clock(plan: Plan, words: Mapping[str, str]) -> Plan:
+    """Return a plan with what it took, as `planning_words` told it.
+
+    Raises:
+        KeyError: When a field is missing.
+        ValueError: When one is not a number.
+    """
+    first = words["first_solution_s"]
+    return replace(
+        plan,
+        planning_s=float(words["planning_s"]),
+        first_solution_s=None if first == _NONE else float(first),
+        iterations=int(words["iterations"]),
+    )
+
+
+def result_words(run: RecordedRun) -> dict[str, str]:
+    """Return what a run comes to, as far as that follows from its plan and its execution."""
+    plan = {} if run.plan is None else {**planning_words(run.plan), **_plan_words(run.plan)}
+    return {**plan, **({} if run.execution is None else _execution_words(run.execution))}
+
+
+def add_to_digest(digest: Digest, name: str, data: bytes) -> None:
+    """Add an attachment to the digest of a run: the lengths of name and content, 8 bytes each, and both."""
+    for part in (name.encode(), data):
+        digest.update(len(part).to_bytes(8, "little"))
+    digest.update(name.encode())
+    digest.update(data)
+
+
+def add_words_to_digest(digest: Digest, name: str, words: Mapping[str, str]) -> None:
+    """Add metadata to the digest of a run, as an attachment of JSON with sorted fields, without the digest."""
+    told = {key: words[key] for key in sorted(words) if key != DIGEST}
+    add_to_digest(digest, name, json.dumps(told).encode())
+
+
+def _plan_words(plan: Plan) -> dict[str, str]:
+    words = {"solved": str(plan.solved).lower(), "reason": plan.reason}
+    numbers = {"path_cost": plan.cost, "duration": plan.duration}
+    numbers |= {"margin_asked": plan.margin_asked, "margin": plan.margin}
+    known = {name: repr(value) for name, value in numbers.items() if value is not None}
+    arcs = sum(len(segment.path.lengths) for segment in plan.pushes)
+    return {**words, **known, **({"arcs": str(arcs)} if plan.segments else {})}
+
+
+def _execution_words(execution: Execution) -> dict[str, str]:
+    position, angle = execution.goal_error
+    words = {"goal_position_error": repr(position), "goal_angle_error": repr(angle)}
+    least = {"min_margin": execution.min_margin, "min_dynamic_margin": execution.min_dynamic_margin}
+    words |= {name: repr(value) for name, value in least.items() if value is not None}
+    if execution.loss is not None:
+        words |= {"lost_at": repr(execution.loss.time), "lost_contact": execution.loss.contact}
+    return words

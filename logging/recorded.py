@@ -1,0 +1,70 @@
+"""A run as its log has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from pushplan.plans.events import Feedback
+from pushplan.plans.plan import Improvement, Plan
+from pushplan.plans.run import Execution
+from pushplan.scenario.model import Scenario
+
+
+class LogLine(NamedTuple):
+    """A line of /log: simulated time (s), level (`debug` to `fatal`), text."""
+
+    time: float
+    level: str
+    text: str
+
+
+class RawMessage(NamedTuple):
+    """A message as it stands in the file: topic, time of the log, ns, and its bytes."""
+
+    topic: str
+    time: int
+    data: bytes
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedRun:
+    """Everything that a run left in its log, as the objects that the run had.
+
+    Attributes:
+        path: The log.
+        scenario: What was asked.
+        plan: What was planned; None when the log ends before.
+        execution: What the simulator made of it; None when nothing was executed or the log ends before. Where the
+            log ends in the middle, its samples so far, and NaN for the goal error.
+        feedback: Of a closed loop: what it measured, noticed and planned on the way; else None.
+        improvements: Of the plan; seconds are NaN where the log does not say.
+        lines: The lines of /log.
+        words: The metadata by name: `pushplan.run`, `pushplan.planning`, `pushplan.result`,
+            and `pushplan.progress.0000` and so on for improvements.
+        losses: What of the file could not be read, in words; empty for a whole one.
+        messages: What viewers see, as it stands in the file; empty where it was read without them.
+    """
+
+    path: Path
+    scenario: Scenario
+    plan: Plan | None = None
+    execution: Execution | None = None
+    feedback: Feedback | None = None
+    improvements: tuple[Improvement, ...] = ()
+    lines: tuple[LogLine, ...] = ()
+    words: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    losses: tuple[str, ...] = ()
+    messages: tuple[RawMessage, ...] = ()
+
+    @property
+    def log(self) -> Path:
+        """The log, as `plans.run.Run` calls it."""
+        return self.path
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended; `cut off` when the log does not say."""
+        return self.words.get("pushplan.result", {}).get("outcome", "cut off")

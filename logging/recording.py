@@ -1,0 +1,146 @@
+"""The log of a run as it grows; what hinders recording never hinders the run."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self
+
+from pushplan.errors import OutputError, PushplanError
+from pushplan.logging.runs import new_log, prune, runs_folder
+from pushplan.logging.writer import RunLogWriter
+from pushplan.plans.plan import Improvement, Plan
+from pushplan.plans.run import Run
+from pushplan.scenario.model import Scenario
+from pushplan.util.stopwatch import Stopwatch
+
+Where = Path | str | Literal[False] | None
+"""A file, False for no log, or None for one in the folder of the recorded runs."""
+
+
+class IncompleteLogError(OutputError):
+    """A run is over, but its log could not be written to its end.
+
+    Attributes:
+        run: The run.
+        partial: What was written of the log.
+    """
+
+    def __init__(self, error: OutputError, run: Run, partial: Path) -> None:
+        self.run, self.partial = run, partial
+        what = str(error).removeprefix(f"{error.path}: ")
+        super().__init__(error.path, f"{what}; what was written of the log is in {partial}")
+
+
+class Recording:
+    """Writes the log of a run: a context manager around it.
+
+    Where the user has not named a file, whatever keeps the log from being written is told as a warning. Where he has,
+    it is raised at once when the log cannot be begun, and by `finished` otherwise.
+
+    Args:
+        scenario: What the run is about, with the settings of the plan.
+        settings: For the metadata, `seed` among them.
+        where: The log.
+        runs: Folder of the recorded runs, instead of the usual one.
+        message: Takes warnings; None for Python's own.
+        watch: Takes the time of the phase `logging`.
+
+    Raises:
+        OutputError: When the log that is named cannot be begun.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        settings: Mapping[str, object],
+        where: Where = None,
+        runs: Path | str | None = None,
+        message: Callable[[str], None] | None = None,
+        watch: Stopwatch | None = None,
+    ) -> None:
+        self._message, self._watch = message, Stopwatch() if watch is None else watch
+        self._named = where is not None
+        self._writer: RunLogWriter | None = None
+        self._path: Path | None = None
+        self._partial: Path | None = None
+        self._error: OutputError | None = None
+        if where is not False:
+            with self._writing():
+                seed = int(str(settings["seed"]))
+                self._path = new_log(runs_folder(runs), scenario.name, seed) if where is None else Path(where)
+                self._writer = RunLogWriter.create(self._path, scenario, settings)
+                self._partial = self._writer.partial
+        if self._named and self._error is not None:
+            raise self._error
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Do what writes the log; an error ends the recording, not the run."""
+        with self._watch("logging"):
+            try:
+                yield
+            except OutputError as error:
+                self._error = error
+                if self._writer is not None:
+                    self._writer.abandon(error)
+                    self._writer = None
+                if not self._named:
+                    self._warn(f"warning: this run is not recorded: {error}")
+
+    def _warn(self, text: str) -> None:
+        if self._message is None:
+            warnings.warn(text, RuntimeWarning, stacklevel=2)
+        else:
+            self._message(text)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close a log that is not finished; a problem that was refused is an outcome of its own."""
+        with self._writing():
+            if self._writer is not None and isinstance(error, PushplanError):
+                self._writer.log("error", str(error))
+                self._writer.finish("refused")
+            elif self._writer is not None:
+                self._writer.abandon(error)
+        self._writer = None
+        if not self._named and self._path is not None and self._error is None:
+            with self._writing():
+                prune(self._path.parent, self._path)
+
+    def improved(self, improvement: Improvement) -> None:
+        """Write an improvement of the plan, so that it outlives a kill; an observer's `improved`."""
+        if self._writer is not None:
+            with self._writing():
+                self._writer.improved(improvement)
+
+    def end(self, plan: Plan, interrupted: bool = False) -> None:
+        """Write the plan and its execution."""
+        if self._writer is None:
+            return
+        with self._writing():
+            self._writer.plan(plan)
+            if plan.execution is not None:
+                self._writer.execution(plan.execution)
+            outcome = "interrupted" if interrupted else "solved" if plan.solved else "unsolved"
+            self._writer.finish(outcome, self._watch.seconds)
+        self._writer = None
+
+    def finished(self, plan: Plan) -> Run:
+        """Return the run, which is over.
+
+        Raises:
+            IncompleteLogError: When the log that is named could not be written.
+        """
+        log = self._path if self._error is None else None
+        run = Run(plan.scenario, plan, plan.execution, log, self._watch.seconds)
+        if self._named and self._error is not None and self._partial is not None:
+            raise IncompleteLogError(self._error, run, self._partial)
+        return run

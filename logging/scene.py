@@ -1,0 +1,276 @@
+"""The world of a run as viewers draw it: every shape once, fixed to its frame; `/tf` moves the frames.
+
+Layers are a millimetre or less apart in height, so that they do not flicker. Messages that come at every sample
+(`contact_messages`, `frame_messages`) are made once and then changed in place: only numbers and stamps differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, Self, TypeVar
+
+import numpy as np
+import shapely
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from pushplan.drawing import palette
+from pushplan.geometry import se2
+from pushplan.logging.contacts import ContactShapes
+from pushplan.logging.shown import (
+    CHAIN,
+    PATH_SPACING,
+    WORLD,
+    bodies_of,
+    ghosts,
+    obstacle_outline,
+    outlines_at,
+    shown_segments,
+)
+from pushplan.mechanics.body import BodyKind
+from pushplan.plans.plan import Plan
+from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.names import PUSHER, ROBOT
+
+_Z_WORKSPACE, _Z_TREE, _Z_GHOST, _Z_OBSTACLE, _Z_ROBOT, _Z_BODY = 0.0, 0.0002, 0.0004, 0.001, 0.0015, 0.002
+_Z_CONE, _Z_SEGMENT, _Z_ARROW = 0.003, 0.004, 0.005
+"""Heights of the layers, m."""
+
+_PIXELS, _SEGMENT_PIXELS, _SHAFT_PIXELS, _CONE_OPACITY = 2.0, 4.0, 3.0, 0.3
+
+NANO = 1_000_000_000
+
+Primitive = TypeVar("Primitive", LinePrimitive, TriangleListPrimitive)
+
+
+class Paint(NamedTuple):
+    """A colour: red, green, blue, opacity, each from 0 to 1."""
+
+    r: float
+    g: float
+    b: float
+    a: float = 1.0
+
+    @classmethod
+    def of(cls, colour: str, a: float = 1.0) -> Self:
+        """Return a colour written `#rrggbb`."""
+        r, g, b = (part / 255.0 for part in palette.red_green_blue(colour))
+        return cls(r, g, b, a)
+
+
+_WALL, _EDGE = Paint(0.55, 0.57, 0.60), Paint(0.10, 0.10, 0.12)
+_OBSTACLE, _UNKNOWN = Paint(0.36, 0.38, 0.42), Paint(0.36, 0.38, 0.42, 0.35)
+_START, _GOAL = Paint(0.55, 0.57, 0.60, 0.9), Paint.of(palette.GOAL, 0.9)
+_NEAREST, _TREE = Paint.of(palette.NEAREST), Paint(0.25, 0.45, 0.85, 0.35)
+
+
+def scene(scenario: Scenario) -> SceneUpdate:
+    """Return everything that a viewer has to draw for the scenario."""
+    return SceneUpdate(entities=[*_standing(scenario), *_moving(scenario)])
+
+
+def tree(branches: FloatArray) -> SceneUpdate:
+    """Return the search tree, branches (q, 2, 3) in the world frame, as lines."""
+    entity = _entity("tree", WORLD)
+    entity.lines.append(_line(branches[:, :, :2].reshape(-1, 2), _Z_TREE, _TREE, LinePrimitive.LINE_LIST))
+    return SceneUpdate(entities=[entity])
+
+
+def nearest(scenario: Scenario, plan: Plan) -> SceneUpdate:
+    """Return the path that comes nearest and ghosts of all bodies at its end, where there is none to the goal."""
+    segments = () if plan.segments else shown_segments(plan)
+    if not segments:
+        return SceneUpdate()
+    ghost = _entity("nearest", WORLD)
+    for outline in outlines_at(bodies_of(scenario), segments[-1].path.end, segments[-1].after):
+        ghost.lines.append(_loop(outline, _Z_GHOST, _NEAREST))
+    for segment in segments:
+        ghost.lines.append(_line(segment.path.sampled(PATH_SPACING)[:, :2], _Z_GHOST, _NEAREST))
+    return SceneUpdate(entities=[ghost])
+
+
+def _standing(scenario: Scenario) -> Iterator[SceneEntity]:
+    if scenario.workspace is not None:
+        walls = _entity("workspace", WORLD)
+        walls.lines.append(_loop(scenario.workspace.outline, _Z_WORKSPACE, _WALL))
+        yield walls
+    for i, obstacle in enumerate(scenario.obstacles):
+        unknown = isinstance(obstacle, PolygonObstacle) and obstacle.unknown
+        paint = _UNKNOWN if unknown else _OBSTACLE
+        yield _body(f"obstacle/{i}", WORLD, obstacle_outline(obstacle), _Z_OBSTACLE, paint)
+    for name, outlines in ghosts(scenario).items():
+        entity = _entity(name, WORLD)
+        for outline in outlines:
+            entity.lines.append(_loop(outline, _Z_GHOST, _START if name == "start" else _GOAL))
+        yield entity
+
+
+def _moving(scenario: Scenario) -> Iterator[SceneEntity]:
+    robot = _entity(ROBOT, PUSHER)
+    for body in bodies_of(scenario):
+        if body.kind is BodyKind.ROBOT:
+            _add_body(robot, body.outline, _Z_ROBOT, Paint.of(body.colour))
+        elif body.kind is BodyKind.PLATE:
+            yield from [robot] if robot.lines else []
+            yield _body("pusher", PUSHER, body.outline, _Z_BODY, Paint.of(body.colour))
+        else:
+            yield _body(f"object/{body.name}", body.name, body.outline, _Z_BODY, Paint.of(body.colour))
+
+
+def _body(name: str, frame: str, outline: FloatArray, z: float, paint: Paint) -> SceneEntity:
+    entity = _entity(name, frame)
+    _add_body(entity, outline, z, paint)
+    return entity
+
+
+def _add_body(entity: SceneEntity, outline: FloatArray, z: float, paint: Paint) -> None:
+    """Add the inside of a simple polygon (v, 2) as triangles, and its edge."""
+    entity.lines.append(_loop(outline, z, _EDGE))
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
+    rings = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)
+    filled = TriangleListPrimitive(pose=_identity(), color=Color(**paint._asdict()))
+    entity.triangles.append(_with_points(filled, rings[:, :3].reshape(-1, 2), z))
+
+
+def _entity(name: str, frame: str) -> SceneEntity:
+    """Return an entity that stays until the end and moves with `frame`."""
+    return SceneEntity(id=name, frame_id=frame, frame_locked=True, timestamp=Timestamp())
+
+
+def _loop(outline: FloatArray, z: float, paint: Paint) -> LinePrimitive:
+    """Return the closed line around a polygon (v, 2)."""
+    return _line(outline, z, paint, LinePrimitive.LINE_LOOP)
+
+
+def _line(
+    points: FloatArray,
+    z: float,
+    paint: Paint,
+    kind: int = LinePrimitive.LINE_STRIP,
+    pixels: float = _PIXELS,
+) -> LinePrimitive:
+    """Return a line through points (k, 2) at height `z`, m, of the same width at every zoom."""
+    primitive = LinePrimitive(
+        type=kind,  # type: ignore[arg-type]
+        pose=_identity(),
+        thickness=pixels,
+        scale_invariant=True,
+        color=Color(**paint._asdict()),
+    )
+    return _with_points(primitive, points, z)
+
+
+def _with_points(primitive: Primitive, points: FloatArray, z: float) -> Primitive:
+    """Return the primitive with points (k, 2) at height `z` added."""
+    primitive.points.extend([Point3(x=x, y=y, z=z) for x, y in points.tolist()])
+    return primitive
+
+
+def _identity() -> Pose:
+    """Return the pose of what stands in its frame's origin."""
+    return Pose(position=Vector3(), orientation=Quaternion(w=1.0))
+
+
+def contact_messages(shapes: Sequence[ContactShapes], count: int, instants: IntArray) -> Iterator[bytes]:
+    """Yield a serialised `SceneUpdate` for each of the `instants` (n,), ns, at which the `shapes` are.
+
+    An entity stands for each contact, and replaces the one before; the first message removes all others.
+
+    Args:
+        shapes: Of the contacts that are closed.
+        count: Of all contacts that there may be, for their palette.
+        instants: When.
+    """
+    paints = [Paint.of(colour) for colour in palette.contact_colours(count)]
+    update = SceneUpdate(deletions=[SceneEntityDeletion(type=SceneEntityDeletion.ALL)])
+    points: list[Point3] = []
+    rows: list[FloatArray] = []
+    for one in shapes:
+        _add_contact(update, one, paints[one.column])
+        entity, cones = update.entities[-1], one.cones.shape[1]
+        moving: list[Any] = [*entity.triangles[:cones], *entity.lines[1:], *entity.triangles[cones:]]
+        points += [point for primitive in moving for point in primitive.points]
+        parts = [part for part in (one.cones, one.shafts, one.heads) if part is not None]
+        rows += [part.reshape(len(part), -1, 2) for part in parts]
+    places = np.concatenate(rows, axis=1).tolist() if rows else [[] for _ in instants]
+    stamps = [entity.timestamp for entity in update.entities]
+    for instant, corners in zip(instants.tolist(), places, strict=True):
+        for point, (x, y) in zip(points, corners, strict=True):
+            point.x, point.y = x, y
+        seconds, nanos = divmod(instant, NANO)
+        for stamp in stamps:
+            stamp.seconds, stamp.nanos = seconds, nanos
+        yield update.SerializeToString(deterministic=True)
+        del update.deletions[:]
+
+
+def _add_contact(update: SceneUpdate, shapes: ContactShapes, paint: Paint) -> None:
+    """Add an entity of cones, segment, and shaft and head of the arrow, as they are at first."""
+    entity = _entity(f"contact/{shapes.name}", PUSHER)
+    for corners in shapes.cones[0]:
+        pale = Color(**paint._replace(a=_CONE_OPACITY)._asdict())
+        entity.triangles.append(
+            _with_points(TriangleListPrimitive(pose=_identity(), color=pale), corners, _Z_CONE)
+        )
+    entity.lines.append(_line(shapes.segment, _Z_SEGMENT, paint, pixels=_SEGMENT_PIXELS))
+    if shapes.shafts is not None and shapes.heads is not None:
+        entity.lines.append(_line(shapes.shafts[0], _Z_ARROW, paint, pixels=_SHAFT_PIXELS))
+        head = TriangleListPrimitive(pose=_identity(), color=Color(**paint._asdict()))
+        entity.triangles.append(_with_points(head, shapes.heads[0], _Z_ARROW))
+    update.entities.append(entity)
+
+
+def placed(poses: FloatArray) -> FloatArray:
+    """Return what messages say of poses (..., 3) in the plane: x, y, and a quaternion's z and w (..., 4)."""
+    half = 0.5 * poses[..., 2]
+    return np.stack([poses[..., 0], poses[..., 1], np.sin(half), np.cos(half)], axis=-1)
+
+
+def frame_messages(
+    scenario: Scenario, plates: FloatArray, objects: FloatArray, instants: IntArray
+) -> Iterator[bytes]:
+    """Yield a serialised `FrameTransforms` of all frames for each of the `instants` (n,), ns.
+
+    Every message carries all of them, so that any one suffices to place everything; those that never change keep the
+    time stamp 0 and cost next to nothing once compressed.
+
+    Args:
+        scenario: Of the run.
+        plates: (n, 3) poses of the plate frame in the world.
+        objects: (n, k, 3) poses of all objects in the world, in the order of the scenario.
+        instants: When.
+    """
+    message = FrameTransforms()
+    moving = [_transform(message, WORLD, name, np.zeros(3)) for name in (PUSHER, *scenario.poses)]
+    if scenario.kind == "push":
+        _transform(message, PUSHER, CHAIN, se2.inverse(scenario.chain.pusher.plate_pose))
+    rows = np.concatenate([placed(plates)[:, None], placed(objects)], axis=1)
+    for instant, places in zip(instants.tolist(), rows.tolist(), strict=True):
+        seconds, nanos = divmod(instant, NANO)
+        for transform, (x, y, z, w) in zip(moving, places, strict=True):
+            transform.timestamp.seconds, transform.timestamp.nanos = seconds, nanos
+            transform.translation.x, transform.translation.y = x, y
+            transform.rotation.z, transform.rotation.w = z, w
+        yield message.SerializeToString(deterministic=True)
+
+
+def _transform(message: FrameTransforms, parent: str, child: str, pose: FloatArray) -> Any:
+    x, y, z, w = placed(pose).tolist()
+    return message.transforms.add(
+        timestamp=Timestamp(),
+        parent_frame_id=parent,
+        child_frame_id=child,
+        translation=Vector3(x=x, y=y),
+        rotation=Quaternion(z=z, w=w),
+    )

@@ -1,0 +1,357 @@
+"""The messages of a log, made from the run that its attachments hold: what viewers draw, plot and list.
+
+At its full rate an execution would make the file several times larger and no picture smoother: viewers get some of
+its samples (`shown.viewed`). Nothing here depends on the clock: the same run gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from heapq import merge
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from pushplan.logging import schemas
+from pushplan.logging.contacts import LoadContacts
+from pushplan.logging.recorded import LogLine, RecordedRun
+from pushplan.logging.scene import NANO, contact_messages, frame_messages, nearest, placed, scene, tree
+from pushplan.logging.schemas import MessageClass, Topic
+from pushplan.logging.shown import (
+    CHAIN,
+    PATH_SPACING,
+    WORLD,
+    contact_names,
+    smallest_margins,
+    smoothed_times,
+    viewed,
+)
+from pushplan.plans.events import WARNINGS, Feedback
+from pushplan.plans.plan import Improvement, Load, Plan
+from pushplan.plans.run import Execution
+from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.names import PUSHER
+
+Sent = tuple[int, Topic, bytes]
+"""Time of the log, ns, topic and serialised message."""
+
+
+def messages(run: RecordedRun) -> Iterator[Sent]:
+    """Yield all messages of a run in the order of time; of the same time, in the order of the parts below."""
+    parts = _Messages(run)
+    return merge(
+        parts.beginning(),
+        parts.planning(),
+        parts.segments(),
+        parts.measured(),
+        parts.samples(),
+        parts.events(),
+        parts.end(),
+        parts.lines(),
+        key=itemgetter(0),
+    )
+
+
+def pushed_at_samples(run: RecordedRun, samples: IntArray) -> Iterator[tuple[Load | None, IntArray]]:
+    """Yield what is pushed, None for nothing, and the indices of the samples (n,) at which it is, in their order."""
+    plan, execution = run.plan, run.execution
+    segments = () if plan is None else plan.segments
+    owner = np.zeros(1, dtype=np.int64) if execution is None else execution.segment[samples]
+    for part in np.split(np.arange(len(owner)), np.flatnonzero(np.diff(owner)) + 1):
+        k = int(owner[part[0]])
+        load = segments[k].load if k < len(segments) and segments[k].pushes else None
+        if load is None and run.scenario.kind == "push":
+            load = Load.of(run.scenario)
+        yield load, part
+
+
+class _Messages:
+    """The parts of a run's messages, each in the order of time."""
+
+    def __init__(self, run: RecordedRun) -> None:
+        self._run, self._count = run, len(run.scenario.poses)
+        execution = run.execution
+        self._execution = execution if execution is not None and len(execution.t) else None
+
+    def _sent(self, topic: Topic, time: float, message: MessageClass) -> Sent:
+        """Return a message at a simulated time, s, with that time in its field `timestamp` if it has one."""
+        instant = round(NANO * time)
+        if "timestamp" in message.DESCRIPTOR.fields_by_name:
+            message.timestamp.FromNanoseconds(instant)
+        return instant, topic, message.SerializeToString(deterministic=True)
+
+    def beginning(self) -> Iterator[Sent]:
+        """Yield the scene, and where everything is at first."""
+        scenario, now = self._run.scenario, np.zeros(1, dtype=np.int64)
+        yield self._sent(schemas.SCENE, 0.0, scene(scenario))
+        objects = np.stack(list(scenario.poses.values()))[None]
+        for data in frame_messages(scenario, scenario.plate_start[None], objects, now):
+            yield 0, schemas.TF, data
+        if scenario.kind == "push":
+            shapes = LoadContacts(scenario).at(Load.of(scenario))
+            for data in contact_messages(shapes, self._count, now):
+                yield 0, schemas.CONTACTS, data
+
+    def planning(self) -> Iterator[Sent]:
+        """Yield what planning found."""
+        run, plan = self._run, self._run.plan
+        for point in run.improvements:
+            message = schemas.Progress(iterations=point.iterations, cost=point.cost)
+            yield self._sent(schemas.PROGRESS, 0.0, message)
+        if plan is None:
+            return
+        yield self._sent(schemas.COSTS, 0.0, _costs(run.improvements))
+        yield self._sent(schemas.PLAN, 0.0, _plan(plan))
+        yield self._sent(schemas.PLAN_TREE, 0.0, tree(plan.tree))
+        yield self._sent(schemas.PLAN_NEAREST, 0.0, nearest(run.scenario, plan))
+        yield from self._paths(plan, 0.0)
+
+    def _paths(self, plan: Plan, time: float) -> Iterator[Sent]:
+        if plan.segments:
+            poses = [segment.path.sampled(PATH_SPACING) for segment in plan.segments]
+            yield self._sent(schemas.PLAN_PATH, time, poses_in_world(np.concatenate(poses)))
+        if plan.trajectory is not None:
+            smoothed = plan.trajectory.poses_at(smoothed_times(plan.trajectory))
+            yield self._sent(schemas.PLAN_SMOOTHED, time, poses_in_world(smoothed))
+
+    def segments(self) -> Iterator[Sent]:
+        """Yield the segments that were executed, each when it begins."""
+        plan, execution = self._run.plan, self._execution
+        if plan is None or execution is None:
+            return
+        for segment, begin in zip(plan.segments, plan.times.tolist(), strict=False):
+            if begin <= execution.t[-1]:
+                load = segment.load
+                message = schemas.Segment(
+                    kind=segment.kind,
+                    objects=() if load is None else load.names,
+                    face="" if load is None else load.face,
+                    offset=0.0 if load is None else load.offset,
+                    cost=segment.cost,
+                    margin=segment.margin,
+                    t0=begin,
+                    t1=begin + segment.duration,
+                )
+                yield self._sent(schemas.SEGMENT, begin, message)
+
+    def measured(self) -> Iterator[Sent]:
+        """Yield what a closed loop measured."""
+        feedback = self._run.feedback
+        if feedback is not None:
+            for time, poses in zip(feedback.measured.t.tolist(), feedback.measured.poses, strict=True):
+                yield self._sent(schemas.MEASURED, time, poses_in_world(poses))
+
+    def samples(self) -> Iterator[Sent]:
+        """Yield what viewers see of the execution, sample by sample."""
+        scenario, execution = self._run.scenario, self._execution
+        if execution is None:
+            return
+        shown = viewed(execution)
+        instants = np.rint(execution.t[shown] * NANO).astype(np.int64)
+        plates, objects = execution.poses[shown], execution.objects[shown]
+        parts: dict[Topic, Iterable[bytes]] = {
+            schemas.TF: frame_messages(scenario, plates, objects, instants),
+            schemas.CONTACTS: self._contacts(execution, shown, instants),
+            schemas.PUSHER_TWIST: _twist_messages(execution.twists[shown], instants),
+        }
+        if execution.wrenches is not None:
+            parts[schemas.PUSHER_WRENCH] = _wrench_messages(execution.wrenches[shown], instants)
+        parts[schemas.MARGINS] = _margin_messages(contact_names(scenario), execution, shown, instants)
+        for instant, *data in zip(instants.tolist(), *parts.values(), strict=True):
+            for topic, one in zip(parts, data, strict=True):
+                yield instant, topic, one
+
+    def _contacts(self, execution: Execution, shown: IntArray, instants: IntArray) -> Iterator[bytes]:
+        """Yield the contacts that are closed, segment by segment."""
+        drawn = LoadContacts(self._run.scenario, execution)
+        for load, part in pushed_at_samples(self._run, shown):
+            shapes = [] if load is None else drawn.at(load, shown[part])
+            yield from contact_messages(shapes, self._count, instants[part])
+
+    def events(self) -> Iterator[Sent]:
+        """Yield what a closed loop noticed and planned, an event before the plan of the same moment."""
+        feedback = self._run.feedback
+        if feedback is None:
+            return
+        happened = [(event.time, 0, k) for k, event in enumerate(feedback.events)]
+        happened += [(replan.time, 1, k) for k, replan in enumerate(feedback.replans)]
+        for time, kind, k in sorted(happened):
+            if kind == 0:
+                event = feedback.events[k]
+                level: Any = schemas.LEVELS.index("info") + 1
+                line = Log(level=level, name=event.kind, message=event.text)
+                yield self._sent(schemas.EVENTS, time, line)
+                continue
+            replan = feedback.replans[k]
+            plan: Any = (
+                replan.result
+            )  # controllers hand over plans of the type of before until they have moved
+            told = schemas.Plan(solved=False, reason=replan.reason) if plan is None else _plan(plan)
+            yield self._sent(schemas.REPLANS, time, told)
+            if plan is not None:
+                yield from self._paths(plan, time)
+
+    def end(self) -> Iterator[Sent]:
+        """Yield what the execution came to, unless its record breaks off."""
+        execution = self._execution
+        if execution is None or math.isnan(execution.goal_error[0]):
+            return
+        position, angle = execution.goal_error
+        message = schemas.ExecutionEnd(
+            samples=len(execution.t), goal_position_error=position, goal_angle_error=angle
+        )
+        if execution.loss is not None:
+            loss = execution.loss
+            message.loss.time, message.loss.contact, message.loss.margin = (
+                loss.time,
+                loss.contact,
+                loss.margin,
+            )
+            message.loss.pose.extend(loss.pose)
+        yield self._sent(schemas.EXECUTION_END, float(execution.t[-1]), message)
+
+    def lines(self) -> Iterator[Sent]:
+        """Yield the lines of /log."""
+        for line in self._run.lines:
+            level: Any = schemas.LEVELS.index(line.level) + 1
+            yield self._sent(schemas.LOG, line.time, Log(level=level, message=line.text, name="pushplan"))
+
+
+def _costs(improvements: Sequence[Improvement]) -> MessageClass:
+    return schemas.Costs(
+        iterations=[point.iterations for point in improvements], cost=[point.cost for point in improvements]
+    )
+
+
+def _plan(plan: Plan) -> MessageClass:
+    return schemas.Plan(
+        solved=plan.solved,
+        reason=plan.reason,
+        planner=plan.planner,
+        stable_set=plan.stable_set,
+        seed=plan.seed,
+        cost=plan.cost,
+        lower_bound=plan.lower_bound,
+        duration=plan.duration,
+        margin_asked=plan.margin_asked,
+        margin=plan.margin,
+        min_margin=min((s.min_margin for s in plan.pushes if s.min_margin is not None), default=None),
+    )
+
+
+def poses_in_world(poses: FloatArray) -> PosesInFrame:
+    """Return poses (k, 3) in the world as a message without a time stamp."""
+    made = [
+        Pose(position=Vector3(x=x, y=y), orientation=Quaternion(z=z, w=w))
+        for x, y, z, w in placed(poses).tolist()
+    ]
+    return PosesInFrame(timestamp=Timestamp(), frame_id=WORLD, poses=made)
+
+
+def _twist_messages(twists: FloatArray, instants: IntArray) -> Iterator[bytes]:
+    message = schemas.Twist(frame_id=PUSHER)
+    for instant, (vx, vy, omega) in zip(instants.tolist(), twists.tolist(), strict=True):
+        message.vx, message.vy, message.omega = vx, vy, omega
+        message.timestamp.seconds, message.timestamp.nanos = divmod(instant, NANO)
+        yield message.SerializeToString(deterministic=True)
+
+
+def _wrench_messages(wrenches: FloatArray, instants: IntArray) -> Iterator[bytes]:
+    message = schemas.Wrench(frame_id=CHAIN)
+    for instant, (fx, fy, torque) in zip(instants.tolist(), wrenches.tolist(), strict=True):
+        message.fx, message.fy, message.torque = fx, fy, torque
+        message.timestamp.seconds, message.timestamp.nanos = divmod(instant, NANO)
+        yield message.SerializeToString(deterministic=True)
+
+
+def _margin_messages(
+    names: Sequence[str], execution: Execution, samples: IntArray, instants: IntArray
+) -> Iterator[bytes]:
+    """Yield the state of every contact: margins and, where they are known, the force and where it acts."""
+    message = schemas.Margins(contacts=[{"name": name} for name in names])
+    entries = list(message.contacts)
+    columns = {
+        "margin": execution.margins,
+        "friction_margin": execution.friction_margins,
+        "lambda": execution.lambdas,
+    }
+    rows = [(field, values[samples].tolist()) for field, values in columns.items() if values is not None]
+    forces = None if execution.forces is None else execution.forces[samples].tolist()
+    smallest = smallest_margins(execution)[samples].tolist()
+    for i, instant in enumerate(instants.tolist()):
+        message.smallest = smallest[i]
+        for field, values in rows:
+            for entry, value in zip(entries, values[i], strict=True):
+                setattr(entry, field, value)
+        for entry, (x, y) in zip(entries, [] if forces is None else forces[i], strict=forces is not None):
+            entry.force.x, entry.force.y = x, y
+        message.timestamp.seconds, message.timestamp.nanos = divmod(instant, NANO)
+        yield message.SerializeToString(deterministic=True)
+
+
+def lines_of(
+    scenario: Scenario,
+    plan: Plan | None,
+    execution: Execution | None,
+    feedback: Feedback | None,
+    others: Sequence[LogLine],
+) -> tuple[LogLine, ...]:
+    """Return the lines of /log in the order of time: those that follow from a run, and `others`."""
+    lines = list(others)
+    if plan is not None:
+        lines.append(LogLine(0.0, "info" if plan.solved else "warning", plan_sentence(plan)))
+    for event in () if feedback is None else feedback.events:
+        level = "warning" if event.kind in WARNINGS else "info"
+        lines.append(LogLine(event.time, level, f"{event.kind}: {event.text}"))
+    if execution is not None and len(execution.t):
+        end = float(execution.t[-1])
+        level = "info" if execution.loss is None else "warning"
+        lines.append(LogLine(end, level, execution_sentence(execution)))
+        warning = inertia_warning(scenario, execution) if feedback is None else ""
+        lines += [LogLine(end, "warning", warning)] if warning else []
+    return tuple(sorted(lines, key=lambda line: line.time))
+
+
+def inertia_warning(scenario: Scenario, execution: Execution) -> str:
+    """Return that inertia, which the scenario leaves out, would make a contact slip; empty where it would not."""
+    least = execution.min_dynamic_margin
+    if scenario.pusher.limits.contact == "dynamic" or least is None or least > 0.0:
+        return ""
+    return (
+        f"inertia was left out (limits.contact: quasi-static), and at this speed a contact slips "
+        f"(margin {least:.2g}): push more slowly, or use dynamic limits"
+    )
+
+
+def plan_sentence(plan: Plan) -> str:
+    """Return the outcome of planning in a sentence."""
+    who = f"{plan.planner} within the stable set {plan.stable_set}, seed {plan.seed}"
+    if not plan.segments:
+        return f"{who}: no plan: {'; '.join(plan.why_not)}"
+    took = "" if plan.duration is None else f", {plan.duration:.2f} s"
+    lowered = f"; {plan.lowered}" if plan.lowered else ""
+    if plan.path is None:
+        count, travel = len(plan.pushes), sum(segment.path.cost for segment in plan.segments)
+        driven = f"{plan.pushed_distance:.4f} m pushed of {travel:.4f} m driven"
+        return f"{who}: {count} push{'es' if count > 1 else ''}, {driven}{took}{lowered}"
+    return f"{who}: a path of {len(plan.path.lengths)} arcs, cost {plan.path.cost:.4f} m{took}{lowered}"
+
+
+def execution_sentence(execution: Execution) -> str:
+    """Return the outcome of an execution in a sentence."""
+    if execution.loss is not None:
+        loss = execution.loss
+        return f"contact {loss.contact} is lost at {loss.time:.3f} s (margin {loss.margin:.3g})"
+    position, angle = execution.goal_error
+    if math.isnan(position):
+        return f"the record of the execution breaks off behind sample {len(execution.t)}"
+    return f"executed; the goal is missed by {1e3 * position:.3g} mm and {math.degrees(angle):.3g} deg"

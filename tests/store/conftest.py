@@ -1,0 +1,162 @@
+"""Logs of every kind: one push, several pushes, several objects, a closed loop, and one push without a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap import records
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+from several.conftest import problem_document
+
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.writer import RunLogWriter
+from pushplan.planners.planner import Planner
+from pushplan.plans.events import Event, Feedback, Measured, Replan
+from pushplan.plans.plan import Plan
+from pushplan.plans.run import Execution
+from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
+from pushplan.sim.kinematic import execute
+
+REARRANGEMENT = b"""\
+format: pushplan/1
+floor: {friction: 0.30}
+objects:
+  - {name: red, shape: {box: [0.30, 0.20]}, mass: 4.0, pose: [1.2, 1.0, 0.0]}
+  - {name: blue, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [1.2, 2.2, 90 deg]}
+pusher: {width: 0.28, friction: 0.50}
+robot:
+  footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}
+  drive: {car: {axle: [-0.30, 0, 0], min_radius: 0.80}}
+  start: [2.4, 1.6, 0.0]
+goals: {red: {pose: [1.9, 1.0, 0.0]}, blue: [1.2, 2.8, 90 deg]}
+workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
+"""
+
+KINDS = ("push", "multi-push", "rearrangement", "closed loop", "no plan")
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a log is written of."""
+
+    plan: Plan
+    execution: Execution | None = None
+    feedback: Feedback | None = None
+
+    def write(self, path: Path) -> Path:
+        settings = {"planner": self.plan.planner, "set": self.plan.stable_set, "seed": self.plan.seed}
+        with RunLogWriter.create(path, self.plan.scenario, settings) as log:
+            log.plan(self.plan)
+            if self.execution is not None and self.feedback is not None:
+                log.closed_loop(self.execution, self.feedback)
+            elif self.execution is not None:
+                log.execution(self.execution)
+            log.log("info", "a line of somebody")
+            log.finish("solved" if self.plan.solved else "unsolved", {"search": 0.1})
+        return path
+
+
+def _closed_loop(plan: Plan) -> Case:
+    """Return a closed loop: the objects end up a little aside, measured with noise."""
+    execution = plan.execution
+    assert execution is not None
+    rng = np.random.default_rng(3)
+    aside = np.linspace(0.0, 0.01, len(execution.t))[:, None, None] * rng.normal(size=3)
+    moved = replace(
+        execution, objects=execution.objects + aside, wrenches=rng.normal(size=(len(execution.t), 3))
+    )
+    t = execution.t[::7]
+    measured = Measured(t, moved.objects[::7] + 1e-3 * rng.normal(size=moved.objects[::7].shape))
+    events = (Event(0.0, "plan", "the first"), Event(1.5, "left", "an object is off its place"))
+    result: Any = plan  # the controller hands over plans of the old type for now
+    replans = (Replan(1.5, result, "", 0.1), Replan(2.0, None, "nothing found", 0.2))
+    return Case(plan, moved, Feedback(measured, events, replans))
+
+
+@pytest.fixture(scope="session")
+def cases() -> dict[str, Case]:
+    scenarios = {
+        "push": load_scenario("two-crates"),
+        "multi-push": scenario_from_document(problem_document("omnidirectional")),
+        "rearrangement": scenario_from_text(REARRANGEMENT),
+    }
+    plans = {
+        name: Planner(scenario, time_limit=60.0, iterations=3000, seed=1).plan(first=True)
+        for name, scenario in scenarios.items()
+    }
+    assert all(plan.solved for plan in plans.values()), {name: plan.reason for name, plan in plans.items()}
+    found = {name: Case(plan, plan.execution) for name, plan in plans.items()}
+    found["closed loop"] = _closed_loop(plans["push"])
+    none = Planner(load_scenario("narrow-gap"), iterations=200, seed=1, time_limit=60.0).plan(first=True)
+    found["no plan"] = Case(replace(none, segments=(), execution=None, reason=none.reason or "not found"))
+    return found
+
+
+@pytest.fixture(scope="session")
+def logs(cases: dict[str, Case], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("logs")
+    return {name: case.write(folder / f"{name}.mcap") for name, case in cases.items()}
+
+
+def execute_again(run: RecordedRun) -> Execution | None:
+    """Execute a recorded plan again; a closed loop cannot be."""
+    if run.plan is None or not run.plan.segments or run.feedback is not None:
+        return None
+    return execute(run.scenario, run.plan.segments, run.plan.stable_set)
+
+
+Edit = Callable[[Any], Iterator[Any]]
+"""Takes a record of a log and yields what stands in its place."""
+
+
+def rewritten(log: Path, to: Path, edit: Edit) -> Path:
+    """Write a log again, with sound checksums, whatever `edit` makes of its records."""
+    schemas: dict[int, int] = {}
+    channels: dict[int, tuple[int, str]] = {}
+    with log.open("rb") as source, to.open("wb") as target:
+        writer = Writer(target)
+        for record in StreamReader(source).records:
+            if isinstance(record, records.DataEnd):
+                break
+            if isinstance(record, records.Header):
+                writer.start(record.profile, record.library)
+            elif isinstance(record, records.Schema):
+                if record.id not in schemas:
+                    schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
+            elif isinstance(record, records.Channel) and record.id not in channels:
+                number = writer.register_channel(
+                    record.topic, record.message_encoding, schemas[record.schema_id]
+                )
+                channels[record.id] = number, record.topic
+            for one in edit(record):
+                if isinstance(one, records.Message):
+                    writer.add_message(
+                        channels[one.channel_id][0], one.log_time, one.data, one.publish_time, one.sequence
+                    )
+                elif isinstance(one, records.Attachment):
+                    writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
+                elif isinstance(one, records.Metadata):
+                    writer.add_metadata(one.name, one.metadata)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return to
+
+
+def record_names(log: Path) -> dict[str, list[Any]]:
+    """Return the messages by topic, and attachments and metadata by name."""
+    found: dict[str, list[Any]] = {}
+    topics: dict[int, str] = {}
+    with log.open("rb") as stream:
+        for record in StreamReader(stream).records:
+            if isinstance(record, records.Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, records.Message):
+                found.setdefault(topics[record.channel_id], []).append(record)
+            elif isinstance(record, records.Attachment | records.Metadata):
+                found.setdefault(record.name, []).append(record)
+    return found

@@ -1,0 +1,197 @@
+"""What is made of a log of any kind shows the execution: page, picture of the film, bag, tables, layout."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from store.conftest import KINDS, record_names
+
+from pushplan.drawing.palette import NEAREST, red_green_blue
+from pushplan.errors import PushplanError
+from pushplan.geometry.se2 import compose, transform_points
+from pushplan.logging import schemas
+from pushplan.logging.bag import FrameNamesError, Frames, write_ros2
+from pushplan.logging.film import Film, Still, write_mp4
+from pushplan.logging.layout import layout
+from pushplan.logging.page import render
+from pushplan.logging.reader import load_run
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.shown import bodies_of, viewed, window
+from pushplan.logging.tables import base_in_plate, table, write_csv, write_trajectory
+from pushplan.mechanics.body import BodyKind
+
+EXECUTED = pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "no plan"])
+
+
+@pytest.fixture(scope="module")
+def runs(logs: dict[str, Path]) -> dict[str, RecordedRun]:
+    return {name: load_run(path) for name, path in logs.items()}
+
+
+def page_of(run: RecordedRun) -> Any:
+    return json.loads(render(run).split('id="run" type="application/json">')[1].split("</script>")[0])
+
+
+@EXECUTED
+def test_the_page_has_every_body_where_it_is(kind: str, runs: dict[str, RecordedRun]) -> None:
+    run = runs[kind]
+    assert run.execution is not None
+    told = page_of(run)
+    kept = np.searchsorted(run.execution.t, np.array(told["samples"]["t"]) - 1e-5)
+    objects = np.moveaxis(np.array(told["samples"]["objects"]), -1, 0)
+    np.testing.assert_allclose(objects, run.execution.objects[kept], atol=1e-5)
+    np.testing.assert_allclose(told["samples"]["x"], run.execution.poses[kept, 0], atol=1e-5)
+    margins = np.array(told["samples"]["margins"], dtype=float).T
+    np.testing.assert_allclose(margins, run.execution.margins[kept], atol=1e-5)
+    assert [body["name"] for body in told["bodies"] if body["kind"] == "object"] == list(run.execution.names)
+    assert run.plan is not None
+    pushes = [load is not None for load in told["loads"]]
+    assert pushes == [segment.pushes for segment in run.plan.segments]
+    assert [way["alone"] for way in told["ways"]] == [not push for push in pushes]
+    assert bool(told["events"]) == (kind == "closed loop")
+
+
+@EXECUTED
+def test_a_picture_of_the_film_shows_every_body_where_it_is(kind: str, runs: dict[str, RecordedRun]) -> None:
+    run = runs[kind]
+    execution = run.execution
+    assert execution is not None
+    film = Film(run, execution)
+    for time in (0.3 * float(execution.t[-1]), 0.8 * float(execution.t[-1])):
+        picture, (plate, objects) = film.picture(time).astype(int), execution.poses_at(time)
+        np.testing.assert_array_equal(picture, Film(run, execution).picture(time))
+        for body in bodies_of(run.scenario):
+            place = objects[body.name] if body.kind is BodyKind.OBJECT else plate
+            inside = body.outline.mean(axis=0)
+            x, y = film.floor.transData.transform(transform_points(place, inside))
+            around = picture[int(960 - y) - 6 : int(960 - y) + 7, int(x) - 6 : int(x) + 7]
+            assert np.abs(around - np.array(red_green_blue(body.colour))).max(axis=2).min() < 8, body.name
+
+
+def test_a_film_lasts_as_long_as_its_run(runs: dict[str, RecordedRun], tmp_path: Path) -> None:
+    av, run = pytest.importorskip("av"), runs["multi-push"]
+    assert run.execution is not None
+    write_mp4(run, tmp_path / "run.mp4", rate=20.0)
+    with av.open(str(tmp_path / "run.mp4")) as film:
+        length = float(film.duration) * 1e-6
+    assert length == pytest.approx(run.execution.t[-1] / 20.0, abs=0.1)
+
+
+def test_what_was_not_executed_says_why(runs: dict[str, RecordedRun], tmp_path: Path) -> None:
+    run = runs["no plan"]
+    assert run.plan is not None
+    assert page_of(run)["why"] == run.plan.why_not
+    with pytest.raises(PushplanError, match="nothing was executed"):
+        write_csv(run, tmp_path / "run.csv")
+    with pytest.raises(PushplanError, match="there is no plan, so there is no trajectory"):
+        write_trajectory(run, tmp_path / "run.json")
+    assert list(tmp_path.iterdir()) == []
+    picture = Still(run).picture().astype(int)
+    assert (picture[-200:].min(axis=2) < 90).any()  # there are words
+    if run.plan.nearest is not None and run.plan.nearest.segments:
+        assert (np.abs(picture - np.array(red_green_blue(NEAREST))).max(axis=2) < 60).any()
+
+
+@EXECUTED
+def test_tables_hold_every_number(kind: str, runs: dict[str, RecordedRun], tmp_path: Path) -> None:
+    run = runs[kind]
+    execution = run.execution
+    assert execution is not None
+    write_csv(run, tmp_path / "run.csv")
+    with (tmp_path / "run.csv").open(newline="") as file:
+        names, *rows = list(csv.reader(file))
+    values = np.array([[float(cell) for cell in row] for row in rows])
+    assert values[:, names.index("theta")].tolist() == execution.poses[:, 2].tolist()
+    for k, name in enumerate(execution.names):
+        assert values[:, names.index(f"{name}.x")].tolist() == execution.objects[:, k, 0].tolist()
+    np.testing.assert_array_equal(
+        values[:, [names.index(name) for name in names if name.endswith(".margin")]], execution.margins
+    )
+    assert ("torque" in names) == (kind == "closed loop")
+    base = compose(execution.poses, base_in_plate(run.scenario))
+    np.testing.assert_array_equal(table(run)["base_x"], base[:, 0])
+    write_trajectory(run, tmp_path / "run.json")
+    told = json.loads((tmp_path / "run.json").read_text())
+    assert run.plan is not None
+    assert run.plan.trajectory is not None
+    assert np.array(told["samples"]["plate_poses"]).tobytes() == run.plan.trajectory.poses.tobytes()
+    assert [segment["kind"] for segment in told["segments"]] == [s.kind for s in run.plan.segments]
+
+
+@EXECUTED
+def test_rosbags_reads_the_bag_and_rviz_finds_its_topics(
+    kind: str, runs: dict[str, RecordedRun], tmp_path: Path
+) -> None:
+    rosbag2, typesys = pytest.importorskip("rosbags.rosbag2"), pytest.importorskip("rosbags.typesys")
+    run, store = runs[kind], typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    execution = run.execution
+    assert execution is not None
+    write_ros2(run, tmp_path / "bag.mcap", frames=Frames("world", "odom", "robot"), epoch=1000.5)
+    found: dict[str, list[Any]] = {}
+    with rosbag2.Reader(tmp_path / "bag.mcap") as reader:
+        for connection, time, data in reader.messages():
+            found.setdefault(connection.topic, []).append(
+                (time, store.deserialize_cdr(data, connection.msgtype))
+            )
+    assert found["/tf"][0][0] == 1000_500_000_000
+    assert len(found["/tf"]) == len(viewed(execution))
+    frames = {t.child_frame_id: t for t in found["/tf"][-1][1].transforms}
+    frames |= {t.child_frame_id: t for t in found["/tf_static"][0][1].transforms}
+    for name, place in {"pusher": execution.poses[-1], **_last(run)}.items():
+        pose, frame = np.zeros(3), name
+        while frame != "world":
+            above = frames[frame]
+            turn = above.transform.rotation
+            angle = 2 * math.atan2(turn.z, turn.w)
+            there = above.transform.translation
+            pose, frame = compose(np.array([there.x, there.y, angle]), pose), above.header.frame_id
+        np.testing.assert_allclose(
+            transform_points(pose, np.ones(2)), transform_points(place, np.ones(2)), atol=1e-9
+        )
+    (_, scene), *_ = found["/scene"]
+    assert {"pusher", "goal", *(f"object/{name}" for name in execution.names)} <= {
+        m.ns for m in scene.markers
+    }
+    rviz = yaml.safe_load((tmp_path / "bag.rviz").read_text())["Visualization Manager"]
+    shown = {display["Topic"]["Value"] for display in rviz["Displays"] if "Topic" in display}
+    assert shown - set(found) <= {"/plan/nearest"}
+    assert rviz["Global Options"]["Fixed Frame"] == "world"
+
+
+def _last(run: RecordedRun) -> dict[str, Any]:
+    assert run.execution is not None
+    return dict(zip(run.execution.names, run.execution.objects[-1], strict=True))
+
+
+@pytest.mark.parametrize("text", ["map", "map,map", "a,b,c,d", "map,/base", "map,,base_link"])
+def test_frames_that_make_no_tree_are_refused(text: str) -> None:
+    with pytest.raises(FrameNamesError, match="allowed: MAP,BASE or MAP,ODOM,BASE, all different"):
+        Frames.from_text(text)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_viewers_find_what_the_layout_names_and_bodies_move_in_tf(
+    kind: str, runs: dict[str, RecordedRun], logs: dict[str, Path]
+) -> None:
+    run, found = runs[kind], record_names(logs[kind])
+    arranged = layout(run.scenario, run.plan)
+    scene = next(panel for name, panel in arranged["configById"].items() if name.startswith("3D"))
+    assert set(scene["topics"]) - set(found) <= {"/plan/path", "/plan/smoothed", "/contacts"}
+    view = window(run.scenario, run.plan)
+    assert scene["cameraState"]["distance"] > view.xmax - view.xmin
+    drawn = schemas.SCENE.message.FromString(found["/scene"][0].data)
+    assert {entity.id for entity in drawn.entities} >= {"start", "goal", "pusher"}
+    last = schemas.TF.message.FromString(found["/tf"][-1].data)
+    places = {t.child_frame_id: (t.translation.x, t.translation.y) for t in last.transforms}
+    if run.execution is not None:
+        for name, pose in {"pusher": run.execution.poses[-1], **_last(run)}.items():
+            assert places[name] == tuple(pose[:2])
+        moved = schemas.MARGINS.message.FromString(found["/margins"][-1].data)
+        np.testing.assert_array_equal([c.margin for c in moved.contacts], run.execution.margins[-1])

@@ -1,0 +1,157 @@
+"""Hostile files end in one typed error with its place, quickly and in little memory."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import struct
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import zstandard
+
+from pushplan.errors import RunLogError
+from pushplan.logging.codec import CodecError, decode, encode, memory
+from pushplan.logging.mcap_file import MAGIC, McapFile
+from pushplan.logging.reader import load_run
+from pushplan.scenario.file import load_scenario
+
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA, DATA_END = 1, 2, 3, 4, 5, 6, 9, 12, 15
+
+
+def record(opcode: int, body: bytes, length: int | None = None) -> bytes:
+    return struct.pack("<BQ", opcode, len(body) if length is None else length) + body
+
+
+def text(value: str) -> bytes:
+    return struct.pack("<I", len(value.encode())) + value.encode()
+
+
+def chunk(data: bytes, size: int, compression: str = "zstd", checksum: int = 0) -> bytes:
+    head = struct.pack("<QQQI", 0, 0, size, checksum)
+    return record(CHUNK, head + text(compression) + struct.pack("<Q", len(data)) + data)
+
+
+def attachment(name: str, data: bytes) -> bytes:
+    body = struct.pack("<QQ", 0, 0) + text(name) + text("") + struct.pack("<Q", len(data)) + data
+    return record(ATTACHMENT, body + bytes(4))
+
+
+def mcap(*parts: bytes) -> bytes:
+    end = record(DATA_END, bytes(4)) + record(FOOTER, bytes(20))
+    return MAGIC + record(HEADER, text("") + text("")) + b"".join(parts) + end + MAGIC
+
+
+CHANNELS = record(SCHEMA, struct.pack("<H", 1) + text("a") + text("protobuf") + text("")) + record(
+    CHANNEL, struct.pack("<HH", 1, 1) + text("/a") + text("protobuf") + struct.pack("<I", 0)
+)
+TINY = record(MESSAGE, struct.pack("<HIQQ", 1, 0, 0, 0))
+ZEROS = zstandard.compress(bytes(32 << 20))
+
+FILES: dict[str, tuple[Callable[[], bytes], str]] = {
+    "empty": (lambda: b"", "not an MCAP file"),
+    "another kind": (lambda: b"%PDF-1.7" + bytes(99), "not an MCAP file"),
+    "no end": (lambda: MAGIC + record(HEADER, text("") + text("")), "without a footer"),
+    "more behind the end": (lambda: mcap() + b"x", "does not end where its footer says"),
+    "a record beyond the file": (lambda: MAGIC + record(METADATA, b"", 1 << 40), "ends inside a record"),
+    "a chunk that claims exabytes": (lambda: mcap(chunk(ZEROS, 1 << 60)), "claims 1152921504606846976 bytes"),
+    "a chunk that lies": (lambda: mcap(chunk(ZEROS, 1000)), "claims 1000 bytes and holds 33554432"),
+    "bombs": (lambda: mcap(*[chunk(ZEROS, 32 << 20)] * 40), "far more (data|records) than its size"),
+    "junk": (lambda: mcap(chunk(b"junk" * 9, 100)), "damaged zstd data|claims"),
+    "another compression": (lambda: mcap(chunk(b"", 0, "lz4")), "lz4|damaged"),
+    "a wrong checksum": (lambda: mcap(chunk(b"1234", 4, "", 7)), "checksum of a chunk does not fit"),
+    "a cut record in a chunk": (lambda: mcap(chunk(record(MESSAGE, b"", 99), 9, "")), "ends inside a record"),
+    "a message of nobody": (lambda: mcap(chunk(TINY, len(TINY), "")), "channel 1, which is not declared"),
+    "a million messages": (
+        lambda: mcap(CHANNELS, *[chunk(zstandard.compress(TINY * 500_000), 500_000 * len(TINY))] * 5),
+        "far more records than its size allows",
+    ),
+    "a million records": (lambda: mcap(record(128, b"") * 300_000), "far more records than its size allows"),
+    "text that is none": (
+        lambda: mcap(record(METADATA, struct.pack("<I", 2) + b"\xff\xff")),
+        "damaged metadata",
+    ),
+    "a field beyond its record": (lambda: mcap(record(METADATA, struct.pack("<I", 999))), "damaged metadata"),
+    "metadata of megabytes": (lambda: mcap(record(METADATA, bytes(2 << 20))), "metadata of 2097152 bytes"),
+    "no run": (lambda: mcap(), "without the metadata 'pushplan.run'"),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_hostile_file_ends_in_one_error_with_its_place(name: str, tmp_path: Path) -> None:
+    make, expected = FILES[name]
+    path = tmp_path / "evil.mcap"
+    path.write_bytes(make())
+    began, before = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(RunLogError, match=expected) as caught:
+        load_run(path, messages=True)
+    assert caught.value.offset is not None
+    assert time.process_time() - began < 5.0
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400_000  # kB
+    with pytest.raises(RunLogError):  # nothing in it can be recovered
+        load_run(path, recover=True)
+
+
+def _attachment(head: object, size: int, data: bytes = b"") -> bytes:
+    frame = zstandard.compress(data)
+    return b"pushplan-arrays/1 %d\n" % size + json.dumps(head).encode() + b"\n" + frame
+
+
+VALUES = {
+    "another version": b"pushplan-arrays/2 0\n{}\n",
+    "no line": b"pushplan-arrays/1 8\n{",
+    "a size that lies": _attachment({"value": 1, "arrays": []}, 1 << 40),
+    "more than it states": _attachment({"value": 1, "arrays": []}, 8, bytes(64)),
+    "an array beyond its bytes": _attachment({"value": {"array": 0}, "arrays": [["<f8", [9]]]}, 8, bytes(8)),
+    "an array of exabytes": _attachment({"value": {"array": 0}, "arrays": [["<f8", [1 << 60, 0]]]}, 0)
+    + b"rest",
+    "an array of objects": _attachment({"value": {"array": 0}, "arrays": [["|O", [1]]]}, 8, bytes(8)),
+    "no such array": _attachment({"value": {"array": 5}, "arrays": []}, 0),
+    "no such type": _attachment({"value": {"type": "Popen", "args": "true"}, "arrays": []}, 0),
+    "no such field": _attachment(
+        {"value": {"type": "Event", "time": 0.0, "kind": "plan", "x": 1}, "arrays": []}, 0
+    ),
+    "a field of another type": _attachment(
+        {"value": {"type": "Event", "time": "now", "kind": "plan", "text": ""}, "arrays": []}, 0
+    ),
+    "fields that are missing": _attachment({"value": {"type": "Event"}, "arrays": []}, 0),
+    "no such load": _attachment(
+        {"value": {"type": "Load", "names": ["x"], "face": "", "offset": 0.0}, "arrays": []}, 0
+    ),
+    "nested a hundred thousand times": b"pushplan-arrays/1 0\n"
+    + b"[" * 100_000
+    + b"\n"
+    + zstandard.compress(b""),
+}
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_an_attachment_that_is_none_of_ours_is_refused(name: str) -> None:
+    scenario = load_scenario("one-box")
+    with pytest.raises(CodecError):
+        decode(VALUES[name], scenario)
+
+
+def test_what_an_attachment_may_take_is_known_before_it_is_decoded() -> None:
+    assert memory(VALUES["a size that lies"]) > 1 << 40
+    assert memory(encode((1.0, "text", None))) < 10_000
+
+
+@pytest.mark.parametrize("what", ["missing", "folder", "pipe", "link to itself", "device"])
+def test_what_is_no_file_is_refused(what: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    match what:
+        case "folder":
+            path.mkdir()
+        case "pipe":
+            os.mkfifo(path)
+        case "link to itself":
+            path.symlink_to(path)
+        case "device":
+            path.symlink_to("/dev/zero")
+    with pytest.raises(RunLogError) as caught:
+        list(McapFile(path).items())
+    assert str(caught.value).startswith(f"{path}: ")

@@ -1,0 +1,347 @@
+"""Logs of every kind: written and read back bit for bit, verified, and no change of them goes unnoticed."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import random
+import re
+import signal
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap import records
+from store.conftest import KINDS, Case, execute_again, record_names, rewritten
+
+from pushplan.errors import RunLogError
+from pushplan.logging import schemas
+from pushplan.logging.mcap_file import McapFile
+from pushplan.logging.reader import load_run
+from pushplan.logging.recover import recover
+from pushplan.logging.verify import VerifyReport, verify
+from pushplan.logging.writer import RunLogWriter
+from pushplan.plans.plan import Load
+from pushplan.scenario.model import Scenario
+
+EVERY = pytest.mark.parametrize("kind", KINDS)
+
+
+def assert_same(first: Any, second: Any) -> None:
+    """Compare objects, arrays and numbers bit for bit; loads by what they are, scenarios by what they state."""
+    if isinstance(first, Load):
+        assert first.links == second.links
+        assert_same(first.chain.places, second.chain.places)
+    elif isinstance(first, Scenario):
+        assert first == second
+    elif dataclasses.is_dataclass(first):
+        for field in dataclasses.fields(first):
+            assert_same(getattr(first, field.name), getattr(second, field.name))
+    elif isinstance(first, np.ndarray):
+        assert (first.shape, first.dtype, first.tobytes()) == (second.shape, second.dtype, second.tobytes())
+    elif isinstance(first, tuple):
+        assert len(first) == len(second)
+        for a, b in zip(first, second, strict=True):
+            assert_same(a, b)
+    elif isinstance(first, dict):
+        assert first.keys() == second.keys()
+        for key in first:
+            assert_same(first[key], second[key])
+    else:
+        assert first == second or (first != first and second != second)
+
+
+def checked(path: Path) -> VerifyReport:
+    return verify(load_run(path, messages=True), execute_again)
+
+
+@EVERY
+def test_what_is_written_is_read_back_bit_for_bit(
+    kind: str, cases: dict[str, Case], logs: dict[str, Path]
+) -> None:
+    run, case = load_run(logs[kind]), cases[kind]
+    assert_same(run.plan, dataclasses.replace(case.plan, execution=case.execution))
+    assert_same(run.execution, case.execution)
+    assert run.losses == ()
+    if case.feedback is not None:
+        assert run.feedback is not None
+        assert_same(run.feedback.measured, case.feedback.measured)
+        assert_same(run.feedback.events, case.feedback.events)
+        assert [replan.reason for replan in run.feedback.replans] == ["", "nothing found"]
+    assert "a line of somebody" in [line.text for line in run.lines]
+    if run.execution is not None:
+        assert not run.execution.objects.flags.writeable
+
+
+@EVERY
+def test_every_kind_of_log_is_verified_by_reading_it_once(
+    kind: str, logs: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = Counter[str]()
+    items = McapFile.items
+
+    def counted(file: McapFile) -> Iterator[Any]:
+        opened[str(file.path)] += 1
+        return items(file)
+
+    monkeypatch.setattr(McapFile, "items", counted)
+    report = checked(logs[kind])
+    assert opened == {str(logs[kind]): 1}
+    assert [check.text for check in report.mismatches] == []
+    assert report.versions == ()
+    expected = {"push", "multi-push", "rearrangement"}
+    assert ({"pose", "margin", "goal error"} <= {check.quantity for check in report.checks}) == (
+        kind in expected
+    )
+
+
+def noticed(path: Path) -> bool:
+    try:
+        return not checked(path).matches
+    except RunLogError:
+        return True
+
+
+def changed(record: Any, topic: str) -> list[Any]:
+    """Return a record with one value, or one bit of its content, changed; none where it says nothing."""
+    if isinstance(record, records.Metadata):
+        key = next(key for key in record.metadata if key not in ("format", "sha256"))
+        words = {**record.metadata, key: record.metadata[key] + "1"}
+        return [dataclasses.replace(record, metadata=words)]
+    if isinstance(record, records.Message):
+        message = KINDS_OF[topic].message.FromString(record.data)
+        altered = _alter(message)
+        return [dataclasses.replace(record, data=message.SerializeToString())] if altered else []
+    data = bytearray(record.data)
+    data[len(data) // 2] ^= 1
+    return [dataclasses.replace(record, data=bytes(data))]
+
+
+KINDS_OF = {topic.name: topic for topic in schemas.TOPICS}
+
+
+def _alter(message: Any) -> bool:
+    """Change the last value that a message holds; return whether it holds any."""
+    for field, value in reversed(message.ListFields()):
+        several = hasattr(value, "extend")
+        if field.message_type is not None:
+            if _alter(value[len(value) // 2] if several else value):
+                return True
+            continue
+        old = value[0] if several else value
+        new = (
+            old + "x"
+            if isinstance(old, str)
+            else not old
+            if isinstance(old, bool)
+            else 0.5
+            if old != old
+            else old + 1
+        )
+        if several:
+            value[0] = new
+        else:
+            setattr(message, field.name, new)
+        return True
+    return False
+
+
+@EVERY
+def test_every_change_of_a_topic_attachment_or_metadata_is_noticed(
+    kind: str, logs: dict[str, Path], tmp_path: Path
+) -> None:
+    """One record of each is changed or dropped, one repeated, in a file that is sound as MCAP."""
+    passed = []
+    groups: dict[str, list[Any]] = {}
+    for name, found in record_names(logs[kind]).items():
+        groups.setdefault(re.sub(r"\d+", "N", name), []).extend(found)
+    for name, found in groups.items():
+        victim = found[len(found) // 2]
+        edits = {"changed": changed(victim, name), "dropped": []}
+        edits |= {"twice": [victim, victim]} if name in ("/tf", "execution/N.bin") else {}
+        for how, instead in edits.items():
+
+            def edit(record: Any, victim: Any = victim, instead: list[Any] = instead) -> Iterator[Any]:
+                yield from instead if record == victim else [record]
+
+            altered = rewritten(logs[kind], tmp_path / "altered.mcap", edit)
+            if not noticed(altered):
+                passed.append((name, how))
+    assert passed == []
+
+
+@EVERY
+def test_a_flipped_bit_is_a_mismatch_a_damaged_file_or_does_no_harm(
+    kind: str, logs: dict[str, Path], tmp_path: Path
+) -> None:
+    data, rng, found = logs[kind].read_bytes(), random.Random(5), 0
+    path, sound = tmp_path / "run.mcap", load_run(logs[kind])
+    for _ in range(25):
+        at, bit = rng.randrange(len(data)), 1 << rng.randrange(8)
+        path.write_bytes(data[:at] + bytes([data[at] ^ bit]) + data[at + 1 :])
+        if noticed(path):
+            found += 1
+        else:
+            assert_same(load_run(path).execution, sound.execution)
+    assert found > 12
+
+
+def test_a_log_cut_anywhere_is_read_to_there_or_refused(
+    cases: dict[str, Case], logs: dict[str, Path], tmp_path: Path
+) -> None:
+    data, rng, read = logs["push"].read_bytes(), random.Random(2), 0
+    whole = cases["push"].execution
+    assert whole is not None
+    for k in range(25):
+        cut = tmp_path / f"{k}.mcap.partial"
+        cut.write_bytes(data[: rng.randrange(len(data))])
+        with pytest.raises(RunLogError):
+            load_run(cut, recover=False)
+        try:
+            run = load_run(cut)
+        except RunLogError:
+            continue
+        read += 1
+        assert run.losses
+        if run.execution is not None:
+            np.testing.assert_array_equal(run.execution.poses, whole.poses[: len(run.execution.t)])
+            assert not any("segment" in check.quantity for check in checked(cut).mismatches)
+        recover(cut, tmp_path / f"{k}.mcap")
+        assert load_run(tmp_path / f"{k}.mcap").words["pushplan.recovery"]["from"] == cut.name
+    assert read > 10
+
+
+def test_what_was_written_survives_a_kill(cases: dict[str, Case], tmp_path: Path) -> None:
+    """Kill a writer at random moments: every attachment that it had handed over is there."""
+    case, path, told = cases["closed loop"], tmp_path / "run.mcap", tmp_path / "told"
+    assert case.execution is not None
+    attach, stages = RunLogWriter._attach, set[int]()
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        for leftover in tmp_path.iterdir():
+            leftover.unlink()
+        child = os.fork()
+        if child == 0:
+
+            def telling(log: RunLogWriter, name: str, data: bytes, *more: Any) -> None:
+                attach(log, name, data, *more)
+                with told.open("a") as file:
+                    file.write(f"{name}\n")
+                time.sleep(0.0005)
+
+            RunLogWriter._attach = telling  # type: ignore[method-assign, assignment]
+            try:
+                while True:
+                    told.unlink(missing_ok=True)
+                    case.write(path)
+            finally:
+                os._exit(0)
+        time.sleep(rng.uniform(0.005, 0.15))
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        names = told.read_text().split() if told.exists() else []
+        partial = tmp_path / "run.mcap.partial"
+        if path.exists():
+            assert_same(load_run(path).execution, case.execution)
+        if partial.exists() and len(names) > 3 and partial.stat().st_size:
+            run = load_run(partial)
+            assert (run.plan is not None) or "plan.bin" not in names
+            seconds = sum(name.startswith("execution/") for name in names)
+            samples = 0 if run.execution is None else len(run.execution.t)
+            assert samples >= min(100 * seconds, len(case.execution.t))
+            stages.add(len(names))
+    assert len(stages) > 5
+
+
+def test_a_closed_loop_is_written_as_it_goes(cases: dict[str, Case], tmp_path: Path) -> None:
+    """Bit by bit it makes the same log as at once, and what is over is there at any moment."""
+    case = cases["closed loop"]
+    execution, feedback = case.execution, case.feedback
+    assert execution is not None
+    assert feedback is not None
+    with RunLogWriter.create(tmp_path / "run.mcap", case.plan.scenario, {}) as log:
+        log.plan(case.plan)
+        for event in feedback.events:
+            log.event(event)
+        for replan in feedback.replans:
+            log.replan(replan)
+        for count in (130, 131, 420):
+            known: dict[str, Any] = {
+                name: value[:count] if isinstance(value, np.ndarray) else value
+                for name, value in vars(execution).items()
+            }
+            log.samples(dataclasses.replace(execution, **known))
+            partial = load_run(log.partial)
+            assert partial.execution is not None
+            assert len(partial.execution.t) == 100 * (count // 100)
+        log.closed_loop(execution, dataclasses.replace(feedback, events=(), replans=()))
+        log.finish("arrived")
+    run = load_run(tmp_path / "run.mcap")
+    assert_same(run.execution, execution)
+    assert run.feedback is not None
+    assert_same(run.feedback.events, feedback.events)
+    assert_same(run.feedback.measured, feedback.measured)
+
+
+def test_the_same_run_gives_the_same_bytes_but_for_the_clock(cases: dict[str, Case], tmp_path: Path) -> None:
+    case = cases["multi-push"]
+    slower = dataclasses.replace(case.plan, planning_s=123.0, first_solution_s=4.0, iterations=7)
+    logs = [
+        one.write(tmp_path / f"{k}.mcap").read_bytes()
+        for k, one in enumerate((case, dataclasses.replace(case, plan=slower)))
+    ]
+    assert len(logs[0]) == len(logs[1])
+    first, second = (record_names(tmp_path / f"{k}.mcap") for k in (0, 1))
+    assert first.keys() == second.keys()
+    for name in first:
+        for a, b in zip(first[name], second[name], strict=True):
+            if not isinstance(a, records.Metadata):
+                assert a == b
+                continue
+            differing = {key for key in a.metadata if a.metadata[key] != b.metadata[key]}
+            assert all(key.endswith(("_s", "_at")) or key in ("sha256", "iterations") for key in differing)
+
+
+def test_times_cannot_go_back_and_what_failed_says_so(cases: dict[str, Case], tmp_path: Path) -> None:
+    case = cases["push"]
+    assert case.execution is not None
+    execution = dataclasses.replace(case.execution, t=case.execution.t - 0.5)
+    with (
+        pytest.raises(RunLogError, match=r"time -0\.5 s cannot follow 0\.0 s"),
+        RunLogWriter.create(tmp_path / "run.mcap", case.plan.scenario, {}) as log,
+    ):
+        log.execution(execution)
+    run = load_run(log.partial)
+    assert (run.outcome, run.lines[-1].level) == ("failed", "error")
+    assert "cannot follow" in run.words["pushplan.result"]["error"]
+
+
+def test_a_log_of_another_format_is_refused(logs: dict[str, Path], tmp_path: Path) -> None:
+    def newer(record: Any) -> Iterator[Any]:
+        if isinstance(record, records.Metadata) and record.name == "pushplan.run":
+            record = dataclasses.replace(record, metadata={**record.metadata, "format": "999"})
+        yield record
+
+    path = rewritten(logs["push"], tmp_path / "run.mcap", newer)
+    with pytest.raises(RunLogError, match="a run log of format 999; this version of pushplan reads format 2"):
+        load_run(path)
+
+
+def test_an_execution_whose_end_is_lost_has_no_error_at_the_goal(
+    logs: dict[str, Path], tmp_path: Path
+) -> None:
+    def endless(record: Any) -> Iterator[Any]:
+        if not (isinstance(record, records.Attachment) and record.name == "execution.bin"):
+            yield record
+
+    path = rewritten(logs["push"], tmp_path / "run.mcap", endless)
+    with pytest.raises(RunLogError):
+        load_run(path)
+    run = load_run(path, recover=True)
+    assert run.execution is not None
+    assert math.isnan(run.execution.goal_error[0])
