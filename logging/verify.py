@@ -1,31 +1,40 @@
-"""Executes a recorded plan again, from the attached scenario, and compares everything with what was recorded."""
+"""Verifies a log: executes the recorded plan again, and makes every message again from what the log holds.
+
+Compared are, for every kind of log: the execution, sample by sample, with what a simulator makes of the recorded plan
+(where the log has its world: objects that slip move in one that it has not); every message, byte by byte and, where
+they differ, field by field; every field of the metadata that follows from plan and execution. Reading has
+compared the digest of all attachments and metadata, measurements among them.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from pushplan.logging.check import TOLERANCE, Check
-from pushplan.logging.messages import metadata
-from pushplan.logging.messages.recorded import RecordedRun
-from pushplan.logging.plan_again import timed_by_other_rules
-from pushplan.logging.several_again import check_segments, execute_again, segments_again
-from pushplan.logging.verify_file import verify_file
+from google.protobuf.message import DecodeError
+from google.protobuf.message import Message as ProtobufMessage
 
 from pushplan.geometry.se2 import compose, exp
-from pushplan.planners.trajectories import make_trajectory
-from pushplan.planners.validation.clearance import find_collision
-from pushplan.plans.execution import Execution
-from pushplan.plans.judge import planning_set
-from pushplan.plans.path import PushPath
-from pushplan.plans.result import PlanResult
-from pushplan.plans.trajectory import Trajectory
-from pushplan.scenario.model import Scenario
+from pushplan.logging import metadata, schemas
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.topics import messages
+from pushplan.logging.writer import SERIES, SERIES_KNOWN
+from pushplan.plans.run import Execution
 from pushplan.util.arrays import FloatArray
 
-_SERIES = {
+TOLERANCE = 1e-9
+"""Largest difference that counts as rounding, in SI units; of forces, per newton of the largest one."""
+
+NOT_COMPARED = (
+    "times of the clock, machine, versions and settings in the metadata beyond their digest",
+    "the index at the end of the file beyond its checksum",
+)
+"""What verification takes as it is."""
+
+_WORDS = {
     "t": "time",
     "poses": "pose",
     "twists": "twist",
@@ -34,15 +43,56 @@ _SERIES = {
     "friction_margins": "friction margin",
     "lambdas": "point of application (lambda)",
     "forces": "contact force",
-    "loads": "pose of the objects",
+    "objects": "pose of an object",
+    "segment": "segment",
+    "wrenches": "wrench",
 }
 
 
 @dataclass(frozen=True)
+class Check:
+    """A comparison of one quantity.
+
+    Attributes:
+        quantity: What was compared.
+        difference: The largest difference found; infinite where one side has nothing to compare.
+        tolerance: What would still pass.
+        time: Simulated time of the largest difference, s; None where the quantity has no time.
+        what: The difference in words, where a number does not say it.
+    """
+
+    quantity: str
+    difference: float
+    tolerance: float = TOLERANCE
+    time: float | None = None
+    what: str = ""
+
+    @property
+    def matches(self) -> bool:
+        """Whether the difference is within the tolerance."""
+        return self.difference <= self.tolerance  # False for NaN
+
+    @property
+    def text(self) -> str:
+        """The outcome in a sentence."""
+        if self.what:
+            return f"{self.quantity}: {self.what}"
+        at = "" if self.time is None else f" at {self.time:.3f} s"
+        sign = "<=" if self.matches else ">"
+        return f"{self.quantity}: differs by {self.difference:.3g}{at} ({sign} {self.tolerance:.3g})"
+
+
+@dataclass(frozen=True)
 class VerifyReport:
-    """All comparisons of one run; `checks` is empty when nothing was executed."""
+    """All comparisons of one run.
+
+    Attributes:
+        checks: The comparisons.
+        versions: Packages that have other versions now than when the log was written, in words.
+    """
 
     checks: tuple[Check, ...]
+    versions: tuple[str, ...] = ()
 
     @property
     def matches(self) -> bool:
@@ -55,120 +105,147 @@ class VerifyReport:
         return tuple(check for check in self.checks if not check.matches)
 
 
-def verify(run: RecordedRun) -> VerifyReport:
-    """Execute the plan of `run` again and compare.
+def verify(run: RecordedRun, execute: Callable[[RecordedRun], Execution | None]) -> VerifyReport:
+    """Compare a run, read with its messages, with what its plan leads to.
 
-    Compared are the timing of the path, every sample of the execution, the loss of stability, the goal error,
-    that nothing is touched on the way, and every message and word in the file that follows from scenario and plan.
-    Where the log ends early or has gaps, what it has is compared. The timing of
-    paths that older versions timed by other rules is not. Of an execution with slip, whose world is not in the
-    log, only the way of the plate is; of a closed loop, `control.again.check_closed_loop` compares the rest.
+    Args:
+        run: As `read_runs(path, messages=True)` returns it.
+        execute: Executes the plan of a run again; returns None where that cannot be done without its world.
 
     Raises:
         PushplanError: When the recorded plan cannot be executed at all.
     """
-    plan = run.plan
-    if run.execution is not None and run.execution.object_poses is not None:
-        return VerifyReport((check_way(run.execution),))
-    if plan is None or plan.path is None or plan.trajectory is None:
-        return VerifyReport(())
-    if plan.segments:
-        scenario, again = run.scenario, segments_again(run.scenario, plan, plan.trajectory)
-        checks = [*_same_timing(plan.trajectory, again.trajectory or plan.trajectory)]
-    else:
-        scenario = run.scenario if plan.margin is None else run.scenario.with_margin(plan.margin)
-        checks = [*_timing(scenario, plan, plan.trajectory, plan.path)]
-        checks.append(_clear_way(scenario, plan.trajectory))
-    replayed = execute_again(scenario, plan)
-    if plan.segments and replayed is not None:
-        checks += check_segments(scenario, plan, replayed)
-    if run.execution is not None and replayed is not None:
-        checks += _execution(run.execution, _aligned(run, run.execution, replayed))
-    return VerifyReport((*checks, *verify_file(run.path, run.number)))
+    checks: list[Check] = []
+    if run.execution is not None:
+        again = execute(run)
+        checks += () if again is None else compare_executions(run.execution, again)
+    checks += _compare_messages(run)
+    checks += _compare_words(run)
+    return VerifyReport(tuple(checks), tuple(_other_versions(run)))
 
 
 def check_way(execution: Execution) -> Check:
-    """Compare the poses of an execution with slip with the twists between them."""
+    """Compare the poses of an execution with the twists between them."""
     steps = np.diff(execution.t)[:, None]
     after = compose(execution.poses[:-1], exp(execution.twists[:-1] * steps))
-    return _series("way of the plate", execution.t[1:], execution.poses[1:], after)
+    return _series("path of the plate", execution.t[1:], execution.poses[1:], after)
 
 
-def _timing(scenario: Scenario, plan: PlanResult, trajectory: Trajectory, path: PushPath) -> Iterator[Check]:
-    """Compare the trajectory with the path timed again, as the scenario asks for."""
-    if timed_by_other_rules(scenario, plan):
-        what = "not compared: when this was recorded, contacts kept no margin with inertia"
-        yield Check("timing", 0.0, 0.0, what=what)
-        return
-    stable = planning_set(scenario, plan.stable_set)
-    yield from _same_timing(trajectory, make_trajectory(scenario, path, stable, trajectory.rate))
-
-
-def _same_timing(trajectory: Trajectory, again: Trajectory) -> Iterator[Check]:
-    yield Check("duration", abs(again.duration - trajectory.duration))
-    yield _series("commanded twist", trajectory.t, trajectory.twists, again.twists_at(trajectory.t))
-    yield _series("commanded pose", trajectory.t, trajectory.poses, again.poses_at(trajectory.t))
-
-
-def _clear_way(scenario: Scenario, trajectory: Trajectory) -> Check:
-    """Look for a collision on the way, with the checker that the planners do not use."""
-    hit = find_collision(scenario, trajectory.poses)
-    if hit is None:
-        return Check("collision", 0.0, 0.0, what="none")
-    return Check("collision", math.inf, 0.0, what=str(hit))
-
-
-def _aligned(run: RecordedRun, recorded: Execution, replayed: Execution) -> Execution:
-    """Return the samples of an execution at the times that a log with gaps has kept."""
-    if not (run.losses or metadata.RECOVERY in run.words) or not len(replayed.t):
-        return replayed
-    places = np.minimum(np.searchsorted(replayed.t, recorded.t - TOLERANCE), len(replayed.t) - 1)
-    series = {name: getattr(replayed, name) for name in _SERIES}
-    kept = {name: None if values is None else values[places] for name, values in series.items()}
-    return replace(replayed, **kept)  # type: ignore[arg-type]
-
-
-def _execution(recorded: Execution, replayed: Execution) -> Iterator[Check]:
-    """Compare two executions; the recorded one may have lost its end."""
+def compare_executions(recorded: Execution, again: Execution) -> Iterator[Check]:
+    """Compare two executions of the same plan; the recorded one may have lost its end."""
     cut = math.isnan(recorded.goal_error[0])
-    count = min(len(recorded.t), len(replayed.t))
+    count = min(len(recorded.t), len(again.t))
     if not cut:
-        yield Check("number of samples", abs(len(recorded.t) - len(replayed.t)), 0.0)
-    for name, words in _SERIES.items():
-        first, second = getattr(recorded, name), getattr(replayed, name)
-        if name == "dynamic_margins" and first is None:  # a log of an older version
-            continue
-        if name == "loads" and first is None and second is None:
+        yield Check("number of samples", abs(len(recorded.t) - len(again.t)), 0.0)
+    for name in (*SERIES, *SERIES_KNOWN):
+        first, second = getattr(recorded, name), getattr(again, name)
+        if first is None and second is None:
             continue
         if first is None or second is None:
-            missing = first is not second
-            yield Check(
-                words, math.inf if missing else 0.0, what="unknown on one side" if missing else "unknown"
-            )
-        else:
-            scale = max(1.0, float(np.abs(second).max(initial=0.0))) if name == "forces" else 1.0
-            yield _series(words, recorded.t[:count], first[:count], second[:count], TOLERANCE * scale)
-    if not cut:
-        yield Check("goal error", float(np.abs(np.subtract(recorded.goal_error, replayed.goal_error)).max()))
-        yield _loss(recorded, replayed)
-
-
-def _loss(recorded: Execution, replayed: Execution) -> Check:
-    places = [None if run.loss is None else run.loss.contact for run in (recorded, replayed)]
+            yield Check(_WORDS[name], math.inf, what="unknown on one side")
+            continue
+        scale = max(1.0, float(np.abs(second).max(initial=0.0))) if name == "forces" else 1.0
+        yield _series(_WORDS[name], recorded.t[:count], first[:count], second[:count], TOLERANCE * scale)
+    if cut:
+        return
+    yield Check("goal error", float(np.abs(np.subtract(recorded.goal_error, again.goal_error)).max()))
+    places = [None if one.loss is None else one.loss.contact for one in (recorded, again)]
     if places[0] != places[1]:
-        return Check("lost contact", math.inf, 0.0, what=f"recorded {places[0]}, executed again {places[1]}")
-    time = 0.0
-    if recorded.loss is not None and replayed.loss is not None:
-        time = abs(recorded.loss.time - replayed.loss.time)
-    return Check("lost contact", time, what="none" if recorded.loss is None else "")
+        yield Check("lost contact", math.inf, what=f"recorded {places[0]}, executed again {places[1]}")
+    elif recorded.loss is not None and again.loss is not None:
+        yield Check("lost contact", abs(recorded.loss.time - again.loss.time))
 
 
 def _series(
     quantity: str, t: FloatArray, first: FloatArray, second: FloatArray, tolerance: float = TOLERANCE
 ) -> Check:
-    """Compare two arrays (m, ...), sample by sample at times `t` (m,)."""
-    apart = np.abs(first - second).reshape(len(t), -1).max(axis=1, initial=0.0)
+    """Compare two arrays (m, ...), sample by sample at times `t` (m,); NaN equals NaN."""
+    apart = np.where(np.isnan(first) & np.isnan(second), 0.0, np.abs(first - second))
+    apart = apart.reshape(len(t), -1).max(axis=1, initial=0.0)
     if len(apart) == 0:
         return Check(quantity, 0.0, tolerance)
     worst = int(np.argmax(np.where(np.isnan(apart), np.inf, apart)))
     return Check(quantity, float(apart[worst]), tolerance, float(t[worst]))
+
+
+def _compare_messages(run: RecordedRun) -> list[Check]:
+    """Compare the messages with those that the run leads to; of a log cut off, as far as it goes."""
+    worst: dict[str, Check] = {topic.name: Check(topic.name, 0.0) for topic in schemas.TOPICS}
+    recorded: dict[str, list[tuple[int, bytes]]] = {topic.name: [] for topic in schemas.TOPICS}
+    for message in run.messages:
+        recorded.setdefault(message.topic, []).append((message.time, message.data))
+    expected: dict[str, list[tuple[int, bytes]]] = {topic.name: [] for topic in schemas.TOPICS}
+    for time, topic, data in messages(run):
+        expected[topic.name].append((time, data))
+    kinds = {topic.name: topic for topic in schemas.TOPICS}
+    for name, found in recorded.items():
+        wanted = expected.get(name, [])
+        if name not in kinds:
+            worst[name] = Check(name, math.inf, what="a topic that no log of pushplan has")
+        elif len(found) != len(wanted) and not (run.losses and len(found) < len(wanted)):
+            worst[name] = Check(name, math.inf, what=f"{len(found)} messages instead of {len(wanted)}")
+        else:
+            for (time, data), (then, made) in zip(found, wanted, strict=False):
+                if time != then:
+                    _raise(worst, Check(f"{name} time", 1e-9 * abs(time - then), time=1e-9 * then))
+                if data != made:
+                    for check in _compare_fields(kinds[name], data, made, 1e-9 * then):
+                        _raise(worst, check)
+    return list(worst.values())
+
+
+def _raise(worst: dict[str, Check], check: Check) -> None:
+    """Keep the largest difference of each quantity; one that is no number counts as the largest."""
+    before = worst.get(check.quantity)
+    if before is None or not check.difference <= before.difference:
+        worst[check.quantity] = check
+
+
+def _compare_fields(topic: schemas.Topic, data: bytes, made: bytes, time: float) -> Iterator[Check]:
+    try:
+        first, second = (dict(_leaves(topic.message.FromString(one), "")) for one in (data, made))
+    except DecodeError:
+        yield Check(topic.name, math.inf, time=time, what="a message that cannot be decoded")
+        return
+    for name in {**first, **second}:
+        a, b = first.get(name), second.get(name)
+        numbers = isinstance(a, float | int) and isinstance(b, float | int)
+        if numbers and a != b and not (a != a and b != b):
+            scale = max(1.0, abs(b))  # type: ignore[arg-type]
+            yield Check(f"{topic.name} {name}", abs(a - b), TOLERANCE * scale, time)  # type: ignore[operator]
+        elif not numbers and a != b:
+            yield Check(f"{topic.name} {name}", math.inf, time=time, what=f"{a!r:.60} instead of {b!r:.60}")
+    if first == second:
+        yield Check(topic.name, math.inf, time=time, what="other bytes that say the same")
+
+
+def _leaves(message: Any, prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield dotted name and value of each field, and the number of each repeated one."""
+    for field, value in message.ListFields():
+        repeated = not isinstance(value, str | bytes | int | float | ProtobufMessage)
+        members = list(value) if repeated else [value]
+        for k, member in enumerate(members):
+            name = f"{prefix}{field.name}" + (f"[{k}]" if repeated else "")
+            if isinstance(member, ProtobufMessage):
+                yield from _leaves(member, f"{name}.")
+            else:
+                yield name, member
+
+
+def _compare_words(run: RecordedRun) -> Iterator[Check]:
+    """Compare the metadata of the result with what the run comes to."""
+    said = run.words.get(metadata.RESULT)
+    if said is None:
+        return
+    for key, value in metadata.result_words(run).items():
+        same = said.get(key) == value
+        what = "" if same else f"{said.get(key)!r} instead of {value!r}"
+        yield Check(f"{metadata.RESULT} {key}", 0.0 if same else math.inf, what=what)
+
+
+def _other_versions(run: RecordedRun) -> Iterator[str]:
+    for key, value in run.words.get(metadata.RUN, {}).items():
+        if key.startswith("version."):
+            now = metadata.current_version(key.removeprefix("version."))
+            if now != value:
+                yield f"{key.removeprefix('version.')} {value}, now {now}"

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from pushplan.planners.validation.checker import find_collision
 
 from pushplan.geometry.se2 import compose, exp
 from pushplan.logging.old.check import TOLERANCE, Check
@@ -17,6 +16,7 @@ from pushplan.logging.old.plan_again import timed_by_other_rules
 from pushplan.logging.old.several_again import check_segments, execute_again, segments_again
 from pushplan.logging.old.verify_file import verify_file
 from pushplan.planners.trajectories import make_trajectory
+from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.execution import Execution
 from pushplan.plans.judge import planning_set
 from pushplan.plans.path import PushPath
