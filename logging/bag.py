@@ -26,10 +26,10 @@ from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
+import pushplan.logging.metadata as metadata
 from pushplan.drawing import palette
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.logging import metadata
 from pushplan.logging.contacts import ContactShapes, LoadContacts
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import contact_messages, nearest, scene

@@ -12,8 +12,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pushplan.logging.schemas as schemas
 from pushplan.drawing import palette
-from pushplan.logging import schemas
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.shown import WORLD, contact_names, window
 from pushplan.plans.plan import Plan

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+import pushplan.logging.metadata as metadata
+import pushplan.logging.schemas as schemas
 from pushplan.errors import PushplanError, RunLogError, ScenarioError
-from pushplan.logging import metadata, schemas
 from pushplan.logging.codec import CodecError, decode, memory
 from pushplan.logging.mcap_file import Attachment, DamageError, Item, McapFile, Message, Metadata
 from pushplan.logging.recorded import LogLine, RawMessage, RecordedRun

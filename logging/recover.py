@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from pushplan.logging import metadata
+import pushplan.logging.metadata as metadata
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.topics import lines_of

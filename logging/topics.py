@@ -20,7 +20,7 @@ from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from pushplan.logging import schemas
+import pushplan.logging.schemas as schemas
 from pushplan.logging.contacts import LoadContacts
 from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.scene import NANO, contact_messages, frame_messages, nearest, placed, scene, tree

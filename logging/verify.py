@@ -17,8 +17,9 @@ import numpy as np
 from google.protobuf.message import DecodeError
 from google.protobuf.message import Message as ProtobufMessage
 
+import pushplan.logging.metadata as metadata
+import pushplan.logging.schemas as schemas
 from pushplan.geometry.se2 import compose, exp
-from pushplan.logging import metadata, schemas
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.topics import messages
 from pushplan.logging.writer import SERIES, SERIES_KNOWN

@@ -24,8 +24,9 @@ from typing import Any, Self
 
 import numpy as np
 
+import pushplan.logging.metadata as metadata
+import pushplan.logging.schemas as schemas
 from pushplan.errors import OutputError, RunLogError
-from pushplan.logging import metadata, schemas
 from pushplan.logging.codec import MEDIA_TYPE, encode
 from pushplan.logging.layout import LAYOUT_FILE, layout_text
 from pushplan.logging.mcap_file import mcap_writer

@@ -13,10 +13,10 @@ import pytest
 import yaml
 from store.conftest import KINDS, record_names
 
+import pushplan.logging.schemas as schemas
 from pushplan.drawing.palette import NEAREST, red_green_blue
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, transform_points
-from pushplan.logging import schemas
 from pushplan.logging.bag import FrameNamesError, Frames, write_ros2
 from pushplan.logging.film import Film, Still, write_mp4
 from pushplan.logging.layout import layout

@@ -19,8 +19,8 @@ import pytest
 from mcap import records
 from store.conftest import KINDS, Case, execute_again, record_names, rewritten
 
+import pushplan.logging.schemas as schemas
 from pushplan.errors import RunLogError
-from pushplan.logging import schemas
 from pushplan.logging.mcap_file import McapFile
 from pushplan.logging.reader import load_run
 from pushplan.logging.recover import recover
