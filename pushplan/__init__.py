@@ -63,7 +63,7 @@ _HOMES = {
     "sim.trials.uncertain": "TrialUncertainty",
     "mechanics.dynamics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
     "mechanics.dynamics.contact_dynamics": "DynamicRows dynamic_margins dynamic_rows",
-    "mechanics.worst_case.interval_chain": "IntervalChain",
+    "mechanics.intervals": "IntervalChain",
     "sets.grid_cor_set": "GridCorSet grid_cor_set",
     "sets.interval_set": "stable_set_over",
     "sets.robust_set": "RobustSet WorstCase",
@@ -108,13 +108,13 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.mechanics.dynamics.contact_dynamics import DynamicRows as DynamicRows
     from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins as dynamic_margins
     from pushplan.mechanics.dynamics.contact_dynamics import dynamic_rows as dynamic_rows
+    from pushplan.mechanics.intervals import IntervalChain as IntervalChain
     from pushplan.mechanics.sphere import TurningRadii as TurningRadii
     from pushplan.mechanics.support import FeetSupport as FeetSupport
     from pushplan.mechanics.support import PressureMapSupport as PressureMapSupport
     from pushplan.mechanics.support import Support as Support
     from pushplan.mechanics.support import UniformSupport as UniformSupport
     from pushplan.mechanics.support import UnknownSupport as UnknownSupport
-    from pushplan.mechanics.worst_case.interval_chain import IntervalChain as IntervalChain
     from pushplan.plan import plan as plan
     from pushplan.plans.execution import Execution as Execution
     from pushplan.plans.execution import StabilityLoss as StabilityLoss

@@ -15,8 +15,8 @@ from pushplan.compiled.second_compiler import second_compiler
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins
+from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import UniformSupport
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.planners.blending.parts import make_part
 from pushplan.planners.blending.sweep import find_touches
 from pushplan.planners.collision.scene import build_scene, convex_pieces

@@ -343,7 +343,7 @@ class Course:
         q = -0.5 * (b + np.copysign(np.sqrt(np.maximum(square, 0.0)), b))
         with np.errstate(divide="ignore", invalid="ignore"):
             roots = np.fmin(np.abs(c / q), np.abs(q / a))
-        return size * float(np.min(roots, where=square >= 0.0, initial=np.inf))
+        return size * (1.0 + 1e-12) * float(np.min(roots, where=square >= 0.0, initial=np.inf))
 
     def first_loss(self, changes: Sequence[Change], most: float) -> float:
         """Return the largest size up to `most` before which none of the changes loses a contact."""

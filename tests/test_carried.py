@@ -12,7 +12,6 @@ import shapely
 
 from pushplan.mechanics.chain import PLATE
 from pushplan.mechanics.contacts.carried import carried_objects, center_range, common_centers
-from pushplan.mechanics.friction.quadrature import load_elements
 
 if TYPE_CHECKING:
     from conftest import ChainMaker
@@ -97,11 +96,9 @@ def test_corners_off_a_line_between_two_others_are_found() -> None:
 @pytest.mark.parametrize("feet", [False, True])
 def test_elements_of_a_load_have_its_weight_and_centre(make_chain: ChainMaker, feet: bool) -> None:
     for obj in make_chain.random(3, 4, feet=feet).objects:
-        places, parts = load_elements(obj, 4000)
+        places, parts = obj.support.elements(4000)
         assert parts.sum() == pytest.approx(1.0, abs=1e-12)
-        c, s = np.cos(obj.pose_chain[2]), np.sin(obj.pose_chain[2])
-        center = obj.pose_chain[:2] + np.array([[c, -s], [s, c]]) @ obj.support.center
-        np.testing.assert_allclose(parts @ places, center, atol=1e-12 if feet else 1e-3)
+        np.testing.assert_allclose(parts @ places, obj.support.center, atol=1e-12 if feet else 1e-3)
         if not feet:
             assert 3000 < len(places) < 5000
             inside = shapely.contains_xy(shapely.Polygon(obj.outline_chain), places)
@@ -110,6 +107,6 @@ def test_elements_of_a_load_have_its_weight_and_centre(make_chain: ChainMaker, f
 
 def test_a_load_cut_into_one_element_rests_at_its_centroid(make_chain: ChainMaker) -> None:
     (obj,) = make_chain.boxes(1).objects
-    places, parts = load_elements(obj, 1)
-    np.testing.assert_allclose(places, [[0.05, 0.0]], atol=1e-15)
+    places, parts = obj.support.elements(1)
+    np.testing.assert_allclose(places, [[0.0, 0.0]], atol=1e-15)
     np.testing.assert_array_equal(parts, [1.0])

@@ -12,8 +12,8 @@ import pytest
 
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins
+from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:

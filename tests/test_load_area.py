@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ import pytest
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
-from pushplan.mechanics.friction.quadrature import load_elements
 from pushplan.mechanics.support import (
     FeetSupport,
     PressureMapSupport,
@@ -20,7 +18,7 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
-from pushplan.mechanics.worst_case.load_area import LoadArea, load_area, load_areas
+from pushplan.mechanics.uncertain import LoadArea, load_area, load_areas
 from pushplan.util.arrays import FloatArray
 
 BOX = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
@@ -145,7 +143,8 @@ def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[
     away = np.array([0.3, 0.2])
     moved = BOX + away
     support = UniformSupport(moved, None if given is None else given + away)
-    places, parts = load_elements(resting(support), 5000)
+    places, parts = support.elements(5000)
+    places = transform_points(POSE, places)
     np.testing.assert_allclose(parts @ places, transform_points(POSE, support.center), atol=1e-5)
     assert len(places) == 5000
     spread = parts @ ((places - POSE[:2]) ** 2).sum(axis=1)
@@ -156,8 +155,8 @@ def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[
 
 def test_elements_of_a_pressure_map_are_its_points() -> None:
     support = PressureMapSupport(np.array([[0.1, 0.0], [0.0, 0.1]]), np.array([0.25, 0.75]))
-    places, parts = load_elements(resting(support), 10)
-    np.testing.assert_allclose(places, transform_points(POSE, support.points))
+    places, parts = support.elements(10)
+    np.testing.assert_allclose(places, support.points)
     np.testing.assert_array_equal(parts, [0.25, 0.75])
 
 
@@ -165,13 +164,13 @@ def test_elements_of_a_pressure_map_are_its_points() -> None:
     "support", [UnknownSupport(BOX), FeetSupport(np.array(FEET), center_of_mass=np.zeros(2))]
 )
 def test_unknown_loads_have_no_elements(support: Support) -> None:
-    with pytest.raises(SupportError, match="the load under 'box' is unknown; integrating its friction"):
-        load_elements(resting(support), 10)
+    with pytest.raises(SupportError, match="the load is not known"):
+        support.elements(10)
 
 
 def test_a_polygon_that_no_square_fits_has_one_element_at_its_centroid() -> None:
     thin = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.9, 0.1]])
     support = UniformSupport(thin)
-    places, parts = load_elements(replace(resting(support), pose_chain=np.zeros(3)), 1)
+    places, parts = support.elements(1)
     np.testing.assert_allclose(places, [support.center], atol=1e-12)
     np.testing.assert_array_equal(parts, [1.0])

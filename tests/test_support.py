@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from pushplan.errors import PushplanError, SupportError
-from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
+from pushplan.mechanics.support import (
+    FeetSupport,
+    PointLoads,
+    PressureMapSupport,
+    Support,
+    UniformSupport,
+    UnknownSupport,
+)
+from pushplan.sets.named import stable_set
+from pushplan.sim.physics.model.feet import feet_of
+from pushplan.sim.robustness import robustness_along
 from pushplan.util.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from conftest import ChainMaker
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
 L_SHAPE = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.1, 0.1], [0.1, 0.2], [0.0, 0.2]])
@@ -175,3 +189,41 @@ def test_wrong_pressure_maps_name_file_and_line(tmp_path: Path, text: str, findi
 def test_missing_pressure_map_is_an_error_of_ours(tmp_path: Path) -> None:
     with pytest.raises(SupportError, match="cannot read the pressure map"):
         PressureMapSupport.from_csv(tmp_path / "none.csv")
+
+
+class Ring(Support):
+    """A support model of a user: a pipe on end, its weight on its edge."""
+
+    def __init__(self, radius: float, count: int = 24) -> None:
+        angle = 2.0 * np.pi * np.arange(count) / count
+        self._points = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    @property
+    def center(self) -> FloatArray:
+        return np.zeros(2)
+
+    @property
+    def hull(self) -> FloatArray:
+        return self._points
+
+    @property
+    def point_loads(self) -> PointLoads:
+        even = np.full(len(self._points), 1.0 / len(self._points))
+        return PointLoads(self._points, even, even)
+
+
+def test_a_support_model_of_a_user_needs_its_points_only(make_chain: ChainMaker) -> None:
+    """Stable sets, robustness, quadrature and simulated feet are those of the same points as a pressure map."""
+    ring = Ring(0.04)
+    chain = make_chain.boxes(2, support=lambda _: ring)
+    mapped = PressureMapSupport(*ring.point_loads[:2])
+    same = make_chain.boxes(2, support=lambda _: mapped)
+    twists = np.random.default_rng(0).normal(size=(50, 3)) * [0.2, 0.2, 1.0] + [1.0, 0.0, 0.0]
+    for name in ("ecof", "robust", "stable"):
+        margins = [stable_set(c, name).margin(twists) for c in (chain, same)]
+        np.testing.assert_allclose(*margins, atol=1e-12)
+    ahead, still = np.array([[0.1, 0.01, 0.0]]), np.zeros((1, 3))
+    found, expected = (robustness_along(c, ahead, still) for c in (chain, same))
+    assert found.load == pytest.approx(expected.load, rel=1e-9)
+    np.testing.assert_allclose(feet_of(ring).positions, feet_of(mapped).positions)
+    np.testing.assert_allclose(ring.elements(100)[0], mapped.elements(100)[0])

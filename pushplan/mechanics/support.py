@@ -22,6 +22,9 @@ from pushplan.util.arrays import FloatArray, frozen
 FRACTION_TOLERANCE = 1e-6
 """By how much the load fractions of the feet may miss 1 in sum."""
 
+CELLS = 100
+"""Squares that have the area of a support, from which its cells are cut."""
+
 _ROUNDING = 1e-12
 
 
@@ -40,7 +43,11 @@ class PointLoads(NamedTuple):
 
 
 class Support(ABC):
-    """What the stable sets need to know about a load on the floor."""
+    """What mechanics and simulators need to know about a load on the floor.
+
+    A support model of your own gives its `center`, `hull` and, where its load is known, `point_loads`: everything
+    else follows from these. A pressure on a whole polygon has a closed form in `friction.packed`.
+    """
 
     @property
     @abstractmethod
@@ -58,6 +65,11 @@ class Support(ABC):
         """(h, 2) corners of the convex hull of all points that may carry load, counter-clockwise, m."""
 
     @property
+    def carriers(self) -> tuple[FloatArray, bool]:
+        """Points (k, 2) that may carry load, m, and whether all of the convex polygon with these corners may."""
+        return self.hull, len(self.hull) > 2
+
+    @property
     def point_loads(self) -> PointLoads:
         """The load as points, where that is exact.
 
@@ -66,13 +78,42 @@ class Support(ABC):
         """
         raise SupportError("the load is not known, or does not rest on points")
 
+    def cells(self) -> tuple[FloatArray, FloatArray]:
+        """Return the load's centre in every cell (m, 2) of a coarse grid, m, and parts (m,) of it, which sum to 1.
+
+        Closely enough to say what a pressure that is a little off does: few points stay what they are, many are
+        gathered in the cells of a grid, and a polygon is cut by one into pieces with their exact parts of the load.
+
+        Raises:
+            SupportError: When the load is not known.
+        """
+        positions, fractions, _ = self.point_loads
+        return _gathered(positions, fractions)
+
+    def elements(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """Return places (m, 2), m, and parts (m,) of the load, for methods that integrate friction numerically.
+
+        A polygon is cut into equal squares, about `count` of them with their centre inside; points are themselves.
+
+        Raises:
+            SupportError: When the load is not known.
+        """
+        positions, fractions, _ = self.point_loads
+        return positions, fractions
+
     def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return e . (x - g) / h (k,) at corners or points x, and what it is a share of there: see `leaning`.
 
         Raises:
             SupportError: When the load is not known.
         """
-        raise SupportError("a load that is not known cannot lean to one side")
+        self._require_known()
+        positions = self.point_loads.positions
+        return _scaled((positions - self.center) @ direction), np.ones(len(positions))
+
+    def _require_known(self) -> None:
+        if not self.known:
+            raise SupportError("a load that is not known cannot lean to one side")
 
     def most_lean(self, direction: FloatArray) -> float:
         """Return the largest share of `leaning` at which no load is negative."""
@@ -94,7 +135,9 @@ class Support(ABC):
         Raises:
             SupportError: When the load is not known, or would be negative somewhere.
         """
-        raise SupportError("a load that is not known cannot lean to one side")
+        lean, _ = self.lean(direction)
+        positions, fractions, _ = self.point_loads
+        return FeetSupport(positions, fractions * (1.0 + share * lean))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +193,39 @@ class UniformSupport(Support):
         """(h, 2) convex hull of the outline, m."""
         return convex_hull(self.outline)
 
+    def cells(self) -> tuple[FloatArray, FloatArray]:
+        """See `Support.cells`; exact for affine pressures."""
+        x, y = _grid(self.outline, self.moments.area)
+        west, south = np.meshgrid(x[:-1], y[:-1])
+        east, north = np.meshgrid(x[1:], y[1:])
+        boxes = shapely.box(west.ravel(), south.ravel(), east.ravel(), north.ravel())
+        pieces = shapely.intersection(boxes, shapely.Polygon(self.outline))
+        areas = shapely.area(pieces)
+        kept = areas > 1e-9 * self.moments.area
+        points = shapely.get_coordinates(shapely.centroid(pieces[kept]))
+        loads = np.maximum(areas[kept] * self._relative_pressure(points), 0.0)
+        return points, np.asarray(loads / loads.sum(), dtype=np.float64)
+
+    def elements(self, count: int) -> tuple[FloatArray, FloatArray]:
+        """See `Support.elements`."""
+        low, size = self.outline.min(axis=0), np.ptp(self.outline, axis=0)
+        counts = np.maximum(np.round(size / np.sqrt(self.moments.area / count)), 1.0).astype(np.int64)
+        x, y = (low[d] + (np.arange(counts[d]) + 0.5) * size[d] / counts[d] for d in (0, 1))
+        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        polygon = shapely.Polygon(self.outline)
+        inside = points[shapely.contains_xy(polygon, points[:, 0], points[:, 1])]
+        inside = inside if len(inside) else shapely.get_coordinates(polygon.centroid)
+        pressure = self._relative_pressure(inside)
+        return inside, pressure / pressure.sum()
+
+    def _relative_pressure(self, points: FloatArray) -> FloatArray:
+        """Return the pressure at points (k, 2) as a share of the mean."""
+        return np.asarray(1.0 + self.moments.area * (points - self.moments.centroid) @ self.gradient)
+
     def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Support.lean`: of the mean pressure, at the corners."""
         arms = self.outline - self.moments.centroid
-        return _scaled(arms @ direction), 1.0 + self.moments.area * arms @ self.gradient
+        return _scaled(arms @ direction), self._relative_pressure(self.outline)
 
     def leaning(self, direction: FloatArray, share: float) -> UniformSupport:
         """See `Support.leaning`."""
@@ -211,6 +283,11 @@ class FeetSupport(Support):
         return convex_hull(self.positions)
 
     @property
+    def carriers(self) -> tuple[FloatArray, bool]:
+        """The feet alone."""
+        return self.positions, False
+
+    @property
     def point_loads(self) -> PointLoads:
         """The feet, which share a load that shifts evenly."""
         if self.fractions is None:
@@ -218,18 +295,6 @@ class FeetSupport(Support):
         return PointLoads(
             self.positions, self.fractions, np.full(len(self.positions), 1.0 / len(self.positions))
         )
-
-    def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `Support.lean`."""
-        if self.fractions is None:
-            return super().lean(direction)
-        return _scaled((self.positions - self.center) @ direction), np.ones(len(self.positions))
-
-    def leaning(self, direction: FloatArray, share: float) -> FeetSupport:
-        """See `Support.leaning`."""
-        lean, _ = self.lean(direction)
-        assert self.fractions is not None
-        return FeetSupport(self.positions, self.fractions * (1.0 + share * lean))
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,10 +355,6 @@ class PressureMapSupport(Support):
         """The points, which take their parts of a load that shifts, too."""
         return PointLoads(self.points, self.fractions, self.fractions)
 
-    def lean(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `Support.lean`."""
-        return _scaled((self.points - self.center) @ direction), np.ones(len(self.points))
-
     def leaning(self, direction: FloatArray, share: float) -> PressureMapSupport:
         """See `Support.leaning`."""
         return PressureMapSupport(self.points, self.fractions * (1.0 + share * self.lean(direction)[0]))
@@ -334,6 +395,28 @@ class UnknownSupport(Support):
     def hull(self) -> FloatArray:
         """(h, 2) convex hull of the outline, m."""
         return convex_hull(self.outline)
+
+
+def _gathered(points: FloatArray, fractions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the loads of points (k, 2) in each cell of a grid, at their centres; few points as they are."""
+    if len(points) <= CELLS:
+        return points, fractions
+    x, y = _grid(points, float(np.prod(np.ptp(points, axis=0))))
+    columns = np.clip(np.searchsorted(x, points[:, 0], side="right") - 1, 0, len(x) - 2)
+    rows = np.clip(np.searchsorted(y, points[:, 1], side="right") - 1, 0, len(y) - 2)
+    _, cell = np.unique(rows * len(x) + columns, return_inverse=True)
+    loads = np.bincount(cell, fractions)
+    sums = np.stack([np.bincount(cell, fractions * points[:, d]) for d in (0, 1)], axis=1)
+    return sums / loads[:, None], np.asarray(loads, dtype=np.float64)
+
+
+def _grid(points: FloatArray, area: float) -> tuple[FloatArray, FloatArray]:
+    """Return the lines x (m,) and y (n,) of a grid of about square cells that covers points (k, 2)."""
+    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    side = max(float(np.sqrt(area / CELLS)), float(size.max()) / 400)
+    counts = np.maximum(np.ceil(size / side), 1.0).astype(np.int64)
+    x, y = (low[d] + size[d] * np.arange(counts[d] + 1) / counts[d] for d in (0, 1))
+    return x, y
 
 
 def _scaled(along: FloatArray) -> FloatArray:

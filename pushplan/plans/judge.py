@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
+from pushplan.mechanics.intervals import IntervalChain
 from pushplan.scenario.model import Scenario
 from pushplan.sets.intersection_set import IntersectionSet
 from pushplan.sets.stable_set import StableSet

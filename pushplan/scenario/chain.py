@@ -14,6 +14,7 @@ from pushplan.geometry import se2
 from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH, find_touch
 from pushplan.geometry.polygon import area_moments
 from pushplan.mechanics.chain import Chain, Drive, Limits, PushedObject, Pusher
+from pushplan.mechanics.intervals import IntervalChain, fractions_within
 from pushplan.mechanics.support import (
     FeetSupport,
     PressureMapSupport,
@@ -21,7 +22,6 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain, fractions_within
 from pushplan.scenario import schema
 from pushplan.scenario.contacts import contact_frictions, find_segments, make_contacts
 from pushplan.scenario.layout import Layout, Part, SnapTolerance, describe_overlap, lay_out, outline_of

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pushplan.errors import ChainError, PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Pusher
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
+from pushplan.mechanics.intervals import IntervalChain
 from pushplan.scenario.parts import (
     DEFAULT_TOLERANCE,
     CircleObstacle,

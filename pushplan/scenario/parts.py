@@ -11,7 +11,7 @@ import numpy as np
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
+from pushplan.mechanics.intervals import IntervalChain
 from pushplan.util import names
 from pushplan.util.arrays import FloatArray, frozen
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.errors import PushplanError
-from pushplan.mechanics.chain import Chain, Contact
+from pushplan.errors import PushplanError, SupportError
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import Chain, Contact, PushedObject
 from pushplan.mechanics.contacts.carried import carried_objects
-from pushplan.mechanics.friction.quadrature import load_elements
 from pushplan.sets.cor.cor_region import Window, window_box
 from pushplan.util.arrays import BoolArray, FloatArray, frozen
 
@@ -78,7 +78,7 @@ def _ecof_velocities(chain: Chain, cors: FloatArray, elements: int) -> list[tupl
     With G the sum of r / |r| and Q that of |r| over the elements' friction loads, r = x - c, the friction force is
     -J G and its moment about c is -Q, so that ECOF - c = Q G / |G|^2 (appendix of the paper).
     """
-    sums = np.array([_sums(cors, *load_elements(obj, elements)) * obj.friction_load for obj in chain.objects])
+    sums = np.array([_of_object(cors, obj, elements) for obj in chain.objects])
     result = []
     for behind in carried_objects(chain):
         total = sums[behind].sum(axis=0)
@@ -87,6 +87,16 @@ def _ecof_velocities(chain: Chain, cors: FloatArray, elements: int) -> list[tupl
             arm = q * g / (g * g).sum(axis=1, keepdims=True)
         result.append((arm, np.stack([-arm[:, 1], arm[:, 0]], axis=1)))
     return result
+
+
+def _of_object(cors: FloatArray, obj: PushedObject, count: int) -> FloatArray:
+    """Return `_sums` over about `count` elements of one object's friction load."""
+    if not obj.support.known:
+        raise SupportError(
+            f"the load under {obj.name!r} is unknown; integrating its friction needs a known one"
+        )
+    places, parts = obj.support.elements(count)
+    return _sums(cors, transform_points(obj.pose_chain, places), parts) * obj.friction_load
 
 
 def _sums(cors: FloatArray, points: FloatArray, parts: FloatArray) -> FloatArray:

@@ -1,13 +1,13 @@
-"""Algorithm 1 for all loads and frictions in given intervals; see `interval_rows` for the worst case.
+"""Algorithm 1 for all loads and frictions in given intervals; see `mechanics.uncertain_kernel` for the worst case.
 
 A lower contact friction only takes away from the friction cone, so that the lowest one suffices.
 """
 
 from __future__ import annotations
 
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.mechanics.worst_case.interval_kernel import interval_contact_margins_of, interval_margins_of
-from pushplan.mechanics.worst_case.interval_rows import pack_intervals
+from pushplan.mechanics.intervals import IntervalChain
+from pushplan.mechanics.uncertain import pack_intervals
+from pushplan.mechanics.uncertain_kernel import contact_margins_of, margins_of
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 
@@ -20,7 +20,7 @@ class IntervalEcofSet(StableSet):
         |sum F_i w_i at the intervals' middles| + sum of half their widths times |w_i|:
 
     at most the margin for any of the values, and equal to it where all intervals are points. The set is exact but for
-    pressures, where it errs on the safe side (see `pressure_error`).
+    pressures, where it errs on the safe side (see `uncertain_kernel`).
 
     Raises:
         SupportError: See `EcofSet`.
@@ -39,8 +39,8 @@ class IntervalEcofSet(StableSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
-        return interval_contact_margins_of(self._packed, twists)
+        return contact_margins_of(self._packed, twists)
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
-        return interval_margins_of(self._packed, twists, float(floor))
+        return margins_of(self._packed, twists, float(floor))

@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pushplan.errors import PushplanError, SupportError
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.mechanics.worst_case.load_area import load_areas
+from pushplan.mechanics.intervals import IntervalChain
+from pushplan.mechanics.uncertain import load_areas
 from pushplan.sets.interval_ecof_set import IntervalEcofSet
 from pushplan.sets.robust_set import RobustSet
 from pushplan.sets.stable_set import StableSet
@@ -26,7 +26,7 @@ def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
     """Return a set of twists that are stable for all values in the intervals.
 
     Exact for `ecof`, `translation` and `robust`, but on the safe side for pressures that may be off (see
-    `pressure_error`); for `stable`, the rule for a centre of friction anywhere in the region that the loads allow.
+    `uncertain_kernel`); for `stable`, the rule for a centre of friction anywhere in the region that the loads allow.
     The set `cof` has no such form: its centre moves with the loads, and its conditions are not linear in them.
 
     Raises:
@@ -47,7 +47,7 @@ def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
     if name == "stable":
         return StableUnknownSet(interval.steepest, interval.loads)
     if name == "robust":
-        return RobustSet(interval.chain, interval.loads)
+        return RobustSet(interval.chain, interval)
     if name == "ecof":
         return IntervalEcofSet(interval)
     load_areas(interval.steepest)
@@ -58,7 +58,7 @@ def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
 def _require_numbers(interval: IntervalChain, name: str) -> None:
     """Raise SupportError when the set needs a number where there is an interval."""
     objects = interval.chain.objects
-    if name in ("stable", "robust") and interval.fractions:
+    if name == "stable" and interval.fractions:
         feet = objects[min(interval.fractions)].name
         raise SupportError(
             f"the set {name!r} goes by the centre of each load, which intervals of load fractions leave open for "
@@ -67,7 +67,7 @@ def _require_numbers(interval: IntervalChain, name: str) -> None:
     if interval.chain.pusher.contact_height == 0.0 or name in ("stable", "translation"):
         return
     for i, (obj, (low, high)) in enumerate(zip(objects, interval.floor_friction, strict=True)):
-        if low < high or (name == "ecof" and (i in interval.fractions or interval.pressures.get(i))):
+        if low < high or (i in interval.fractions) or (name == "ecof" and interval.pressures.get(i)):
             raise SupportError(
                 f"a push above the floor shifts the load of {obj.name!r} by its floor friction; the set {name!r} "
                 f"needs that friction and the load fractions as numbers, or a contact height of 0"

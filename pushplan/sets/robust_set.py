@@ -8,14 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.sphere import checked_twists
-from pushplan.mechanics.worst_case.envelope_kernel import start_twist, worst_loads
-from pushplan.mechanics.worst_case.packed_areas import pack_areas
-from pushplan.mechanics.worst_case.robust_kernel import (
-    PackedAreas,
-    robust_contact_margins_of,
-    robust_margins_of,
-)
+from pushplan.mechanics.uncertain import pack_centred
+from pushplan.mechanics.uncertain_kernel import contact_margins_of, margins_of, worst_spreads
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, frozen
 
@@ -47,11 +43,12 @@ class RobustSet(StableSet):
     """Twists that every pressure with the given centres lets all contacts transmit.
 
     Feet carry any loads that balance; any other support counts as its convex hull, with any pressure. A load
-    that is known counts by its centre alone. Margins err on the safe side, by rounding.
+    that is known counts by its centre alone, load fractions in intervals as what they are. Margins err on the safe
+    side, by at most `uncertain_kernel.MISS`.
 
     Args:
         chain: Objects and contacts.
-        loads: (n, 2) least and largest friction load mu m g of every object, N; without it, what they say.
+        interval: The chain with intervals of masses, floor frictions and load fractions; None where they are numbers.
 
     Raises:
         SupportError: When a push at the contact height could tip an object.
@@ -59,10 +56,10 @@ class RobustSet(StableSet):
 
     name = "robust"
 
-    def __init__(self, chain: Chain, loads: FloatArray | None = None) -> None:
+    def __init__(self, chain: Chain, interval: IntervalChain | None = None) -> None:
         super().__init__(chain)
-        self._as_numbers = loads is None
-        self._areas = pack_areas(chain, loads)
+        self._as_numbers = interval is None
+        self._packed = pack_centred(chain, interval)
 
     @property
     def loads_known(self) -> bool:
@@ -71,11 +68,11 @@ class RobustSet(StableSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
-        return robust_contact_margins_of(self._scratch(), twists)
+        return contact_margins_of(self._packed, twists)
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
-        return robust_margins_of(self._scratch(), twists, float(floor))
+        return margins_of(self._packed, twists, float(floor))
 
     def worst_case(self, twist: ArrayLike) -> WorstCase:
         """Return the pressure that determines the margin at a body twist (3,) in the chain frame.
@@ -86,32 +83,17 @@ class RobustSet(StableSet):
         v = checked_twists(np.asarray(twist, dtype=np.float64)[None])
         margins = self.contact_margin_values(v)[0]
         k = int(margins.argmin())
-        scaled = v[0] / np.abs(v[0] * [1.0, 1.0, self._areas.length]).max()
-        loads = [self._loads_of(k, j, scaled) for j in range(len(CONDITIONS))]
-        j = int(np.argmin([total for total, _ in loads]))
-        kept = {i: part[part[:, 4] > 1e-9] for i, part in loads[j][1].items()}
+        found = [worst_spreads(self._packed, v[0], k, j) for j in range(len(CONDITIONS))]
+        j = int(np.argmin([values.sum() for values, _ in found]))
+        carried = np.flatnonzero(self._packed.carried[k] & (self._packed.free > 0))
+        spreads = {int(i): found[j][1][i] for i in carried}
+        kept = {i: spread[spread[:, 2] > 1e-9] for i, spread in spreads.items()}
         return WorstCase(
             contact=k,
             condition=CONDITIONS[j],
             margin=float(margins[k]),
             points={i: frozen(part[:, :2], (None, 2), "points") for i, part in kept.items()},
             fractions={
-                i: frozen(part[:, 4] / part[:, 4].sum(), (None,), "shares") for i, part in kept.items()
+                i: frozen(part[:, 2] / part[:, 2].sum(), (None,), "shares") for i, part in kept.items()
             },
         )
-
-    def _loads_of(self, k: int, j: int, twist: FloatArray) -> tuple[float, dict[int, FloatArray]]:
-        """Return row j of contact k in its worst case, N, and the worst loads (3, 5) of the objects behind it."""
-        total, worst = 0.0, {}
-        for i in np.flatnonzero(self._areas.carried[k]):
-            table, out = self._areas.tables[i].copy(), np.empty((3, 5))
-            vx, vy, omega = twist
-            start_twist(table, vx, vy, omega)
-            gamma_x, gamma_y, kappa = self._areas.facets[k, j]
-            least = worst_loads(table, gamma_x, gamma_y, kappa, out)
-            total += float((self._areas.loads[i] * least).min())
-            worst[int(i)] = out
-        return total, worst
-
-    def _scratch(self) -> PackedAreas:
-        return self._areas._replace(tables=self._areas.tables.copy())

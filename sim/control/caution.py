@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.perturb import with_contact_friction
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.scenario.model import Scenario
 
 INTERVAL_SETS = ("ecof", "robust")

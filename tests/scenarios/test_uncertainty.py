@@ -11,7 +11,6 @@ import pytest
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport
-from pushplan.mechanics.worst_case.load_cells import load_cells
 from pushplan.scenario.check import check_scenario
 from pushplan.scenario.file import scenario_from_document, scenario_from_text
 from pushplan.scenario.model import Scenario
@@ -95,7 +94,7 @@ def world(chain: Chain, rng: np.random.Generator) -> Chain:
         if isinstance(obj.support, FeetSupport):
             points, parts = obj.support.positions, obj.support.fractions
         else:
-            points, parts = load_cells(replace(obj, pose_chain=np.zeros(3)))
+            points, parts = obj.support.cells()
         assert parts is not None
         score = points @ rng.normal(size=2) if rng.random() < 0.7 else rng.normal(size=len(points))
         order, theta = np.argsort(score), np.empty(len(points))

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, UniformSupport
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from pushplan.errors import PushplanError, SupportError
-from pushplan.mechanics.friction.quadrature import load_elements
 from pushplan.mechanics.sphere import twists_about
-from pushplan.mechanics.support import UniformSupport, UnknownSupport
+from pushplan.mechanics.support import UnknownSupport
 from pushplan.sets.grid_cor_set import grid_cor_set
 from pushplan.sets.named import stable_set
 
@@ -39,20 +37,6 @@ def test_a_cell_at_the_centre_of_friction_is_not_stable(make_chain: ChainMaker) 
     grid = grid_cor_set(make_chain.boxes(1), (-0.05, -0.1, 0.15, 0.1), (1, 1))
     assert not grid.counter_clockwise.any()
     assert not grid.clockwise.any()
-
-
-def test_elements_have_the_load_and_its_centre(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(1, support=lambda outline: UniformSupport(outline, np.array([0.01, -0.005])))
-    points, parts = load_elements(chain.objects[0], 2500)
-    assert len(points) == 2500
-    assert parts.sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(parts @ points, [0.06, -0.005], atol=1e-4)
-    sliver = replace(
-        chain.objects[0], support=UniformSupport(np.array([[0.0, 0.0], [1.0, 1e-4], [1.0, 2e-4]]))
-    )
-    points, parts = load_elements(sliver, 3)
-    assert len(points) >= 1
-    assert parts.sum() == pytest.approx(1.0)
 
 
 def test_what_the_grid_cannot_answer_is_refused(make_chain: ChainMaker) -> None:

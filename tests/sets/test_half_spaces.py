@@ -16,7 +16,7 @@ from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts.friction import cof
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UnknownSupport
-from pushplan.mechanics.worst_case.load_area import load_areas
+from pushplan.mechanics.uncertain import load_areas
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

@@ -11,7 +11,7 @@ import pytest
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.sphere import twists_at
-from pushplan.mechanics.worst_case.load_area import load_areas
+from pushplan.mechanics.uncertain import load_areas
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

@@ -33,11 +33,10 @@ from pushplan.mechanics.inertia import (
     inertia_table,
     sum_over_carried,
 )
+from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.sphere import checked_twists
-from pushplan.mechanics.worst_case.interval_chain import IntervalChain
-from pushplan.mechanics.worst_case.interval_rows import IntervalRows, contact_facets
-from pushplan.mechanics.worst_case.packed_areas import pack_areas
-from pushplan.mechanics.worst_case.robust_kernel import PackedAreas, robust_rows_of
+from pushplan.mechanics.uncertain import IntervalInertia, contact_facets, pack_centred, pack_intervals
+from pushplan.mechanics.uncertain_kernel import PackedLoads, rows_of
 from pushplan.util.arrays import FloatArray, IntArray, frozen
 
 
@@ -109,12 +108,7 @@ class ContactDynamics:
     interval: IntervalChain | None = None
 
     def __post_init__(self) -> None:
-        if self.worst_case:
-            _ = self._areas
-        elif self.interval is not None:
-            _ = self._interval_rows
-        else:
-            _ = self.packed  # raise where loads are not known or tip
+        _ = self.packed if self._exact else self._uncertain  # raise where loads are not known or tip
 
     @cached_property
     def packed(self) -> PackedChain:
@@ -137,13 +131,16 @@ class ContactDynamics:
         return contact_facets(self.chain)
 
     @cached_property
-    def _areas(self) -> PackedAreas:
-        return pack_areas(self.chain, None if self.interval is None else self.interval.loads)
+    def _uncertain(self) -> PackedLoads:
+        """The chain as arrays of what its loads may be."""
+        if self.worst_case or self.interval is None:
+            return pack_centred(self.chain, self.interval)
+        return pack_intervals(self.interval)
 
     @cached_property
-    def _interval_rows(self) -> IntervalRows:
+    def _interval_inertia(self) -> IntervalInertia:
         assert self.interval is not None
-        return IntervalRows(self.interval)
+        return IntervalInertia(self.interval)
 
     @cached_property
     def _exact(self) -> bool:
@@ -180,11 +177,9 @@ class ContactDynamics:
         return Wrenches(*(values[owner] for values in self._quasi_static(twists[first])))
 
     def _quasi_static(self, twists: FloatArray) -> Wrenches:
-        if self.worst_case:
-            return Wrenches(*robust_rows_of(self._areas, np.ascontiguousarray(twists)))
-        if self.interval is not None:
-            return Wrenches(*self._interval_rows.least(twists))
-        return self._exactly(wrenches_of(self.packed, twists))
+        if self._exact:
+            return self._exactly(wrenches_of(self.packed, twists))
+        return Wrenches(*rows_of(self._uncertain, np.ascontiguousarray(twists)))
 
     def floor_wrenches(self, twists: FloatArray) -> FloatArray:
         """Return what the contacts transmit without inertia (m, n, 3) at twists (m, 3) where loads are known."""
@@ -195,7 +190,7 @@ class ContactDynamics:
         """Return what inertia adds to the contacts' wrenches; see `inertia_wrenches`."""
         if self.interval is None:
             return self._exactly(self.inertia_wrenches(twists, rates))
-        return Wrenches(*self._interval_rows.inertia(twists, rates))
+        return Wrenches(*self._interval_inertia.rows(twists, rates))
 
     def inertia_wrenches(self, twists: FloatArray, rates: FloatArray) -> FloatArray:
         """Return what inertia adds to the wrench of each contact (m, n, 3), about the chain frame's origin.

@@ -13,7 +13,7 @@ from numpy.polynomial.legendre import legvander2d
 from scipy.optimize import nnls
 
 from pushplan.errors import SupportError
-from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
+from pushplan.mechanics.support import Support, UniformSupport
 from pushplan.sim.physics.model.polygon_rule import Rule, polygon_rule
 from pushplan.util.arrays import FloatArray, frozen
 
@@ -51,18 +51,20 @@ def feet_of(support: Support, degree: int = DEGREE) -> Feet:
     Raises:
         SupportError: When the loads are not known.
     """
+    if not support.known:
+        raise SupportError(
+            "a physics simulation needs to know how the load rests on the floor: give a pressure, load fractions or "
+            "a pressure map"
+        )
     if isinstance(support, UniformSupport):
         return _feet_of_polygon(support, degree)
-    if isinstance(support, PressureMapSupport):
-        rule = compressed(Rule(support.points, support.fractions), degree)
-        return Feet(rule.points, rule.weights, rule.weights)
-    if isinstance(support, FeetSupport) and support.fractions is not None:
-        count = len(support.positions)
-        return Feet(support.positions, support.fractions, np.full(count, 1.0 / count))
-    raise SupportError(
-        "a physics simulation needs to know how the load rests on the floor: give a pressure, load fractions or a "
-        "pressure map"
-    )
+    positions, fractions, stiffness = support.point_loads
+    if stiffness is not fractions:
+        return Feet(positions, fractions, stiffness)
+    rule = compressed(
+        Rule(positions, fractions), degree
+    )  # a pressure in as many points as it was measured in
+    return Feet(rule.points, rule.weights, rule.weights)
 
 
 def _feet_of_polygon(support: UniformSupport, degree: int) -> Feet:

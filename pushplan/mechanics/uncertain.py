@@ -1,0 +1,244 @@
+"""Chains whose loads and frictions are only known within bounds, as the arrays that `uncertain_kernel` works on.
+
+What adding inertia asks for is linear in the masses in the same way: the mass of an object whose load is uncertain is
+taken to lie where its load is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Sized
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from pushplan.errors import SupportError
+from pushplan.geometry.se2 import transform_points
+from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
+from pushplan.mechanics.contacts.carried import carried_objects
+from pushplan.mechanics.friction.packed import contact_rows, pack_objects
+from pushplan.mechanics.inertia import InertiaTable, inertia_per_object, inertia_table
+from pushplan.mechanics.intervals import IntervalChain
+from pushplan.mechanics.perturb import with_objects
+from pushplan.mechanics.support import FeetSupport
+from pushplan.mechanics.uncertain_kernel import PackedLoads, inertia_rows_of
+from pushplan.util.arrays import FloatArray, IntArray, frozen
+
+CELLS_MISS = (0.03, 0.012)
+"""Share, and part of the load, added to what a pressure that is off changes for what varies inside cells; sums over
+30 times as many cells stay below (`tests/sets/test_pressure_error.py`)."""
+
+_AT_ONCE = 1 << 20
+"""Numbers in the table of what inertia asks for on points, at most."""
+
+_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class LoadArea:
+    """Any pressure with a given centre, in the chain frame.
+
+    Attributes:
+        points: (m, 2) feet, or the corners of a convex polygon, counter-clockwise, m.
+        solid: Whether the whole polygon may carry load, or only its corners.
+        center: (2,) centre of the load at rest, m.
+        shift: h mu (m): by how much a push at height h moves that centre, against the friction force, when
+            the whole load slides in one direction.
+    """
+
+    points: FloatArray
+    solid: bool
+    center: FloatArray
+    shift: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", frozen(self.points, (None, 2), "points that may carry load"))
+        object.__setattr__(self, "center", frozen(self.center, (2,), "centre of a load"))
+
+
+def load_area(obj: PushedObject, contact_height: float = 0.0) -> LoadArea:
+    """Return where the load of `obj` may rest: its feet, or the convex hull of its support.
+
+    Args:
+        obj: The object; a load that is known counts by its centre alone.
+        contact_height: Height of the contact forces above the floor, m.
+
+    Raises:
+        SupportError: When a push at that height could tip the object.
+    """
+    support = obj.support
+    shift = contact_height * obj.floor_friction
+    center = transform_points(obj.pose_chain, support.center)
+    if shift > 0.0:
+        _require_standing(obj, transform_points(obj.pose_chain, support.hull), center, contact_height)
+    points, solid = support.carriers
+    return LoadArea(transform_points(obj.pose_chain, points), solid, center, shift)
+
+
+def load_areas(chain: Chain) -> tuple[LoadArea, ...]:
+    """Return the load area of every object; see `load_area`."""
+    return tuple(load_area(obj, chain.pusher.contact_height) for obj in chain.objects)
+
+
+def _require_standing(obj: PushedObject, hull: FloatArray, center: FloatArray, height: float) -> None:
+    """Raise SupportError unless the load's centre stays in `hull` (h, 2) wherever friction may move it."""
+    room = _room(hull, center) if len(hull) > 2 else 0.0
+    highest = room / obj.floor_friction
+    if height > highest * (1.0 + 1e-9):
+        raise SupportError(
+            f"a push at height {height:.6g} m could tip {obj.name!r}: the load's centre moves by up to "
+            f"{height * obj.floor_friction:.6g} m and is {max(room, 0.0):.6g} m inside the support; the contact "
+            f"height must be at most {max(highest, 0.0):.6g} m"
+        )
+
+
+def _room(hull: FloatArray, center: FloatArray) -> float:
+    """Return how far a point (2,) is inside a convex polygon (h, 2), m."""
+    step = np.roll(hull, -1, axis=0) - hull
+    normal = np.stack([step[:, 1], -step[:, 0]], axis=1) / np.linalg.norm(step, axis=1, keepdims=True)
+    return float(((hull - center) * normal).sum(axis=1).min())
+
+
+@lru_cache(maxsize=16)  # sets, judges and limits of one plan all ask for the same
+def pack_intervals(interval: IntervalChain) -> PackedLoads:
+    """Return a chain with intervals as arrays: feet, cells of pressures that may be off, and known loads.
+
+    Raises:
+        SupportError: See `packed.pack_chain`.
+    """
+    return _pack(interval.chain, interval.loads, interval, [])
+
+
+def pack_centred(chain: Chain, interval: IntervalChain | None = None) -> PackedLoads:
+    """Return a chain as arrays, of every load the centre alone; loads on feet in intervals stay what they are.
+
+    Raises:
+        SupportError: When a push at the contact height could tip an object.
+    """
+    loads = np.array([[obj.friction_load, obj.friction_load] for obj in chain.objects])
+    feet = {} if interval is None else interval.fractions
+    areas = [
+        None if i in feet else load_area(obj, chain.pusher.contact_height)
+        for i, obj in enumerate(chain.objects)
+    ]
+    return _pack(chain, loads if interval is None else interval.loads, interval, areas)
+
+
+def _pack(
+    chain: Chain, loads: FloatArray, interval: IntervalChain | None, areas: Sequence[LoadArea | None]
+) -> PackedLoads:
+    """Return the arrays; objects with an area count by its centre alone."""
+    n = len(chain.objects)
+    known: list[PushedObject] = []
+    unit, points, total, miss = np.full(n, -1), list[FloatArray](), np.ones(n), np.zeros((n, 2))
+    for i, obj in enumerate(chain.objects):
+        spans = None if interval is None else interval.fractions.get(i)
+        error = 0.0 if interval is None or areas else interval.pressures.get(i, 0.0)
+        own = np.zeros((0, 4))
+        if areas and areas[i] is not None:
+            pass
+        elif spans is not None and isinstance(obj.support, FeetSupport):
+            own = np.column_stack([transform_points(obj.pose_chain, obj.support.positions), spans])
+        else:
+            unit[i] = len(known)
+            known.append(_unit(obj))
+            if error > 0.0:
+                places, parts = obj.support.cells()
+                off = error * parts
+                own = np.column_stack([transform_points(obj.pose_chain, places), -off, off])
+                total[i], miss[i] = 0.0, (CELLS_MISS[0], error * CELLS_MISS[1])
+        points.append(own)
+    corners = [
+        np.zeros((0, 2)) if area is None else area.points - area.center for area in areas or [None] * n
+    ]
+    units = pack_objects(known or [_nothing()], chain.pusher.contact_height if known else 0.0)
+    return PackedLoads(
+        units=units,
+        unit=unit,
+        points=np.concatenate(points),
+        first=_firsts(points),
+        total=total,
+        miss=miss,
+        centers=np.array([_center(area) for area in areas or [None] * n]),
+        free=np.array([0 if area is None else 1 + int(area.solid) for area in areas or [None] * n]),
+        corners=np.concatenate(corners),
+        corner=_firsts(corners),
+        centred=any(area is not None for area in areas),
+        loads=loads,
+        carried=carried_objects(chain),
+        facets=contact_facets(chain),
+        length=chain.characteristic_length,
+    )
+
+
+def contact_facets(chain: Chain) -> FloatArray:
+    """Return the unit facets g (n, 4, 3) of all contacts' wrench cones, g . (f_x, f_y, m / length)."""
+    length = chain.characteristic_length
+    return np.array([contact_rows(contact, length) for contact in chain.contacts])
+
+
+def _center(area: LoadArea | None) -> list[float]:
+    """Return a row of `PackedLoads.centers`; the nudge points inside, in the direction of no diagonal."""
+    if area is None:
+        return [0.0] * 5
+    weights = 1.0 + (np.arange(1, len(area.points) + 1) * _GOLDEN) % 1.0
+    nudge = 1e-10 * (weights @ area.points / weights.sum() - area.center)
+    return [*area.center, area.shift, *nudge]
+
+
+def _firsts(groups: Sequence[Sized]) -> IntArray:
+    """Return where each group begins in all of them together, and where the last one ends."""
+    return np.cumsum([0, *map(len, groups)])
+
+
+def _unit(obj: PushedObject) -> PushedObject:
+    """Return the object with a unit friction load."""
+    if obj.floor_friction > 0.0:
+        return replace(obj, mass=1.0 / (obj.floor_friction * GRAVITY))
+    return replace(obj, mass=1.0 / GRAVITY, floor_friction=1.0)
+
+
+def _nothing() -> PushedObject:
+    """Return an object that stands for none: compiled code takes no empty chain."""
+    foot = np.zeros((1, 2))
+    return PushedObject("nothing", foot, 1.0, 1.0 / GRAVITY, FeetSupport(foot, np.ones(1)), np.zeros(3))
+
+
+class IntervalInertia:
+    """What inertia asks for in the worst case over masses, and loads, in intervals.
+
+    On feet with intervals the mass lies on these, with what they lack of its moment of inertia (or have too much)
+    added at the intervals' middles.
+    """
+
+    def __init__(self, interval: IntervalChain) -> None:
+        packed = pack_intervals(interval)
+        self._packed = packed._replace(miss=np.zeros_like(packed.miss))
+        self._masses = interval.mass
+        self._known = inertia_table(with_objects(interval.chain, None, mass=1.0))
+        moments = [np.zeros(0)] * len(interval.chain.objects)
+        for i in range(len(moments)):
+            own = packed.points[packed.first[i] : packed.first[i + 1]]
+            moments[i] = np.zeros(len(own))
+            if len(own) and packed.total[i] > 0.0:
+                middle = own[:, 2:].mean(axis=1) / own[:, 2:].mean(axis=1).sum()
+                about = float(middle @ np.square(own[:, :2] - middle @ own[:, :2]).sum(axis=1))
+                moments[i] = np.full(len(own), self._known.moment[i] - about)
+        places = np.ascontiguousarray(packed.points[:, :2])
+        self._points = InertiaTable(np.ones(len(places)), places, np.concatenate(moments))
+
+    def rows(self, twists: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the least that inertia adds to the rows (m, n, 4), and its largest wrenches (m, n), N.
+
+        Args:
+            twists: (m, 3) body twists in the chain frame.
+            rates: (m, 3) their time derivatives.
+        """
+        step = max(_AT_ONCE // (3 * max(len(self._points.mass), 1)), 1)
+        found = []
+        for i in range(0, max(len(twists), 1), step):
+            v, dv = np.ascontiguousarray(twists[i : i + step]), np.ascontiguousarray(rates[i : i + step])
+            known = inertia_per_object(self._known, v, dv)
+            pulls = inertia_per_object(self._points, v, dv)
+            found.append(inertia_rows_of(self._packed, self._masses, known, pulls))
+        return np.concatenate([rows for rows, _ in found]), np.concatenate([size for _, size in found])

@@ -1,1 +1,0 @@
-"""Contact conditions for all loads and pressures that are possible."""
