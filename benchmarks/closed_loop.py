@@ -31,18 +31,17 @@ from pushplan.bench.machine import Machine
 from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters
 from pushplan.geometry.se2 import compose, inverse, relative
-from pushplan.plan import plan
+from pushplan.planners.planner import plan
 from pushplan.plans.events import Replan
-from pushplan.plans.result import PlanResult
+from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
-from pushplan.sim.control.aims import Aim
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.course import Course, OpenLoop, course_in
-from pushplan.sim.physics.model.settings import SLIPPING
+from pushplan.sim.control.course import Course, Kick, OpenLoop, course_in
+from pushplan.sim.control.replanner import Aim
+from pushplan.sim.physics.engine import SLIPPING
 from pushplan.sim.physics.simulate import simulate_trajectory
-from pushplan.sim.worlds.kick import Kick
-from pushplan.sim.worlds.world import World
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 from pushplan.util.wilson import wilson
 
@@ -66,9 +65,9 @@ class Row:
     physics: FloatArray | None = None
 
 
-def random_scenarios(count: int) -> list[tuple[Scenario, PlanResult]]:
+def random_scenarios(count: int) -> list[tuple[Scenario, Plan]]:
     """Return so many random scenarios that have a plan."""
-    found: list[tuple[Scenario, PlanResult]] = []
+    found: list[tuple[Scenario, Plan]] = []
     seed = 0
     with tempfile.TemporaryDirectory() as folder:
         while len(found) < count:
@@ -108,17 +107,16 @@ def in_physics(scenario: Scenario, world: World, controller: Controller, course:
     if not solved:
         return None
     assert solved[-1].result is not None
-    trajectory = solved[-1].result.trajectory
-    assert trajectory is not None
+    trajectory = solved[-1].result.segments[0].contact_trajectory
     began = int(np.searchsorted(course.t, solved[-1].time))
     at = compose(course.object_poses[began], inverse(scenario.chain.places))
     placed = relative(trajectory.start, at)
     settings = replace(SLIPPING, step=1e-4)
     found = simulate_trajectory(world.chain, trajectory, quasi_static=True, settings=settings, placed=placed)
-    return judge(scenario, found.object_poses[-1])
+    return judge(scenario, found.objects[-1])
 
 
-def one(scenario: Scenario, result: PlanResult, seed: int, verbose: bool, physics: bool) -> Row:
+def one(scenario: Scenario, result: Plan, seed: int, verbose: bool, physics: bool) -> Row:
     """Run both loops in one world."""
     assert result.trajectory is not None
     random = np.random.default_rng([seed, len(scenario.name)])
@@ -127,7 +125,7 @@ def one(scenario: Scenario, result: PlanResult, seed: int, verbose: bool, physic
     began = time.process_time()
     course = course_in(world, controller, controller.settings.rate, [kick], seed=seed)
     seconds = time.process_time() - began
-    blind = course_in(world, OpenLoop(result.trajectory, 50.0), 50.0, [kick])
+    blind = course_in(world, OpenLoop(result, 50.0), 50.0, [kick])
     errors = [judge(scenario, run.object_poses[-1]) for run in (course, blind)]
     closed, opened = (bool((error <= [POSITION, ANGLE]).all()) for error in errors)
     why = "jammed" if course.jammed else controller.reason

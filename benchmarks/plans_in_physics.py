@@ -22,7 +22,7 @@ import time
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from pushplan.bench.machine import Machine
 from pushplan.bench.random_problems import DRIVES, generate
 from pushplan.bench.schema import ProblemParameters
 from pushplan.errors import PushplanError
+from pushplan.geometry.se2 import compose
 from pushplan.kernels import warm_up
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.perturb import (
@@ -45,11 +46,12 @@ from pushplan.mechanics.perturb import (
     with_floor_friction,
     with_leaning_load,
 )
-from pushplan.plan import plan
-from pushplan.plans.trajectory import Trajectory
+from pushplan.planners.planner import plan
+from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, example_text, scenario_from_document
-from pushplan.sim.physics.model.engine import engine
-from pushplan.sim.physics.verdict import verdict_of_physics
+from pushplan.sim.physics.engine import engine
+from pushplan.sim.physics.simulate import simulate_in_physics
+from pushplan.sim.world import World as There
 from pushplan.util.arrays import FloatArray
 
 Document = dict[str, Any]
@@ -125,10 +127,14 @@ def within(robustness: Any, chain: Chain) -> dict[str, World]:
     return worlds
 
 
-def execute(world: World, trajectory: Trajectory) -> Document:
+def execute(world: World, plan: Plan) -> Document:
     began = time.process_time()
+    there = replace(There.from_scenario(plan.scenario), chain=world.chain)
+    if world.placed is not None:
+        poses = compose(compose(there.start, world.placed), world.chain.places)
+        there = there.with_object_poses(poses)
     try:
-        report = verdict_of_physics(world.chain, trajectory, placed=world.placed, until_moved=True)
+        report = simulate_in_physics(plan, there, until_moved=True)
     except PushplanError as error:
         return {"kept": False, "error": str(error), "cpu": time.process_time() - began}
     position, angle = report.object_errors.max(axis=0).tolist()
@@ -158,7 +164,7 @@ def attempt(name: str, document: Document, setting: str, tolerance: bool) -> Doc
         "way": result.path.cost,
         "arcs": len(result.path.lengths),
         "duration": result.trajectory.duration,
-        "worlds": {what: execute(world, result.trajectory) for what, world in worlds.items()},
+        "worlds": {what: execute(world, result) for what, world in worlds.items()},
     }
 
 

@@ -29,7 +29,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts.friction import friction_wrench
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
-from pushplan.sim.identify.pressed import MOST_BORDER, MOST_TILT, PressedOutline
+from pushplan.sim.identify.unknowns import MOST_BORDER, MOST_TILT, PressedOutline
 from pushplan.sim.slip.fingers import FingerPush
 from pushplan.util.arrays import FloatArray, IntArray
 

@@ -23,14 +23,12 @@ from pushplan.bench.machine import Machine
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.sets.named import stable_set
-from pushplan.sim.physics.model.engine import engine
-from pushplan.sim.physics.model.settings import SLIPPING
-from pushplan.sim.physics.pushes import sample_pushes
-from pushplan.sim.physics.report import PhysicsReport
+from pushplan.sim.physics.agreement import sample_pushes
+from pushplan.sim.physics.engine import SLIPPING, engine
 from pushplan.sim.physics.simulate import simulate_twist
-from pushplan.sim.slip.report import SlipReport
-from pushplan.sim.slip.simulate import simulate_poses
-from pushplan.sim.worlds.world import World
+from pushplan.sim.report import ContactReport
+from pushplan.sim.slip.simulator import simulate_poses
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
 FRICTION = 0.6
@@ -53,7 +51,7 @@ def experiment(seed: int, pushes: int) -> list[list[float]]:
     for k, (twist, margin) in enumerate(zip(twists, stable.margin(twists), strict=True)):
         travel = float(rng.uniform(0.1, 0.4)) * chain.characteristic_length
         mine, physics = slide(chain, twist, travel), simulate_twist(chain, twist, travel, SLIPPING)
-        off = mine.object_poses[-1] - physics.object_poses[-1]
+        off = mine.objects[-1] - physics.objects[-1]
         away = 1e3 * float(np.hypot(off[:, 0], off[:, 1]).max())
         turn = float(np.degrees(np.abs(se2.wrap_angle(off[:, 2])).max()))
         rows.append(
@@ -72,14 +70,14 @@ def experiment(seed: int, pushes: int) -> list[list[float]]:
     return rows
 
 
-def slide(chain: Chain, twist: FloatArray, travel: float) -> SlipReport:
+def slide(chain: Chain, twist: FloatArray, travel: float) -> ContactReport:
     """Push with a constant twist."""
     rate = np.hypot(np.hypot(twist[0], twist[1]), chain.characteristic_length * twist[2])
     way = np.linspace(0.0, travel / rate, int(np.ceil(travel / STEP)) + 1)
     return simulate_poses(way / way[-1], se2.exp(twist * way[:, None]), World.from_chain(chain))
 
 
-def same_first(mine: SlipReport, physics: PhysicsReport) -> bool:
+def same_first(mine: ContactReport, physics: ContactReport) -> bool:
     """Tell whether the contact that slips first in MuJoCo is the first here, or slips at the same time as that."""
     if mine.loss is None or physics.kept:
         return False

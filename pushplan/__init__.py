@@ -16,13 +16,14 @@ _HOMES = {
     "errors": "ChainError EmptyStableSetError Finding ImportedFileError OutputError PlanningError PushplanError "
     "RunLogError ScenarioError SupportError TimingError UndefinedEcofError",
     "mechanics.contacts.friction": "cof ecof friction_wrench",
-    "sim.following.follower": "Command Follower FollowerState",
+    "sim.follower": "Command Follower FollowerState",
     "logging.old.reader": "read_run read_runs",
     "logging.old.messages.recorded": "RecordedRun",
     "plans.path": "PushPath",
     "recording": "IncompleteLogError",
     "plan": "plan",
     "push_queries": "PushQueries",
+    "planners.planner": "Planner",
     "queries": "Queries",
     "drawing.plans": "plot_plan plot_scenario",
     "drawing.sets": "plot_admissible_speeds plot_stable_sets",
@@ -39,18 +40,17 @@ _HOMES = {
     "plans.execution": "Execution StabilityLoss",
     "identify": "identify",
     "sim.identify.course": "Course",
-    "sim.identify.identification": "Estimate Identification",
+    "sim.identify.result": "Estimate Identification",
     "sim.identify.identify": "identify_courses",
     "sim.rigid": "simulate_rigid",
-    "sim.slip.report": "ContactLoss Mode SlipReport",
-    "sim.slip.settings": "SlipSettings",
-    "sim.slip.simulate": "simulate",
-    "sim.slip.simulator": "SlipSimulator",
-    "sim.worlds.world": "World",
-    "sim.worlds.kick": "Kick",
+    "sim.report": "ContactLoss ContactReport Mode",
+    "sim.slip.simulator": "SlipSettings SlipSimulator simulate",
+    "sim.physics.simulate": "simulate_in_physics",
+    "sim.world": "World",
+    "sim.control.course": "Kick",
     "closed_loop": "ClosedLoopRun run_closed_loop",
     "sim.control.controller": "Controller",
-    "sim.control.sensor": "Sensor",
+    "sim.control.sensing": "Sensor",
     "sim.control.settings": "ControlSettings",
     "mechanics.sphere": "TurningRadii",
     "sets.named": "stable_set",
@@ -59,8 +59,7 @@ _HOMES = {
     "plans.robustness": "Robustness",
     "plans.trajectory": "Trajectory",
     "trial": "trial",
-    "sim.trials.result": "Trials",
-    "sim.trials.uncertain": "TrialUncertainty",
+    "sim.trials": "TrialUncertainty Trials",
     "mechanics.dynamics.admissible_speeds": "AdmissibleSpeeds SpeedWindow admissible_speeds",
     "mechanics.dynamics.contact_dynamics": "DynamicRows dynamic_margins dynamic_rows",
     "mechanics.intervals": "IntervalChain",
@@ -116,6 +115,7 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.mechanics.support import UniformSupport as UniformSupport
     from pushplan.mechanics.support import UnknownSupport as UnknownSupport
     from pushplan.plan import plan as plan
+    from pushplan.planners.planner import Planner as Planner
     from pushplan.plans.execution import Execution as Execution
     from pushplan.plans.execution import StabilityLoss as StabilityLoss
     from pushplan.plans.path import PushPath as PushPath
@@ -160,26 +160,27 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.sets.robust_set import WorstCase as WorstCase
     from pushplan.sets.stable_set import StableSet as StableSet
     from pushplan.sim.control.controller import Controller as Controller
-    from pushplan.sim.control.sensor import Sensor as Sensor
+    from pushplan.sim.control.course import Kick as Kick
+    from pushplan.sim.control.sensing import Sensor as Sensor
     from pushplan.sim.control.settings import ControlSettings as ControlSettings
-    from pushplan.sim.following.follower import Command as Command
-    from pushplan.sim.following.follower import Follower as Follower
-    from pushplan.sim.following.follower import FollowerState as FollowerState
+    from pushplan.sim.follower import Command as Command
+    from pushplan.sim.follower import Follower as Follower
+    from pushplan.sim.follower import FollowerState as FollowerState
     from pushplan.sim.identify.course import Course as Course
-    from pushplan.sim.identify.identification import Estimate as Estimate
-    from pushplan.sim.identify.identification import Identification as Identification
     from pushplan.sim.identify.identify import identify_courses as identify_courses
+    from pushplan.sim.identify.result import Estimate as Estimate
+    from pushplan.sim.identify.result import Identification as Identification
+    from pushplan.sim.physics.simulate import simulate_in_physics as simulate_in_physics
+    from pushplan.sim.report import ContactLoss as ContactLoss
+    from pushplan.sim.report import ContactReport as ContactReport
+    from pushplan.sim.report import Mode as Mode
     from pushplan.sim.rigid import simulate_rigid as simulate_rigid
-    from pushplan.sim.slip.report import ContactLoss as ContactLoss
-    from pushplan.sim.slip.report import Mode as Mode
-    from pushplan.sim.slip.report import SlipReport as SlipReport
-    from pushplan.sim.slip.settings import SlipSettings as SlipSettings
-    from pushplan.sim.slip.simulate import simulate as simulate
+    from pushplan.sim.slip.simulator import SlipSettings as SlipSettings
     from pushplan.sim.slip.simulator import SlipSimulator as SlipSimulator
-    from pushplan.sim.trials.result import Trials as Trials
-    from pushplan.sim.trials.uncertain import TrialUncertainty as TrialUncertainty
-    from pushplan.sim.worlds.kick import Kick as Kick
-    from pushplan.sim.worlds.world import World as World
+    from pushplan.sim.slip.simulator import simulate as simulate
+    from pushplan.sim.trials import Trials as Trials
+    from pushplan.sim.trials import TrialUncertainty as TrialUncertainty
+    from pushplan.sim.world import World as World
     from pushplan.trial import trial as trial
 
     __version__: str

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from pushplan.errors import PushplanError, RunLogError
-from pushplan.logging.old.courses import read_course
+from pushplan.geometry import se2
+from pushplan.logging.reader import load_run
 from pushplan.scenario.model import Scenario
 from pushplan.sim.identify.course import Course
-from pushplan.sim.identify.identification import Identification
 from pushplan.sim.identify.identify import identify_courses
-from pushplan.sim.worlds.world import World
+from pushplan.sim.identify.result import Identification
+from pushplan.sim.world import World
 
 
 def identify(
@@ -47,6 +48,36 @@ def identify(
     return identify_courses(
         _world([one for one, _ in read]), courses, seed=seed, jobs=jobs, progress=progress
     )
+
+
+def read_course(path: Path | str) -> tuple[Scenario, Course]:
+    """Return the scenario of a log, and what was measured of its push: by a sensor, else as simulated with slip.
+
+    Raises:
+        RunLogError: When the log cannot be read, is not of a single push, or tells nothing of where the objects were.
+    """
+    run = load_run(path)
+    scenario, execution = run.scenario, run.execution
+    if scenario.kind != "push":
+        raise RunLogError(str(path), f"a run of a {scenario.kind}; only single pushes can be learned from")
+    frame = se2.inverse(scenario.chain.pusher.plate_pose)
+    if execution is None or execution.wrenches is None:
+        raise RunLogError(
+            str(path),
+            "nobody measured where the objects went; learning needs a log of an execution whose contacts may slip "
+            "(pushplan trial --worst) or of a closed loop",
+        )
+    plate = se2.compose(execution.poses, frame)
+    measured = None if run.feedback is None else run.feedback.measured
+    if measured is None or not len(measured.t):
+        return scenario, Course(plate, execution.objects, str(path), execution.wrenches)
+    rows = (measured.t >= execution.t[0]) & (measured.t <= execution.t[-1])
+    plate[:, 2] = np.unwrap(plate[:, 2])
+    plates, wrenches = (
+        np.stack([np.interp(measured.t[rows], execution.t, column) for column in values.T], axis=1)
+        for values in (plate, execution.wrenches)
+    )
+    return scenario, Course(plates, measured.poses[rows], str(path), wrenches)
 
 
 def _world(scenarios: Sequence[Scenario]) -> World:

@@ -1,4 +1,4 @@
-"""Try a plan in sampled worlds: the plan of a scenario, or that of a recorded run."""
+"""Try a plan in sampled worlds: one of any kind, that of a scenario, or that of a recorded run."""
 
 from __future__ import annotations
 
@@ -7,22 +7,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pushplan.errors import PlanningError
-from pushplan.logging.old.reader import read_run
-from pushplan.plan import plan
+from pushplan.planners.planner import plan
+from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Scenario
-from pushplan.sim.slip.settings import SlipSettings
-from pushplan.sim.slip.simulator import DEFAULTS
-from pushplan.sim.trials.execute import execute_trials
-from pushplan.sim.trials.result import Trials
-from pushplan.sim.trials.uncertain import TrialUncertainty
+from pushplan.sim.report import ContactLoss
+from pushplan.sim.slip.simulator import DEFAULTS, SlipSettings
+from pushplan.sim.trials import Trials, TrialUncertainty, execute_trials
 
 if TYPE_CHECKING:
-    from pushplan.logging.old.messages.recorded import RecordedRun
-    from pushplan.plans.result import Run
+    from pushplan.logging.recorded import RecordedRun
+    from pushplan.plans.run import Run
 
 
 def trial(
-    what: Scenario | Run | RecordedRun | Path | str,
+    what: Scenario | Plan | Run | RecordedRun | Path | str,
     samples: int = 200,
     *,
     uncertainty: TrialUncertainty | None = None,
@@ -34,7 +32,8 @@ def trial(
     """Execute a plan in worlds whose friction, loads and places of objects are drawn at random.
 
     Args:
-        what: A run, or the path of its log; of a scenario, a plan is made first, with the scenario's own settings.
+        what: A plan, a run, or the path of its log; of a scenario, a plan is made first, with the scenario's own
+            settings.
         samples: Number of worlds.
         uncertainty: By how much worlds differ. None takes the intervals of the scenario where it states any, and the
             defaults of `TrialUncertainty` otherwise.
@@ -48,10 +47,48 @@ def trial(
         RunLogError: When the log cannot be read.
         SupportError: When the load under an object is not known.
     """
-    run = read_run(what) if isinstance(what, Path | str) else what
-    scenario = run if isinstance(run, Scenario) else run.scenario
-    result = plan(run) if isinstance(run, Scenario) else run.plan
-    if result is None or result.trajectory is None:
-        why = "the log ends before a plan" if result is None else result.reason
+    found = plan_to_try(what)
+    return execute_trials(found, samples, uncertainty, seed, settings, jobs, progress)
+
+
+def plan_to_try(what: Scenario | Plan | Run | RecordedRun | Path | str) -> Plan:
+    """Return the plan of what `trial` takes.
+
+    Raises:
+        PlanningError: When there is none.
+        RunLogError: When the log cannot be read.
+    """
+    if isinstance(what, Path | str):
+        from pushplan.logging.reader import load_run
+
+        what = load_run(what)
+    if isinstance(what, Scenario):
+        what = plan(what)
+    found = what if isinstance(what, Plan) else what.plan
+    if found is None or found.trajectory is None:
+        why = "the log ends before a plan" if found is None else found.reason
         raise PlanningError(f"there is no plan to try: {why}")
-    return execute_trials(scenario, result.trajectory, samples, uncertainty, seed, settings, jobs, progress)
+    return found
+
+
+def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
+    """Simulate a sample again and write its log; viewers show the objects where contacts slipped.
+
+    Raises:
+        OutputError: When the file cannot be written.
+    """
+    from pushplan.logging.writer import RunLogWriter
+
+    plan, report = trials.plan, trials.report(sample)
+    settings = {"planner": plan.planner, "set": plan.stable_set, "seed": plan.seed}
+    words = {**settings, "trial_seed": trials.seed, "trial_sample": sample}
+    with RunLogWriter.create(path, trials.scenario, words) as log:
+        log.plan(plan)
+        log.execution(report.execution)
+        loss = report.loss
+        if isinstance(loss, ContactLoss):
+            mode = "moved" if loss.mode is None else loss.mode.name.lower()
+            log.log("warning", f"{loss.contact} was the first contact to move, at {loss.time:.2f} s ({mode})")
+        if report.jammed_at is not None:
+            log.log("warning", f"jammed at {report.jammed_at:.2f} s: no motion satisfies all contacts")
+        log.finish("arrived" if report.arrived(trials.scenario) else "missed")

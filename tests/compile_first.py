@@ -19,8 +19,8 @@ def slip() -> None:
     """Compile the simulator of slipping contacts."""
     import pushplan
     from pushplan.geometry import se2
-    from pushplan.sim.slip.simulate import simulate_poses
-    from pushplan.sim.worlds.world import World
+    from pushplan.sim.slip.simulator import simulate_poses
+    from pushplan.sim.world import World
 
     world = World.from_scenario(pushplan.load_scenario("two-crates"))
     shares = np.linspace(0.0, 1.0, 3)

@@ -19,9 +19,8 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
-from pushplan.sim.physics.model.contact_edges import edge_extent
-from pushplan.sim.physics.model.feet import DEGREE, compressed, feet_of
-from pushplan.sim.physics.model.polygon_rule import Rule, polygon_rule
+from pushplan.sim.feet import DEGREE, Rule, compressed, feet_of, polygon_rule
+from pushplan.sim.physics.model import edge_extent
 from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -12,10 +12,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pushplan
-from pushplan import FollowerState, Run
+from pushplan import FollowerState
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.sim.following.follower import Follower
+from pushplan.planners.planner import plan
+from pushplan.plans.plan import Plan
+from pushplan.sim.follower import Follower
 from pushplan.util.arrays import FloatArray
 
 AXLE = [-0.4, 0.0, 0.0]
@@ -32,7 +34,6 @@ robot: {{footprint: {{box: [0.5, 0.4], pose: [-0.3, 0, 0]}}, {robot}}}
 start: [2.0, 2.0, 0.2]
 goal: {{pose: [6.5, 3.0, 15 deg]}}
 """
-HOME = Path(__file__).parents[1] / "examples" / "bring_it_home.yaml"
 DRIVES = {
     "differential": "drive: {differential: {axle: [-0.4, 0, 0]}}",
     "car, steered elsewhere": "drive: {car: {axle: [-0.4, 0, 0], min_radius: 0.5}}, base: [-0.1, 0.05, 3 deg]",
@@ -41,11 +42,11 @@ DRIVES = {
 
 
 @cache
-def pushed(drive: str) -> Run:
+def pushed(drive: str) -> Plan:
     scenario = pushplan.scenario_from_text(SCENARIO.format(robot=DRIVES[drive]))
-    run = pushplan.run(scenario, log=False, first=True, seed=1)
-    assert run.plan.solved
-    return run
+    found = plan(scenario, first=True, seed=1)
+    assert found.solved
+    return found
 
 
 def pose_after(start: FloatArray, twists: pushplan.Trajectory) -> FloatArray:
@@ -65,7 +66,7 @@ def pose_after(start: FloatArray, twists: pushplan.Trajectory) -> FloatArray:
 @pytest.mark.parametrize("drive", DRIVES)
 def test_twists_of_the_base_lead_to_the_goal_within_a_micrometre(drive: str) -> None:
     run = pushed(drive)
-    trajectory, pusher = run.plan.trajectory, run.scenario.chain.pusher
+    trajectory, pusher = run.trajectory, run.scenario.chain.pusher
     assert trajectory is not None
     np.testing.assert_array_equal(trajectory.base, pusher.base_pose)
     end = pose_after(trajectory.base_poses[0], trajectory)
@@ -78,7 +79,7 @@ def test_twists_of_the_base_lead_to_the_goal_within_a_micrometre(drive: str) -> 
 
 @pytest.mark.parametrize("drive", DRIVES)
 def test_the_base_moves_as_differences_of_its_poses_say(drive: str) -> None:
-    trajectory = pushed(drive).plan.trajectory
+    trajectory = pushed(drive).trajectory
     assert trajectory is not None
     t, h = np.linspace(0.5, trajectory.duration - 0.5, 40), 1e-5
     poses = trajectory.base_poses_at(t)
@@ -88,7 +89,7 @@ def test_the_base_moves_as_differences_of_its_poses_say(drive: str) -> None:
 
 
 def test_samples_at_another_rate_are_of_the_same_motion() -> None:
-    trajectory = pushed("differential").plan.trajectory
+    trajectory = pushed("differential").trajectory
     assert trajectory is not None
     fine = trajectory.sample(400.0)
     np.testing.assert_allclose(np.diff(fine.t[:-1]), 1 / 400)
@@ -97,12 +98,8 @@ def test_samples_at_another_rate_are_of_the_same_motion() -> None:
         trajectory.sample(0.0)
 
 
-def test_log_and_resolved_scenario_keep_the_base(tmp_path: Path) -> None:
+def test_the_resolved_scenario_keeps_the_base() -> None:
     scenario = pushed("car, steered elsewhere").scenario
-    pushplan.run(scenario, log=tmp_path / "run.mcap", first=True)
-    read = pushplan.read_run(tmp_path / "run.mcap")
-    assert read.trajectory is not None
-    np.testing.assert_array_equal(read.trajectory.base, scenario.chain.pusher.base_pose)
     again = pushplan.scenario_from_document(scenario.resolved(), Path("again.yaml"))
     np.testing.assert_allclose(again.chain.pusher.base_pose, scenario.chain.pusher.base_pose)
 
@@ -120,7 +117,7 @@ def moved(pose: FloatArray, twist: FloatArray, seconds: float) -> FloatArray:
 
 
 def followed(
-    run: Run, follower: Follower, start: FloatArray, slow: float = 1.0, noise: float = 0.0, seen: bool = True
+    run: Plan, follower: Follower, start: FloatArray, slow: float = 1.0, noise: float = 0.0, seen: bool = True
 ) -> tuple[FloatArray, FloatArray, pushplan.Command]:
     """Drive to the end: poses of the base, distances from the planned way, and the last command."""
     rng, pose, poses = np.random.default_rng(3), start, [start]
@@ -131,7 +128,7 @@ def followed(
             break
         pose = moved(pose, command.twist, 0.02 * slow)
         poses.append(pose)
-    trajectory = run.plan.trajectory
+    trajectory = run.trajectory
     assert trajectory is not None
     way = trajectory.base_poses_at(np.arange(0.0, trajectory.duration, 1e-3))[:, :2]
     off = np.array([np.hypot(*(way - p[:2]).T).min() for p in np.array(poses)])
@@ -145,7 +142,7 @@ def test_a_robot_at_50_hz_stays_within_a_millimetre_even_if_its_clock_is_slow(
 ) -> None:
     """A clock that is 5 % slow keeps every twist 5 % too long; the measured pose makes up for it."""
     run = pushed(drive)
-    trajectory = run.plan.trajectory
+    trajectory = run.trajectory
     assert trajectory is not None
     follower = Follower(run)
     poses, off, command = followed(run, follower, trajectory.base_poses[0], slow)
@@ -156,7 +153,7 @@ def test_a_robot_at_50_hz_stays_within_a_millimetre_even_if_its_clock_is_slow(
 
 def test_by_time_alone_a_robot_with_a_good_clock_arrives() -> None:
     run = pushed("differential")
-    trajectory = run.plan.trajectory
+    trajectory = run.trajectory
     assert trajectory is not None
     poses, off, command = followed(run, Follower(run, speed=0.7), trajectory.base_poses[0], seen=False)
     assert command.state is FollowerState.ARRIVED
@@ -168,7 +165,7 @@ def test_by_time_alone_a_robot_with_a_good_clock_arrives() -> None:
 @pytest.mark.parametrize("drive", DRIVES)
 def test_a_robot_that_starts_beside_the_path_comes_back_on_stable_twists(drive: str) -> None:
     run = pushed(drive)
-    trajectory = run.plan.trajectory
+    trajectory = run.trajectory
     assert trajectory is not None
     chain, stable = run.scenario.chain, run.scenario.stable_set()
     start = se2.compose(trajectory.base_poses[0], np.array([0.0, 0.01, radians(-0.5)]))
@@ -180,13 +177,13 @@ def test_a_robot_that_starts_beside_the_path_comes_back_on_stable_twists(drive: 
     twists = se2.log(se2.relative(poses[:-1], poses[1:])) / 0.02
     of_chain = se2.twist_of(se2.inverse(trajectory.base), twists)
     moving = np.abs(of_chain).max(axis=1) > 1e-6
-    assert stable.margin(of_chain[moving]).min() > 0.4 * (run.plan.min_margin or 0.0) > 0.0
+    assert stable.margin(of_chain[moving]).min() > 0.4 * (run.min_margin or 0.0) > 0.0
     assert chain.pusher.limits.both("angular_speed")[1] >= np.abs(of_chain[:, 2]).max()
 
 
 def test_a_robot_that_is_held_up_is_waited_for() -> None:
     run = pushed("differential")
-    trajectory = run.plan.trajectory
+    trajectory = run.trajectory
     assert trajectory is not None
     follower, pose = Follower(run), trajectory.base_poses[0]
     for _ in range(200):
@@ -201,7 +198,7 @@ def test_a_robot_that_is_held_up_is_waited_for() -> None:
 
 def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
     run = pushed("differential")
-    trajectory, chain = run.plan.trajectory, run.scenario.chain
+    trajectory, chain = run.trajectory, run.scenario.chain
     assert trajectory is not None
     start = trajectory.base_poses[0]
     beside = se2.compose(start, np.array([0.0, 0.004, 0.0]))
@@ -224,7 +221,7 @@ def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
 def test_what_cannot_be_followed_is_told() -> None:
     run = pushed("differential")
     with pytest.raises(PushplanError, match="push: there is no plan to follow"):
-        Follower(replace(run, plan=replace(run.plan, trajectory=None)))
+        Follower(replace(run, segments=()))
     with pytest.raises(PushplanError, match="period is 0"):
         Follower(run, period=0.0)
     with pytest.raises(PushplanError, match="speed is 2"):
@@ -233,24 +230,23 @@ def test_what_cannot_be_followed_is_told() -> None:
         Follower(run).step([1.0, 2.0])
 
 
-def test_a_plan_of_several_pushes_is_followed_and_its_load_watched() -> None:
-    run = pushplan.run(pushplan.load_scenario(HOME), log=False, first=True, seed=1)
-    trajectory, execution, obj = run.plan.trajectory, run.execution, run.scenario.chain.objects[0]
+def test_a_stopped_robot_slows_down_within_its_limits_and_stands_on_the_path() -> None:
+    run = pushed("differential")
+    trajectory = run.trajectory
     assert trajectory is not None
-    assert execution is not None
-    follower, pose = Follower(run), trajectory.base_poses[0]
-    end = se2.compose(trajectory.poses[-1], run.scenario.chain.pusher.base_pose)
-    for step in range(20_000):
-        at = min(int(np.searchsorted(execution.t, 0.02 * step)), len(execution.t) - 1)
-        box = se2.compose(execution.load_poses[at], obj.pose_chain)
-        command = follower.step(pose, [box])
-        if command.state is not FollowerState.FOLLOWING:
-            break
+    follower, pose, twists = Follower(run), trajectory.base_poses[0], []
+    for step in range(400):
+        if step == 150:
+            follower.stop()
+        command = follower.step(pose)
+        twists.append(command.twist)
         pose = moved(pose, command.twist, 0.02)
-    assert (command.state, command.reason) == (FollowerState.ARRIVED, "")
-    assert np.hypot(*(pose - end)[:2]) < 1e-3
-    corners = follower.footprint
-    assert corners[:, 0].max() == pytest.approx(0.30, abs=1e-6)  # the plate; the box comes and goes
+    assert command.state is FollowerState.STOPPED
+    assert 0.0 < command.progress < 1.0
+    assert command.off is not None
+    assert command.off[0] < 1e-3
+    most = run.scenario.pusher.limits.both("acceleration")[0]
+    assert np.abs(np.diff(np.array(twists)[150:, 0])).max() / 0.02 < 1.2 * most
 
 
 def test_the_footprint_holds_robot_plate_and_objects() -> None:

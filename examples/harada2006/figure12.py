@@ -20,8 +20,8 @@ from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.file import load_scenario
 from pushplan.sets.named import stable_set
-from pushplan.sim.physics.report import PhysicsReport
 from pushplan.sim.physics.simulate import simulate_trajectory
+from pushplan.sim.report import ContactReport
 from pushplan.util.arrays import FloatArray
 
 STRAIGHT = 0.2
@@ -62,7 +62,7 @@ def draw(path: Path, tell: Callable[[str], None]) -> None:
         for i, (title, look) in enumerate(SNAPSHOTS.items()):
             axes = axes_at(figure, 3.6 + 1.57 * (i % 3), 2.45 - 2.0 * (i // 3), 1.45, 1.45)
             time = float(np.interp(look, [0.0, 1.0, 2.0], ends))
-            _draw_snapshot(axes, report, time, goal)
+            _draw_snapshot(axes, chain, report, time, goal)
             axes.set_title(title, loc="left", fontsize=9.0)
 
 
@@ -96,9 +96,9 @@ def _draw_set(axes: Axes, chain: Chain, cor: FloatArray) -> None:
     axes.set_title("the two motions", loc="left", fontsize=9.0)
 
 
-def _draw_snapshot(axes: Axes, report: PhysicsReport, time: float, goal: FloatArray) -> None:
+def _draw_snapshot(axes: Axes, chain: Chain, report: ContactReport, time: float, goal: FloatArray) -> None:
     """Draw where plate and blocks are at a time, over where they shall end."""
-    chain, i = report.chain, int(np.argmin(np.abs(report.t - time)))
+    i = int(np.argmin(np.abs(report.t - time)))
     axes.set_aspect("equal")
     axes.set(xlim=(VIEW[0], VIEW[2]), ylim=(VIEW[1], VIEW[3]), xticks=[], yticks=[])
     axes.spines[:].set_color(FAINT)
@@ -108,7 +108,7 @@ def _draw_snapshot(axes: Axes, report: PhysicsReport, time: float, goal: FloatAr
         )
     axes.plot(*report.poses[: i + 1, :2].T, color=INK, linewidth=0.8, zorder=2.0)
     draw_body(axes, report.poses[i], chain.pusher.outline, PLATE)
-    for obj, pose in zip(chain.objects, report.object_poses[i], strict=True):
+    for obj, pose in zip(chain.objects, report.objects[i], strict=True):
         draw_body(axes, pose, obj.outline, OBJECTS[0])
 
 

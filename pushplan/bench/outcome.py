@@ -135,10 +135,11 @@ def _trial_success(done: Run, spec: RunSpec, watch: Stopwatch) -> float | None:
     if done.plan.trajectory is None or not done.scenario.chain.loads_known:
         return None
     with watch("trials"):
-        from pushplan.sim.trials.execute import execute_trials  # most suites do not ask for it
+        from pushplan.several.as_plan import as_plan
+        from pushplan.sim.trials import execute_trials  # most suites do not ask for it
 
-        trajectory = done.plan.trajectory
-        return execute_trials(done.scenario, trajectory, spec.trials, seed=spec.seed, jobs=1).success
+        plan = as_plan(done.scenario, done.plan)
+        return execute_trials(plan, spec.trials, seed=spec.seed, jobs=1).success
 
 
 def validated(key: str, scenario: Scenario, done: Run, watch: Stopwatch) -> Outcome:

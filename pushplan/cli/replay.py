@@ -217,10 +217,6 @@ def _verified(runs: Sequence[RecordedRun], console: Console) -> VerifyReport:
                 for check in verify(run).checks
             ]
             report = VerifyReport((*own, *check_errands(runs)))
-        elif runs[0].feedback is not None:
-            from pushplan.sim.control.again import check_closed_loop
-
-            report = VerifyReport(tuple(check_closed_loop(runs[0])))
         else:
             report = verify(runs[0])
     if not report.checks:

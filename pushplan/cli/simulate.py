@@ -18,14 +18,14 @@ from pushplan.scenario import units
 if TYPE_CHECKING:
     from pushplan.closed_loop import ClosedLoopRun
     from pushplan.scenario.model import Scenario
-    from pushplan.sim.control.sensor import Sensor
-    from pushplan.sim.worlds.kick import Kick
+    from pushplan.sim.control.course import Kick
+    from pushplan.sim.control.sensing import Sensor
 
 _TIME = {"s": 1.0, "ms": 1e-3}
 
 
 def _sensor(found: dict[str, Any]) -> Sensor:
-    from pushplan.sim.control.sensor import Sensor
+    from pushplan.sim.control.sensing import Sensor
 
     return Sensor(**found)
 
@@ -116,7 +116,7 @@ def simulate(
 
         prune(log.parent, log)
     if html is not None:
-        from pushplan.logging.old.page import write_html
+        from pushplan.logging.page import write_html
 
         with console.computing(f"writing {html}"):
             write_html(done.recorded, html)
@@ -133,16 +133,25 @@ def _kicks(scenario: Scenario, disturbances: tuple[dict[str, Any], ...]) -> list
     Raises:
         ChainError: When there is no such object.
     """
-    from pushplan.sim.worlds.kick import Kick
+    from pushplan.sim.control.course import Kick
 
     return [
         Kick(
             one["time"],
-            scenario.chain.index_of(one["object"]),
+            _index(scenario, one["object"]),
             *(one.get(k, 0.0) for k in ("x", "y", "turn")),
         )
         for one in disturbances
     ]
+
+
+def _index(scenario: Scenario, name: str) -> int:
+    from pushplan.errors import ChainError
+
+    names = list(scenario.poses)
+    if name not in names:
+        raise ChainError(f"no object is called {name!r}; there are {', '.join(names)}")
+    return names.index(name)
 
 
 def _simulated(
@@ -158,25 +167,26 @@ def _simulated(
         import numpy as np
 
         from pushplan.closed_loop import run_closed_loop, run_open_loop
+        from pushplan.plans.settings import Observer
         from pushplan.sim.control.course import SENSOR as USUAL
-        from pushplan.sim.trials.uncertain import sampled_world
-        from pushplan.sim.worlds.world import World
+        from pushplan.sim.trials import sampled_world
+        from pushplan.sim.world import World
 
         def told(now: float) -> None:
             progress.tell(f"{now:.0f} s of the push")
 
-        world = World.from_scenario(scenario)
+        world, observer = World.from_scenario(scenario), Observer(message=progress.announce)
         if uncertainty is not None:
             world = sampled_world(scenario, uncertainty, np.random.default_rng([seed, 0]))
         if not closed_loop:
-            return run_open_loop(scenario, world, kicks, tell=progress.announce, progress=told)
+            return run_open_loop(scenario, world, kicks, observer=observer, progress=told)
         return run_closed_loop(
             scenario,
             world,
             kicks,
             sensor=sensor or USUAL,
             seed=seed,
-            tell=progress.announce,
+            observer=observer,
             progress=told,
         )
 
@@ -184,7 +194,9 @@ def _simulated(
 def _tell(done: ClosedLoopRun, log: Path | None, console: Console) -> None:
     position, angle = done.goal_errors
     console.say((done.scenario.name, "bold"), f": {done.outcome}{f': {done.reason}' if done.reason else ''}")
-    of = done.scenario.goal.of or "worst object"
+    of = "worst object"
+    if not done.scenario.bodies and done.scenario.goal.of is not None:
+        of = done.scenario.goal.of
     rows = [(f"{event.time:.2f} s", f"{event.kind}: {event.text}") for event in done.events]
     rows.append(("goal error", f"{1e3 * position:.3g} mm, {degrees(angle):.3g} deg ({of})"))
     console.table([*rows, *([] if log is None else [("log", str(log))])])

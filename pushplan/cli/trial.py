@@ -15,10 +15,9 @@ from pushplan.cli.main import DONE, NO_PLAN
 from pushplan.scenario import units
 
 if TYPE_CHECKING:
-    from pushplan.plans.result import PlanResult
+    from pushplan.plans.plan import Plan
     from pushplan.scenario.model import Scenario
-    from pushplan.sim.trials.result import Trials
-    from pushplan.sim.trials.uncertain import TrialUncertainty
+    from pushplan.sim.trials import Trials, TrialUncertainty
 
 _UNITS = {
     **dict.fromkeys(("contact_friction", "floor_friction", "mass", "load"), units.FRACTION),
@@ -28,7 +27,7 @@ _UNITS = {
 
 
 def _uncertainty(found: dict[str, Any]) -> TrialUncertainty:
-    from pushplan.sim.trials.uncertain import TrialUncertainty
+    from pushplan.sim.trials import TrialUncertainty
 
     return TrialUncertainty(**{**dict.fromkeys(_UNITS, 0.0), **found})
 
@@ -79,11 +78,10 @@ def trial(
         console.emit({"scenario": scenario.name, "solved": False, "reason": why})
         return NO_PLAN
     with console.computing(f"executing {samples} trials") as progress:
-        from pushplan.sim.trials.execute import execute_trials
+        from pushplan.sim.trials import execute_trials
 
         trials = execute_trials(
-            scenario,
-            plan.trajectory,
+            plan,
             samples,
             uncertainty,
             seed,
@@ -98,11 +96,11 @@ def trial(
         with console.computing(f"drawing {plot}"):
             from pushplan.drawing.trials import plot_trials
 
-            plot_trials(trials, plan.as_plan(trials.scenario), plot)
+            plot_trials(trials, plot)
     if worst is not None:
-        from pushplan.logging.old.trial_log import write_trial
+        from pushplan.trial import write_trial
 
-        write_trial(trials, trials.worst, plan, worst)
+        write_trial(trials, trials.worst, worst)
         position, angle = trials.goal_errors[trials.worst]
         off = f"sample {trials.worst}, {1e3 * position:.3g} mm and {degrees(angle):.3g} deg off"
         console.say(f"{worst}: the worst, {off}")
@@ -113,19 +111,19 @@ def trial(
 command = trial
 
 
-def _planned(source: str, console: Console) -> tuple[Scenario, PlanResult | None]:
+def _planned(source: str, console: Console) -> tuple[Scenario, Plan | None]:
     """Return scenario and plan of a log, or the plan that is made now."""
     if Path(source).suffix == ".mcap":
         with console.working(f"reading {source}"):
-            from pushplan.logging.old.reader import read_run
+            from pushplan.logging.reader import load_run
 
-            recorded = read_run(source)
+            recorded = load_run(source)
         return recorded.scenario, recorded.plan
     from pushplan.scenario.file import load_scenario
 
     scenario = load_scenario(source)
     with console.computing(f"planning, up to {scenario.planner.time_limit:g} s"):
-        from pushplan.plan import plan
+        from pushplan.planners.planner import plan
 
         return scenario, plan(scenario)
 
@@ -133,7 +131,9 @@ def _planned(source: str, console: Console) -> tuple[Scenario, PlanResult | None
 def _rows(trials: Trials) -> list[tuple[str, str]]:
     """Return label and value of the numbers of trials, for people."""
     position, angle = _percentiles(trials)
-    of = trials.scenario.goal.of or "worst object"
+    scenario = trials.scenario
+    of = None if scenario.bodies else scenario.goal.of
+    of = "worst object" if of is None else of
     failed = ", ".join(f"{name} {count}" for name, count in trials.first_failures.items())
     found = [
         ("worlds", trials.uncertainty.words if trials.uncertainty else _stated(trials)),
@@ -157,9 +157,9 @@ def _percentiles(trials: Trials) -> list[list[float]]:
 
 
 def _stated(trials: Trials) -> str:
-    from pushplan.sim.trials.uncertain import TrialUncertainty
+    from pushplan.sim.trials import TrialUncertainty
 
-    if trials.scenario.interval is None:
+    if not trials.scenario.has_intervals:
         return TrialUncertainty().words
     default = TrialUncertainty()
     aside = f"objects aside ±{1e3 * default.position:.3g} mm and turned ±{degrees(default.angle):.3g} deg"
@@ -188,8 +188,8 @@ def _document(trials: Trials, worst: Path | None) -> dict[str, object]:
         "failures": [
             {
                 "sample": i,
-                "contact": trials.scenario.chain.contact_name(loss.contact),
-                "mode": loss.mode.name.lower(),
+                "contact": loss.contact,
+                "mode": None if loss.mode is None else loss.mode.name.lower(),
                 "time": loss.time,
                 "point": loss.point,
             }

@@ -20,8 +20,10 @@ from pushplan.geometry.se2 import compose, transform_points
 from pushplan.util.printable import cut
 
 if TYPE_CHECKING:
-    from pushplan.plans.plan import Plan
-    from pushplan.sim.trials.result import Trials
+    from pushplan.scenario.model import Scenario
+    from pushplan.scenario.parts import Goal
+    from pushplan.sim.trials import Trials
+    from pushplan.util.arrays import FloatArray
 
 # The layout, in inches.
 _LEFT, _TOP, _RIGHT, _GAP, _AXIS = 0.62, 0.4, 0.2, 0.72, 0.52
@@ -34,18 +36,17 @@ _MOST = 400
 """Samples that are drawn."""
 
 
-def plot_trials(trials: Trials, plan: Plan | None, path: str | Path) -> None:
+def plot_trials(trials: Trials, path: str | Path) -> None:
     """Draw trials: the floor with what the plan sweeps, and a closer look at where the objects end.
 
     Args:
         trials: What was tried.
-        plan: The plan.
         path: File to write; its suffix says whether PNG, SVG or PDF.
 
     Raises:
         PlotError: On a suffix that is none of these.
     """
-    scene = Scene.of(trials.scenario, plan)
+    scene = Scene.of(trials.scenario, trials.plan)
     view = view_of(scene.window)
     width = float(_HEIGHT * view.size[0] / view.size[1])
     with figure_for(path, _LEFT + width + _GAP + _HEIGHT + _RIGHT, _HEIGHT) as figure:
@@ -71,12 +72,13 @@ def plot_trials(trials: Trials, plan: Plan | None, path: str | Path) -> None:
 
 def _draw_ends(axes: Axes, trials: Trials) -> None:
     """Outline the objects where they end, one colour for samples that arrive and one for the others."""
+    objects = [obj for task in trials.scenario.tasks for obj in task.chain.objects]
     for arrived, colour in ((False, MISSED), (True, ARRIVED)):
         shown = trials.object_poses[trials.arrived == arrived][:_MOST]
         outlines = [
             transform_points(pose, obj.outline)
             for poses in shown
-            for obj, pose in zip(trials.scenario.chain.objects, poses, strict=True)
+            for obj, pose in zip(objects, poses, strict=True)
         ]
         look: Any = {"facecolors": "none", "edgecolors": colour, "linewidths": 0.5, "zorder": 9.5}
         axes.add_collection(PolyCollection(outlines, alpha=0.5 if len(shown) < 20 else 0.15, **look))
@@ -84,19 +86,30 @@ def _draw_ends(axes: Axes, trials: Trials) -> None:
 
 def _draw_failures(axes: Axes, trials: Trials) -> None:
     """Mark where contacts were the first to move."""
-    colours = palette.contact_colours(len(trials.scenario.chain.contacts))
+    names = list(trials.scenario.poses)
+    colours = palette.contact_colours(len(names))
     for loss in trials.losses:
         if loss is not None:
-            axes.plot(*loss.point, marker="x", color=colours[loss.contact], markersize=5.0, zorder=10.0)
+            colour = colours[names.index(loss.object)]
+            axes.plot(*loss.point, marker="x", color=colour, markersize=5.0, zorder=10.0)
+
+
+def _shown(scenario: Scenario) -> tuple[int, Goal, FloatArray]:
+    """Return which object is looked at closely, its goal, and its place (3,) there: the goal's, or the last one."""
+    last = max(k for k, task in enumerate(scenario.tasks) if task.goals)
+    task = scenario.tasks[last]
+    goal = task.goals[0]
+    own = [obj.name for obj in task.chain.objects]
+    i = len(own) - 1 if goal.of is None else own.index(goal.of)
+    before = sum(len(one.chain.objects) for one in scenario.tasks[:last])
+    return before + i, goal, compose(goal.pose_chain, task.chain.places[i])
 
 
 def _draw_close(axes: Axes, trials: Trials) -> None:
-    """Draw the goal's tolerance, and the errors of the goal's object as points around its place."""
-    scenario = trials.scenario
-    places = compose(scenario.goal.pose_chain, scenario.chain.places)
-    k = len(places) - 1 if scenario.goal.of is None else scenario.chain.index_of(scenario.goal.of)
-    off = 1e3 * (trials.object_poses[:, k, :2] - places[k, :2])
-    tolerance = 1e3 * scenario.goal.position_tolerance
+    """Draw the goal's tolerance, and where one of its objects ends as points around its place."""
+    k, goal, place = _shown(trials.scenario)
+    off = 1e3 * (trials.object_poses[:, k, :2] - place[:2])
+    tolerance = 1e3 * goal.position_tolerance
     for arrived, colour in ((False, MISSED), (True, ARRIVED)):
         x, y = off[trials.arrived == arrived].T
         style: Any = {"markersize": 4.0, "alpha": 0.6, "markeredgewidth": 0.0, "zorder": 3.0}
@@ -112,23 +125,24 @@ def _draw_close(axes: Axes, trials: Trials) -> None:
         f", {beyond} not shown" if beyond else ""
     )
     axes.set(xlim=(-far, far), ylim=(-far, far), xlabel="x off the goal [mm]", ylabel="y off the goal [mm]")
-    name = cut(scenario.chain.objects[k].name, max(8, letters_across(axes, 10.0) - len(told) - 2))
+    name = cut(list(trials.scenario.poses)[k], max(8, letters_across(axes, 10.0) - len(told) - 2))
     axes.set_title(f"{name}: {told}", loc="left")
     axes.set_aspect("equal")
     equal_ticks(axes, 2.0 * far)
 
 
 def _keys(trials: Trials) -> list[Line2D]:
-    chain = trials.scenario.chain
     ends = [
         Line2D([], [], color=ARRIVED, label="arrived"),
         Line2D([], [], color=MISSED, label="missed the tolerance"),
         Line2D([], [], color=INK, linewidth=0.9, label="tolerance"),
     ]
-    failing = {loss.contact for loss in trials.losses if loss is not None}
-    colours = palette.contact_colours(len(chain.contacts))
+    names = list(trials.scenario.poses)
+    failing = {loss.object: loss.contact for loss in trials.losses if loss is not None}
+    colours = palette.contact_colours(len(names))
     mark: Any = {"marker": "x", "linestyle": "none"}
     return ends + [
-        Line2D([], [], color=colours[k], label=f"{chain.contact_name(k)} failed first", **mark)
-        for k in sorted(failing)
+        Line2D([], [], color=colour, label=f"{failing[name]} failed first", **mark)
+        for name, colour in zip(names, colours, strict=False)
+        if name in failing
     ]

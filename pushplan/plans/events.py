@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pushplan.plans.result import PlanResult
+from pushplan.plans.plan import Plan
 from pushplan.util.arrays import FloatArray, frozen
 
 KINDS = {
@@ -51,7 +51,7 @@ class Replan:
     """
 
     time: float
-    result: PlanResult | None
+    result: Plan | None
     reason: str
     seconds: float
 

@@ -9,13 +9,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from pushplan.errors import PushplanError, RunLogError
-from pushplan.logging.old.check import Check
-from pushplan.logging.old.messages.recorded import RecordedRun
-from pushplan.logging.old.verify import check_way
+from pushplan.geometry.se2 import twist_of
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.verify import Check, check_way
 from pushplan.plans.events import Feedback
-from pushplan.plans.execution import Execution
+from pushplan.plans.run import Execution
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.sensor import Measurements, Sensor
+from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.util.arrays import FloatArray
 
@@ -45,7 +45,7 @@ def check_closed_loop(run: RecordedRun) -> list[Check]:
         ) from error
     checks = [check_way(run.execution)]
     if settings is not None:
-        controller = Controller(run.scenario, run.plan, settings)
+        controller = Controller(run.scenario, settings, plan=run.plan)
         twists = _twists(controller, run.execution, run.feedback, sensor)
         apart = np.abs(twists - run.execution.twists).max(axis=1)
         worst = int(np.argmax(apart))
@@ -55,13 +55,13 @@ def check_closed_loop(run: RecordedRun) -> list[Check]:
 
 
 def _twists(controller: Controller, execution: Execution, feedback: Feedback, sensor: Sensor) -> FloatArray:
-    """Return the twists (m, 3) that the recorded measurements lead to."""
+    """Return the twists (m, 3) of the plate frame that the recorded measurements lead to."""
     seen = Measurements.recorded(sensor, feedback.measured)
     twists = []
     for now in execution.t:
         came = seen.arrived(float(now))
         twists.append(controller.step(float(now)) if came is None else controller.step(float(now), *came))
-    return np.array(twists)
+    return np.asarray(twist_of(controller.load.chain.pusher.plate_pose, np.array(twists)))
 
 
 def _said(controller: Controller, feedback: Feedback) -> Iterator[Check]:

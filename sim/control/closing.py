@@ -1,4 +1,7 @@
-"""Short pushes that close contacts: chosen with the simulator, and proven by it over what is not known."""
+"""What contacts are like where objects were measured, and short pushes that close those that are open.
+
+Pushes are chosen with the simulator, and proven by it over what is not known.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushplan.geometry.se2 import compose, exp, relative
-from pushplan.sim.control.measured_chain import contacts_at
+from pushplan.geometry.se2 import compose, exp, inverse, relative, wrap_angle
+from pushplan.mechanics.chain import Chain
 from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.report import contact_motion
 from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.worlds.world import World
-from pushplan.util.arrays import FloatArray
+from pushplan.sim.world import World
+from pushplan.util.arrays import BoolArray, FloatArray
 
 LONGEST = 0.05
 """Longest push that is tried, m."""
@@ -25,6 +29,41 @@ PROOFS = 6
 """Worlds that a push is proven in, beside the one that is believed."""
 BEST = 3
 """Pushes that are proven, shortest first, until one is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """What contacts are like against those of a chain.
+
+    Attributes:
+        slide: (..., n) how far the middle of each segment has slid on the pushing body, m; to the left is positive.
+        opening: (..., n) the wider of the gaps at the two ends, m.
+        rotation: (..., n) turn of the pushed against the pushing body, rad.
+    """
+
+    slide: FloatArray
+    opening: FloatArray
+    rotation: FloatArray
+
+    def flush(self, gap: float, angle: float) -> BoolArray:
+        """Return whether all contacts are closed, to a gap (m) and an angle (rad)."""
+        closed = (self.opening <= gap) & (np.abs(self.rotation) <= angle)
+        return np.asarray(closed.all(axis=-1))
+
+
+def contacts_at(chain: Chain, places: FloatArray) -> Contacts:
+    """Return what the contacts are like with the objects at poses (..., n, 3) in the chain frame."""
+    many = places.reshape(-1, len(chain.objects), 3)
+    motions = compose(many, inverse(chain.places))
+    plate = np.zeros((len(many), 1, 3))
+    found = contact_motion(chain, np.concatenate([motions, plate], axis=1), None)
+    return Contacts(*(values.reshape(places.shape[:-1]) for values in found))
+
+
+def off_places(chain: Chain, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far (n,), m, and by what angle (n,), rad, objects at `places` (n, 3) are off the chain's."""
+    apart = relative(chain.places, places)
+    return np.hypot(apart[:, 0], apart[:, 1]), np.abs(wrap_angle(apart[:, 2]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,8 @@ again, or gives up.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Iterable
 from enum import Enum
 
 import numpy as np
@@ -16,32 +17,35 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import ChainError, PlanningError
 from pushplan.geometry.se2 import compose, log, relative
+from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.perturb import slid
 from pushplan.planners.timing.arc_limits import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.events import Event, Replan
 from pushplan.plans.path import PushPath, cost_rate
-from pushplan.plans.result import PlanResult
+from pushplan.plans.plan import Load, Plan
+from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Obstacle, Scenario
-from pushplan.sim.control.closing import ClosingPush, Spread, closing_push
-from pushplan.sim.control.driving import Driving
-from pushplan.sim.control.measured_chain import Contacts, contacts_at
+from pushplan.sim.control.closing import ClosingPush, Contacts, Spread, closing_push, contacts_at, off_places
 from pushplan.sim.control.replanner import Replanner
+from pushplan.sim.control.sensing import Sightings
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.control.sightings import Sightings
-from pushplan.sim.control.watching import departure
+from pushplan.sim.follower import Drive
 from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.worlds.world import World
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, frozen
 
 DEFAULTS = ControlSettings()
+SILENT = Observer()
 CLOSINGS = 3
 """Pushes in a row that may fail to close contacts."""
 ATTEMPTS = 24
 """Replans in a row that may find nothing."""
 CLEARLY, BARELY = 0.8, 0.95
 """Shares of the tolerances within which nothing need be better, and within which it has arrived for all the noise."""
+SLOW, QUICK = 4.0, 5.0
+"""Standard deviations of the mean of many measurements, and of two, by which an object has to be off."""
 
 
 class Phase(Enum):
@@ -61,6 +65,7 @@ class Controller:
         scenario: What is believed: the chain, the room, and the goal.
         settings: See there.
         plan: What it does at first.
+        load: What is pushed: twists are of its contact's frame.
         phase: What it is doing.
         events: All that it noticed and did.
         replans: All attempts to plan after the first one.
@@ -69,34 +74,40 @@ class Controller:
 
     def __init__(
         self,
-        scenario: Scenario,
-        plan: PlanResult | None = None,
-        settings: ControlSettings = DEFAULTS,
-        tell: Callable[[str], None] | None = None,
+        what: Scenario | Plan,
+        settings: ControlSettings | None = None,
+        *,
+        plan: Plan | None = None,
+        observer: Observer = SILENT,
     ) -> None:
         """Get ready: what replans need is made, and compiled code loaded.
 
         Args:
-            scenario: What is believed; loads under the objects have to be known.
-            plan: What to do at first; None makes a plan that holds for `settings.friction`, if there is one.
+            what: What is believed, or the plan to begin with; loads under the objects have to be known.
             settings: See there.
-            tell: Takes sentences about what takes long.
+            plan: What to do at first in a scenario; None makes a plan that holds for `settings.friction`, if there is
+                one.
+            observer: Takes messages about what takes long.
 
         Raises:
             PlanningError: When there is no plan.
             SupportError: When the load under an object is not known.
         """
-        if scenario.pushes is not None:
+        scenario, plan = (what.scenario, what) if isinstance(what, Plan) else (what, plan)
+        settings = DEFAULTS if settings is None else settings
+        if scenario.kind != "push":
             raise PlanningError(
-                "the closed loop knows one push: leave out robot.start, from which there are several"
+                f"the closed loop replans a single push; this is a {scenario.kind}, in which the robot would have to "
+                "plan its way to other contacts anew: execute it in open loop, or lead a robot with Follower"
             )
         self._closer = World.from_scenario(scenario)
         SlipSimulator(self._closer)  # before anything takes long: loads have to be known
-        self._replanner = Replanner(scenario, settings, tell)
+        self._replanner = Replanner(scenario, settings, observer)
         plan = self._replanner.first() if plan is None else plan
         if plan.trajectory is None or plan.path is None:
             raise PlanningError(f"there is no plan to begin with: {plan.reason}")
         self.scenario, self.plan, self.settings = scenario, plan, settings
+        self.load = Load.of(scenario)
         self.phase, self.reason = Phase.PUSHING, ""
         self.events: list[Event] = []
         self.replans: list[Replan] = []
@@ -106,7 +117,7 @@ class Controller:
         self._places = scenario.chain.places
         self._since, self._closings = 0.0, 0
         self._path: PushPath = plan.path
-        self._start(plan.trajectory, Phase.PUSHING)
+        self._start(plan.segments[0].contact_trajectory, Phase.PUSHING)
         self._tell("plan", f"{plan.path.cost:.3f} m in {plan.trajectory.duration:.1f} s")
 
     @property
@@ -244,7 +255,7 @@ class Controller:
         if result is not None and result.path is not None and result.trajectory is not None:
             self._tell("replan", f"{result.path.cost:.3f} m in {result.trajectory.duration:.1f} s")
             self._path, self._places = result.path, self._replanner.chain.places
-            self._start(result.trajectory, Phase.PUSHING)
+            self._start(result.segments[0].contact_trajectory, Phase.PUSHING)
         elif self._replanner.aim.reached(compose(self._plate, self._places), BARELY):
             self._end(Phase.ARRIVED, "within the tolerances, and there is no plan to come nearer")
         else:
@@ -252,21 +263,21 @@ class Controller:
 
     def _close(self, poses: FloatArray) -> None:
         """Push so that open contacts close."""
-        queries = self._replanner.queries(0.0)
+        planner = self._replanner.planner(0.0)
         push: ClosingPush | str = f"{CLOSINGS} pushes did not close the contacts"
         if self._closings < CLOSINGS:
-            push = closing_push(self._closer, self._plate, poses, queries.twists, Spread.of(self.settings))
+            push = closing_push(self._closer, self._plate, poses, planner.twists, Spread.of(self.settings))
         if isinstance(push, str):
             self._give_up(push)
             return
         self._closings += 1
         self._tell("close", f"a push of {1e3 * push.length:.0f} mm closes the contacts")
         path = PushPath(self._plate, push.twist[None], np.array([push.length]))
-        bounds = motion_bounds(queries.scenario.with_margin(queries.margin), queries.stable)
+        bounds = motion_bounds(planner.scenario.with_margin(planner.margin), planner.stable)
         self._start(time_path(path, bounds), Phase.CLOSING)
 
     def _start(self, trajectory: Trajectory, phase: Phase) -> None:
-        self._driving = Driving(trajectory, self.scenario.chain.pusher.limits)
+        self._driving = Drive(trajectory, self.scenario.chain.pusher.limits)
         self.phase, self._since = phase, self._now
 
     def _give_up(self, reason: str) -> None:
@@ -283,3 +294,34 @@ class Controller:
 
 def _words(distance: float, angle: float) -> str:
     return f"{1e3 * distance:.1f} mm and {np.degrees(angle):.2f} deg"
+
+
+def departure(
+    sightings: Sightings, chain: Chain, around: FloatArray, since: float, settings: ControlSettings
+) -> str:
+    """Return which object has left its place and by how much; empty if none has.
+
+    Half of the measurements of a look tell of a slow departure, two of a quick one.
+
+    Args:
+        sightings: What was measured.
+        chain: With the objects where they are to be.
+        around: (n, 3) places about which angles are taken.
+        since: Measurements from this time on count, s.
+        settings: See there.
+    """
+    for last, sigmas in ((max(2, settings.looks // 2), SLOW), (2, QUICK)):
+        places = sightings.places(around, last, since)
+        if places is None:
+            continue
+        share = sigmas / math.sqrt(last)
+        distance, angle = off_places(chain, places)
+        excess = np.maximum(
+            distance / max(settings.position_slack, share * settings.position_noise),
+            angle / max(settings.angle_slack, share * settings.angle_noise),
+        )
+        i = int(np.argmax(excess))
+        if excess[i] > 1.0:
+            off = f"{1e3 * distance[i]:.1f} mm and {math.degrees(angle[i]):.1f} deg"
+            return f"{chain.objects[i].name} is {off} off its place in the plan"
+    return ""

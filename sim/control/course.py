@@ -10,13 +10,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.geometry.se2 import compose, exp, log, relative
+from pushplan.geometry.penetration import exit_distance
+from pushplan.geometry.se2 import compose, exp, log, relative, rotate, transform_points, twist_of
+from pushplan.mechanics.chain import PLATE
+from pushplan.mechanics.contacts.carried import carried_objects
 from pushplan.plans.events import Measured
-from pushplan.plans.trajectory import Trajectory
-from pushplan.sim.control.sensor import Measurements, Sensor
+from pushplan.plans.plan import Load, Plan
+from pushplan.sim.control.sensing import Measurements, Sensor
+from pushplan.sim.report import columns_of
 from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.worlds.kick import Kick, kicked
-from pushplan.sim.worlds.world import World
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
 SENSOR = Sensor()
@@ -24,8 +27,59 @@ TIME_LIMIT = 600.0
 """Simulated time after which a course ends, s."""
 
 
+@dataclass(frozen=True)
+class Kick:
+    """A displacement of one object, at once.
+
+    Attributes:
+        time: s.
+        index: Of the object.
+        x: By how much, in the object's own frame, m.
+        y: Likewise.
+        turn: About the origin of the object's frame, rad.
+    """
+
+    time: float
+    index: int
+    x: float
+    y: float
+    turn: float
+
+
+def kicked(simulator: SlipSimulator, frame: FloatArray, kick: Kick) -> FloatArray:
+    """Return the poses (n, 3) of the objects after a kick.
+
+    Bodies do not overlap: of what is pushed, the object is kept off what pushes it, and what it carries is moved
+    ahead of it.
+
+    Args:
+        simulator: With the objects as they were.
+        frame: (3,) pose of the frame that the plate is moved in.
+        kick: See there.
+    """
+    poses, chain, names = simulator.object_poses, simulator.chain, simulator.world.names
+    poses[kick.index] = compose(poses[kick.index], [kick.x, kick.y, kick.turn])
+    if chain is None or names[kick.index] not in (own := [obj.name for obj in chain.objects]):
+        return poses
+    columns = columns_of(chain, names)
+    carried = carried_objects(chain)
+    for k in np.flatnonzero(carried[own.index(names[kick.index])]):
+        contact = chain.contacts[k]
+        ahead = rotate(frame[2], contact.normal)
+        behind = transform_points(frame, chain.pusher.outline)
+        if contact.pusher != PLATE:
+            behind = transform_points(poses[columns[contact.pusher]], chain.objects[contact.pusher].outline)
+        shift = exit_distance(behind, transform_points(poses[columns[k]], chain.objects[k].outline), ahead)
+        poses[[columns[i] for i in np.flatnonzero(carried[k])], :2] += shift * ahead
+    return poses
+
+
 class Driver(Protocol):
     """What moves the plate; see `Controller`."""
+
+    @property
+    def load(self) -> Load | None:
+        """What is pushed now: twists are of its contact's frame, and of the plate frame where nothing is."""
 
     @property
     def over(self) -> bool:
@@ -34,27 +88,39 @@ class Driver(Protocol):
     def step(
         self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
     ) -> FloatArray:
-        """Return the twist (3,) of the plate until the next step."""
+        """Return the twist (3,) until the next step."""
 
 
 class OpenLoop:
-    """Follows a trajectory, whatever happens."""
+    """Does what a plan of any kind says, whatever happens.
 
-    def __init__(self, trajectory: Trajectory, rate: float) -> None:
-        """Follow a trajectory in so many steps per second."""
-        self._trajectory, self._rate, self._at = trajectory, rate, 0.0
+    Args:
+        plan: Timed.
+        rate: Steps per second.
+    """
+
+    def __init__(self, plan: Plan, rate: float) -> None:
+        assert plan.trajectory is not None
+        self._plan, self._trajectory, self._rate, self._at = plan, plan.trajectory, rate, 0.0
+
+    @property
+    def load(self) -> Load | None:
+        """See `Driver`."""
+        return self._plan.segments[int(self._plan.segment_at(np.array([self._at]))[0])].load
 
     @property
     def over(self) -> bool:
-        """Whether the trajectory is at its end."""
+        """Whether the plan is at its end."""
         return self._at >= self._trajectory.duration
 
     def step(
         self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
     ) -> FloatArray:
-        """Return the twist (3,) of the plate until the next step; what is measured does not matter."""
+        """Return the twist (3,) until the next step; what is measured does not matter."""
+        load = self.load
         begin, self._at = self._at, min(self._at + 1.0 / self._rate, self._trajectory.duration)
-        before, after = self._trajectory.poses_at([begin, self._at])
+        plates = self._trajectory.poses_at([begin, self._at])
+        before, after = plates if load is None else compose(plates, load.frame_plate)
         return np.asarray(log(relative(before, after)) * self._rate)
 
 
@@ -63,16 +129,18 @@ class Course:
     """What happened in a world, at every step.
 
     Attributes:
+        names: Of the objects.
         t: (m,) times, s.
-        poses: (m, 3) of the chain frame, that is of the plate, in the world.
+        poses: (m, 3) of the plate frame in the world.
         object_poses: (m, n, 3) of the objects in the world.
-        wrenches: (m - 1, 3) of the plate between each pose and the next, chain frame: N, N, N m.
-        twists: (m, 3) of the plate from then on, body twists in the chain frame.
+        wrenches: (m - 1, 3) of the plate between each pose and the next, in the contact's frame: N, N, N m.
+        twists: (m, 3) of the plate frame from then on.
         measured: What the sensor said.
         jammed: Nothing could give way; everything ends there.
         over: What moves the plate came to its end.
     """
 
+    names: tuple[str, ...]
     t: FloatArray
     poses: FloatArray
     object_poses: FloatArray
@@ -108,24 +176,32 @@ def course_in(
     Raises:
         SupportError: When the load under an object is not known.
     """
-    simulator, plate, seen = SlipSimulator(world), np.array(world.start), Measurements(sensor, seed)
+    simulator, seen, held = SlipSimulator(world), Measurements(sensor, seed), None
+    frame = simulator.plate_pose
     left = deque(sorted(kicks, key=lambda kick: kick.time))
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
     wrenches: list[FloatArray] = []
     for k in range(int(time_limit * rate) + 1):
         now = k / rate
+        if world.plate is not None and driver.load is not held:
+            held = driver.load
+            simulator.hold(None if held is None else world.pushed(held.chain))
+            frame = simulator.plate_pose
         while left and left[0].time <= now:
-            simulator.place(kicked(world, simulator.object_poses, plate, left.popleft()), plate)
+            simulator.place(kicked(simulator, frame, left.popleft()), frame)
         seen.take(now, simulator.object_poses)
         came = seen.arrived(now)
         twist = driver.step(now) if came is None else driver.step(now, *came)
-        rows.append((now, plate, simulator.object_poses, twist))
+        plate = simulator.plate_in_frame
+        rows.append((now, compose(frame, plate), simulator.object_poses, twist_of(plate, twist)))
         if progress is not None and k % int(rate) == 0:
             progress(now)
         if simulator.jammed or (driver.over and not twist.any()):
             break
         wrenches.append(simulator.move(twist, 1.0 / rate).wrenches.mean(axis=0))
-        plate = compose(plate, exp(twist / rate))
+        frame = compose(frame, exp(twist / rate))
     t, poses, object_poses, twists = (np.array(column) for column in zip(*rows, strict=True))
     pushed = np.array(wrenches).reshape(-1, 3)
-    return Course(t, poses, object_poses, pushed, twists, seen.measured, simulator.jammed, driver.over)
+    return Course(
+        world.names, t, poses, object_poses, pushed, twists, seen.measured, simulator.jammed, driver.over
+    )

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pushplan.errors import PushplanError
-from pushplan.geometry.se2 import pose_error
-from pushplan.mechanics.perturb import slid
-from pushplan.plan import plan
+from pushplan.geometry.se2 import compose, inverse, pose_error, wrap_angle
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.intervals import IntervalChain
+from pushplan.mechanics.perturb import slid, with_contact_friction
+from pushplan.planners.planner import Planner, plan
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.events import Replan
 from pushplan.plans.path import PushPath
-from pushplan.plans.result import PlanResult
-from pushplan.queries import Queries
+from pushplan.plans.plan import Plan
+from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.scenario.model import Obstacle, Scenario
-from pushplan.sim.control.aims import Aim
-from pushplan.sim.control.caution import cautious, with_chain
+from pushplan.scenario.parts import Goal
 from pushplan.sim.control.settings import ControlSettings
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import FloatArray, IntArray
 
 DETOUR = 0.05
 """Way (m of path cost) that going to the exact goal may be longer than going somewhere within the tolerances."""
@@ -36,6 +36,71 @@ ITERATIONS = 10_000
 """Of the search of a plan, a few hundredths of a second: where they, not the time limit, end it, runs repeat."""
 SAME = 0.03
 """Share of a contact's length up to which a slide does not make it another chain."""
+SHARE = 0.6
+"""Part of the tolerances that goals may use up beside the exact one."""
+_GRID = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+INTERVAL_SETS = ("ecof", "robust")
+"""Stable sets that hold for intervals of floor friction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """Poses that objects are to have.
+
+    Attributes:
+        objects: (k,) indices of the goal's object, or of all where it names none.
+        wanted: (k, 3) their poses in the world.
+        chain_pose: (3,) pose of the chain frame at the goal if nothing has slid.
+        tolerance: (2,) distance (m) and angle (rad) that still count.
+    """
+
+    objects: IntArray
+    wanted: FloatArray
+    chain_pose: FloatArray
+    tolerance: FloatArray
+
+    @classmethod
+    def of(cls, goal: Goal, chain: Chain, position: float, angle: float) -> Aim:
+        """Return that of a goal, with wider tolerances where the goal's own are smaller."""
+        every = range(len(chain.objects))
+        objects = np.array(every if goal.of is None else [chain.index_of(goal.of)])
+        wanted = compose(goal.pose_chain, chain.places[objects])
+        tolerance = np.array([max(position, goal.position_tolerance), max(angle, goal.angle_tolerance)])
+        return cls(objects, wanted, goal.pose_chain, tolerance)
+
+    def errors(self, object_poses: FloatArray) -> FloatArray:
+        """Return how far (m) and by what angle (rad) the objects, all (..., n, 3), are off: the worst (..., 2)."""
+        off = object_poses[..., self.objects, :] - self.wanted
+        distance = np.hypot(off[..., 0], off[..., 1])
+        angle = np.abs(wrap_angle(off[..., 2]))
+        return np.stack([distance.max(axis=-1), angle.max(axis=-1)], axis=-1)
+
+    def reached(self, object_poses: FloatArray, share: float = 1.0) -> bool:
+        """Tell whether the objects (n, 3) are within a share of the tolerances."""
+        return bool((self.errors(object_poses) <= share * self.tolerance).all())
+
+    def exact(self, chain: Chain) -> FloatArray:
+        """Return the pose (3,) of the chain frame that brings the objects nearest to where they shall be."""
+        ideal = compose(self.wanted, inverse(chain.places[self.objects]))
+        angle = ideal[0, 2] + wrap_angle(ideal[:, 2] - ideal[0, 2]).mean()
+        middle = 0.5 * (ideal[:, :2].min(axis=0) + ideal[:, :2].max(axis=0))
+        return np.append(middle, angle)
+
+    def best(self, chain: Chain) -> FloatArray:
+        """Return the smallest errors (2,) that the objects of a chain can have."""
+        return self.errors(compose(self.exact(chain), chain.places))
+
+    def candidates(self, chain: Chain) -> FloatArray:
+        """Return poses (k, 3) of the chain frame at the goal: the exact one, then some within the tolerances."""
+        exact, places = self.exact(chain), chain.places
+        center = places[self.objects].mean(axis=0) * [1.0, 1.0, 0.0]
+        x, y, turn = (grid.ravel() for grid in np.meshgrid(_GRID, _GRID, _GRID, indexing="ij"))
+        room = SHARE * self.tolerance
+        moves = np.column_stack([x * room[0], y * room[0], turn * room[1]])
+        poses = compose(compose(compose(exact, center), moves), inverse(center))
+        errors = self.errors(compose(poses[:, None], places))
+        allowed = (errors <= room + 1e-9).all(axis=1)
+        return np.vstack([exact, poses[allowed]])
 
 
 class Replanner:
@@ -44,33 +109,31 @@ class Replanner:
     Args:
         scenario: What the chain is believed to be at first, the room, and the goal.
         settings: See there.
-        tell: Takes sentences about what takes long.
+        observer: Takes messages about what takes long.
 
     Attributes:
         aim: What counts as the goal.
         chain: As it is believed to be, with the objects where they have slid to.
     """
 
-    def __init__(
-        self, scenario: Scenario, settings: ControlSettings, tell: Callable[[str], None] | None = None
-    ) -> None:
-        self._scenario, self._settings, self._tell = scenario, settings, tell
+    def __init__(self, scenario: Scenario, settings: ControlSettings, observer: Observer) -> None:
+        self._scenario, self._settings, self._observer = scenario, settings, observer
         self.aim = Aim.of(
             scenario.goal, scenario.chain, settings.position_tolerance, settings.angle_tolerance
         )
         self.chain, self._slides = scenario.chain, np.zeros(len(scenario.chain.contacts))
-        self._queries: dict[float, Queries] = {}
+        self._planners: dict[float, Planner] = {}
         self._margins: dict[float, float] = {}
         for level in CAUTION:  # so that the first replan does not wait for it
             with suppress(PushplanError):
-                self.queries(level)
+                self.planner(level)
 
-    def first(self) -> PlanResult:
+    def first(self) -> Plan:
         """Return the plan to begin with, made as `pushplan.plan` does: the most cautious there is."""
         found = None
         for level in CAUTION:
             try:
-                found = plan(self._careful(level), tell=self._tell)
+                found = plan(self._careful(level), observer=self._observer)
             except PushplanError:
                 if level == CAUTION[-1]:
                     raise
@@ -84,22 +147,21 @@ class Replanner:
         """Plan once from the middle of a path, so that compiled code is there when time counts."""
         self.replan(0.0, path.poses_at([0.5 * path.cost])[0], path, self._slides)
 
-    def queries(self, level: float) -> Queries:
-        """Return what answers questions about the chain, with a share of the friction's uncertainty.
+    def planner(self, level: float) -> Planner:
+        """Return a planner for the chain, with a share of the friction's uncertainty.
 
         Raises:
             EmptyStableSetError: When no twist keeps every contact.
         """
-        if level not in self._queries:
+        if level not in self._planners:
             scenario = replace(self._careful(level), trajectory="exact")
             margin = self._margins.get(
                 level
             )  # what `auto` comes to is not worked out again for a chain that slid
-            made = Queries(
-                scenario, margin=margin, tell=self._tell, meridians=MERIDIANS, rate=self._settings.rate
-            )
-            self._queries[level], self._margins[level] = made, made.margin
-        return self._queries[level]
+            wanted = PlanSettings(margin=margin, observer=self._observer)
+            made = Planner(scenario, settings=wanted, meridians=MERIDIANS, rate=self._settings.rate)
+            self._planners[level], self._margins[level] = made, made.margin
+        return self._planners[level]
 
     def _careful(self, level: float) -> Scenario:
         settings = self._settings
@@ -109,7 +171,9 @@ class Replanner:
     def take_obstacles(self, obstacles: tuple[Obstacle, ...]) -> None:
         """Take over what is in the way now; stable sets and controls are kept."""
         self._scenario = replace(self._scenario, obstacles=obstacles)
-        self._queries = {level: queries.with_obstacles(obstacles) for level, queries in self._queries.items()}
+        self._planners = {
+            level: planner.with_obstacles(obstacles) for level, planner in self._planners.items()
+        }
 
     def reason_to_replan(self, poses: FloatArray, rest: float) -> str:
         """Return why the rest of a plan is not to be driven on; empty if it is.
@@ -122,7 +186,7 @@ class Replanner:
         if hit is not None:
             return f"the way is not free any more: {hit}"
         goals = self.aim.exact(self.chain)[None]
-        shortest = min(float(queries.reach(poses[0], goals)[0, 0]) for queries in self._queries.values())
+        shortest = min(float(planner.reach(poses[0], goals)[0, 0]) for planner in self._planners.values())
         if shortest < (1.0 - BETTER) * rest - STOP:
             return f"there is a way of {shortest:.2f} m now instead of {rest:.2f} m"
         return ""
@@ -136,7 +200,7 @@ class Replanner:
         lengths = np.array([contact.length for contact in self._scenario.chain.contacts])
         chain = slid(self._scenario.chain, slides)
         if (np.abs(slides - self._slides) > SAME * lengths).any():
-            self._slides, self._queries = slides, {}
+            self._slides, self._planners = slides, {}
         self.chain = chain
 
     def replan(
@@ -163,11 +227,11 @@ class Replanner:
             reason = str(error)
         return Replan(now, result, reason, time.process_time() - began)
 
-    def _planned(self, start: FloatArray, previous: PushPath | None, attempt: int) -> PlanResult:
-        queries = self.queries(CAUTION[attempt % len(CAUTION)])
-        return queries.plan(
+    def _planned(self, start: FloatArray, previous: PushPath | None, attempt: int) -> Plan:
+        planner = self.planner(CAUTION[attempt % len(CAUTION)])
+        return planner.plan(
             start,
-            self._goal(queries, start),
+            self._goal(planner, start),
             seed=1 + attempt // len(CAUTION),
             time_limit=self._settings.time_limit,
             iterations=ITERATIONS,
@@ -175,12 +239,39 @@ class Replanner:
             explain=False,
         )
 
-    def _goal(self, queries: Queries, start: FloatArray) -> FloatArray:
+    def _goal(self, planner: Planner, start: FloatArray) -> FloatArray:
         """Return the exact goal, or the one within the tolerances that is the least way away if that is far less."""
         goals = self.aim.candidates(self.chain)
         goals = goals[[max(pose_error(goal, start)) > 1e-6 for goal in goals]]
-        ways = queries.reach(start, goals)[0]
+        ways = planner.reach(start, goals)[0]
         nearest = int(np.argmin(ways))
         if not np.isfinite(ways[nearest]) or ways[0] <= ways[nearest] + DETOUR:
             return np.asarray(goals[0])
         return np.asarray(goals[nearest])
+
+
+def cautious(scenario: Scenario, share: float, room: float = 0.0) -> Scenario:
+    """Return the scenario with every coefficient of friction off by up to a share; one with intervals keeps them.
+
+    Args:
+        scenario: What is believed.
+        share: From 0 to below 1.
+        room: Clearance to keep at least, m.
+    """
+    scenario = replace(scenario, clearance=max(scenario.clearance, room))
+    if share == 0.0 or scenario.interval is not None:
+        return scenario
+    chain = with_contact_friction(scenario.chain, 1.0 - share)
+    if scenario.stability.set not in INTERVAL_SETS:
+        return replace(scenario, chain=chain)
+    spans = {
+        obj.name: ((1.0 - share) * obj.floor_friction, (1.0 + share) * obj.floor_friction)
+        for obj in chain.objects
+    }
+    return replace(scenario, chain=chain, interval=IntervalChain.from_ranges(chain, floor_friction=spans))
+
+
+def with_chain(scenario: Scenario, chain: Chain) -> Scenario:
+    """Return the scenario with another chain; where it states intervals, they hold for that."""
+    interval = None if scenario.interval is None else replace(scenario.interval, chain=chain)
+    return replace(scenario, chain=chain, interval=interval)

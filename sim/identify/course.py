@@ -1,4 +1,4 @@
-"""What was measured of one push: where the plate and the objects were, and with which force the plate pushed."""
+"""What was measured of one push, and how far predictions are off it for values of the unknowns."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
+from pushplan.sim.report import at_poses
+from pushplan.sim.slip.simulator import steps_of
+from pushplan.sim.slip.state import CONVERGED, FALLBACK, PackedWorld, make_state, make_trace, make_work
+from pushplan.sim.slip.step import march
 from pushplan.util.arrays import FloatArray, frozen
 
 
@@ -80,3 +84,78 @@ class Course:
             for a, b in pairwise(cuts)
             if len(these := kept[a : b + 1]) > 2
         ]
+
+
+STEP = 3e-3
+"""How far the fastest corner moves in a simulated step, about, m."""
+WAY = 0.2
+"""How far the fastest corner moves in a piece of a course that is predicted from where it begins, m."""
+CLOSING = 0.02
+"""How far the fastest corner moves at first, m, before wrenches are compared: contacts that are open by the error of
+their first measured place close, and what the plate feels of that is anything but linear in the error."""
+MOST_COMPARED = 60
+"""Poses of a piece that are compared, evenly over its way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A course made ready to be predicted again and again.
+
+    Attributes:
+        course: What was measured.
+        motions: (s, 3) body twists times time of the plate, one for each simulated step.
+        marks: (k,) number of steps after which poses are compared; the first is 0.
+        samples: (k,) which measured poses those are.
+        closed: (k,) whether the plate has gone so far that wrenches are compared.
+    """
+
+    course: Course
+    motions: FloatArray
+    marks: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+    samples: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+    closed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+
+    @classmethod
+    def of_pieces(cls, course: Course, reach: float) -> list[Comparison]:
+        """Return all pieces of a course; `reach` (m) is how far the farthest corner is from the plate's reference."""
+        return [cls._of_piece(piece, reach) for piece in course.pieces(reach, STEP, WAY)]
+
+    @classmethod
+    def _of_piece(cls, course: Course, reach: float) -> Comparison:
+        motions = steps_of(course.plate_poses)
+        way = np.hypot(motions[:, 0], motions[:, 1]) + reach * np.abs(motions[:, 2])
+        counts = np.maximum(1, np.ceil(way / (1.5 * STEP))).astype(np.int64)
+        fine = np.repeat(motions / counts[:, None], counts, axis=0)
+        ends = np.concatenate([[0], np.cumsum(counts)])
+        samples = np.unique(np.linspace(0, len(ends) - 1, min(MOST_COMPARED, len(ends))).astype(np.int64))
+        gone = np.concatenate([[0.0], np.cumsum(way)])
+        return cls(course, fine, ends[samples], samples, gone[samples] >= CLOSING)
+
+    def errors(self, packed: PackedWorld, shift: FloatArray) -> FloatArray:
+        """Return by how much predicted poses, and wrenches where they were measured, are off the measured ones.
+
+        Args:
+            packed: The arrays of a world.
+            shift: (n, 3) by what the objects really stood off their first measured poses, in the plate's frame:
+                m, rad.
+
+        Returns:
+            (k, n, 3) in the plate's frame: m and rad; with wrenches (k, n + 1, 3), the last row N, N, N m, and zero
+            while contacts close.
+        """
+        plate = self.course.plate_poses
+        first = se2.relative(plate[0], self.course.object_poses[0]) + shift
+        state = make_state(np.vstack([se2.compose(plate[0], first), plate[:1]]))
+        trace = make_trace(len(self.motions), len(first))
+        done = march(packed, make_work(packed), state, self.motions, trace)
+        if done and trace.end[done - 1] not in (CONVERGED, FALLBACK):
+            trace.poses[done - 1 :] = trace.poses[max(done - 2, 0)]  # a jam: nothing moves on
+        reached = np.concatenate([se2.compose(plate[0], first)[None], trace.poses])[self.marks]
+        there = plate[self.samples][:, None]
+        off = se2.relative(there, reached) - se2.relative(there, self.course.object_poses[self.samples])
+        off[..., 2] = se2.wrap_angle(off[..., 2])
+        if self.course.wrenches is None:
+            return np.asarray(off)
+        pushed = at_poses(trace.wrenches)[self.marks] - self.course.wrenches[self.samples]
+        pushed[~self.closed] = 0.0
+        return np.concatenate([off, pushed[:, None]], axis=1)

@@ -9,10 +9,8 @@ import numpy as np
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
-from pushplan.sim.physics.model.chain_model import PhysicsModel, build_model, joint_coordinates
-from pushplan.sim.physics.model.engine import engine
-from pushplan.sim.physics.model.load_transfer import LoadTransfer
-from pushplan.sim.physics.model.settings import PhysicsSettings
+from pushplan.sim.physics.engine import PhysicsSettings, engine
+from pushplan.sim.physics.model import LoadTransfer, PhysicsModel, build_model, joint_coordinates
 from pushplan.util.arrays import FloatArray, IntArray
 
 _BARELY = 1e-9
@@ -29,12 +27,12 @@ class Motion:
     Attributes:
         dt: Time step, s.
         poses: (k + 1, 3) poses of the chain frame, seen from its first one.
-        base: Number of the step after which slides and gaps are counted.
+        marks: Numbers of steps after which the bodies are looked at in any case.
     """
 
     dt: float
     poses: FloatArray
-    base: int = 0
+    marks: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +104,9 @@ def _push(
     count, plate = len(motion.poses) - 1, int(model.dofs[-1])
     ways = joint_coordinates(model.anchors[-1], motion.poses)
     speeds = np.diff(ways, axis=0) / motion.dt
-    looks = np.union1d(np.linspace(0, count, settings.samples + 1).astype(np.int64), motion.base)
+    looks = np.union1d(np.linspace(0, count, settings.samples + 1).astype(np.int64), motion.marks).astype(
+        np.int64
+    )
     position, velocity = model.data.qpos[plate : plate + 3], model.data.qvel[plate : plate + 3]  # views
     step, motions = engine().mj_step, list[FloatArray]()
     for i in range(count + 1):

@@ -1,38 +1,364 @@
-"""Push a chain with real contacts in a physics engine (MuJoCo): the judge of what the stable sets promise.
+"""Execute plans, trajectories and twists with real contacts in a physics engine (MuJoCo).
 
-The engine knows nothing of the mechanics of this package: it gets bodies, feet with loads, edges, and coefficients of
-friction, and moves the plate. What it cannot know either is a load on the floor that is not known.
+It is the judge of what the stable sets promise: the engine knows nothing of the mechanics of this package. It gets
+bodies, feet with loads, edges, and coefficients of friction, and moves the plate. What it cannot know either is a
+load on the floor that is not known. A push is executed together with its approach and its retreat; objects that are
+not among its load, and robots that drive alone, are looked at by distances.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain
 from pushplan.mechanics.sphere import checked_twists
+from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
-from pushplan.sim.physics.drive import Motion, drive
-from pushplan.sim.physics.model.engine import PhysicsError
-from pushplan.sim.physics.model.settings import PhysicsSettings
-from pushplan.sim.physics.report import PhysicsReport, contact_motion
-from pushplan.sim.physics.watch import ContactWatch
-from pushplan.util.arrays import FloatArray
+from pushplan.sim.physics.drive import Motion, Recording, drive
+from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings
+from pushplan.sim.report import (
+    CLOSED,
+    ContactReport,
+    Part,
+    columns_of,
+    contact_motion,
+    report_of,
+    wanted_at_end,
+)
+from pushplan.sim.slip.simulator import SETTLED, step_times
+from pushplan.sim.world import World
+from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.names import APPROACH
 
 DEFAULTS = PhysicsSettings()
 TRAVEL = 0.1
 """Default travel of a constant twist over the chain's characteristic length."""
+HARD = PhysicsSettings(time_step=1e-3, indentation=5e-6)
+"""Hard contacts creep least, and a longer time step is enough. Where contacts slip, they slip too far with these."""
+STEPS = (1.0, 0.25, 0.125)
+"""Shares of the time step that a push is executed with, one after the other while a contact moves.
+
+The engine's friction creeps: what it holds still slides a little, in proportion to the way and to the time step. On
+20 m of way that reaches the thousandth of a segment at which a contact counts as moved: 1.0e-3 with a step of 1 ms,
+0.8e-3 with 0.25 ms (random 4 of benchmarks/plans_in_physics.py); on 35 m it is 2.6e-3 and 1.0e-3 (random 26).
+"""
+LATER = 1.2
+"""What creeps counts as moved this much later, at least, in the next smaller step; what slips, at the same time."""
+LOOKS = 50.0
+"""Looks per second at a motion, which may open a contact and close it again."""
+NEAR = 5e-3
+"""Places of the robot alone that are looked at are no farther apart, m."""
+
+
+class ContactWatch:
+    """Looks at the contacts while a chain is pushed: from when on slides and gaps count, and whether to go on.
+
+    Attributes:
+        placed: (n, 3) how the objects stand off their places at the start, as motions of the chain frame, or None.
+        base: Number of the look from which slides and gaps count. Objects off their places touch with a corner only
+            and have to close first, until no gap is wider than a tenth of the tolerance. None before that.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        tolerance: float,
+        begin: float = 0.0,
+        end: float = 1.0,
+        placed: FloatArray | None = None,
+        until_moved: bool = False,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        """Watch `chain`.
+
+        Args:
+            chain: What is pushed.
+            tolerance: Slide or gap over the length of a segment above which a contact counts as moved.
+            begin: Share of the motion before which nothing counts.
+            end: Share after which nothing does.
+            placed: See the class.
+            until_moved: Ask to stop when a contact has moved.
+            progress: Called with the share that is done.
+        """
+        self.placed = placed
+        self.base: int | None = None
+        self._chain, self._begin, self._end = chain, begin, end
+        self._until_moved, self._progress = until_moved, progress
+        self._most = tolerance * np.array([contact.length for contact in chain.contacts])
+        self._looks = 0
+        self._reference: FloatArray | None = None
+
+    def __call__(self, share: float, motions: FloatArray) -> bool:
+        """Take a look; tell whether to stop. See `drive.Watch`."""
+        if self._progress is not None:
+            self._progress(share)
+        counts = self._begin <= share <= self._end
+        if self.base is None and counts and self._closed(motions):
+            self.base, self._reference = self._looks, motions
+        self._looks += 1
+        return (
+            self._until_moved
+            and counts
+            and self._reference is not None
+            and self._moved(self._reference, motions)
+        )
+
+    def _closed(self, motions: FloatArray) -> bool:
+        if self.placed is None:
+            return True
+        opening = contact_motion(self._chain, motions[None], None)[1][0]
+        return bool((opening <= CLOSED * self._most).all())
+
+    def _moved(self, reference: FloatArray, motions: FloatArray) -> bool:
+        slide, opening, _ = contact_motion(self._chain, np.stack([reference, motions]))
+        return bool((np.maximum(np.abs(slide[1]), opening[1]) > self._most).any())
+
+
+def simulate_in_physics(
+    plan: Plan,
+    world: World | None = None,
+    *,
+    until_moved: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> ContactReport:
+    """Execute a plan at full speed with all inertia; pushes in smaller steps as long as a contact creeps.
+
+    Args:
+        plan: Of any kind of scenario, timed; objects with known loads.
+        world: What it meets; None for what the plan believes. Obstacles and walls are not in it.
+        until_moved: End as soon as a contact counts as moved.
+        progress: Called now and then with the share of the trajectory that is done.
+
+    Raises:
+        MissingEngineError: When the engine is not installed.
+        PhysicsError: When there is nothing to simulate, or the simulation does not stay finite.
+        SupportError: When a load is not known.
+    """
+    if plan.trajectory is None:
+        raise PhysicsError(f"there is no plan to execute: {plan.reason or 'it is not timed'}")
+    there = World.from_scenario(plan.scenario) if world is None else world
+    began, objects = perf_counter(), there.object_poses
+    parts, clear = list[Part](), math.inf
+    for group in _groups(plan):
+        standing = _standing(plan, there, group, objects)
+        if plan.segments[group[0]].load is None:
+            parts.append(_alone(plan, there, group[0], objects))
+            clear = min(clear, _clearance(plan, there, parts[-1], standing))
+        else:
+            own = _Push(plan, there, group, objects, until_moved, progress)
+            found = own.executed()
+            parts += found
+            clear = min(clear, *(_clearance(plan, there, part, standing) for part in found))
+            if own.stopped:
+                break
+        objects = parts[-1].objects[-1]
+        if progress is not None:
+            progress(plan.times[group[-1] + 1] / plan.times[-1])
+    wanted = wanted_at_end(plan, parts[-1], there.names)
+    seconds = perf_counter() - began
+    return report_of(there.names, parts, HARD.tolerance, wanted, clear=clear, seconds=seconds)
+
+
+def _groups(plan: Plan) -> list[list[int]]:
+    """Return indices of segments that are executed together: each push with its approach and its retreat."""
+    found: list[list[int]] = []
+    for k, segment in enumerate(plan.segments):
+        begins = segment.load is None or segment.kind == APPROACH or not found
+        if begins or plan.segments[found[-1][-1]].load is None:
+            found.append([])
+        found[-1].append(k)
+    return found
+
+
+class _Push:
+    """A push with approach and retreat, from where the objects (n, 3) are."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        world: World,
+        group: list[int],
+        objects: FloatArray,
+        until_moved: bool,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        load = plan.segments[group[0]].load
+        assert load is not None
+        assert plan.trajectory is not None
+        self.chain = world.chain if world.plate is None else world.pushed(load.chain)
+        self.stopped = False
+        self._plan, self._world, self._group, self._objects = plan, world, group, objects
+        self._until_moved, self._progress = until_moved, progress
+        self._t0, self._t1 = float(plan.times[group[0]]), float(plan.times[group[-1] + 1])
+        self._trajectory, self._frame = plan.trajectory, load.frame_plate
+        self._push = next(k for k in group if plan.segments[k].pushes)
+
+    def executed(self) -> list[Part]:
+        """Execute it, in smaller steps as long as a contact creeps; the last time counts."""
+        moved_at = 0.0
+        for share in STEPS:
+            driven = self._driven(share, until_moved=True)
+            before, moved_at = moved_at, self._moved_at(driven)
+            if not math.isfinite(moved_at) or (before > 0.0 and moved_at <= LATER * before):
+                break
+        self.stopped = self._until_moved and math.isfinite(moved_at)
+        if math.isfinite(moved_at) and not self._until_moved:
+            driven = self._driven(share, until_moved=False)
+        return self._parts(driven)
+
+    def _settled(self) -> float:
+        """Return when slides and gaps begin to count: after an approach, a part of the push closes contacts."""
+        push, begin = self._plan.segments[self._push], float(self._plan.times[self._push])
+        if self._push == self._group[0]:
+            return begin
+        own = push.contact_trajectory
+        gone = np.hypot(*(own.poses[:, :2] - own.poses[0, :2]).T)
+        settled = np.flatnonzero(gone >= SETTLED * push.contact_path.lengths[0])
+        return begin + float(own.t[settled[0]])
+
+    def _driven(self, share: float, until_moved: bool) -> _Driven:
+        """Drive the plate with a share of the usual time step."""
+        duration = self._t1 - self._t0
+        samples = max(HARD.samples, math.ceil(LOOKS * duration))
+        settings = replace(HARD, samples=samples, time_step=share * HARD.time_step)
+        count = math.ceil(duration / settings.time_step)
+        dt = duration / count
+        at = self._t0 + dt * np.arange(count + 1)
+        poses = se2.compose(self._trajectory.poses_at(at), self._frame)
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        ends = self._plan.times[[*self._group, self._group[-1] + 1]]
+        marks = tuple(np.searchsorted(at, ends - 0.5 * dt).tolist())
+        own = self._group.index(self._push)
+        watch = ContactWatch(
+            self.chain,
+            settings.tolerance,
+            (self._settled() - self._t0) / duration,
+            marks[own + 1] / count,
+            self._placed(poses[0]),
+            until_moved,
+            self._tell(duration),
+        )
+        motion = Motion(dt, se2.relative(poses[0], poses), marks)
+        recording = drive(self.chain, motion, settings, watch.placed, watch)
+        return _Driven(
+            recording, watch.base, poses[0], np.asarray(at[recording.steps], dtype=np.float64), marks
+        )
+
+    def _tell(self, duration: float) -> Callable[[float], None] | None:
+        progress, whole = self._progress, float(self._plan.times[-1])
+        if progress is None:
+            return None
+        return lambda share: progress((self._t0 + share * duration) / whole)
+
+    def _placed(self, frame: FloatArray) -> FloatArray | None:
+        """Return how the objects stand off their places, as motions of the chain frame; None: not at all."""
+        if self._world.plate is None and not self._world.offsets.any():
+            return None
+        own = self._objects[columns_of(self.chain, self._world.names)]
+        return se2.relative(frame, se2.compose(own, se2.inverse(self.chain.places)))
+
+    def _moved_at(self, driven: _Driven) -> float:
+        """Return when the first contact was seen to have moved during the push, s from its beginning."""
+        slide, opening, _ = contact_motion(self.chain, driven.recording.motions, driven.base)
+        lengths = np.array([contact.length for contact in self.chain.contacts])
+        rows = driven.rows(self._group.index(self._push))
+        over = (np.maximum(np.abs(slide), opening) / lengths > HARD.tolerance).any(axis=1)[rows]
+        return float(driven.t[rows[over.argmax()]] - self._t0) if over.any() else math.inf
+
+    def _parts(self, driven: _Driven) -> list[Part]:
+        """Return what each of the segments came to."""
+        t, motions = driven.t, driven.recording.motions
+        plates = se2.compose(driven.frame, motions[:, -1])
+        objects = np.repeat(self._objects[None], len(t), axis=0)
+        own = columns_of(self.chain, self._world.names)
+        objects[:, own] = se2.compose(driven.frame, se2.compose(motions[:, :-1], self.chain.places))
+        found, plate = [], self.chain.pusher.plate_pose
+        for j, k in enumerate(self._group):
+            rows = driven.rows(j)
+            if len(rows) < 2:
+                break
+            pushes = k == self._push
+            base = None if driven.base is None or not pushes else max(driven.base - int(rows[0]), 0)
+            chain = self.chain if pushes else None
+            found.append(Part(k, chain, t[rows], plates[rows], plate, objects[rows], base))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Driven:
+    """What driving a push came to.
+
+    Attributes:
+        recording: Where the bodies went.
+        base: Number of the look from which slides and gaps count; None: of none.
+        frame: (3,) pose of the contact's frame at the beginning.
+        t: (m,) times of the looks, s.
+        marks: Steps at which segments begin, and the last one ends.
+    """
+
+    recording: Recording
+    base: int | None
+    frame: FloatArray
+    t: FloatArray
+    marks: tuple[int, ...]
+
+    def rows(self, j: int) -> IntArray:
+        """Return the looks at segment j of the push, from its beginning to its end."""
+        steps = self.recording.steps
+        return np.flatnonzero((steps >= self.marks[j]) & (steps <= self.marks[j + 1]))
+
+
+def _alone(plan: Plan, world: World, k: int, objects: FloatArray) -> Part:
+    """Return what a segment comes to in which the robot drives alone."""
+    trajectory = plan.segments[k].contact_trajectory
+    t = step_times(trajectory, world.chain.reach, NEAR)
+    poses = trajectory.poses_at(t)
+    return Part(k, None, t + plan.times[k], poses, np.zeros(3), np.repeat(objects[None], len(t), axis=0))
+
+
+def _standing(plan: Plan, world: World, group: Sequence[int], objects: FloatArray) -> shapely.Geometry | None:
+    """Return the objects that are not pushed in a group of segments, in one; None where all are."""
+    load = plan.segments[group[0]].load
+    pushed = () if load is None else load.names
+    outlines = [
+        shapely.Polygon(se2.transform_points(pose, obj.outline))
+        for obj, pose in zip(world.objects, objects, strict=True)
+        if obj.name not in pushed
+    ]
+    return shapely.union_all(outlines) if outlines else None
+
+
+def _clearance(plan: Plan, world: World, part: Part, standing: shapely.Geometry | None) -> float:
+    """Return the least distance (m) of robot and load from objects that stand, along a part."""
+    if standing is None:
+        return math.inf
+    load = plan.segments[part.segment].load
+    pusher = plan.scenario.pusher if load is None else load.chain.pusher
+    into = se2.compose(part.plate, se2.inverse(pusher.plate_pose))
+    moving = [
+        shapely.Polygon(se2.transform_points(se2.compose(pose, into), outline))
+        for pose in part.frame
+        for outline in (pusher.outline, *pusher.footprint)
+    ]
+    for name in () if load is None else load.names:
+        i = world.names.index(name)
+        outline = world.objects[i].outline
+        moving += [shapely.Polygon(se2.transform_points(poses[i], outline)) for poses in part.objects]
+    return float(shapely.distance(moving, standing).min())
 
 
 def simulate_twist(
     chain: Chain, twist: ArrayLike, travel: float | None = None, settings: PhysicsSettings = DEFAULTS
-) -> PhysicsReport:
+) -> ContactReport:
     """Push a chain with a constant twist, so slowly that inertia does not matter.
 
     Args:
@@ -57,7 +383,7 @@ def simulate_twist(
     way = travel * _soft_start(int(np.ceil(travel / (settings.step * length))), settings.run_in)
     dt = float(way[-1] - way[-2]) / _creep(chain, settings)
     motion = _counted(chain, Motion(dt, se2.exp(direction * way[:, None])), settings)
-    watch = ContactWatch(chain, settings.tolerance, motion.base / (len(motion.poses) - 1))
+    watch = ContactWatch(chain, settings.tolerance, motion.marks[0] / (len(motion.poses) - 1))
     return _simulate(chain, np.zeros(3), motion, dt, settings, watch)
 
 
@@ -68,9 +394,7 @@ def simulate_trajectory(
     settings: PhysicsSettings = DEFAULTS,
     *,
     placed: FloatArray | None = None,
-    until_moved: bool = False,
-    progress: Callable[[float], None] | None = None,
-) -> PhysicsReport:
+) -> ContactReport:
     """Push a chain along a trajectory, at full speed with all inertia.
 
     Args:
@@ -80,8 +404,6 @@ def simulate_trajectory(
         settings: See there.
         placed: (n, 3) how the objects stand off their places (see `perturb.shifted_places`); slides and gaps then
             count from the moment on in which all contacts are closed. None for not at all.
-        until_moved: End as soon as a contact counts as moved.
-        progress: Called now and then with the share of the trajectory that is done.
 
     Raises:
         MissingEngineError: When the engine is not installed.
@@ -100,31 +422,23 @@ def simulate_trajectory(
         motion = _counted(chain, Motion(dt * peak / _creep(chain, settings), poses), settings)
     else:
         motion = Motion(dt, poses)
-    watch = ContactWatch(chain, settings.tolerance, motion.base / steps, placed, until_moved, progress)
+    begin = motion.marks[0] / steps if motion.marks else 0.0
+    watch = ContactWatch(chain, settings.tolerance, begin, placed=placed)
     return _simulate(chain, trajectory.start, motion, dt, settings, watch)
 
 
 def _simulate(
     chain: Chain, start: FloatArray, motion: Motion, dt: float, settings: PhysicsSettings, watch: ContactWatch
-) -> PhysicsReport:
+) -> ContactReport:
     """Return the report of a motion from `start`; one of its steps counts as `dt`."""
-    begin = perf_counter()
+    began = perf_counter()
     recording = drive(chain, motion, settings, watch.placed, watch)
-    seconds = perf_counter() - begin
-    slide, opening, rotation = contact_motion(chain, recording.motions, watch.base)
+    poses = se2.compose(start, recording.motions[:, -1])
+    objects = se2.compose(start, se2.compose(recording.motions[:, :-1], chain.places))
     t = np.asarray(dt * recording.steps, dtype=np.float64)
-    return PhysicsReport(
-        chain=chain,
-        t=t,
-        poses=se2.compose(start, recording.motions[:, -1]),
-        object_poses=se2.compose(start[None], se2.compose(recording.motions[:, :-1], chain.places)),
-        slide=slide,
-        opening=opening,
-        rotation=rotation,
-        tolerance=settings.tolerance,
-        seconds=seconds,
-        counted_from=0.0 if watch.base is None else float(t[watch.base]),
-    )
+    part = Part(0, chain, t, poses, chain.pusher.plate_pose, objects, watch.base)
+    names, wanted = tuple(obj.name for obj in chain.objects), se2.compose(poses[-1], chain.places)
+    return report_of(names, (part,), settings.tolerance, wanted, seconds=perf_counter() - began)
 
 
 def _counted(chain: Chain, motion: Motion, settings: PhysicsSettings) -> Motion:
@@ -132,7 +446,7 @@ def _counted(chain: Chain, motion: Motion, settings: PhysicsSettings) -> Motion:
     length = chain.characteristic_length
     way = np.cumsum(_rate(se2.relative(motion.poses[:-1], motion.poses[1:]), length))
     taken_up = np.searchsorted(way, min(settings.taking_up * length, 0.5 * float(way[-1])))
-    return replace(motion, base=int(taken_up) + 1)
+    return replace(motion, marks=(int(taken_up) + 1,))
 
 
 def _soft_start(steps: int, ramp: int) -> FloatArray:

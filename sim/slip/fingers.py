@@ -9,11 +9,10 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import PushedObject
-from pushplan.sim.slip.kernels.march import march
-from pushplan.sim.slip.kernels.packed import PackedWorld, make_work
-from pushplan.sim.slip.kernels.state import CONVERGED, FALLBACK, make_state, make_trace
 from pushplan.sim.slip.packing import Pair, Piece, cut, pack_bodies
 from pushplan.sim.slip.simulator import steps_of
+from pushplan.sim.slip.state import CONVERGED, FALLBACK, PackedWorld, make_state, make_trace, make_work
+from pushplan.sim.slip.step import march
 from pushplan.util.arrays import FloatArray, frozen
 
 

@@ -10,14 +10,15 @@ import numpy as np
 import shapely
 
 from pushplan.errors import SupportError
+from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import Support
 from pushplan.planners.collision.scene import bounding_circle, convex_pieces
 from pushplan.scenario.parts import CircleObstacle
-from pushplan.sim.physics.model.feet import Feet, feet_of
-from pushplan.sim.slip.kernels.packed import PackedWorld
-from pushplan.sim.worlds.world import World
-from pushplan.util.arrays import FloatArray
+from pushplan.sim.feet import Feet, feet_of
+from pushplan.sim.slip.state import PackedWorld
+from pushplan.sim.world import World
+from pushplan.util.arrays import FloatArray, IntArray
 
 QUADRATURE = 13
 """Degree up to which the points under a polygon have the moments of its pressure: at most 105 points."""
@@ -43,16 +44,34 @@ class Pair(NamedTuple):
     friction: float
 
 
-def pack_world(world: World) -> PackedWorld:
-    """Return the arrays of a world.
+def pack_world(world: World, chain: Chain | None = None) -> tuple[PackedWorld, IntArray]:
+    """Return the arrays of a world, and which of its objects they have in what order (n,).
+
+    Args:
+        world: All objects, the pusher, and what stands still.
+        chain: What the plate holds: its objects come first, and the pusher is in its frame. None for nothing; the
+            pusher is in the plate frame then.
 
     Raises:
         SupportError: When the load under an object is not known, or it has no friction with the floor.
     """
-    chain = world.chain
-    pieces = _pieces(world)
-    pairs = _pairs(world, pieces)
-    return pack_bodies(chain.objects, pieces, pairs, half_extent(chain), chain.pusher.contact_height)
+    held = () if chain is None else chain.objects
+    names = [obj.name for obj in held]
+    objects = [*held, *(obj for obj in world.objects if obj.name not in names)]
+    order = np.array([world.names.index(obj.name) for obj in objects])
+    pusher = world.chain.pusher if chain is None else chain.pusher
+    plate = se2.inverse(pusher.plate_pose) if chain is None else np.zeros(3)
+    carried = [
+        se2.transform_points(plate, part) if plate.any() else part
+        for part in (pusher.outline, *pusher.footprint)
+    ]
+    n = len(objects)
+    pieces = [piece for i, obj in enumerate(objects) for piece in cut(i, obj.outline)]
+    pieces += [piece for outline in carried for piece in cut(n, outline)]
+    pieces += _standing(world, n + 1)
+    pairs = _pairs(world, chain, [obj.name for obj in objects], pieces)
+    length = half_extent(world.chain if chain is None else chain)
+    return pack_bodies(objects, pieces, pairs, length, pusher.contact_height), order
 
 
 def pack_bodies(
@@ -120,17 +139,6 @@ def _feet(obj: PushedObject, height: float) -> tuple[FloatArray, list[float], Fl
     return rows, [obj.friction_load, shift, second[0, 0], second[0, 1], second[1, 1]], center
 
 
-def _pieces(world: World) -> list[Piece]:
-    """Return the convex pieces of objects, pusher and what stands still."""
-    n = len(world.chain.objects)
-    found: list[Piece] = []
-    for i, obj in enumerate(world.chain.objects):
-        found += cut(i, obj.outline)
-    for outline in (world.chain.pusher.outline, *world.chain.pusher.footprint):
-        found += cut(n, outline)
-    return found + _standing(world, n + 1)
-
-
 def _standing(world: World, body: int) -> list[Piece]:
     """Return the pieces of obstacles and walls."""
     found: list[Piece] = []
@@ -180,15 +188,21 @@ def _circle(piece: Piece) -> FloatArray:
     return np.append(circle + np.array([0.0, 0.0, piece.rounding]), piece.rounding)
 
 
-def _pairs(world: World, pieces: Sequence[Piece]) -> list[Pair]:
+def _pairs(world: World, chain: Chain | None, names: Sequence[str], pieces: Sequence[Piece]) -> list[Pair]:
     """Return which pieces may touch; those of the chain's contacts come first."""
-    chain, n = world.chain, len(world.chain.objects)
-    contact_of = {(c.pusher if c.pusher >= 0 else n, c.pushed): k for k, c in enumerate(chain.contacts)}
+    n = len(names)
+    contacts = () if chain is None else chain.contacts
+    contact_of = {(c.pusher if c.pusher >= 0 else n, c.pushed): k for k, c in enumerate(contacts)}
     found = []
     for a, one in enumerate(pieces):
         for b, other in enumerate(pieces):
-            known = contact_of.get((one.body, other.body), -1)
             if one.body < other.body < n or (one.body >= n and other.body < n):
-                elsewhere = chain.pusher.friction if one.body == n else world.other_friction
-                found.append(Pair(a, b, known, chain.contacts[known].friction if known >= 0 else elsewhere))
+                known = contact_of.get((one.body, other.body), -1)
+                if known >= 0:
+                    friction = contacts[known].friction
+                elif one.body > n:
+                    friction = world.other_friction
+                else:
+                    friction = world.friction(None if one.body == n else names[one.body], names[other.body])
+                found.append(Pair(a, b, known, friction))
     return sorted(found, key=lambda pair: pair.contact < 0)

@@ -1,26 +1,60 @@
-"""A world that is pushed piece by piece: for whole trajectories, and for controllers that look in between."""
+"""Execute plans in a world whose contacts may slip; quasi-statically: only paths count, not how fast they are driven.
+
+Inertia is left out, as in all of the plan's mechanics without `contact: dynamic`; times are the trajectory's.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.sim.slip.kernels.march import march
-from pushplan.sim.slip.kernels.packed import make_work
-from pushplan.sim.slip.kernels.state import (
-    CROWDED,
-    JAMMED,
-    UNSOLVED,
-    Trace,
-    make_state,
-    make_trace,
+from pushplan.mechanics.chain import Chain
+from pushplan.plans.plan import Plan
+from pushplan.plans.trajectory import Trajectory
+from pushplan.sim.report import (
+    ContactReport,
+    Mode,
+    Part,
+    first_closed,
+    judged,
+    report_of,
+    wanted_at_end,
+    worst_at_goal,
 )
 from pushplan.sim.slip.packing import pack_world
-from pushplan.sim.slip.settings import SlipSettings
-from pushplan.sim.worlds.world import World
+from pushplan.sim.slip.state import CROWDED, JAMMED, UNSOLVED, Trace, make_state, make_trace, make_work
+from pushplan.sim.slip.step import march
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, frozen
+from pushplan.util.names import APPROACH
+
+SETTLED = 0.9
+"""Share of the first arc of a push after an approach, after which contacts are expected to be closed."""
+
+
+@dataclass(frozen=True)
+class SlipSettings:
+    """Settings that all simulations share.
+
+    Attributes:
+        step: How far the fastest corner of plate and stacked objects moves in a step at most, m.
+        tolerance: Slide or opening over the length of the contact segment from which on a contact counts as moved.
+    """
+
+    step: float = 1e-3
+    tolerance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not value > 0:
+                raise PushplanError(f"{field.name} of the slip settings is {value}; it must be > 0")
+
 
 DEFAULTS = SlipSettings()
 
@@ -28,10 +62,14 @@ DEFAULTS = SlipSettings()
 class SlipSimulator:
     """Objects on the floor and a plate that moves among them; it can be moved on at any time.
 
+    The plate is moved in the frame of the chain that it holds (see `hold`), which it does from the beginning in a
+    world where it is in contact; in the plate frame else.
+
     Attributes:
         world: What it began as.
         settings: See there.
         jammed: No motion of the objects satisfied all contacts and balances; nothing moves any more until `place`.
+        chain: What is held: its contacts are told of; None while the plate is alone.
     """
 
     def __init__(
@@ -41,20 +79,33 @@ class SlipSimulator:
 
         Args:
             world: Where the objects are, and all that they meet.
-            plate_pose: (3,) pose of the chain frame in the world; None for the world's start.
+            plate_pose: (3,) pose of the frame that the plate is moved in; None for where it is in the world.
             settings: See there.
 
         Raises:
             SupportError: When the load under an object is not known, or it has no friction with the floor.
         """
         self.world, self.settings = world, settings
-        self._packed = pack_world(world)
-        self.place(world.object_poses, world.start if plate_pose is None else plate_pose)
+        self.chain = world.chain if world.plate is None else None
+        self._packed, self._order = pack_world(world, self.chain)
+        first = world.start if world.plate is None else world.plate
+        self.place(world.object_poses, first if plate_pose is None else plate_pose)
+
+    def hold(self, chain: Chain | None) -> None:
+        """Hold a chain, with objects and frictions as they are in the world, or nothing; the plate stays there."""
+        objects, plate = self.object_poses, se2.compose(self.plate_pose, self.plate_in_frame)
+        self.chain = chain
+        self._packed, self._order = pack_world(self.world, chain)
+        self.place(objects, se2.compose(plate, se2.inverse(self.plate_in_frame)))
+
+    @property
+    def plate_in_frame(self) -> FloatArray:
+        """(3,) pose of the plate frame in the frame that the plate is moved in."""
+        return np.zeros(3) if self.chain is None else self.chain.pusher.plate_pose
 
     def place(self, object_poses: ArrayLike, plate_pose: ArrayLike) -> None:
         """Put objects (n, 3) and plate (3,) somewhere else in the world, at rest and without contact forces."""
-        n = len(self.world.chain.objects)
-        objects = frozen(object_poses, (n, 3), "poses of the objects")
+        objects = frozen(object_poses, (len(self._order), 3), "poses of the objects")[self._order]
         self._work = make_work(self._packed)
         self._state = make_state(np.vstack([objects, frozen(plate_pose, (3,), "pose of the plate")]))
         self.jammed = False
@@ -62,18 +113,22 @@ class SlipSimulator:
     @property
     def object_poses(self) -> FloatArray:
         """(n, 3) poses of the objects' own frames in the world."""
-        return np.array(self._state.poses[:-1])
+        return np.array(self._state.poses[:-1][np.argsort(self._order)])
 
     @property
     def plate_pose(self) -> FloatArray:
-        """(3,) pose of the chain frame in the world."""
+        """(3,) pose in the world of the frame that the plate is moved in."""
         return np.array(self._state.poses[-1])
 
+    @property
+    def reach(self) -> float:
+        """Distance of the farthest point of robot, plate and held objects from the frame's origin, m."""
+        return self.world.chain.reach if self.chain is None else self.chain.reach
+
     def move(self, twist: ArrayLike, duration: float) -> Trace:
-        """Move the plate with a constant body twist (3,) in the chain frame, in steps as `settings` says."""
+        """Move the plate with a constant body twist (3,), in steps as `settings` says."""
         motion = frozen(twist, (3,), "twist of the plate") * duration
-        reach = self.world.chain.reach
-        way = float(np.hypot(motion[0], motion[1])) + reach * abs(float(motion[2]))
+        way = float(np.hypot(motion[0], motion[1])) + self.reach * abs(float(motion[2]))
         count = max(1, int(np.ceil(way / self.settings.step)))
         return self.follow(np.tile(motion / count, (count, 1)))
 
@@ -81,7 +136,7 @@ class SlipSimulator:
         """Move the plate by body twists times time (m, 3), one step each; after a jam what is left is not done.
 
         Returns:
-            The trace of the steps that were made; a jam is its last one.
+            The trace of the steps that were made; a jam is its last one. Columns are those of the world's objects.
 
         Raises:
             PushplanError: When more bodies touch at once than there is room for.
@@ -93,7 +148,171 @@ class SlipSimulator:
                 f"more than {len(self._work.who)} contacts at once: that is more than the simulator has room for"
             )
         self.jammed = self.jammed or bool(done and trace.end[done - 1] in (JAMMED, UNSOLVED))
-        return Trace._make(values[:done] for values in trace)
+        own = np.argsort(self._order)
+        by_object = {
+            name: getattr(trace, name)[:done, own] for name in ("poses", "modes", "forces", "others")
+        }
+        return Trace(
+            **by_object, wrenches=trace.wrenches[:done], residual=trace.residual[:done], end=trace.end[:done]
+        )
+
+
+def simulate(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> ContactReport:
+    """Execute a plan in a world: contacts stick, slide, roll off an end, open and close again.
+
+    Objects that are not pushed stand where they are, unless something touches them.
+
+    Args:
+        plan: What the plate is made to do; timed.
+        world: What it meets; it need not be what the plan believes.
+        settings: See there.
+
+    Raises:
+        PushplanError: When `world` is no `World`, the plan has no trajectory, or more bodies touch at once than there
+            is room for.
+        SupportError: When the load under an object is not known, or it has no friction with the floor.
+    """
+    report = slip(plan, world, settings)
+    loads = [segment.load if segment.pushes else None for segment in plan.segments]
+    judge, margins = judged(loads, plan.stable_set, report.names, report.segment, report.twists)
+    loss = report.loss
+    if loss is not None:
+        at = int(np.searchsorted(report.t, loss.time))
+        loss = replace(loss, margin=float(margins[at, report.names.index(loss.object)]))
+    off = worst_at_goal(plan.scenario, report.objects[-1])
+    return replace(report, judge=judge, margins=margins, loss=loss, goal_error=off)
+
+
+def slip(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> ContactReport:
+    """Return `simulate` without margins and errors at the goal, which take their time.
+
+    Raises:
+        PushplanError: As `simulate`.
+        SupportError: As `simulate`.
+    """
+    if not isinstance(world, World):
+        raise PushplanError(
+            f"simulate takes a World, not {type(world).__name__}: World.from_scenario(scenario) makes one"
+        )
+    if plan.trajectory is None:
+        raise PushplanError(f"there is no plan to execute: {plan.reason or 'it is not timed'}")
+    began, parts = perf_counter(), list[Part]()
+    simulator = SlipSimulator(world, settings=settings)
+    for k in range(len(plan.segments)):
+        parts.append(_executed(simulator, plan, k))
+        if simulator.jammed:
+            break
+    jammed_at = None
+    if simulator.jammed:
+        jammed_at = float(parts[-1].t[-1])
+        parts[-1] = _without_jam(parts[-1])
+    wanted = wanted_at_end(plan, parts[-1], world.names)
+    return report_of(
+        world.names, parts, settings.tolerance, wanted, jammed_at=jammed_at, seconds=perf_counter() - began
+    )
+
+
+def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> Part:
+    """Execute segment k from where everything is."""
+    segment, world = plan.segments[k], simulator.world
+    load, alone = segment.load, world.plate is not None
+    trajectory = segment.contact_trajectory
+    if alone:
+        simulator.hold(None if load is None else world.pushed(load.chain))
+    t = step_times(trajectory, simulator.reach, simulator.settings.step)
+    poses = trajectory.poses_at(t)
+    simulator.place(simulator.object_poses, poses[0])
+    part = moved(simulator, t + plan.times[k], poses, k)
+    if not segment.pushes or part.chain is None:
+        return replace(part, chain=None)
+    begin = 0
+    if k and plan.segments[k - 1].kind == APPROACH:
+        way = segment.contact_path.lengths[0] * SETTLED
+        gone = np.hypot(*(part.frame[:, :2] - part.frame[0, :2]).T)
+        begin = min(int(np.searchsorted(gone, way)), len(t) - 1)
+    if not alone and not world.offsets.any():
+        return part
+    motions = part.motions(world.names)
+    return replace(part, base=first_closed(part.chain, motions, simulator.settings.tolerance, begin))
+
+
+def moved(simulator: SlipSimulator, t: FloatArray, poses: FloatArray, segment: int = 0) -> Part:
+    """Move the plate through poses (m + 1, 3) at times (m + 1,), one step between two; a jam is the last of them."""
+    before = simulator.object_poses
+    trace = simulator.follow(steps_of(poses))
+    done = len(trace.end)
+    modes = trace.modes
+    if simulator.chain is None:
+        modes = np.full_like(modes, Mode.NOT_PUSHED)
+    return Part(
+        segment,
+        simulator.chain,
+        t[: done + 1],
+        poses[: done + 1],
+        simulator.plate_in_frame,
+        np.concatenate([before[None], trace.poses]),
+        modes=modes,
+        wrenches=trace.wrenches,
+    )
+
+
+def simulate_poses(
+    t: FloatArray, poses: FloatArray, world: World, settings: SlipSettings = DEFAULTS
+) -> ContactReport:
+    """Move a plate that is in contact through poses (m + 1, 3) of the chain frame, one step between two.
+
+    Raises:
+        PushplanError: When more bodies touch at once than there is room for.
+        SupportError: When the load under an object is not known, or it has no friction with the floor.
+    """
+    began = perf_counter()
+    simulator = SlipSimulator(world, poses[0], settings)
+    part = moved(simulator, t, poses)
+    jammed_at = float(part.t[-1]) if simulator.jammed else None
+    part = _without_jam(part) if simulator.jammed else part
+    if world.offsets.any():
+        part = replace(part, base=first_closed(world.chain, part.motions(world.names), settings.tolerance))
+    wanted = se2.compose(part.frame[-1], world.chain.places)
+    seconds = perf_counter() - began
+    return report_of(world.names, (part,), settings.tolerance, wanted, jammed_at=jammed_at, seconds=seconds)
+
+
+def _without_jam(part: Part) -> Part:
+    """Return a part without its last step, in which nothing moved."""
+    assert part.modes is not None
+    assert part.wrenches is not None
+    return replace(
+        part,
+        t=part.t[:-1],
+        frame=part.frame[:-1],
+        objects=part.objects[:-1],
+        modes=part.modes[:-1],
+        wrenches=part.wrenches[:-1],
+    )
+
+
+def step_times(trajectory: Trajectory, reach: float, step: float) -> FloatArray:
+    """Return times (m + 1,) between which no point within `reach` of the plate's reference moves by more than `step`.
+
+    Where one arc goes over into the next is one of them: a step has one twist. Times at rest are left out.
+    """
+    arc_ends = trajectory.breaks[
+        np.append(np.flatnonzero(np.diff(trajectory.arc)) + 1, len(trajectory.breaks) - 1)
+    ]
+    fine = np.union1d(trajectory.t, trajectory.breaks)
+    twists = trajectory.twists_at(fine)
+    rate = np.hypot(twists[:, 0], twists[:, 1]) + reach * np.abs(twists[:, 2])
+    peak = np.maximum(rate[:-1], rate[1:])
+    way = np.concatenate([[0.0], np.cumsum(peak * np.diff(fine))])
+    ends = np.concatenate([[0.0], arc_ends])
+    found = [np.zeros(1)]
+    for begin, end in zip(*(np.interp(part, fine, way) for part in (ends[:-1], ends[1:])), strict=True):
+        count = max(1, int(np.ceil((end - begin) / step)))
+        marks = begin + (end - begin) * (np.arange(count) + 1.0) / count
+        found.append(np.interp(marks, way, fine))
+    times = np.concatenate(found)
+    times[np.cumsum([len(part) for part in found[1:]])] = arc_ends  # not where rounding puts them
+    return np.asarray(times[np.append(True, np.diff(times) > 0.0)])
 
 
 def steps_of(poses: FloatArray) -> FloatArray:

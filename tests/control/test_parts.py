@@ -9,16 +9,17 @@ import pushplan
 from pushplan.errors import ChainError, PushplanError
 from pushplan.geometry.se2 import compose, exp, relative
 from pushplan.mechanics.perturb import slid
+from pushplan.planners.planner import Planner
+from pushplan.planners.planner import plan as plan_in
 from pushplan.planners.validation.clearance import excess
 from pushplan.plans.path import cost_rate
+from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
-from pushplan.sim.control.aims import SHARE, Aim
-from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push
-from pushplan.sim.control.driving import Driving
-from pushplan.sim.control.measured_chain import contacts_at
-from pushplan.sim.control.sensor import Measurements
-from pushplan.sim.control.sightings import Sightings
-from pushplan.sim.worlds.kick import kicked
+from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
+from pushplan.sim.control.course import kicked
+from pushplan.sim.control.replanner import SHARE, Aim
+from pushplan.sim.control.sensing import Measurements, Sightings
+from pushplan.sim.follower import Drive
 
 SPREAD = Spread(0.2, 2.5e-4, 1e-3)
 
@@ -29,16 +30,16 @@ def crates() -> pushplan.Scenario:
 
 
 @pytest.fixture(scope="module")
-def queries(crates: pushplan.Scenario) -> pushplan.Queries:
-    return pushplan.Queries(crates)
+def queries(crates: pushplan.Scenario) -> Planner:
+    return Planner(crates)
 
 
 def test_a_stop_keeps_to_the_path_and_the_limits_wherever_it_begins(crates: pushplan.Scenario) -> None:
-    plan = pushplan.plan(crates, seed=1, first=True)
+    plan = plan_in(crates, seed=1, first=True)
     assert plan.trajectory is not None
     limits, dt = crates.chain.pusher.limits, 0.01
     for begin in np.linspace(0.05, 0.95, 7) * plan.trajectory.duration:
-        driving = Driving(plan.trajectory, limits)
+        driving = Drive(plan.trajectory, limits)
         driving.at = float(begin)
         driving.stop()
         poses, times = [plan.trajectory.poses_at([begin])[0]], [float(begin)]
@@ -124,7 +125,7 @@ def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(crates: pushpl
     for _ in range(20):
         way, index = random.uniform(-np.pi, np.pi), int(random.integers(2))
         kick = pushplan.Kick(0.0, index, 5e-3 * np.cos(way), 5e-3 * np.sin(way), 0.05)
-        poses = kicked(world, world.object_poses, world.start, kick)
+        poses = kicked(pushplan.SlipSimulator(world), world.start, kick)
         outlines = [transform_points(p, o.outline) for p, o in zip(poses, crates.chain.objects, strict=True)]
         outlines.append(transform_points(world.start, crates.chain.pusher.outline))
         shapes = [shapely.Polygon(outline) for outline in outlines]
@@ -132,11 +133,11 @@ def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(crates: pushpl
 
 
 def test_a_push_that_closes_contacts_does_so_in_other_worlds_too(
-    crates: pushplan.Scenario, queries: pushplan.Queries
+    crates: pushplan.Scenario, queries: Planner
 ) -> None:
     world = pushplan.World.from_scenario(crates)
     kick = pushplan.Kick(0.0, 0, 4e-3, 2e-3, 0.03)
-    poses = kicked(world, world.object_poses, world.start, kick)
+    poses = kicked(pushplan.SlipSimulator(world), world.start, kick)
     assert contacts_at(crates.chain, relative(world.start, poses)).opening.max() > 1e-3
     push = closing_push(world, world.start, poses, queries.twists, SPREAD)
     assert isinstance(push, ClosingPush)
@@ -149,9 +150,7 @@ def test_a_push_that_closes_contacts_does_so_in_other_worlds_too(
         assert contacts_at(crates.chain, after).flush(2.0 * GAP, 2e-3)
 
 
-def test_contacts_that_no_push_closes_are_said_to_be_so(
-    crates: pushplan.Scenario, queries: pushplan.Queries
-) -> None:
+def test_contacts_that_no_push_closes_are_said_to_be_so(crates: pushplan.Scenario, queries: Planner) -> None:
     world = pushplan.World.from_scenario(crates)
     poses = world.object_poses + np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.4]])
     why = closing_push(world, world.start, poses, queries.twists, SPREAD)
@@ -159,7 +158,7 @@ def test_contacts_that_no_push_closes_are_said_to_be_so(
 
 
 def test_the_rest_of_an_earlier_plan_is_kept_from_a_little_aside(
-    crates: pushplan.Scenario, queries: pushplan.Queries
+    crates: pushplan.Scenario, queries: Planner
 ) -> None:
     before = queries.plan(crates.start, crates.goal.pose_chain, timed=False).path
     assert before is not None
@@ -177,7 +176,7 @@ def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> N
     from pushplan.sim.control.replanner import Replanner
 
     # The way that a time limit leaves may pass obstacles closely; beside it, a chain would stand in them.
-    replanner = Replanner(replace(crates, obstacles=()), pushplan.ControlSettings())
+    replanner = Replanner(replace(crates, obstacles=()), pushplan.ControlSettings(), Observer())
     first = replanner.first()
     assert first.path is not None
     start = compose(first.path.poses_at([0.2 * first.path.cost])[0], [0.0, 4e-3, 0.03])
@@ -186,5 +185,5 @@ def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> N
     assert found.result is not None
     assert isinstance(found.result.trajectory, Trajectory)
     assert not excess(found.result.trajectory, crates.chain.pusher.limits)
-    ends = compose(found.result.trajectory.poses[-1], replanner.chain.places)
+    ends = compose(found.result.segments[0].contact_trajectory.poses[-1], replanner.chain.places)
     assert replanner.aim.reached(ends)

@@ -15,20 +15,19 @@ import pushplan
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.geometry import se2
-from pushplan.logging.old.courses import read_course
-from pushplan.logging.old.writer import RunLogWriter
+from pushplan.identify import read_course
+from pushplan.logging.writer import RunLogWriter
+from pushplan.plans.run import Execution
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.course import Course
-from pushplan.sim.identify.identification import Identification
 from pushplan.sim.identify.identify import identify_courses
-from pushplan.sim.identify.learned import piece_of, with_learned
 from pushplan.sim.identify.posterior import Near, sample, worth
-from pushplan.sim.identify.pressed import PressedOutline
-from pushplan.sim.identify.unknowns import Unknowns
-from pushplan.sim.slip.executed import at_poses, executed
+from pushplan.sim.identify.result import Identification, piece_of, with_learned
+from pushplan.sim.identify.unknowns import PressedOutline, Unknowns
 from pushplan.sim.slip.packing import pack_world
-from pushplan.sim.slip.simulate import simulate_poses
-from pushplan.sim.worlds.world import World
+from pushplan.sim.slip.simulator import simulate_poses
+from pushplan.sim.slip.state import PackedWorld
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
 BOX = np.array([[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]])
@@ -49,13 +48,17 @@ def pushed(
     """What is measured of a push with a constant body twist (3,), m and rad; forces only with a noise (N)."""
     shares = np.linspace(0.0, 1.0, 61)
     report = simulate_poses(shares, se2.compose(world.start, se2.exp(shares[:, None] * twist)), world)
-    off = noise * np.random.default_rng(seed).standard_normal(report.object_poses.shape) * [1.0, 1.0, 5.0]
+    off = noise * np.random.default_rng(seed).standard_normal(report.objects.shape) * [1.0, 1.0, 5.0]
     if force_noise is None:
-        return Course(report.poses, report.object_poses + off)
-    wrenches = at_poses(report.wrenches)
+        return Course(report.poses, report.objects + off)
+    wrenches = np.array(report.wrenches)
     size = force_noise * np.array([1.0, 1.0, 0.05])
     wrenches += size * np.random.default_rng([seed, 1]).standard_normal(wrenches.shape)
-    return Course(report.poses, report.object_poses + off, wrenches=wrenches)
+    return Course(report.poses, report.objects + off, wrenches=wrenches)
+
+
+def packed_of(world: World) -> PackedWorld:
+    return pack_world(world, world.chain)[0]
 
 
 @pytest.fixture(scope="module")
@@ -90,13 +93,13 @@ def test_the_arrays_of_unknown_numbers_are_those_of_the_world_that_has_them() ->
     feet = pushplan.FeetSupport(0.9 * BOX, np.array([0.1, 0.2, 0.3, 0.4]))
     unknowns = Unknowns.from_world(stated.with_support(feet, "far"))
     values = unknowns.values(np.random.default_rng(1).uniform(size=len(unknowns.each)))
-    ours, packed = unknowns.packed_for(values), pack_world(unknowns.world_for(values))
+    ours, packed = unknowns.packed_for(values), packed_of(unknowns.world_for(values))
     for name in ("feet", "loads", "center", "corners", "friction", "pairs"):
         assert getattr(ours, name) == pytest.approx(getattr(packed, name), rel=1e-9), name
     assert values[2] * stated.chain.objects[0].friction_load == pytest.approx(packed.loads[1, 0])
     absolute = Unknowns.from_world(stated.with_support(feet, "far"), absolute=True)
     larger = absolute.world_for(np.append(values, 2.0 * stated.chain.objects[0].floor_friction))
-    assert pack_world(larger).loads[:, 0] == pytest.approx(2.0 * packed.loads[:, 0])
+    assert packed_of(larger).loads[:, 0] == pytest.approx(2.0 * packed.loads[:, 0])
 
 
 def test_loads_of_feet_are_all_alike_likely() -> None:
@@ -187,12 +190,23 @@ def test_measured_forces_tell_the_size_of_floor_friction() -> None:
     assert low <= 0.48 <= high
 
 
-def slipped(scenario: pushplan.Scenario, course: Course) -> pushplan.Execution:
+def slipped(course: Course, names: tuple[str, ...]) -> Execution:
     """A course as the simulator with slip would have recorded it."""
-    judge = scenario.stable_set("ecof")
-    wrenches = np.zeros((60, 3)) if course.wrenches is None else course.wrenches[:-1]
-    times = np.linspace(0.0, 1.0, 61)
-    return executed(times, course.plate_poses, course.object_poses, wrenches, judge, np.zeros(2))
+    times, count = np.linspace(0.0, 1.0, 61), len(names)
+    wrenches = np.zeros((61, 3)) if course.wrenches is None else course.wrenches
+    return Execution(
+        names,
+        "ecof",
+        times,
+        course.plate_poses,
+        np.zeros((61, 3)),
+        course.object_poses,
+        np.zeros(61, dtype=np.int64),
+        np.full((61, count), np.nan),
+        None,
+        (0.0, 0.0),
+        wrenches=wrenches,
+    )
 
 
 def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_path: Path) -> None:
@@ -200,12 +214,12 @@ def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_pat
     course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1, 0.1)
     assert course.wrenches is not None
     with RunLogWriter.create(tmp_path / "slip.mcap", scenario, {}) as log:
-        log.execution(slipped(scenario, course))
+        log.execution(slipped(course, tuple(scenario.poses)))
         log.finish("arrived")
     _, read = read_course(tmp_path / "slip.mcap")
     np.testing.assert_array_equal(read.object_poses, course.object_poses)
     assert read.wrenches is not None
-    np.testing.assert_array_equal(read.wrenches, at_poses(course.wrenches[:-1]))
+    np.testing.assert_array_equal(read.wrenches, course.wrenches)
     with RunLogWriter.create(tmp_path / "none.mcap", scenario, {}) as log:
         log.finish("unsolved")
     with pytest.raises(RunLogError, match="nobody measured where the objects went"):
@@ -218,7 +232,7 @@ def test_logs_are_of_one_chain_and_there_is_one(tmp_path: Path) -> None:
         scenario = replace(pushplan.load_scenario(name), obstacles=(), workspace=None)
         course = pushed(World.from_scenario(scenario), np.array([0.05, 0.02, 0.3]), 0.0, 1)
         with RunLogWriter.create(tmp_path / f"{name}.mcap", scenario, {}) as log:
-            log.execution(slipped(scenario, course))
+            log.execution(slipped(course, tuple(scenario.poses)))
             log.finish("arrived")
     with pytest.raises(RunLogError, match="a run of another chain than"):
         pushplan.identify([tmp_path / "one-box.mcap", tmp_path / "two-crates.mcap"])

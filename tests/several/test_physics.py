@@ -1,4 +1,4 @@
-"""Several pushes where contacts are real: what is in its place goes as planned, what is not comes home too."""
+"""Several pushes and several objects where contacts are real: they go as planned, and what is off comes home too."""
 
 from __future__ import annotations
 
@@ -8,66 +8,108 @@ import numpy as np
 import pytest
 from several.conftest import Problem
 
+import pushplan
+from pushplan.errors import PlanningError
 from pushplan.geometry import se2
-from pushplan.plan import plan
-from pushplan.plans.result import PlanResult
-from pushplan.scenario.model import Scenario
-from pushplan.several.modes import find_modes
-from pushplan.several.physics import SeveralReport, execute_in_physics
-from pushplan.sim.slip.simulate import simulate
-from pushplan.sim.worlds.world import World
-from pushplan.util.arrays import FloatArray
+from pushplan.planners.planner import plan
+from pushplan.plans.plan import Plan
+from pushplan.sim.control.controller import Controller
+from pushplan.sim.control.course import OpenLoop, course_in
+from pushplan.sim.follower import Follower, FollowerState
+from pushplan.sim.physics.simulate import simulate_in_physics
+from pushplan.sim.slip.simulator import simulate
+from pushplan.sim.trials import TrialUncertainty, execute_trials
+from pushplan.sim.world import World
 
-OFF = np.array([[0.0, 2e-3, math.radians(0.5)]])
+OFF = np.array([0.0, 2e-3, math.radians(0.5)])
+NEAR = [5e-3, math.radians(1.0)]
+TWO = """
+format: pushplan/1
+name: two boxes
+floor: {friction: 0.3}
+objects:
+  - {name: a, shape: {box: [0.2, 0.2]}, mass: 1.0, pose: [1.0, 0.5, 0.0]}
+  - {name: b, shape: {box: [0.2, 0.2]}, mass: 1.0, pose: [1.0, 1.5, 0.0]}
+contacts: {friction: 0.4}
+pusher: {width: 0.2, friction: 0.5, faces: all}
+robot: {footprint: {box: [0.3, 0.2], pose: [-0.15, 0, 0]}, start: [0.3, 1.0, 0.0]}
+goals: {a: [2.0, 0.6, 0.0], b: [2.0, 1.4, 0.0]}
+workspace: {x: [-0.5, 3.0], y: [-0.5, 2.5]}
+"""
 
 
-@pytest.fixture(scope="module")
-def asked(problem: Problem) -> Scenario:
-    return problem("omnidirectional", goal={"pose": [0.95, 1.1, 0.0]})
-
-
-@pytest.fixture(scope="module")
-def found(asked: Scenario) -> PlanResult:
-    result = plan(asked, first=True)
+@pytest.fixture(scope="module", params=["multi-push", "rearrangement"])
+def found(request: pytest.FixtureRequest, problem: Problem) -> Plan:
+    if request.param == "rearrangement":
+        scenario = pushplan.scenario_from_text(TWO)
+    else:
+        scenario = problem("omnidirectional", goal={"pose": [0.95, 1.1, 0.0]})
+    assert scenario.kind == request.param
+    result = plan(scenario, first=True, seed=1, time_limit=60.0)
     assert result.solved
     return result
 
 
-def executed(asked: Scenario, found: PlanResult, placed: FloatArray | None) -> SeveralReport:
-    pytest.importorskip("mujoco", reason="MuJoCo is not installed; the extra pushplan[physics] brings it")
-    assert found.trajectory is not None
-    modes = find_modes(asked)
-    return execute_in_physics(asked, found.segments, found.trajectory, modes, placed=placed)
+def off_its_places(found: Plan) -> World:
+    """All objects 2 mm and half a degree off where they are believed to be."""
+    world = World.from_scenario(found.scenario)
+    return world.with_object_poses(se2.compose(world.object_poses, OFF))
 
 
-def test_the_engine_does_what_was_planned(asked: Scenario, found: PlanResult) -> None:
-    report = executed(asked, found, None)
+def test_where_contacts_may_slip_a_plan_is_executed_as_planned(found: Plan) -> None:
+    report = simulate(found, World.from_scenario(found.scenario))
+    assert found.execution is not None
     assert report.kept
-    assert report.reached(1e-3, math.radians(0.1))
-    assert len(report.pushes) == sum(segment.pushes for segment in found.segments)
-    assert max(push.approach for push in report.pushes) < 1e-3
-    assert max(push.retreat for push in report.pushes) < 1e-3
+    assert report.loss is None
+    assert report.disturbed < 1e-9
+    np.testing.assert_allclose(report.objects[-1], found.execution.objects[-1], atol=1e-9)
+    assert report.goal_error == pytest.approx(found.execution.goal_error, abs=1e-9)
+    pushed = np.isin(report.segment, [k for k, s in enumerate(found.segments) if s.pushes])
+    assert (np.isnan(report.margins).all(axis=1) == ~pushed).all()
+    assert np.nanmin(report.margins) > 0.0
+    assert len(report.summaries) == sum(len(s.load.names) for s in found.pushes if s.load is not None)
 
 
-def test_the_settling_push_closes_a_contact_that_is_off(asked: Scenario, found: PlanResult) -> None:
-    report = executed(asked, found, OFF)
-    assert max(push.gap for push in report.pushes) < 2e-4
-    assert report.reached(5e-3, math.radians(1.0))
-    assert report.clear > 5e-3
-
-
-@pytest.mark.parametrize("placed", [np.zeros((1, 3)), OFF])
-def test_where_contacts_slip_the_box_comes_home_too(
-    asked: Scenario, found: PlanResult, placed: FloatArray
-) -> None:
-    own = asked.chain.objects[0].pose_chain
-    world = World.from_scenario(asked).with_object_poses(se2.compose(se2.compose(asked.start, placed), own))
-    assert found.trajectory is not None
-    report = simulate(found.trajectory, world)
+def test_objects_off_their_places_come_home_too(found: Plan) -> None:
+    report = simulate(found, off_its_places(found))
     assert report.jammed_at is None
-    position, angle = se2.pose_error(
-        report.object_poses[-1, 0], se2.compose(found.segments[-1].load_after, own)
-    )
-    exact = not placed.any()
-    assert position < (1e-9 if exact else 5e-3)
-    assert angle < (1e-9 if exact else math.radians(1.0))
+    assert (report.goal_errors(found.scenario) <= NEAR).all()
+    trials = execute_trials(found, 6, TrialUncertainty(contact_friction=0.1), seed=2)
+    assert (trials.errors <= np.array(NEAR)).all()
+    assert (trials.report(3).objects[-1] == trials.object_poses[3]).all()
+
+
+def test_the_engine_does_what_was_planned(found: Plan) -> None:
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed; the extra pushplan[physics] brings it")
+    report = simulate_in_physics(found)
+    assert report.kept
+    assert report.disturbed < 1e-3
+    assert 5e-3 < report.clear < math.inf
+    assert (report.goal_errors(found.scenario) <= [1e-3, math.radians(0.1)]).all()
+    off = simulate_in_physics(found, off_its_places(found))
+    assert (off.goal_errors(found.scenario) <= NEAR).all()
+    assert off.clear > 5e-3
+
+
+def test_a_robot_that_follows_it_arrives_and_its_objects_are_watched(found: Plan) -> None:
+    execution, trajectory = found.execution, found.trajectory
+    assert execution is not None
+    assert trajectory is not None
+    follower, base = Follower(found), trajectory.base_poses[0]
+    for step in range(20_000):
+        at = min(int(np.searchsorted(execution.t, 0.02 * step)), len(execution.t) - 1)
+        command = follower.step(base, execution.objects[at])
+        if command.state is not FollowerState.FOLLOWING:
+            break
+        base = se2.compose(base, se2.exp(0.02 * command.twist))
+    assert (command.state, command.reason) == (FollowerState.ARRIVED, "")
+    assert np.hypot(*(base - trajectory.base_poses[-1])[:2]) < 1e-3
+
+
+def test_in_open_loop_it_arrives_and_a_closed_loop_says_why_it_is_none(found: Plan) -> None:
+    course = course_in(World.from_scenario(found.scenario), OpenLoop(found, 50.0), 50.0)
+    assert not course.jammed
+    assert found.execution is not None
+    np.testing.assert_allclose(course.object_poses[-1], found.execution.objects[-1], atol=1e-3)
+    with pytest.raises(PlanningError, match="the closed loop replans a single push; this is a"):
+        Controller(found)

@@ -8,10 +8,10 @@ from conftest import ChainMaker
 
 from pushplan.geometry import se2
 from pushplan.mechanics.support import FeetSupport
-from pushplan.sim.physics.model.settings import SLIPPING
+from pushplan.sim.physics.engine import SLIPPING
 from pushplan.sim.physics.simulate import simulate_twist
-from pushplan.sim.slip.simulate import simulate_poses
-from pushplan.sim.worlds.world import World
+from pushplan.sim.slip.simulator import simulate_poses
+from pushplan.sim.world import World
 
 pytest.importorskip("mujoco")
 
@@ -36,7 +36,7 @@ def test_slipping_objects_end_where_the_physics_engine_puts_them(
     way = np.linspace(0.0, travel / np.hypot(np.hypot(*twist[:2]), length * twist[2]), 60)
     mine = simulate_poses(way, se2.exp(np.array(twist) * way[:, None]), World.from_chain(chain))
     physics = simulate_twist(chain, twist, travel, SLIPPING)
-    off = mine.object_poses[-1] - physics.object_poses[-1]
+    off = mine.objects[-1] - physics.objects[-1]
     assert not mine.kept
     assert not physics.kept
     assert np.hypot(off[:, 0], off[:, 1]).max() < 2e-4

@@ -8,9 +8,9 @@ from conftest import ChainMaker
 
 from pushplan.geometry import se2
 from pushplan.mechanics.support import FeetSupport, UniformSupport
-from pushplan.sim.slip.kernels.state import JAMMED, UNSOLVED
 from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.worlds.world import World
+from pushplan.sim.slip.state import JAMMED, UNSOLVED
+from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
 make = ChainMaker()

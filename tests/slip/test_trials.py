@@ -13,41 +13,34 @@ from conftest import ChainMaker
 import pushplan
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError, PushplanError
-from pushplan.logging.old.trial_log import write_trial
+from pushplan.logging.reader import load_run
+from pushplan.planners.planner import plan
+from pushplan.plans.plan import Plan
 from pushplan.scenario.file import scenario_from_text
-from pushplan.scenario.model import Scenario
-from pushplan.sim.physics.report import contact_motion
-from pushplan.sim.slip.simulate import simulate
-from pushplan.sim.trials.execute import execute_trials
-from pushplan.sim.trials.result import Trials
-from pushplan.sim.trials.uncertain import TrialUncertainty, sampled_world
-from pushplan.sim.worlds.world import World
+from pushplan.sim.report import contact_motion, motions_of
+from pushplan.sim.slip.simulator import simulate
+from pushplan.sim.trials import Trials, TrialUncertainty, execute_trials, sampled_world
+from pushplan.sim.world import World
+from pushplan.trial import write_trial
 
 make = ChainMaker()
 SLIPPERY = TrialUncertainty(contact_friction=0.6, load=0.3, position=2e-3)
 
 
 @pytest.fixture(scope="module")
-def planned() -> tuple[Scenario, pushplan.PlanResult]:
-    scenario = pushplan.load_scenario("two-crates")
-    return scenario, pushplan.plan(scenario, seed=1, first=True)
+def planned() -> Plan:
+    return plan(pushplan.load_scenario("two-crates"), seed=1, first=True)
 
 
 @pytest.fixture(scope="module")
-def trials(planned: tuple[Scenario, pushplan.PlanResult]) -> Trials:
-    scenario, plan = planned
-    assert plan.trajectory is not None
-    return execute_trials(scenario, plan.trajectory, 30, SLIPPERY, seed=3)
+def trials(planned: Plan) -> Trials:
+    return execute_trials(planned, 30, SLIPPERY, seed=3)
 
 
-def test_the_same_seed_gives_the_same_samples_however_many_threads(
-    planned: tuple[Scenario, pushplan.PlanResult], trials: Trials
-) -> None:
-    scenario, plan = planned
-    assert plan.trajectory is not None
-    again = execute_trials(scenario, plan.trajectory, 6, SLIPPERY, seed=3, jobs=1)
+def test_the_same_seed_gives_the_same_samples_however_many_threads(planned: Plan, trials: Trials) -> None:
+    again = execute_trials(planned, 6, SLIPPERY, seed=3, jobs=1)
     assert (again.object_poses == trials.object_poses[:6]).all()
-    other = execute_trials(scenario, plan.trajectory, 6, SLIPPERY, seed=4)
+    other = execute_trials(planned, 6, SLIPPERY, seed=4)
     assert not np.allclose(other.object_poses, again.object_poses)
 
 
@@ -57,20 +50,19 @@ def test_trials_count_what_their_reports_say(trials: Trials) -> None:
     assert low < trials.success < high
     assert sum(trials.first_failures.values()) == sum(loss is not None for loss in trials.losses)
     report = trials.report(trials.worst)
-    assert (report.object_poses[-1] == trials.object_poses[trials.worst]).all()
+    assert (report.objects[-1] == trials.object_poses[trials.worst]).all()
     assert report.loss == trials.losses[trials.worst]
-    assert not report.arrived(trials.scenario.goal)
+    assert not report.arrived(trials.scenario)
 
 
-def test_nothing_uncertain_is_the_world_as_stated(planned: tuple[Scenario, pushplan.PlanResult]) -> None:
-    scenario, plan = planned
-    assert plan.trajectory is not None
+def test_nothing_uncertain_is_the_world_as_stated(planned: Plan) -> None:
     off = TrialUncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    drawn = sampled_world(scenario, off, np.random.default_rng(1))
-    poses = [
-        simulate(plan.trajectory, world).object_poses[-1] for world in (drawn, World.from_scenario(scenario))
-    ]
-    assert (poses[0] == poses[1]).all()
+    drawn = sampled_world(planned.scenario, off, np.random.default_rng(1))
+    first, second = (simulate(planned, world) for world in (drawn, World.from_scenario(planned.scenario)))
+    assert (first.objects == second.objects).all()
+    assert first.goal_error == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert np.nanmin(first.margins) > 0.0
+    assert first.kept
 
 
 def test_objects_that_stand_off_their_places_touch_and_do_not_overlap() -> None:
@@ -78,21 +70,7 @@ def test_objects_that_stand_off_their_places_touch_and_do_not_overlap() -> None:
     rng = np.random.default_rng(5)
     for _ in range(20):
         world = sampled_world(scenario, TrialUncertainty(position=3e-3, angle=0.03), rng)
-        motions = pushplan.SlipReport(
-            world=world,
-            settings=pushplan.SlipSettings(),
-            t=np.zeros(1),
-            poses=world.start[None],
-            object_poses=world.object_poses[None],
-            modes=np.zeros((0, 1), dtype=np.int64),
-            forces=np.zeros((0, 1, 3)),
-            wrenches=np.zeros((0, 3)),
-            others=np.zeros((0, 1), dtype=np.int64),
-            residual=np.zeros(0),
-            end=np.zeros(0, dtype=np.int64),
-            switched=np.zeros(0, dtype=np.int64),
-            jammed_at=None,
-        ).motions
+        motions = motions_of(world.chain, world.start[None], world.object_poses[None])
         slide, opening, turn = contact_motion(world.chain, motions, None)
         assert np.abs(slide).max() <= 5e-3
         assert (opening >= -1e-12).all()
@@ -124,11 +102,11 @@ goal: {pose: [1, 0, 0]}
 def test_the_command_tells_rates_draws_and_writes_the_worst(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-    planned: tuple[Scenario, pushplan.PlanResult],
+    planned: Plan,
     trials: Trials,
 ) -> None:
     log, picture, worst = tmp_path / "run.mcap", tmp_path / "t.png", tmp_path / "w.mcap"
-    write_trial(trials, 0, planned[1], log)
+    write_trial(trials, 0, log)
     words = [
         "trial",
         str(log),
@@ -148,7 +126,7 @@ def test_the_command_tells_rates_draws_and_writes_the_worst(
     assert told["arrived"] == int(told["success"] * 8)
     assert told["interval"][0] <= told["success"] <= told["interval"][1]
     assert picture.read_bytes().startswith(b"\x89PNG")
-    recorded = pushplan.read_run(worst)
+    recorded = load_run(worst)
     assert recorded.outcome in ("arrived", "missed")
     assert recorded.words["pushplan.run"]["trial_sample"] == str(told["worst"]["sample"])
 
@@ -166,14 +144,9 @@ def test_wrong_uncertainties_are_told(words: str, message: str, capsys: pytest.C
     assert message in capsys.readouterr().err
 
 
-def test_what_cannot_be_tried_is_refused(planned: tuple[Scenario, pushplan.PlanResult]) -> None:
-    scenario, plan = planned
-    assert plan.trajectory is not None
+def test_what_cannot_be_tried_is_refused(planned: Plan) -> None:
     with pytest.raises(PushplanError, match="must be at least 1"):
-        execute_trials(scenario, plan.trajectory, 0)
-    unsolved = pushplan.Run(
-        scenario, replace(plan, solved=False, trajectory=None, reason="no room"), None, None
-    )
+        execute_trials(planned, 0)
     with pytest.raises(PlanningError, match="there is no plan to try: no room"):
-        pushplan.trial(unsolved)
-    assert pushplan.trial(pushplan.Run(scenario, plan, None, None), samples=2).samples == 2
+        pushplan.trial(replace(planned, segments=(), reason="no room"))
+    assert pushplan.trial(planned, samples=2).samples == 2

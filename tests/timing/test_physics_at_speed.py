@@ -76,6 +76,6 @@ def test_the_engine_sees_what_the_dynamic_rows_say(
         rates = (trajectory.twists_at(times + 1e-6) - trajectory.twists_at(times - 1e-6)) / 2e-6
         predicted = _least_margin(contacts, trajectory.twists_at(times), rates)
         report = simulate_trajectory(chain, trajectory)
-        assert report.kept == (predicted > 0.0), report.sentences()
+        assert report.kept == (predicted > 0.0), report.summaries
         kept.append(report.kept)
     assert kept == [False, True]

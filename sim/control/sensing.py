@@ -1,0 +1,157 @@
+"""Measured poses of objects: a simulated sensor with noise, a rate and a delay, and what was seen lately."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+
+from pushplan.errors import PushplanError
+from pushplan.geometry.se2 import compose, exp, log, relative, wrap_angle
+from pushplan.plans.events import Measured
+from pushplan.util.arrays import FloatArray
+
+MEMORY = 3.0
+"""How long poses of the plate and measurements are kept, s."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """How objects are measured.
+
+    Attributes:
+        rate: Measurements per second, Hz.
+        delay: From a measurement to its coming, s; trackers lag by about 0.1 s.
+        position: Standard deviation of each coordinate of a position, m.
+        angle: Standard deviation of an angle, rad.
+    """
+
+    rate: float = 30.0
+    delay: float = 0.1
+    position: float = 1e-3
+    angle: float = math.radians(0.3)
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not 0.0 <= value < math.inf or (field.name == "rate" and value == 0.0):
+                allowed = "> 0" if field.name == "rate" else ">= 0"
+                raise PushplanError(f"{field.name} of the sensor is {value}; it must be finite and {allowed}")
+
+
+class Measurements:
+    """Measures objects as time goes by.
+
+    Attributes:
+        t: When each measurement was taken, s.
+        poses: (n, 3) what was measured.
+    """
+
+    def __init__(self, sensor: Sensor, seed: int) -> None:
+        """Begin at time 0 with a seed of the noise."""
+        self._sensor, self._random = sensor, np.random.default_rng(seed)
+        self._waiting: deque[tuple[float, FloatArray]] = deque()
+        self.t: list[float] = []
+        self.poses: list[FloatArray] = []
+
+    @classmethod
+    def recorded(cls, sensor: Sensor, measured: Measured) -> Self:
+        """Return measurements that were made, as they came from the sensor."""
+        again = cls(sensor, 0)
+        again._waiting.extend((float(t), poses) for t, poses in zip(measured.t, measured.poses, strict=True))
+        return again
+
+    @property
+    def measured(self) -> Measured:
+        """All measurements so far."""
+        return Measured(np.array(self.t), np.array(self.poses))
+
+    def take(self, now: float, object_poses: FloatArray) -> None:
+        """Measure the objects (n, 3), if it is time to."""
+        sensor = self._sensor
+        if now < len(self.t) / sensor.rate - 1e-9:
+            return
+        noise = self._random.normal(size=object_poses.shape) * [
+            sensor.position,
+            sensor.position,
+            sensor.angle,
+        ]
+        self.t.append(now)
+        self.poses.append(object_poses + noise)
+        self._waiting.append((now, self.poses[-1]))
+
+    def arrived(self, now: float) -> tuple[FloatArray, float] | None:
+        """Return the latest measurement that has come since, and when it was taken; None where none has."""
+        latest = None
+        while self._waiting and self._waiting[0][0] + self._sensor.delay <= now + 1e-9:
+            time, poses = self._waiting.popleft()
+            latest = poses, time
+        return latest
+
+
+class Sightings:
+    """Recent poses of the plate, and measured places of the objects in the chain frame at that time.
+
+    A measurement tells of a moment that is past: it is compared with where the plate was at that moment.
+    """
+
+    def __init__(self) -> None:
+        self._plate: deque[tuple[float, FloatArray]] = deque()
+        self._seen: deque[tuple[float, FloatArray]] = deque()
+
+    def plate_at(self, time: float, pose: FloatArray) -> None:
+        """Take down where the plate is."""
+        self._plate.append((time, pose))
+        while self._plate[0][0] < time - MEMORY:
+            self._plate.popleft()
+
+    def see(self, time: float, object_poses: FloatArray) -> None:
+        """Take down measured poses (n, 3) of the objects in the world at a time.
+
+        Raises:
+            PushplanError: When that is before what is remembered of the plate, or in the future.
+        """
+        self._seen.append((time, relative(self._plate_then(time), object_poses)))
+        while self._seen[0][0] < time - MEMORY:
+            self._seen.popleft()
+
+    def latest(self) -> float:
+        """Return the time of the last measurement; minus infinity before the first."""
+        return self._seen[-1][0] if self._seen else -np.inf
+
+    def count(self, since: float) -> int:
+        """Return the number of measurements from a time on."""
+        return sum(time >= since for time, _ in self._seen)
+
+    def places(self, around: FloatArray, last: int, since: float = -np.inf) -> FloatArray | None:
+        """Return the mean places (n, 3) of the last measurements; None when there are less than that.
+
+        Args:
+            around: (n, 3) places about which angles are taken.
+            last: Number of measurements.
+            since: Only those from this time on count.
+        """
+        seen = [places for time, places in self._seen if time >= since][-last:]
+        if len(seen) < last:
+            return None
+        off = np.array(seen) - around
+        off[..., 2] = wrap_angle(off[..., 2])
+        return np.asarray(around + off.mean(axis=0))
+
+    def _plate_then(self, time: float) -> FloatArray:
+        """Return where the plate was, between two poses along the arc that joins them."""
+        times = [at for at, _ in self._plate]
+        k = int(np.searchsorted(times, time + 1e-9)) - 1
+        if k < 0 or time > times[-1] + 1e-9:
+            raise PushplanError(
+                f"a measurement was taken at {time:.3f} s; known is where the plate was from {times[0]:.3f} to "
+                f"{times[-1]:.3f} s"
+            )
+        begin, pose = self._plate[k]
+        if k + 1 == len(times):
+            return pose
+        end, after = self._plate[k + 1]
+        return compose(pose, exp(log(relative(pose, after)) * (time - begin) / (end - begin)))

@@ -1,0 +1,138 @@
+"""Any known support as a few feet with exact loads: what a simulated object stands on.
+
+A pressure is replaced by a positive quadrature that has all its moments up to a degree (Tchakaloff's theorem:
+(d + 1)(d + 2) / 2 of any points that have them are enough; found as a non-negative least-squares solution).
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss, legvander2d
+from scipy.optimize import nnls
+
+from pushplan.errors import SupportError
+from pushplan.mechanics.support import Support, UniformSupport
+from pushplan.util.arrays import FloatArray, frozen
+
+
+class Rule(NamedTuple):
+    """Points (k, 2) and positive weights (k,)."""
+
+    points: FloatArray
+    weights: FloatArray
+
+
+def polygon_rule(outline: FloatArray, order: int) -> Rule:
+    """Return a rule of total weight = area on a simple polygon (v, 2), exact for polynomials of degree 2 order - 2.
+
+    Horizontal lines through the corners cut the polygon into trapezoids; each takes order x order Gauss points.
+    """
+    levels = np.unique(outline[:, 1])
+    parts = [_slab(outline, low, high, order) for low, high in itertools.pairwise(levels) if high > low]
+    return Rule(
+        np.concatenate([part.points for part in parts]), np.concatenate([part.weights for part in parts])
+    )
+
+
+def _slab(outline: FloatArray, low: float, high: float, order: int) -> Rule:
+    """Return the rule between two neighbouring levels of the corners."""
+    node, weight = leggauss(order)
+    y = low + 0.5 * (high - low) * (node + 1.0)
+    sides = _crossings(outline, low, high, y)
+    left, right = sides[0::2, :, None], sides[1::2, :, None]
+    x = left + 0.5 * (right - left) * (node + 1.0)
+    area = 0.25 * (high - low) * (right - left) * weight[:, None] * weight
+    return Rule(np.stack([x, np.broadcast_to(y[:, None], x.shape)], axis=-1).reshape(-1, 2), area.reshape(-1))
+
+
+def _crossings(outline: FloatArray, low: float, high: float, y: FloatArray) -> FloatArray:
+    """Return where the edges that cross the slab meet the heights `y` (m,): (2 t, m), from left to right."""
+    begin, end = outline, np.roll(outline, -1, axis=0)
+    crossing = np.minimum(begin[:, 1], end[:, 1]) <= low
+    crossing &= np.maximum(begin[:, 1], end[:, 1]) >= high
+    begin, end = begin[crossing], end[crossing]
+    share = (y - begin[:, 1, None]) / (end[:, 1] - begin[:, 1])[:, None]
+    x = begin[:, 0, None] + share * (end[:, 0] - begin[:, 0])[:, None]
+    return np.asarray(x[np.argsort(x.mean(axis=1))], dtype=np.float64)
+
+
+DEGREE = 9
+"""Degree up to which the feet have the moments of the pressure that they stand for."""
+
+_CANDIDATES = 12
+"""Gauss points along each side of a trapezoid that the feet are chosen from."""
+
+
+@dataclass(frozen=True, eq=False)
+class Feet:
+    """Points under an object.
+
+    Attributes:
+        positions: (k, 2) in the object's own frame, m.
+        fractions: (k,) part of the weight on each while nothing is pushed, summing to 1.
+        stiffness: (k,) share in carrying a load that shifts, summing to 1.
+    """
+
+    positions: FloatArray
+    fractions: FloatArray
+    stiffness: FloatArray
+
+    def __post_init__(self) -> None:
+        count = len(self.positions)
+        object.__setattr__(self, "positions", frozen(self.positions, (count, 2), "positions of the feet"))
+        object.__setattr__(self, "fractions", frozen(self.fractions, (count,), "fractions of the feet"))
+        object.__setattr__(self, "stiffness", frozen(self.stiffness, (count,), "stiffness of the feet"))
+
+
+def feet_of(support: Support, degree: int = DEGREE) -> Feet:
+    """Return the feet that stand for a support; feet with known loads as they are.
+
+    Raises:
+        SupportError: When the loads are not known.
+    """
+    if not support.known:
+        raise SupportError(
+            "a physics simulation needs to know how the load rests on the floor: give a pressure, load fractions or "
+            "a pressure map"
+        )
+    if isinstance(support, UniformSupport):
+        return _feet_of_polygon(support, degree)
+    positions, fractions, stiffness = support.point_loads
+    if stiffness is not fractions:
+        return Feet(positions, fractions, stiffness)
+    rule = compressed(
+        Rule(positions, fractions), degree
+    )  # a pressure in as many points as it was measured in
+    return Feet(rule.points, rule.weights, rule.weights)
+
+
+def _feet_of_polygon(support: UniformSupport, degree: int) -> Feet:
+    rule = compressed(polygon_rule(support.outline, _CANDIDATES), degree)
+    share = rule.weights / rule.weights.sum()
+    pressure = 1.0 + support.moments.area * (rule.points - support.moments.centroid) @ support.gradient
+    loads = share * pressure
+    return Feet(rule.points, loads / loads.sum(), share)
+
+
+def compressed(rule: Rule, degree: int) -> Rule:
+    """Return a rule on at most (degree + 1)(degree + 2) / 2 of the points with the same moments up to `degree`.
+
+    Raises:
+        SupportError: When rounding keeps the moments from being met.
+    """
+    low, high = rule.points.min(axis=0), rule.points.max(axis=0)
+    scaled = (2.0 * rule.points - low - high) / np.maximum(high - low, 1e-300)
+    powers = np.add.outer(np.arange(degree + 1), np.arange(degree + 1)).reshape(-1)
+    moments = legvander2d(scaled[:, 0], scaled[:, 1], [degree, degree])[:, powers <= degree].T
+    total = float(rule.weights.sum())
+    if len(rule.weights) <= len(moments):
+        return rule
+    weights, residual = nnls(moments, moments @ rule.weights / total)
+    if residual > 1e-9:
+        raise SupportError(f"no feet have the moments of the pressure: {residual:.2g} is left over")
+    kept = weights > 0.0
+    return Rule(rule.points[kept], total * weights[kept])

@@ -1,1 +1,0 @@
-"""Driving a plan with a robot: measured poses of its base in, twists of its base out."""

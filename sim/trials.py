@@ -1,0 +1,306 @@
+"""Monte Carlo trials: a plan executed in sampled worlds, and in what share of them it arrives."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from pushplan.errors import PushplanError
+from pushplan.geometry.se2 import compose, rotate
+from pushplan.mechanics.chain import PLATE, Chain, Contact
+from pushplan.mechanics.intervals import IntervalChain
+from pushplan.mechanics.support import FeetSupport
+from pushplan.plans.plan import Plan
+from pushplan.scenario.model import Scenario
+from pushplan.sim.report import ContactLoss, ContactReport, goal_columns, goal_units
+from pushplan.sim.slip.simulator import DEFAULTS, SlipSettings, simulate, slip
+from pushplan.sim.world import World
+from pushplan.util.arrays import BoolArray, FloatArray
+from pushplan.util.wilson import wilson
+
+
+@dataclass(frozen=True)
+class TrialUncertainty:
+    """By how much sampled worlds differ; every number is drawn evenly from its interval, each on its own.
+
+    Attributes:
+        contact_friction: Share by which every contact's coefficient may be off, below 1.
+        floor_friction: The same of every object's coefficient with the floor.
+        mass: The same of every object's mass.
+        load: Largest share by which the outermost pressure under an object is off: its load leans to a random side.
+        position: How far an object may stand aside along its contact, m.
+        angle: How far an object may be turned so that one end of its contact still touches, rad.
+    """
+
+    contact_friction: float = 0.2
+    floor_friction: float = 0.2
+    mass: float = 0.0
+    load: float = 0.1
+    position: float = 1e-3
+    angle: float = 0.005
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            most = np.inf if field.name == "position" else 1.0
+            if not 0.0 <= value < most:
+                allowed = ">= 0 and finite" if field.name == "position" else "from 0 to below 1"
+                raise PushplanError(
+                    f"{field.name} of the trials' uncertainty is {value}; it must be {allowed}"
+                )
+
+    @property
+    def words(self) -> str:
+        """The intervals for people."""
+        return (
+            f"contact friction ±{100 * self.contact_friction:.3g} %, "
+            f"floor friction ±{100 * self.floor_friction:.3g} %, "
+            f"mass ±{100 * self.mass:.3g} %, load ±{100 * self.load:.3g} %, "
+            f"objects aside ±{1e3 * self.position:.3g} mm and turned ±{np.degrees(self.angle):.3g} deg"
+        )
+
+
+def sampled_world(
+    scenario: Scenario, uncertainty: TrialUncertainty | None, rng: np.random.Generator
+) -> World:
+    """Draw a world.
+
+    Args:
+        scenario: What the plan believes.
+        uncertainty: By how much that may be off. None takes the intervals of the scenario where it states any, and
+            the defaults of `TrialUncertainty` for the rest.
+        rng: Where the random numbers come from.
+
+    Raises:
+        SupportError: When the load under an object is not known.
+    """
+    world = World.from_scenario(scenario)
+    off = uncertainty or TrialUncertainty()
+    stated = (
+        [(scenario.interval, scenario.contact_friction)]
+        if not scenario.bodies
+        else [(body.interval, body.contact_friction) for body in scenario.bodies.values()]
+    )
+    drawn = []
+    for one, (interval, frictions) in zip(world.stacks, stated, strict=True):
+        if uncertainty is None and interval is not None:
+            one = _within_intervals(one, interval, frictions, rng)
+        else:
+            one = _within_shares(one, off, rng)
+        drawn.append(replace(one, offsets=_offsets(one.chain, off, rng, world.plate is None)))
+    return replace(drawn[0], beside=tuple(drawn[1:]))
+
+
+def _within_shares(world: World, off: TrialUncertainty, rng: np.random.Generator) -> World:
+    for obj in world.chain.objects:
+        world = world.with_contact_friction(_factor(off.contact_friction, rng), obj.name)
+        world = world.with_floor_friction(_factor(off.floor_friction, rng), obj.name)
+        world = world.with_mass(_factor(off.mass, rng), obj.name)
+        world = _leaning(world, obj.name, off.load, rng)
+    return world
+
+
+def _within_intervals(
+    world: World, interval: IntervalChain, frictions: FloatArray | None, rng: np.random.Generator
+) -> World:
+    """Draw what is stated as intervals from them; everything else stays."""
+    chain = interval.chain
+    contacts = list(chain.contacts)
+    if frictions is not None:
+        drawn = _between(frictions, rng)
+        contacts = [replace(contact, friction=float(mu)) for contact, mu in zip(contacts, drawn, strict=True)]
+    objects = []
+    masses, rubs = _between(interval.mass, rng), _between(interval.floor_friction, rng)
+    for i, obj in enumerate(chain.objects):
+        support = obj.support
+        if i in interval.fractions and isinstance(support, FeetSupport):
+            fractions = _between(interval.fractions[i], rng)
+            support = FeetSupport(support.positions, fractions / fractions.sum())
+        objects.append(replace(obj, mass=float(masses[i]), floor_friction=float(rubs[i]), support=support))
+    world = replace(world, chain=replace(chain, objects=tuple(objects), contacts=tuple(contacts)))
+    for i, share in interval.pressures.items():
+        world = _leaning(world, chain.objects[i].name, share, rng)
+    return world
+
+
+def _between(spans: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Draw a number from each of the intervals (k, 2)."""
+    return np.asarray(rng.uniform(spans[:, 0], spans[:, 1]))
+
+
+def _factor(share: float, rng: np.random.Generator) -> float:
+    return float(1.0 + share * rng.uniform(-1.0, 1.0))
+
+
+def _leaning(world: World, name: str, share: float, rng: np.random.Generator) -> World:
+    angle, part = rng.uniform(-np.pi, np.pi), share * rng.uniform()
+    if part == 0.0:
+        return world
+    direction, obj = np.array([np.cos(angle), np.sin(angle)]), world.chain.objects[world.chain.index_of(name)]
+    most = obj.support.most_lean(rotate(-float(obj.pose_chain[2]), direction))
+    # A pressure that leans already is 0 at its lightest corner for less than the share.
+    return world.with_load_shifted(direction, min(part, most * (1.0 - 1e-9)), name)
+
+
+def _offsets(chain: Chain, off: TrialUncertainty, rng: np.random.Generator, touched: bool) -> FloatArray:
+    """Draw how the objects stand off their places (n, 3): each aside and turned on the one that pushes it.
+
+    Where the plate does not touch them yet, objects that it may push are off to any side.
+    """
+    motions = {PLATE: np.zeros(3)}
+    offsets = np.zeros((len(chain.objects), 3))
+    for i, contact in enumerate(chain.contacts):
+        aside, turn = off.position * rng.uniform(-1.0, 1.0), off.angle * rng.uniform(-1.0, 1.0)
+        motion = _local_motion(contact, aside, turn)
+        if contact.pusher == PLATE and not touched:
+            middle, ahead = chain.objects[i].pose_chain[:2], off.position * rng.uniform(-1.0, 1.0)
+            shift = aside * contact.tangent + ahead * contact.normal
+            motion = np.append(middle + shift - rotate(turn, middle), turn)
+        motions[i] = compose(motions[contact.pusher], motion)
+        place = chain.objects[i].pose_chain
+        offsets[i] = compose(motions[i], place) - place
+    return offsets
+
+
+def _local_motion(contact: Contact, aside: float, turn: float) -> FloatArray:
+    """Return the motion (3,) that shifts along a contact and turns about the end that keeps touching."""
+    pivot = contact.left if turn > 0.0 else contact.right
+    shift = pivot + aside * contact.tangent - rotate(turn, pivot)
+    return np.append(shift, turn)
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """A plan in k sampled worlds.
+
+    Attributes:
+        plan: What the plate is made to do, and what is believed.
+        uncertainty: What the worlds were drawn from; None for the scenario's own intervals.
+        seed: Of the random numbers; sample i depends on it and on i only.
+        settings: Of the simulator.
+        errors: (k, n, 2) how far (m) and by what angle (rad) every object ends off its place at the goal.
+        object_poses: (k, n, 3) where they end, in the world.
+        arrived: (k,) whether the goal's object, or every object, ends within the goal's tolerances.
+        losses: The first contact that moved in each sample, or None.
+        jammed: (k,) whether nothing could give way, so that the push ended early.
+    """
+
+    plan: Plan
+    uncertainty: TrialUncertainty | None
+    seed: int
+    settings: SlipSettings
+    errors: FloatArray
+    object_poses: FloatArray
+    arrived: BoolArray
+    losses: tuple[ContactLoss | None, ...]
+    jammed: BoolArray
+
+    @property
+    def scenario(self) -> Scenario:
+        """What the plan believes."""
+        return self.plan.scenario
+
+    @property
+    def samples(self) -> int:
+        """Number of worlds."""
+        return len(self.arrived)
+
+    @property
+    def success(self) -> float:
+        """Share of the worlds in which it arrives."""
+        return float(self.arrived.mean())
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval of the rate of success."""
+        return wilson(int(self.arrived.sum()), self.samples)
+
+    @property
+    def held(self) -> float:
+        """Share of the worlds in which every contact holds to the end."""
+        return float(np.mean([loss is None for loss in self.losses] & ~self.jammed))
+
+    @property
+    def first_failures(self) -> dict[str, int]:
+        """How often each contact, by name, was the first to move; those that never were are left out."""
+        found: dict[str, int] = {}
+        for loss in self.losses:
+            if loss is not None:
+                found[loss.contact] = found.get(loss.contact, 0) + 1
+        return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+    @property
+    def goal_errors(self) -> FloatArray:
+        """(k, 2) of the goal's object, or the largest of all objects that have a goal: m, rad."""
+        return np.asarray(self.errors[:, goal_columns(self.scenario)].max(axis=1))
+
+    @property
+    def worst(self) -> int:
+        """Number of the sample that ends farthest from the goal, in units of its tolerances; jams come first."""
+        units = np.array([goal_units(self.scenario, errors).max() for errors in self.errors])
+        return int(np.argmax(units + 1e9 * self.jammed))
+
+    def world(self, i: int) -> World:
+        """Return the world of sample i."""
+        return sampled_world(self.scenario, self.uncertainty, np.random.default_rng([self.seed, i]))
+
+    def report(self, i: int) -> ContactReport:
+        """Return the course of sample i, simulated anew."""
+        return simulate(self.plan, self.world(i), self.settings)
+
+
+def execute_trials(
+    plan: Plan,
+    samples: int = 200,
+    uncertainty: TrialUncertainty | None = None,
+    seed: int = 1,
+    settings: SlipSettings = DEFAULTS,
+    jobs: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Trials:
+    """Execute a plan in sampled worlds.
+
+    Args:
+        plan: Of any kind of scenario, timed.
+        samples: Number of worlds.
+        uncertainty: See `sampled_world`.
+        seed: Of the random numbers: the same seed gives the same worlds.
+        settings: Of the simulator.
+        jobs: Threads; None for one a processor.
+        progress: Called with the number of samples that are done.
+
+    Raises:
+        PushplanError: When `samples` is below 1, or the plan is not timed.
+        SupportError: When the load under an object is not known.
+    """
+    if samples < 1:
+        raise PushplanError(f"the number of samples is {samples}; it must be at least 1")
+
+    def one(i: int) -> tuple[ContactReport, bool]:
+        world = sampled_world(plan.scenario, uncertainty, np.random.default_rng([seed, i]))
+        report = slip(plan, world, settings)
+        return report, report.arrived(plan.scenario)
+
+    rows = []
+    with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
+        for report, arrived in pool.map(one, range(samples)):
+            errors = report.goal_errors(plan.scenario)
+            rows.append((errors, report.objects[-1], arrived, report.loss, report.jammed_at is not None))
+            if progress is not None:
+                progress(len(rows))
+    off, poses, arrive, losses, jammed = zip(*rows, strict=True)
+    return Trials(
+        plan=plan,
+        uncertainty=uncertainty,
+        seed=seed,
+        settings=settings,
+        errors=np.array(off),
+        object_poses=np.array(poses),
+        arrived=np.array(arrive, dtype=np.bool_),
+        losses=losses,
+        jammed=np.array(jammed, dtype=np.bool_),
+    )

@@ -1,1 +1,0 @@
-"""Trials: a plan executed in many sampled worlds, and what share of them it arrives in."""

@@ -1,1 +1,0 @@
-"""Chains that are not what a plan believes."""
