@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from pushplan.sim.physics.model.feet import feet_of
 
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.support import (
@@ -19,6 +18,7 @@ from pushplan.mechanics.support import (
     UnknownSupport,
 )
 from pushplan.sets.named import stable_set
+from pushplan.sim.feet import feet_of
 from pushplan.sim.robustness import robustness_along
 from pushplan.util.arrays import FloatArray
 
