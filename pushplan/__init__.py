@@ -42,7 +42,6 @@ _HOMES = {
     "sim.identify.course": "Course",
     "sim.identify.result": "Estimate Identification",
     "sim.identify.identify": "identify_courses",
-    "sim.rigid": "simulate_rigid",
     "sim.report": "ContactLoss ContactReport Mode",
     "sim.slip.simulator": "SlipSettings SlipSimulator simulate",
     "sim.physics.simulate": "simulate_in_physics",
@@ -174,7 +173,6 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.sim.report import ContactLoss as ContactLoss
     from pushplan.sim.report import ContactReport as ContactReport
     from pushplan.sim.report import Mode as Mode
-    from pushplan.sim.rigid import simulate_rigid as simulate_rigid
     from pushplan.sim.slip.simulator import SlipSettings as SlipSettings
     from pushplan.sim.slip.simulator import SlipSimulator as SlipSimulator
     from pushplan.sim.slip.simulator import simulate as simulate

@@ -87,8 +87,8 @@ def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
         log.execution(report.execution)
         loss = report.loss
         if isinstance(loss, ContactLoss):
-            mode = "moved" if loss.mode is None else loss.mode.name.lower()
-            log.log("warning", f"{loss.contact} was the first contact to move, at {loss.time:.2f} s ({mode})")
+            what = f"{loss.contact} was the first contact to move, at {loss.time:.2f} s"
+            log.log("warning", f"{what} ({loss.mode.name.lower()})")
         if report.jammed_at is not None:
             log.log("warning", f"jammed at {report.jammed_at:.2f} s: no motion satisfies all contacts")
         log.finish("arrived" if report.arrived(trials.scenario) else "missed")

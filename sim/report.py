@@ -27,9 +27,9 @@ STILL = 1e-3
 
 
 class Mode(IntEnum):
-    """What a contact does in a step."""
+    """What a contact does in a step; unknown where nothing is pushed, or the simulator does not tell."""
 
-    NOT_PUSHED = -1
+    UNKNOWN = -1
     OPEN = state.OPEN
     STICK = state.STICK
     SLIDE = state.SLIDE
@@ -43,12 +43,12 @@ class ContactLoss(StabilityLoss):
 
     Attributes:
         margin: As in `Execution.margins` at that time; NaN where these were not worked out.
-        mode: What the contact does there; None where the simulator does not tell.
+        mode: What the contact does there.
         point: Middle of the contact segment in the world, m.
     """
 
     margin: float = field(compare=False)
-    mode: Mode | None
+    mode: Mode
     point: tuple[float, float]
 
 
@@ -65,8 +65,7 @@ class ContactReport(Execution):
         tolerance: Slide or opening over the length of the segment from which on a contact counts as moved.
         wanted: (n, 3) where the plan has the objects in the end.
         contacts: Names of the contacts by segment and object.
-        modes: (m, n) what each contact did in the step that ends at the sample, values of `Mode`; None where the
-            simulator does not tell.
+        modes: (m, n) what each contact did in the step that ends at the sample, values of `Mode`.
         jammed_at: Time at which no motion satisfied all contacts and balances, s; everything ends there. None if it
             never came.
         clear: Least distance (m) of robot and load from objects that rest; infinite where it was not looked at,
@@ -81,7 +80,7 @@ class ContactReport(Execution):
     tolerance: float
     wanted: FloatArray
     contacts: Mapping[tuple[int, str], str]
-    modes: IntArray | None = None
+    modes: IntArray
     jammed_at: float | None = None
     clear: float = math.inf
     seconds: float = 0.0
@@ -293,7 +292,6 @@ def report_of(
     t = joined([part.t for part in parts])
     plates = [se2.compose(part.frame, part.plate) for part in parts]
     poses, columns = joined(plates), joined([_columns(part, names) for part in parts])
-    tell = all(part.modes is not None for part in parts)
     push = all(part.wrenches is not None for part in parts)
     contacts = {
         (part.segment, obj.name): part.chain.contact_name(i)
@@ -322,7 +320,7 @@ def report_of(
         tolerance=tolerance,
         wanted=wanted,
         contacts=contacts,
-        modes=joined([at_ends(part.modes) for part in parts if part.modes is not None]) if tell else None,
+        modes=joined([_modes(part, len(names)) for part in parts]),
         jammed_at=jammed_at,
         clear=clear,
         seconds=seconds,
@@ -341,9 +339,11 @@ def _columns(part: Part, names: tuple[str, ...]) -> FloatArray:
     return found
 
 
-def at_ends(modes: IntArray) -> IntArray:
+def _modes(part: Part, count: int) -> IntArray:
     """Return modes (k + 1, n) at samples, given those of the steps that end there; the first one's also before."""
-    return np.concatenate([modes[:1], modes]) if len(modes) else np.full((1, modes.shape[1]), Mode.NOT_PUSHED)
+    if part.modes is None or not len(part.modes):
+        return np.full((len(part.t), count), Mode.UNKNOWN)
+    return np.concatenate([part.modes[:1], part.modes])
 
 
 def at_poses(wrenches: FloatArray) -> FloatArray:
@@ -411,7 +411,7 @@ def _loss(report: ContactReport, parts: Sequence[Part]) -> ContactLoss | None:
     contact = part.chain.contacts[part.chain.index_of(name)]
     frame = se2.compose(report.poses[k], se2.inverse(part.plate))
     x, y = se2.transform_points(frame, 0.5 * (contact.right + contact.left)).tolist()
-    mode = None if report.modes is None else Mode(int(report.modes[k, column]))
+    mode = Mode(int(report.modes[k, column]))
     px, py, theta = report.poses[k].tolist()
     words = report.contacts[segment, name]
     return ContactLoss(float(report.t[k]), segment, name, words, math.nan, (px, py, theta), mode, (x, y))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from plans_of import push_of
 from scipy.integrate import solve_ivp
 
 from pushplan.geometry.se2 import pose_error
@@ -14,16 +16,24 @@ from pushplan.mechanics.contacts.contact_state import contact_state
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.run import Execution
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
-from pushplan.sim.rigid import simulate_rigid
+from pushplan.sim.kinematic import execute
 from pushplan.util.arrays import FloatArray
 
 
 @pytest.fixture(scope="module")
 def stable(make_chain: Any) -> StableSet:
-    return stable_set(make_chain.boxes(2, size=(0.1, 0.2)), "ecof")
+    chain = make_chain.boxes(2, size=(0.1, 0.2))
+    limits = replace(chain.pusher.limits, contact="quasi-static")
+    return stable_set(replace(chain, pusher=replace(chain.pusher, limits=limits)), "ecof")
+
+
+def executed(trajectory: Trajectory, stable: StableSet) -> Execution:
+    plan = push_of(stable.chain, trajectory)
+    return execute(plan.scenario, plan.segments, "ecof")
 
 
 def _path(*arcs: tuple[float, float, float, float]) -> PushPath:
@@ -44,7 +54,7 @@ def test_execution_integrates_what_was_commanded(stable: StableSet) -> None:
         c, s = np.cos(pose[2]), np.sin(pose[2])
         return np.array([c * vx - s * vy, s * vx + c * vy, omega])
 
-    execution = simulate_rigid(trajectory, stable, trajectory.poses[-1])
+    execution = executed(trajectory, stable)
     solved = solve_ivp(
         rate,
         (0.0, trajectory.duration),
@@ -59,7 +69,7 @@ def test_execution_integrates_what_was_commanded(stable: StableSet) -> None:
 
 
 def test_a_stable_push_keeps_every_contact_and_reports_its_forces(stable: StableSet) -> None:
-    execution = simulate_rigid(time_path(_path(*STABLE_ARCS), Bounds(Limits())), stable, np.zeros(3))
+    execution = executed(time_path(_path(*STABLE_ARCS), Bounds(Limits())), stable)
     assert execution.loss is None
     assert execution.margins.shape == (len(execution.t), 2)
     assert execution.margins.min() > 0.0
@@ -75,7 +85,7 @@ def test_a_stable_push_keeps_every_contact_and_reports_its_forces(stable: Stable
 
 def test_the_margin_at_rest_is_that_of_the_motion_beside_it(stable: StableSet) -> None:
     path = _path(*STABLE_ARCS)
-    execution = simulate_rigid(time_path(path, Bounds(Limits())), stable, np.zeros(3))
+    execution = executed(time_path(path, Bounds(Limits())), stable)
     expected = stable.contact_margins(path.twists)
     np.testing.assert_allclose(execution.margins[0], expected[0], atol=1e-9)
     np.testing.assert_allclose(execution.margins[-1], expected[-1], atol=1e-9)
@@ -85,21 +95,22 @@ def test_the_margin_at_rest_is_that_of_the_motion_beside_it(stable: StableSet) -
 def test_rounding_at_the_final_rest_never_reverses_the_motion(stable: StableSet, seed: int) -> None:
     rng = np.random.default_rng(seed)
     arcs = [(*STABLE_ARCS[int(rng.integers(3))][:3], float(rng.uniform(0.01, 2.0))) for _ in range(12)]
-    assert simulate_rigid(time_path(_path(*arcs), Bounds(Limits())), stable, np.zeros(3)).loss is None
+    assert executed(time_path(_path(*arcs), Bounds(Limits())), stable).loss is None
 
 
 def test_the_loss_of_a_contact_is_reported_and_nothing_after_it(stable: StableSet) -> None:
     arcs = [(1.0, 0.0, 0.0, 0.3), (0.2, 1.0, 0.0, 0.3), (1.0, 0.0, 0.0, 0.3)]
     path = _path(*arcs)
     trajectory = time_path(path, Bounds(Limits()))
-    execution = simulate_rigid(trajectory, stable, trajectory.poses[-1])
+    execution = executed(trajectory, stable)
     loss = execution.loss
     assert loss is not None
     corner = trajectory.breaks[np.flatnonzero(np.diff(trajectory.arc))[0] + 1]
     assert loss.time == pytest.approx(corner, abs=2.0 / trajectory.rate)
     assert execution.t[-1] == loss.time
     assert loss.margin == execution.margins[-1].min() <= 0.0
-    assert loss.contact == int(execution.margins[-1].argmin())
+    assert loss.object == execution.names[int(execution.margins[-1].argmin())]
+    assert loss.contact.endswith(loss.object)
     np.testing.assert_allclose(loss.pose, execution.poses[-1])
     assert execution.goal_error[0] > 0.1
 
@@ -113,7 +124,7 @@ def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(stabl
         middle = 0.5 * (low + high)
         inside = stable.margin(trajectory.twists_at(np.array([middle])))[0] > 0.0
         low, high = (middle, high) if inside else (low, middle)
-    loss = simulate_rigid(trajectory, stable, np.zeros(3)).loss
+    loss = executed(trajectory, stable).loss
     assert loss is not None
     assert low <= loss.time <= low + 1.0 / trajectory.rate + 1e-9
 
@@ -134,4 +145,4 @@ def test_a_sample_just_before_the_final_rest_keeps_its_direction(stable: StableS
             trajectory.start, trajectory.breaks, trajectory.coefficients, trajectory.arc, float(rate)
         )
         assert 0.0 < sampled.t[-1] - sampled.t[-2] < 1e-4
-        assert simulate_rigid(sampled, stable, np.zeros(3)).loss is None
+        assert executed(sampled, stable).loss is None

@@ -189,7 +189,7 @@ def _document(trials: Trials, worst: Path | None) -> dict[str, object]:
             {
                 "sample": i,
                 "contact": loss.contact,
-                "mode": None if loss.mode is None else loss.mode.name.lower(),
+                "mode": loss.mode.name.lower(),
                 "time": loss.time,
                 "point": loss.point,
             }

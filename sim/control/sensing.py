@@ -122,10 +122,6 @@ class Sightings:
         """Return the time of the last measurement; minus infinity before the first."""
         return self._seen[-1][0] if self._seen else -np.inf
 
-    def count(self, since: float) -> int:
-        """Return the number of measurements from a time on."""
-        return sum(time >= since for time, _ in self._seen)
-
     def places(self, around: FloatArray, last: int, since: float = -np.inf) -> FloatArray | None:
         """Return the mean places (n, 3) of the last measurements; None when there are less than that.
 

@@ -243,7 +243,7 @@ def moved(simulator: SlipSimulator, t: FloatArray, poses: FloatArray, segment: i
     done = len(trace.end)
     modes = trace.modes
     if simulator.chain is None:
-        modes = np.full_like(modes, Mode.NOT_PUSHED)
+        modes = np.full_like(modes, Mode.UNKNOWN)
     return Part(
         segment,
         simulator.chain,

@@ -17,6 +17,7 @@ from pushplan.errors import PushplanError, RunLogError
 from pushplan.geometry import se2
 from pushplan.identify import read_course
 from pushplan.logging.writer import RunLogWriter
+from pushplan.planners.planner import plan
 from pushplan.plans.run import Execution
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.course import Course
@@ -161,12 +162,11 @@ def test_a_plan_with_what_was_learned_holds_where_one_with_the_stated_numbers_sl
     learned = scenario_from_document(with_learned(stated.resolved(), piece))
     possible = identified.samples[:: len(identified.samples) // 20]
     for scenario, holds in ((stated, False), (learned, True)):
-        trajectory = pushplan.plan(scenario, seed=1, first=True).trajectory
-        assert trajectory is not None
-        real = pushplan.simulate(trajectory, identified.unknowns.world_for(truth))
-        assert (real.kept, real.arrived(stated.goal)) == (holds, holds)
+        planned = plan(scenario, seed=1, first=True)
+        real = pushplan.simulate(planned, identified.unknowns.world_for(truth))
+        assert (real.kept, real.arrived(stated)) == (holds, holds)
         worlds = [identified.unknowns.world_for(values) for values in possible]
-        kept = [pushplan.simulate(trajectory, world).kept for world in worlds]
+        kept = [pushplan.simulate(planned, world).kept for world in worlds]
         assert np.mean(kept) >= 0.9 if holds else not any(kept)
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import shapely
+from plans_of import push_of
 
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
@@ -27,7 +28,7 @@ from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
-from pushplan.sim.rigid import simulate_rigid
+from pushplan.sim.kinematic import execute
 from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -69,7 +70,9 @@ def _check(scenario: Scenario, path: PushPath, stable: StableSet, blend: Blend) 
     trajectory, limits = blend.trajectory, scenario.chain.pusher.limits
     assert _use_by_differences(trajectory, limits).max() <= 1.0 + 1e-4
     np.testing.assert_allclose(trajectory.poses[-1], path.end, atol=1e-9)
-    execution = simulate_rigid(trajectory, stable, path.end)
+    pusher = replace(stable.chain.pusher, limits=replace(limits, contact="quasi-static"))
+    pushed = push_of(replace(stable.chain, pusher=pusher), trajectory)
+    execution = execute(pushed.scenario, pushed.segments, "ecof")
     assert execution.loss is None
     assert execution.margins.min() > scenario.required_margin
     assert max(execution.goal_error) < 3e-8  # what integrating with other steps makes of it
