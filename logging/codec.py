@@ -256,7 +256,7 @@ def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float) 
 def _hints(kind: type) -> dict[str, Any]:
     return get_type_hints(
         kind,
-        localns={**_TYPES, "Execution": Execution, "Load": Load, "Scenario": Scenario, "PlanResult": Plan},
+        localns={**_TYPES, "Execution": Execution, "Load": Load, "Scenario": Scenario},
     )
 
 

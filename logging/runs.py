@@ -12,7 +12,6 @@ from pathlib import Path
 
 from pushplan.errors import OutputError, PushplanError
 from pushplan.logging.mcap_file import DamageError, metadata_of
-from pushplan.logging.old.messages.seal import unsealed
 from pushplan.util.files import PARTIAL, is_being_written
 
 FOLDER, MEGABYTES = "PUSHPLAN_RUNS", "PUSHPLAN_RUNS_MB"
@@ -210,17 +209,14 @@ def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
             if name == _RESULT:
                 words.pop("path_cost", None)  # of an improvement: the result has the last word
             if name.startswith("pushplan."):
-                checked = unsealed(group) if "crc32" in group else group
-                words |= {key: value for key, value in checked.items() if key in _WORDS}
-            if name == _RESULT and "path_cost" in words:  # of several objects each transfer has one
-                costs.append(_number(words["path_cost"]) or 0.0)
+                words |= {key: value for key, value in group.items() if key in _WORDS}
     except (DamageError, OSError, ValueError):
         outcome = DAMAGED
     return RunEntry(
         number=number,
         path=Path(log.path),
         outcome=words.get("outcome", outcome),
-        cost=sum(costs) if costs else _number(words.get("path_cost", "")),
+        cost=_number(words.get("path_cost", "")),
         started=_time(words.get("started_at", "")),
         size=size,
         scenario=words.get("scenario", ""),

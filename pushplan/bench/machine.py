@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from pushplan.logging.old.messages.metadata import git_commit
+from pushplan.logging.metadata import git_commit
 
 _SOFTWARE = ("pushplan", "numpy", "numba", "scipy", "shapely", "ompl", "ruckig", "mcap")
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pushplan.bench.suite import RunSpec
-from pushplan.bench.validation import clearance, validation_error, with_kept_margin
+from pushplan.bench.validation import clearance, validation_error
 from pushplan.errors import EmptyStableSetError, PlanningError
-from pushplan.plans.result import Run
+from pushplan.plans.run import Run
 from pushplan.run import run
 from pushplan.scenario.model import Scenario
 from pushplan.util.stopwatch import Stopwatch
@@ -132,14 +132,13 @@ def perform(spec: RunSpec, folder: Path) -> Outcome:
 
 def _trial_success(done: Run, spec: RunSpec, watch: Stopwatch) -> float | None:
     """Return the share of sampled worlds in which a plan arrives; None without a plan or known loads."""
-    if done.plan.trajectory is None or not done.scenario.chain.loads_known:
+    known = all(task.chain.loads_known for task in done.scenario.tasks)
+    if done.plan.trajectory is None or not known:
         return None
     with watch("trials"):
-        from pushplan.several.as_plan import as_plan
         from pushplan.sim.trials import execute_trials  # most suites do not ask for it
 
-        plan = as_plan(done.scenario, done.plan)
-        return execute_trials(plan, spec.trials, seed=spec.seed, jobs=1).success
+        return execute_trials(done.plan, spec.trials, seed=spec.seed, jobs=1).success
 
 
 def validated(key: str, scenario: Scenario, done: Run, watch: Stopwatch) -> Outcome:
@@ -148,22 +147,27 @@ def validated(key: str, scenario: Scenario, done: Run, watch: Stopwatch) -> Outc
     with watch("validation"):
         reason, free = plan.reason, None
         if execution is not None:
-            reason = validation_error(with_kept_margin(scenario, plan), execution)
+            reason = validation_error(plan, execution)
             free = clearance(scenario, execution)
     found = plan.solved or plan.first_solution_s is not None
     valid = plan.solved and not reason
-    path = plan.path
-    arcs = () if path is None else zip(path.twists.tolist(), path.lengths.tolist(), strict=True)
+    arcs = [
+        (*twist, length)
+        for push in plan.pushes
+        for twist, length in zip(
+            push.contact_path.twists.tolist(), push.contact_path.lengths.tolist(), strict=True
+        )
+    ]
     values: dict[str, Value] = {
         "correct_solution": int(valid) if found else None,
         "first_solution_time": plan.first_solution_s,
         "lower_bound": plan.lower_bound,
         "margin": plan.margin,
-        "extensions": plan.extensions,
+        "extensions": plan.iterations,
         **_seconds({**watch.seconds, **done.seconds}),
     }
-    if path is not None:
-        values |= {"solution_length": path.cost, "solution_segments": len(path.lengths)}
+    if plan.cost is not None:
+        values |= {"solution_length": plan.cost, "solution_segments": len(arcs)}
     if plan.trajectory is not None:
         values["duration"] = plan.trajectory.duration
     if execution is not None:
@@ -179,8 +183,8 @@ def validated(key: str, scenario: Scenario, done: Run, watch: Stopwatch) -> Outc
         OK if valid else INVALID if found else NO_PLAN,
         reason,
         values,
-        tuple((*twist, length) for twist, length in arcs),
-        tuple((point.seconds, point.cost, point.iterations) for point in plan.progress),
+        tuple(arcs),
+        tuple((one.seconds, one.cost, one.iterations) for one in plan.improvements),
     )
 
 

@@ -299,17 +299,17 @@ def worst_runs(results: Results, most: int = MOST_PICTURES) -> pd.DataFrame:
 def _pictures(results: Results, runs: pd.DataFrame) -> dict[str, str]:
     """Return pictures (data URIs) by key of those runs whose logs hold enough to draw one."""
     from pushplan.drawing.plans import plot_plan
-    from pushplan.logging.old.reader import read_run
+    from pushplan.logging.reader import load_run
 
     found = {}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.png"
         for run in runs[runs.log.notna()].itertuples():
             try:
-                recorded = read_run(results.path.parent / run.log)
+                recorded = load_run(results.path.parent / run.log)
                 if recorded.plan is None:
                     continue
-                plot_plan(recorded.plan.as_plan(recorded.scenario, recorded.execution), path)
+                plot_plan(recorded.plan, path, recorded.execution)
             except PushplanError:
                 continue  # a log that was cut off is listed without a picture
             found[run.key] = _data_uri(path.read_bytes(), "png")

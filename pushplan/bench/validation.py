@@ -7,14 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from pushplan.geometry.se2 import rotate
-from pushplan.mechanics.body import BodyKind
-from pushplan.planners.validation.clearance import Room, densify, find_collision
-from pushplan.plans.execution import Execution
-from pushplan.plans.result import PlanResult
+from pushplan.geometry.se2 import compose, inverse, rotate
+from pushplan.planners.validation.clearance import densify
+from pushplan.planners.validation.validator import Validator
+from pushplan.plans.plan import Plan
+from pushplan.plans.run import Execution
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.util.arrays import FloatArray
-from pushplan.util.names import AUTO
 
 CLEARANCE_SPACING = 0.01
 """No point of a body moves farther than this between two poses at which the clearance is measured, m."""
@@ -23,46 +22,39 @@ COARSE = 16
 """Every so many of these poses is looked at first, for a bound on the distance."""
 
 
-def with_kept_margin(scenario: Scenario, result: PlanResult) -> Scenario:
-    """Return a scenario that asks for the margin that a plan says it kept, unless it states a number itself."""
-    if scenario.stability.margin != AUTO or result.margin is None:
-        return scenario
-    return scenario.with_margin(result.margin)
+def validation_error(plan: Plan, execution: Execution) -> str:
+    """Return why an execution does not solve what was asked, empty if it does.
 
-
-def validation_error(scenario: Scenario, execution: Execution) -> str:
-    """Return why an execution does not solve a scenario, whose margin is a number, empty if it does."""
-    if execution.loss is not None:
-        loss = execution.loss
-        return f"contact {loss.contact} is lost after {loss.time:.3f} s with a margin of {loss.margin:.3g}"
-    if execution.min_margin <= scenario.required_margin:
-        return f"the smallest margin is {execution.min_margin:.3g}; it must be above {scenario.required_margin:g}"
-    if scenario.chain.pusher.limits.contact == "dynamic":
+    Args:
+        plan: What was planned, with the margin that it says it kept.
+        execution: Of it.
+    """
+    scenario = plan.scenario
+    if execution.min_margin is not None and plan.margin is not None and execution.min_margin <= plan.margin:
+        return f"the smallest margin is {execution.min_margin:.3g}; it must be above {plan.margin:g}"
+    if scenario.pusher.limits.contact == "dynamic":
         smallest = execution.min_dynamic_margin
         if smallest is None:
             return "nobody looked at the margins with inertia"
         if smallest <= 0.0:
             return f"the smallest margin with inertia is {smallest:.3g}; it must be above 0"
-    (position, angle), goal = execution.goal_error, scenario.goal
-    if not (position <= goal.position_tolerance and angle <= goal.angle_tolerance):
+    position, angle = execution.goal_error
+    goals = [goal for task in scenario.tasks for goal in task.goals]
+    allowed = min(goal.position_tolerance for goal in goals), min(goal.angle_tolerance for goal in goals)
+    if not (position <= allowed[0] and angle <= allowed[1]):
         return f"the goal is missed by {position:.2g} m and {angle:.2g} rad"
-    for poses, bodies in _moving(scenario, execution):
-        hit = find_collision(scenario, poses, Room.of(scenario).only(bodies))
-        if hit is not None:
-            other = "a wall of the workspace" if hit.obstacle is None else f"obstacle {hit.obstacle}"
-            return f"{hit.body} meets {other} with the chain frame at {hit.pose}"
-    return ""
+    return Validator(scenario).flaw(plan.segments, execution, plan.stable_set)
 
 
-def _moving(scenario: Scenario, execution: Execution) -> Iterator[tuple[FloatArray, tuple[int, ...]]]:
-    """Yield poses (m, 3) and the indices of the bodies that move with them: robot and objects may move apart."""
-    bodies = scenario.chain.bodies
-    objects = tuple(i for i, body in enumerate(bodies) if body.kind is BodyKind.OBJECT)
-    if execution.loads is None:
-        yield execution.poses, tuple(range(len(bodies)))
-    else:
-        yield execution.poses, tuple(i for i in range(len(bodies)) if i not in objects)
-        yield execution.loads, objects
+def _moving(scenario: Scenario, execution: Execution) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield the poses (m, 3) of each body that moves, and its outline (v, 2) in that frame."""
+    chain = scenario.tasks[0].chain
+    robot = compose(execution.poses, inverse(chain.pusher.plate_pose))
+    for body in chain.carried:
+        yield robot, body.outline
+    objects = {obj.name: obj for task in scenario.tasks for obj in task.chain.objects}
+    for k, name in enumerate(execution.names):
+        yield execution.objects[:, k], objects[name].outline
 
 
 def clearance(scenario: Scenario, execution: Execution) -> float | None:
@@ -71,7 +63,7 @@ def clearance(scenario: Scenario, execution: Execution) -> float | None:
     None where there is nothing to keep clear of. Measured at poses `CLEARANCE_SPACING` apart, so the true one may be
     smaller by half of that at most.
     """
-    reach, found = scenario.chain.reach, [np.inf]
+    found = [np.inf]
     obstacles = shapely.STRtree(
         [
             shapely.Point(one.center).buffer(one.radius, quad_segs=64)
@@ -80,14 +72,14 @@ def clearance(scenario: Scenario, execution: Execution) -> float | None:
             for one in scenario.obstacles
         ]
     )
-    for poses, bodies in _moving(scenario, execution):
+    for poses, outline in _moving(scenario, execution):
+        reach = float(np.linalg.norm(outline, axis=1).max())
         some = densify(_thinned(poses, reach), reach, CLEARANCE_SPACING)
-        for i in bodies:
-            corners = some[:, None, :2] + rotate(some[:, 2:3], scenario.chain.bodies[i].outline[None])
-            found.append(_distance(obstacles, shapely.polygons(corners)))
-            if (area := scenario.workspace) is not None:
-                walls = corners - [area.xmin, area.ymin], [area.xmax, area.ymax] - corners
-                found.append(max(0.0, float(min(side.min() for side in walls))))
+        corners = some[:, None, :2] + rotate(some[:, 2:3], outline[None])
+        found.append(_distance(obstacles, shapely.polygons(corners)))
+        if (area := scenario.workspace) is not None:
+            walls = corners - [area.xmin, area.ymin], [area.xmax, area.ymax] - corners
+            found.append(max(0.0, float(min(side.min() for side in walls))))
     smallest = min(found)
     return None if smallest == np.inf else smallest
 

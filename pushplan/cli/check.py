@@ -35,9 +35,7 @@ def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | 
         stated = load_scenario(scenario, maps)
         questions = ask(stated, console)
         if stated.kind == "rearrangement":
-            from pushplan.cli.rearrangement import check_rearrangement
-
-            return check_rearrangement(stated, plot, console)
+            return _check_rearrangement(stated, plot, console)
         console.say((stated.name, "bold"))
         console.table(rows(stated))
         from pushplan.cli.stable_set import describe, set_document, set_rows
@@ -309,3 +307,39 @@ def _place_text(scenario: Scenario, pose: FloatArray) -> str:
         if not isfinite(free)
         else f"{text}; {free:.3f} m from the nearest thing"
     )
+
+
+def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console) -> int:
+    """Show what was understood of a scenario of several objects; return the exit code."""
+    from pushplan.planners.multi.contact_modes import find_modes
+    from pushplan.plans.settings import PlanSettings
+
+    alone = {name: scenario.alone(name) for name in scenario.bodies}
+    first = next(iter(alone.values()))
+    rows, found = [("file", str(first.path))], []
+    for name, one in alone.items():
+        with console.computing(f"looking at the contacts of {name}"):
+            require_pushable(one)
+            modes = find_modes(one, PlanSettings().completed(one))
+            faces = list(dict.fromkeys(mode.place.face for mode in modes))
+        goals = len(scenario.bodies[name].goals)
+        aim = f"goes to {'its goal' if goals == 1 else f'one of {goals} goals'}"
+        aim = aim if goals else "is moved where it is in the way"
+        rows += [*object_rows(one, 0), ("", f"{aim}, can be pushed at {', '.join(faces)}")]
+        found.append({**document(one), "goals": goals, "faces": faces})
+    rows += [
+        ("pusher", pusher_text(first.chain.pusher)),
+        ("robot", robot_text(first.chain.pusher)),
+        ("workspace", workspace_text(first)),
+    ]
+    if plot is not None:
+        with console.computing(f"drawing {plot}"):
+            from pushplan.drawing.plans import plot_scenario
+
+            plot_scenario(scenario, plot)
+    console.say((f"{scenario.name}  (several objects)", "bold"))
+    console.table(rows)
+    console.say(("no findings", "green"))
+    movable = [name for name in scenario.bodies if name not in scenario.goals]
+    console.emit({"scenario": scenario.name, "objects": found, "movable": movable})
+    return DONE

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pushplan.cli.console import Console
 
 if TYPE_CHECKING:
-    from pushplan.plans.result import PlanResult
+    from pushplan.plans.plan import Plan
     from pushplan.scenario.model import Scenario
     from pushplan.sim.report import ContactReport
 
@@ -26,7 +26,7 @@ def require_executable(scenario: Scenario) -> None:
     from pushplan.sim.physics.engine import PhysicsError, engine
 
     engine()
-    unknown = [repr(obj.name) for obj in scenario.chain.objects if not obj.support.known]
+    unknown = [repr(obj.name) for task in scenario.tasks for obj in task.chain.objects if not obj.support.known]
     if unknown:
         raise PhysicsError(
             f"the physics engine cannot execute a push of {', '.join(unknown)}: it needs the load on every point of "
@@ -35,7 +35,7 @@ def require_executable(scenario: Scenario) -> None:
         )
 
 
-def execute(scenario: Scenario, plan: PlanResult | None, console: Console) -> tuple[Document | None, bool]:
+def execute(scenario: Scenario, plan: Plan | None, console: Console) -> tuple[Document | None, bool]:
     """Execute a plan in the engine, tell what every contact did; return that, and whether all held or nothing was."""
     if plan is None or plan.trajectory is None:
         console.say("nothing to execute in the physics engine: no plan was found")
@@ -45,10 +45,9 @@ def execute(scenario: Scenario, plan: PlanResult | None, console: Console) -> tu
         def share(done: float) -> None:
             progress.tell(f"{100.0 * done:.0f} %")
 
-        from pushplan.several.as_plan import as_plan
         from pushplan.sim.physics.simulate import simulate_in_physics
 
-        report = simulate_in_physics(as_plan(scenario, plan), progress=share)
+        report = simulate_in_physics(plan, progress=share)
     verdict = ("every contact held", "green") if report.kept else ("a contact moved", "red")
     console.say("in the physics engine, at full speed: ", verdict)
     if scenario.has_intervals:

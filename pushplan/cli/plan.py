@@ -16,24 +16,10 @@ from pushplan.util.interruption import INTERRUPTED, Interruption, leaving_at_onc
 from pushplan.util.names import COSTS
 
 if TYPE_CHECKING:
-    from pushplan.plans.result import ProgressPoint, Run
-    from pushplan.recording import IncompleteLogError
+    from pushplan.logging.recording import IncompleteLogError
+    from pushplan.plans.plan import Improvement, Plan
+    from pushplan.plans.run import Execution, Run
     from pushplan.scenario.model import Scenario
-
-OF_ONE_LOAD = (
-    "maps",
-    "planner",
-    "stable_set",
-    "iterations",
-    "gap",
-    "cost",
-    "margin",
-    "plot",
-    "html",
-    "physics",
-)
-"""Options that plans of several objects do not take; `replay` makes the outputs among them from the log."""
-
 
 @p.command
 @p.scenario_argument
@@ -87,22 +73,16 @@ def plan(
     with p.code_of(scenario, console.note, no_code):
         with leaving_at_once():  # nothing is lost yet
             stated = _load(scenario, maps, console)
-            if stated.kind == "rearrangement":
-                from pushplan.cli.rearrangement import plan_rearrangement
-
-                given = {"maps": maps, "plot": plot, "html": html, "physics": physics, **search}
-                _refuse(given)
-                return plan_rearrangement(stated, search, log, runs, console)
             _prepare(stated, search, physics, console)
         interruption = Interruption()
         done, incomplete = _run(stated, search, log, runs, interruption, console)
     page = html or (None if output is None or no_page else _page_beside(output, console))
     if page is not None:
         page = _write_page(done, page, html is not None, console)
-    document = plan_document(done.scenario, done.plan, done.execution, done.log)
+    document = plan_document(done.plan, done.log)
     document |= {"page": page, "interrupted": interruption.requested}
     headline(document, console)
-    rows = plan_rows(document, remarks_on(done.scenario, done.plan, done.execution))
+    rows = plan_rows(document, remarks_on(done.plan, done.execution))
     if interruption.requested and done.plan.solved:
         rows.append(("interrupted", "the search was ended early; this is the best path until then"))
     console.table(rows)
@@ -116,7 +96,7 @@ def plan(
         document["physics"], kept = execute(stated, done.plan, console)
         code = code if kept or incomplete is not None else MISMATCH
     if plot is not None:
-        draw(done, plot, console)
+        draw(done.plan, done.execution, plot, console)
     console.emit(document)
     return code
 
@@ -139,7 +119,7 @@ def _page_beside(output: Path, console: Console) -> Path | None:
 
 def _write_page(done: Run, page: Path, asked: bool, console: Console) -> Path | None:
     """Write the page of a run; where nobody has asked for it, what hinders that is only a remark."""
-    from pushplan.logging.old.page import write_html
+    from pushplan.logging.page import write_html
 
     try:
         with console.working(f"writing {page}"):
@@ -150,17 +130,6 @@ def _write_page(done: Run, page: Path, asked: bool, console: Console) -> Path | 
         console.note(f"no page: {error}")
         return None
     return page
-
-
-def _refuse(given: dict[str, Any]) -> None:
-    """Refuse options that do not go together with goals of several objects."""
-    names = {"maps": "map", "stable_set": "set"}
-    words = [f"--{names.get(name, name)}" for name in OF_ONE_LOAD if given[name]]
-    if words:
-        raise p.UsageError(
-            f"{', '.join(words)} does not go together with goals of several objects; "
-            "replay makes outputs from the log"
-        )
 
 
 def _load(source: str, maps: tuple[Path, ...], console: Console) -> Scenario:
@@ -188,9 +157,10 @@ def _prepare(scenario: Scenario, search: dict[str, Any], physics: bool, console:
         del pushplan
         chosen = add_set(search["stable_set"] or scenario.stability.set)
         planner = search["planner"] or scenario.planner.name
-        warm_up(planner, None, chosen, scenario.interval is not None, scenario.pushes is not None)
+        warm_up(planner, None, chosen, scenario.has_intervals, scenario.kind != "push")
         kept = scenario.stability.margin if search["margin"] is None else search["margin"]
-        require_pushable(replace(scenario, stability=StabilitySettings(chosen, kept)))
+        for one in [scenario.alone(name) for name in scenario.bodies] or [scenario]:
+            require_pushable(replace(one, stability=StabilitySettings(chosen, kept)))
 
 
 def _run(
@@ -202,23 +172,22 @@ def _run(
     console: Console,
 ) -> tuple[Run, IncompleteLogError | None]:
     """Plan, execute and record; return the run, and what kept its log from being written to the end."""
-    from pushplan.recording import IncompleteLogError
+    from pushplan.logging.recording import IncompleteLogError
+    from pushplan.plans.settings import Observer
     from pushplan.run import run
 
     limit = scenario.planner.time_limit if search["time_limit"] is None else search["time_limit"]
     with console.working(f"planning, up to {limit:g} s") as progress, interruption.listening():
 
-        def improved(point: ProgressPoint) -> None:
-            progress.tell(f"best path so far {point.cost:.3f} m")
+        def improved(improvement: Improvement) -> None:
+            progress.tell(f"best plan so far {improvement.cost:.3f} m")
 
         try:
             done = run(
                 scenario,
                 log=log,  # type: ignore[arg-type]
                 runs=runs,
-                progress=improved,
-                tell=progress.announce,
-                stop=interruption,
+                observer=Observer(progress.announce, improved, interruption),
                 **search,
             )
         except IncompleteLogError as error:
@@ -226,9 +195,9 @@ def _run(
     return done, None
 
 
-def draw(done: Any, path: Path, console: Console) -> None:
-    """Draw a run, or one that was recorded, into a file."""
+def draw(plan: Plan, execution: Execution | None, path: Path, console: Console) -> None:
+    """Draw a plan and its execution into a file."""
     with console.computing(f"drawing {path}"):
         from pushplan.drawing.plans import plot_plan
 
-        plot_plan(done.plan.as_plan(done.scenario, done.execution), path)
+        plot_plan(plan, path, execution)

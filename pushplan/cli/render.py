@@ -11,12 +11,11 @@ import numpy as np
 
 from pushplan.cli.console import Console, angle_text, counted, length_text, plain, time_text
 from pushplan.cli.main import DONE, MISMATCH, NO_PLAN
-from pushplan.plans.execution import inertia_warning
+from pushplan.plans.run import inertia_warning
 
 if TYPE_CHECKING:
-    from pushplan.plans.execution import Execution
-    from pushplan.plans.result import PlanResult
-    from pushplan.scenario.model import Scenario
+    from pushplan.plans.plan import Plan
+    from pushplan.plans.run import Execution
     from pushplan.util.arrays import FloatArray
 
 Document = dict[str, Any]
@@ -113,35 +112,34 @@ def _pose_text(pose: Sequence[float]) -> str:
     return f"({x:.3f}, {y:.3f}, {theta:.1f} deg)"
 
 
-# --- today's results; `plan` is a Plan when logs are of Plans ------------------------------------------------------
-
-
-def plan_document(
-    scenario: Scenario, plan: PlanResult, execution: Execution | None, log: Path | None
-) -> Document:
+def plan_document(plan: Plan, log: Path | None) -> Document:
     """Return the document of a plan and its execution."""
-    document = plan.as_plan(scenario, execution).to_dict()
+    document: Document = plan.to_dict()
     error = document["goal_error"]
     if isinstance(error, dict):  # an execution that lost its load has no goal error
         document["goal_error"] = {name: value if isfinite(value) else None for name, value in error.items()}
     return {**document, "log": log}
 
 
-def remarks_on(scenario: Scenario, plan: PlanResult, execution: Execution | None) -> dict[str, str]:
+def remarks_on(plan: Plan, execution: Execution | None) -> dict[str, str]:
     """Return what people are told beside the numbers of a plan: where margins are smallest, what it tolerates."""
     remarks = {"note": plan.lowered}
     if plan.robustness:
         remarks["robustness"] = plan.robustness.sentence
     if execution is not None:
-        names = [scenario.chain.contact_name(k) for k in range(len(scenario.chain.contacts))]
-        remarks["warning"] = inertia_warning(scenario, execution)
-        remarks["min_margin"] = _where(execution, execution.margins, names)
+        remarks["warning"] = inertia_warning(plan.scenario, execution)
+        remarks["min_margin"] = _where(plan, execution, execution.margins)
         if execution.dynamic_margins is not None:
-            remarks["min_dynamic_margin"] = _where(execution, execution.dynamic_margins, names)
+            remarks["min_dynamic_margin"] = _where(plan, execution, execution.dynamic_margins)
     return remarks
 
 
-def _where(execution: Execution, margins: FloatArray, names: Sequence[str]) -> str:
-    """Return when and at which contact the smallest of margins (m, n) is."""
-    sample, contact = np.unravel_index(int(np.nanargmin(margins)), margins.shape)
-    return f" at {execution.t[sample]:.2f} s, contact {names[int(contact)]}"
+def _where(plan: Plan, execution: Execution, margins: FloatArray) -> str:
+    """Return when and at which contact the smallest of margins (m, n) is; empty where nothing was pushed."""
+    if np.isnan(margins).all():
+        return ""
+    sample, column = np.unravel_index(int(np.nanargmin(margins)), margins.shape)
+    load = plan.segments[int(execution.segment[sample])].load
+    name = execution.names[int(column)]
+    contact = name if load is None else load.contact_name(name)
+    return f" at {execution.t[sample]:.2f} s, contact {contact}"

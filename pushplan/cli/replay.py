@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from functools import partial
 from importlib import import_module
 from math import isfinite
@@ -14,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pushplan.cli import parameters as p
-from pushplan.cli.console import Console, time_text
+from pushplan.cli.console import Console
 from pushplan.cli.main import DONE, MISMATCH
-from pushplan.cli.render import headline, plan_document, plan_rows, remarks_on, segment_rows
+from pushplan.cli.render import headline, plan_document, plan_rows, remarks_on
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.util.names import BESIDE_A_BAG
 
 if TYPE_CHECKING:
-    from pushplan.logging.old.messages.recorded import RecordedRun
-    from pushplan.logging.old.verify import VerifyReport
+    from pushplan.logging.recorded import RecordedRun
+    from pushplan.logging.verify import VerifyReport
 
 Document = dict[str, Any]
 
@@ -90,31 +89,29 @@ def replay(
     wanted = {name: path for name, path in files.items() if path is not None}
     p.check_outputs([source], plot, *_outputs(wanted), log=recovered)
     with console.working(f"reading {source}"):
-        found = _read(source, recovered)
+        run = _read(source, recovered, verify)
     if physics:
         from pushplan.cli.physics import require_executable
 
-        require_executable(found[0].scenario)
-    shown = [_with_plan(run, console) for run in found]
-    document = _tell(shown, recovered, console)
+        require_executable(run.scenario)
+    document = _tell(run, recovered, console)
     report = None
     if verify:
-        report = _verified(found, console)
+        report = _verified(run, console)
         document["verification"] = _verification(report)
     matches = report is None or report.matches
     if physics:
         from pushplan.cli.physics import execute
 
-        executed = [execute(run.scenario, run.plan, console) for run in shown]
-        document["physics"] = [told for told, _ in executed] if len(shown) > 1 else executed[0][0]
-        matches = matches and all(kept for _, kept in executed)
+        document["physics"], kept = execute(run.scenario, run.plan, console)
+        matches = matches and kept
     if plot is not None or wanted:
         how: dict[str, Any] = {}
         if "ros2" in wanted:
-            from pushplan.logging.old.bag import Frames
+            from pushplan.logging.bag import Frames
 
             how = {"frames": Frames.from_text(frames) if frames else None, "epoch": epoch}
-        _export(_joined(shown), plot, wanted, how, console)
+        _export(run, plot, wanted, how, console)
     console.emit(document)
     return DONE if matches else MISMATCH
 
@@ -136,92 +133,54 @@ def log_meant(log: Path | None, runs: Path | None) -> str:
     return str(run_numbered(runs_folder(runs), 1 if word is None else int(word[1:])))
 
 
-def _read(source: str, recovered: Path | None) -> tuple[RecordedRun, ...]:
+def _read(source: str, recovered: Path | None, messages: bool) -> RecordedRun:
     if recovered is not None:
-        from pushplan.logging.old.recover import recover
+        from pushplan.logging.recover import recover
 
         return recover(source, recovered)
-    from pushplan.logging.old.reader import read_runs
+    from pushplan.logging.reader import load_run
 
-    return read_runs(source)
-
-
-def _with_plan(run: RecordedRun, console: Console) -> RecordedRun:
-    """Return a run that was cut off with the plan that its best path leads to; others as they are."""
-    if run.plan is not None or run.best_path is None:
-        return run
-    with console.computing("timing and executing the best path"):
-        from pushplan.logging.old.cut_off import with_best_path
-
-        return with_best_path(run)
+    return load_run(source, messages=messages)
 
 
 # --- what is shown ----------------------------------------------------------------------------------------------
 
 
-def _tell(runs: Sequence[RecordedRun], recovered: Path | None, console: Console) -> Document:
+def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Document:
     """Show what a log holds; return the document."""
-    from pushplan.logging.old.view.summary import summary
-
-    first, last = runs[0], runs[-1]
-    about: Document = {"scenario": first.scenario.name, "log": first.path}
-    if len(runs) > 1:
-        about["errands"] = _tell_errands(runs, console)
-        rows = [("log", str(first.path))]
-    elif first.plan is None:
-        console.say((first.scenario.name, "bold"), ": the log ends before a plan")
-        rows = []
+    about: Document = {"scenario": run.scenario.name, "log": run.path}
+    if run.plan is None:
+        console.say((run.scenario.name, "bold"), ": the log ends before a plan")
+        rows = [(name, text) for name, text in (("best plan", _best(run)),) if text]
     else:
-        about = plan_document(first.scenario, first.plan, first.execution, first.path)
+        about = plan_document(run.plan, run.path)
         headline(about, console)
-        rows = plan_rows(about, remarks_on(first.scenario, first.plan, first.execution))
-    console.table([*rows, *summary(last)])
+        rows = plan_rows(about, remarks_on(run.plan, run.execution))
+    console.table([*rows, ("outcome", run.outcome), *(("lost", loss) for loss in run.losses)])
     if recovered is not None:
         console.say(f"{recovered}: a clean log of what is whole")
     return {
         **about,
-        "outcome": last.outcome,
-        "lost": first.losses,
+        "outcome": run.outcome,
+        "lost": run.losses,
         "recovered": recovered,
         "verification": None,
     }
 
 
-def _tell_errands(runs: Sequence[RecordedRun], console: Console) -> list[Document]:
-    """Show the tasks of a log of several objects, one after the other."""
-    from pushplan.logging.old.errands import aim_of, delivers, errand_of
-
-    console.say((runs[0].scenario.name, "bold"), "  (several objects)")
-    found = []
-    for k, run in enumerate(runs, start=1):
-        began = time_text(1e-9 * run.began) if run.began else "the beginning"
-        console.say(f"task {k}: {errand_of(run)} {aim_of(run)}, from {began} on")
-        about: Document = {"object": errand_of(run), "delivers": delivers(run), "began": 1e-9 * run.began}
-        if run.plan is not None:
-            about |= plan_document(run.scenario, run.plan, run.execution, run.path) | {"outcome": run.outcome}
-            console.table(segment_rows(about["segments"]))
-        found.append(about)
-    return found
+def _best(run: RecordedRun) -> str:
+    """Return what the best plan costs that a search had found when its log broke off; empty where there is none."""
+    return f"{run.improvements[-1].cost:.3f} m, not timed yet" if run.improvements else ""
 
 
-def _verified(runs: Sequence[RecordedRun], console: Console) -> VerifyReport:
-    """Execute the recorded plans again, compare, and tell what differs."""
+def _verified(run: RecordedRun, console: Console) -> VerifyReport:
+    """Execute the recorded plan again, compare, and tell what differs."""
     with console.computing("executing the recorded plan again"):
-        from pushplan.logging.old.errands import check_errands
-        from pushplan.logging.old.verify import VerifyReport, verify
+        from pushplan.logging.verify import verify
+        from pushplan.verification import execute_again
 
-        if len(runs) > 1:
-            own = [
-                replace(check, quantity=f"task {k}: {check.quantity}")
-                for k, run in enumerate(runs, start=1)
-                for check in verify(run).checks
-            ]
-            report = VerifyReport((*own, *check_errands(runs)))
-        else:
-            report = verify(runs[0])
-    if not report.checks:
-        console.say("nothing to verify: no plan was found")
-    elif report.matches:
+        report = verify(run, execute_again)
+    if report.matches:
         console.say((f"verified: all {len(report.checks)} comparisons match", "green"))
     else:
         console.say(("the log differs from what its scenario and its plan lead to:", "red"))
@@ -255,22 +214,6 @@ def _outputs(wanted: Mapping[str, Path]) -> list[Path]:
     bag = wanted.get("ros2")
     beside = [] if bag is None or check_output(bag).streamed else [bag.with_suffix(BESIDE_A_BAG)]
     return [*wanted.values(), *beside]
-
-
-def _joined(runs: Sequence[RecordedRun]) -> RecordedRun:
-    """Return all runs of a log as one.
-
-    Raises:
-        RunLogError: When there are several and nothing was executed.
-    """
-    if len(runs) == 1:
-        return runs[0]
-    from pushplan.logging.old.joined import joined
-
-    executed = [run for run in runs if run.plan is not None and run.execution is not None]
-    if not executed:
-        raise RunLogError(str(runs[0].path), "nothing was executed, so there is nothing to show")
-    return joined(executed)
 
 
 def _export(
@@ -307,10 +250,10 @@ def _draw(run: RecordedRun, path: Path, console: Console) -> None:
         raise RunLogError(str(run.path), "the log ends before a plan, so there is nothing to draw")
     from pushplan.cli.plan import draw
 
-    draw(run, path, console)
+    draw(run.plan, run.execution, path, console)
 
 
 def _write(name: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console: Console) -> None:
     module, function, _ = WRITERS[name]
     with console.working(f"writing {path}"):
-        getattr(import_module(f"pushplan.logging.old.{module}"), function)(run, path, **how)
+        getattr(import_module(f"pushplan.logging.{module}"), function)(run, path, **how)

@@ -128,6 +128,17 @@ class Run:
     feedback: Feedback | None = None
 
 
+def inertia_warning(scenario: Scenario, execution: Execution) -> str:
+    """Return that inertia, which the scenario leaves out, would make a contact slip; empty where it would not."""
+    least = execution.min_dynamic_margin
+    if scenario.pusher.limits.contact == "dynamic" or least is None or least > 0.0:
+        return ""
+    return (
+        f"inertia was left out (limits.contact: quasi-static), and at this speed a contact slips "
+        f"(margin {least:.2g}): push more slowly, or use dynamic limits"
+    )
+
+
 def goal_error(scenario: Scenario, poses: Poses) -> tuple[float, float]:
     """Return how far (m, rad) the objects are from their goals: the largest errors of any of them.
 
