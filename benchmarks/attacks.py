@@ -40,13 +40,13 @@ sys.path[:0] = [str(TESTS), str(TESTS / "logs")]
 import bombs as bomb_files  # noqa: E402 (in tests, where the path has just been set)
 import hostile_files  # noqa: E402
 from output_options import OPTIONS, words  # noqa: E402
-
-from pushplan.errors import PushplanError  # noqa: E402
-from pushplan.kernels import warm_up  # noqa: E402
 from pushplan.logging.old.cut_off import with_best_path  # noqa: E402
 from pushplan.logging.old.messages.recorded import RecordedRun  # noqa: E402
 from pushplan.logging.old.reader import read_run  # noqa: E402
 from pushplan.plans.result import ProgressPoint  # noqa: E402
+
+from pushplan.errors import PushplanError  # noqa: E402
+from pushplan.kernels import warm_up  # noqa: E402
 from pushplan.run import run  # noqa: E402
 from pushplan.scenario.file import load_scenario  # noqa: E402
 

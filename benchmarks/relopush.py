@@ -29,6 +29,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pushplan.rearrangement.order import Order
+from pushplan.rearrangement.pieces import Piece, Situation
+from pushplan.rearrangement.plan import leg_of
+from pushplan.several.plan import free_goals
+from pushplan.several.prepared import Prepared
+from pushplan.several.warm import warm_up_several
 
 from pushplan.bench.random_problems import scenario_yaml
 from pushplan.errors import PlanningError, ScenarioError
@@ -36,14 +42,8 @@ from pushplan.geometry import se2
 from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
-from pushplan.rearrangement.order import Order
-from pushplan.rearrangement.pieces import Piece, Situation
-from pushplan.rearrangement.plan import leg_of
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
-from pushplan.several.plan import free_goals
-from pushplan.several.prepared import Prepared
-from pushplan.several.warm import warm_up_several
 from pushplan.util.arrays import FloatArray
 
 SIDE, AXLE, RADIUS = 0.15, 0.30, 1.008

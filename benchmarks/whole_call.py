@@ -16,13 +16,13 @@ import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from pushplan.plan import plan
+from pushplan.plans.result import PlanResult
+from pushplan.queries import Queries
 
-from pushplan import Queries
 from pushplan.bench.machine import Machine
 from pushplan.geometry import se2
-from pushplan.plan import plan
 from pushplan.planners.validation.clearance import Room
-from pushplan.plans.result import PlanResult
 from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario

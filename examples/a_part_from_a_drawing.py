@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pushplan
-from pushplan import read_svg_outlines
 from pushplan.scenario.builders import build_scenario, plate, polygon
+from pushplan.scenario.drawings import read_svg_outlines
 
 Path("part.svg").write_text("""\
 <svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="200mm" viewBox="0 0 200 200">

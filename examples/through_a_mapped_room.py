@@ -6,8 +6,8 @@ import numpy as np
 from PIL import Image
 
 import pushplan
-from pushplan import read_ros_map
 from pushplan.scenario.builders import box, build_scenario, plate
+from pushplan.scenario.maps import read_ros_map
 
 FREE, WALL, UNKNOWN = 254, 0, 205
 cells = np.full((100, 160), FREE, np.uint8)  # 5 m x 8 m, row 0 is at the top

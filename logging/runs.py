@@ -202,7 +202,6 @@ def chosen(runs: list[RunEntry], filters: list[str]) -> list[RunEntry]:
 
 def _entry(number: int | None, log: os.DirEntry[str], size: int) -> RunEntry:
     words: dict[str, str] = {}
-    costs: list[float] = []
     outcome = RUNNING if number is None else CUT_OFF
     try:
         for name, group in metadata_of(Path(log.path)):

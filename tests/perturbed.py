@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from pushplan.planners.trajectories import make_trajectory
 
 from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters
@@ -16,7 +17,6 @@ from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, PushedObject
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
-from pushplan.planners.trajectories import make_trajectory
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import scenario_from_text

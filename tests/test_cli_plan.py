@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from pushplan.cli.main import main
 from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.several_again import execute_again
 from pushplan.plans.execution import Execution
+
+from pushplan.cli.main import main
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.file import example_text, load_scenario
 from pushplan.sets.named import stable_set

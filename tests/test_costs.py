@@ -8,17 +8,17 @@ from functools import cache
 import numpy as np
 import pytest
 from plain import ARC_PRICE, load_plain
+from pushplan.plan import plan
+from pushplan.plans.result import PlanResult
 
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Limits
-from pushplan.plan import plan
 from pushplan.planners.improve.shortening import objective_value
 from pushplan.planners.problem.objective import Objective, arc_value, make_objective, rest_to_rest_time
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.timing.arc_limits import ArcLimits, arc_limits
 from pushplan.planners.timing.exact_timing import rest_to_rest
 from pushplan.plans.path import PushPath
-from pushplan.plans.result import PlanResult
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from plain import load_plain, plain
+from pushplan.logging.old.reader import read_run
+from pushplan.plan import plan
+from pushplan.planners.failure import Failure
+from pushplan.plans.result import CAUSES, Diagnosis, PlanResult
 
 from pushplan.cli.main import main
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry.se2 import pose_error
-from pushplan.logging.old.reader import read_run
-from pushplan.plan import plan
-from pushplan.planners.failure import Failure
 from pushplan.planners.improve.session import Budget
 from pushplan.planners.infeasible import diagnosis
 from pushplan.planners.infeasible import pockets as pocket
@@ -25,7 +26,6 @@ from pushplan.planners.infeasible.passage import passage_faults
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.validation.clearance import find_collision
-from pushplan.plans.result import CAUSES, Diagnosis, PlanResult
 from pushplan.run import run
 from pushplan.scenario.file import example_names, example_text, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario

@@ -12,12 +12,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pushplan
-from pushplan import FollowerState
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
-from pushplan.sim.follower import Follower
+from pushplan.plans.trajectory import Trajectory
+from pushplan.sim.follower import Command, Follower, FollowerState
 from pushplan.util.arrays import FloatArray
 
 AXLE = [-0.4, 0.0, 0.0]
@@ -49,7 +49,7 @@ def pushed(drive: str) -> Plan:
     return found
 
 
-def pose_after(start: FloatArray, twists: pushplan.Trajectory) -> FloatArray:
+def pose_after(start: FloatArray, twists: Trajectory) -> FloatArray:
     """Integrate the base's twists as a robot does, by a method and a form that the trajectory does not use."""
 
     def rates(t: float, pose: FloatArray) -> list[float]:
@@ -118,7 +118,7 @@ def moved(pose: FloatArray, twist: FloatArray, seconds: float) -> FloatArray:
 
 def followed(
     run: Plan, follower: Follower, start: FloatArray, slow: float = 1.0, noise: float = 0.0, seen: bool = True
-) -> tuple[FloatArray, FloatArray, pushplan.Command]:
+) -> tuple[FloatArray, FloatArray, Command]:
     """Drive to the end: poses of the base, distances from the planned way, and the last command."""
     rng, pose, poses = np.random.default_rng(3), start, [start]
     for _ in range(20_000):

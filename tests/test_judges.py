@@ -7,14 +7,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-
-import pushplan
-from pushplan.bench.validation import validation_error, with_kept_margin
 from pushplan.planners.validation.verdict import flaw as path_flaw
 from pushplan.planners.validation.verdict import verdict
 from pushplan.plans.execution import Execution, StabilityLoss
-from pushplan.plans.path import PushPath
 from pushplan.plans.result import PlanResult
+
+import pushplan
+from pushplan.bench.validation import validation_error, with_kept_margin
+from pushplan.plans.path import PushPath
 from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
 from pushplan.sets.named import stable_set
 

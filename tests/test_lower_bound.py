@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain import load_plain
+from pushplan.plan import plan
 
 from pushplan.mechanics.body import as_one
-from pushplan.plan import plan
 from pushplan.planners.infeasible.bounds import disc_at, largest_disc, lower_bound
 from pushplan.planners.problem.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT

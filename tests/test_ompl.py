@@ -22,6 +22,7 @@ from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.form import arcs_at, controls_of, leave_path, pose_of, state_at
 from pushplan.planners.problem.problem import Problem
 from pushplan.planners.validation.clearance import find_collision
+from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import PLANNERS
@@ -88,7 +89,7 @@ def test_propagation_is_exact_and_stable_and_marks_collisions(scenario: Scenario
         information.propagate(state, control, 1, result)
         arc = arcs_at(information.session.problem, np.append(u, 1.0)[None])[0]
         assert stable.margin(arc[None, :3])[0] > 0.0
-        path = pushplan.PushPath(scenario.start, arc[None, :3], arc[3:])
+        path = PushPath(scenario.start, arc[None, :3], arc[3:])
         valid = information.isValid(result)
         outcomes[valid] += 1
         assert valid == information.satisfiesBounds(result)
@@ -146,7 +147,7 @@ def test_every_planner_solves_the_problem_and_leaves_controls(planner: str, scen
     assert scenario.stable_set().margin(path.twists).min() > 0.0
 
 
-def _knots(path: pushplan.PushPath, solution: Any, information: Any) -> FloatArray:
+def _knots(path: PushPath, solution: Any, information: Any) -> FloatArray:
     """Return the poses (k + 1, 3) at the ends of the controls."""
     units = solution.getControlDurations()
     controls = [[u[0], u[1], u[2], unit] for u, unit in zip(solution.getControls(), units, strict=True)]

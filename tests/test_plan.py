@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain import load_plain
+from pushplan.plan import plan
+from pushplan.plans.result import PlanResult
+from pushplan.sim.judging import execute
 
 from pushplan.errors import PlanningError, ScenarioError
-from pushplan.plan import plan
 from pushplan.planners.validation.clearance import find_collision
-from pushplan.plans.result import PlanResult
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
-from pushplan.sim.judging import execute
 from pushplan.util.names import PLANNERS
 
 PATIENT = 60.0

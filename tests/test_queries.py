@@ -9,12 +9,13 @@ from threading import Event
 import numpy as np
 import pytest
 from numba.core.event import trigger_event
+from pushplan.plan import plan
+from pushplan.queries import Queries
 
-from pushplan import Queries, Scenario
+from pushplan import Scenario
 from pushplan.compiled.announcement import ANNOUNCEMENT
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
-from pushplan.plan import plan
 from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.ompl.form import free_word
 from pushplan.planners.problem.problem import build_problem

@@ -10,7 +10,7 @@ import yaml
 
 import pushplan
 from pushplan.cli.main import main
-from pushplan.plans.trajectory import MOST_SAMPLES
+from pushplan.plans.trajectory import MOST_SAMPLES, Trajectory
 from pushplan.scenario.file import example_text
 
 
@@ -47,6 +47,6 @@ def test_a_drive_of_hours_has_a_bounded_number_of_exact_samples(tmp_path: Path) 
 @pytest.mark.parametrize("duration", [1.0, 1234.5])
 def test_samples_are_evenly_spaced(duration: float) -> None:
     moving = np.array([[[1.0, 0.0, 0.1], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]])
-    t = pushplan.Trajectory(np.zeros(3), np.array([0.0, duration]), moving, np.zeros(1)).t
+    t = Trajectory(np.zeros(3), np.array([0.0, duration]), moving, np.zeros(1)).t
     assert (t[0], t[-1]) == (0.0, duration)
     np.testing.assert_allclose(np.diff(t)[:-1], max(0.01, duration / MOST_SAMPLES), rtol=1e-6)

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain import load_plain
+from pushplan.plan import plan
 
 from pushplan.geometry import se2
-from pushplan.plan import plan
 from pushplan.planners.infeasible.bounds import turn_bound
 from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.planners.problem.steering import MAX_WORDS, find_words

@@ -30,6 +30,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray
 from pushplan.view import answers as answering
 from pushplan.view.answers import Answer, Answers, Worker
@@ -93,9 +94,9 @@ def test_obstacles_and_slides_are_where_they_were_dragged_to(scenario: Scenario,
     before, after = (each.chain.objects[1].outline_chain for each in (scenario, saved))
     np.testing.assert_allclose(after - before, np.tile([0.0, 0.02], (len(before), 1)), atol=1e-12)
     wall, moved, disc = scenario.obstacles[0], saved.obstacles[0], saved.obstacles[4]
-    assert isinstance(wall, pushplan.PolygonObstacle)
-    assert isinstance(moved, pushplan.PolygonObstacle)
-    assert isinstance(disc, pushplan.CircleObstacle)
+    assert isinstance(wall, PolygonObstacle)
+    assert isinstance(moved, PolygonObstacle)
+    assert isinstance(disc, CircleObstacle)
     middle = wall.outline.mean(axis=0)
     np.testing.assert_allclose(moved.outline, se2.transform_points([0.6, 0.5, 0.3], wall.outline - middle))
     np.testing.assert_allclose(disc.center, [1.6, 0.3])

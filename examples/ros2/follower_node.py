@@ -23,6 +23,7 @@ from rclpy.time import Time
 from tf2_ros import Buffer, TransformException, TransformListener
 
 import pushplan
+from pushplan.sim.follower import FollowerState
 
 PERIOD = 0.02
 """Of the loop, s."""
@@ -57,7 +58,7 @@ class PushFollower(Node):
         message = self.stamped(TwistStamped(), "base_link")
         message.twist.linear.x, message.twist.linear.y, message.twist.angular.z = map(float, command.twist)
         self.cmd_vel.publish(message)
-        if command.state is not pushplan.FollowerState.FOLLOWING:
+        if command.state is not FollowerState.FOLLOWING:
             self.get_logger().info(f"{command.state.value} {command.reason}")
             self.timer.cancel()
 

@@ -342,4 +342,4 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
     console.say(("no findings", "green"))
     movable = [name for name in scenario.bodies if name not in scenario.goals]
     console.emit({"scenario": scenario.name, "objects": found, "movable": movable})
-    return DONE
+    return 0

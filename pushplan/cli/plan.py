@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pushplan.plans.run import Execution, Run
     from pushplan.scenario.model import Scenario
 
+
 @p.command
 @p.scenario_argument
 @p.map_option

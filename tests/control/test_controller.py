@@ -8,15 +8,20 @@ import pytest
 from numpy.typing import ArrayLike
 
 import pushplan
+from pushplan.closed_loop import run_closed_loop
 from pushplan.errors import PlanningError, PushplanError, SupportError
 from pushplan.geometry.se2 import compose
+from pushplan.mechanics.support import UnknownSupport
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.plan import Load, Plan
+from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.control.controller import Controller, Phase
-from pushplan.sim.control.course import Course, OpenLoop, course_in
+from pushplan.sim.control.course import Course, Kick, OpenLoop, course_in
+from pushplan.sim.control.sensing import Sensor
+from pushplan.sim.control.settings import ControlSettings
 from pushplan.util.arrays import FloatArray
 
-STILL = pushplan.Sensor(position=0.0, angle=0.0)
+STILL = Sensor(position=0.0, angle=0.0)
 
 
 @cache
@@ -29,12 +34,12 @@ def plan_of(name: str) -> Plan:
     return Controller(scenario(name)).plan
 
 
-def kick(name: str, share: float, index: int, way: float, turn: float = 3.0) -> pushplan.Kick:
+def kick(name: str, share: float, index: int, way: float, turn: float = 3.0) -> Kick:
     """A kick of 5 mm, after a share of the plan."""
     trajectory = plan_of(name).trajectory
     assert trajectory is not None
     x, y = 5e-3 * np.cos(way), 5e-3 * np.sin(way)
-    return pushplan.Kick(share * trajectory.duration, index, float(x), float(y), float(np.radians(turn)))
+    return Kick(share * trajectory.duration, index, float(x), float(y), float(np.radians(turn)))
 
 
 def off_by_a_fifth(name: str) -> pushplan.World:
@@ -46,7 +51,7 @@ def off_by_a_fifth(name: str) -> pushplan.World:
 def test_in_an_undisturbed_world_the_plate_goes_along_the_plan_and_arrives(name: str) -> None:
     plan = plan_of(name)
     assert plan.trajectory is not None
-    run = pushplan.run_closed_loop(scenario(name), plan=plan, sensor=STILL)
+    run = run_closed_loop(scenario(name), plan=plan, sensor=STILL)
     planned = plan.trajectory.poses_at(run.course.t)
     assert np.abs(run.course.poses - planned).max() < 1e-9
     assert run.outcome == "arrived"
@@ -63,7 +68,7 @@ def test_a_kicked_object_is_brought_to_the_goal_that_the_plan_alone_misses(
 ) -> None:
     plan, world, kicks = plan_of(name), off_by_a_fifth(name), [kick(name, 0.4, index, way)]
     assert plan.trajectory is not None
-    run = pushplan.run_closed_loop(scenario(name), world, kicks, plan=plan)
+    run = run_closed_loop(scenario(name), world, kicks, plan=plan)
     assert run.outcome == "arrived", run.reason
     assert (np.array(run.goal_errors) <= [5e-3, np.radians(1.0)]).all()
     assert any(replan.solved for replan in run.replans)
@@ -75,18 +80,17 @@ def test_a_kicked_object_is_brought_to_the_goal_that_the_plan_alone_misses(
 def test_the_same_seeds_give_the_same_run() -> None:
     world, kicks = off_by_a_fifth("hook"), [kick("hook", 0.3, 0, 1.0)]
     first, second = (
-        pushplan.run_closed_loop(scenario("hook"), world, kicks, plan=plan_of("hook"), seed=3)
-        for _ in range(2)
+        run_closed_loop(scenario("hook"), world, kicks, plan=plan_of("hook"), seed=3) for _ in range(2)
     )
     assert first.events == second.events
     np.testing.assert_array_equal(first.course.object_poses, second.course.object_poses)
-    other = pushplan.run_closed_loop(scenario("hook"), world, kicks, plan=plan_of("hook"), seed=4)
+    other = run_closed_loop(scenario("hook"), world, kicks, plan=plan_of("hook"), seed=4)
     assert not np.array_equal(other.course.measured.poses[:9], first.course.measured.poses[:9])
 
 
 def test_an_object_that_is_carried_away_is_given_up_with_the_reason() -> None:
-    far = pushplan.Kick(3.0, 1, 0.3, 0.0, 0.5)
-    run = pushplan.run_closed_loop(scenario("two-crates"), kicks=[far], plan=plan_of("two-crates"))
+    far = Kick(3.0, 1, 0.3, 0.0, 0.5)
+    run = run_closed_loop(scenario("two-crates"), kicks=[far], plan=plan_of("two-crates"))
     assert run.outcome == "gave up"
     assert run.reason == "no push of up to 50 mm closes the contacts"
     assert run.events[-1].kind == "gave up"
@@ -94,10 +98,10 @@ def test_an_object_that_is_carried_away_is_given_up_with_the_reason() -> None:
 
 
 def test_objects_that_slid_too_far_against_one_another_for_the_goal_are_given_up_at_its_end() -> None:
-    aside = pushplan.Kick(3.0, 1, 0.0, -0.03, 0.0)
+    aside = Kick(3.0, 1, 0.0, -0.03, 0.0)
     everything = replace(scenario("two-crates").goal, of=None)
     asked = replace(scenario("two-crates"), goal=everything)
-    run = pushplan.run_closed_loop(asked, kicks=[aside], plan=plan_of("two-crates"))
+    run = run_closed_loop(asked, kicks=[aside], plan=plan_of("two-crates"))
     assert run.outcome == "gave up"
     assert run.reason.startswith("objects have slid against one another: they cannot all be nearer than 1")
 
@@ -140,12 +144,12 @@ def test_twists_of_a_measured_plate_lead_back_to_the_path() -> None:
 )
 def test_settings_that_make_no_sense_are_refused(field: str, value: float) -> None:
     with pytest.raises(PushplanError, match=f"{field} of the control settings is {value}"):
-        pushplan.ControlSettings(**{field: value})  # type: ignore[arg-type]
+        ControlSettings(**{field: value})  # type: ignore[arg-type]
 
 
 def test_unknown_loads_are_refused_before_anything_takes_long() -> None:
     chain = scenario("one-box").chain
-    box = replace(chain.objects[0], support=pushplan.UnknownSupport(chain.objects[0].outline))
+    box = replace(chain.objects[0], support=UnknownSupport(chain.objects[0].outline))
     with pytest.raises(
         SupportError, match="the load under 'box' is unknown; simulating slip needs known loads"
     ):
@@ -161,7 +165,7 @@ def test_several_pushes_are_refused() -> None:
 class NoticedOnTheWay:
     """A controller that is told at 1 s what stands in the room."""
 
-    def __init__(self, controller: Controller, obstacles: tuple[pushplan.CircleObstacle, ...]) -> None:
+    def __init__(self, controller: Controller, obstacles: tuple[CircleObstacle, ...]) -> None:
         self.controller, self._obstacles = controller, obstacles
 
     @property
@@ -180,7 +184,7 @@ class NoticedOnTheWay:
         return self.controller.step(now, object_poses, measured_at)
 
 
-def noticing(name: str, *obstacles: pushplan.CircleObstacle) -> tuple[Controller, Course]:
+def noticing(name: str, *obstacles: CircleObstacle) -> tuple[Controller, Course]:
     controller = Controller(scenario(name), plan=plan_of(name))
     world = replace(pushplan.World.from_scenario(scenario(name)), obstacles=())
     return controller, course_in(world, NoticedOnTheWay(controller, obstacles), controller.settings.rate)
@@ -189,7 +193,7 @@ def noticing(name: str, *obstacles: pushplan.CircleObstacle) -> tuple[Controller
 def test_an_obstacle_that_comes_into_the_way_is_gone_around() -> None:
     path = plan_of("free-space").path
     assert path is not None
-    there = pushplan.CircleObstacle(path.poses_at([0.6 * path.cost])[0, :2], 0.05)
+    there = CircleObstacle(path.poses_at([0.6 * path.cost])[0, :2], 0.05)
     controller, course = noticing("free-space", there)
     rooms = [event.text for event in controller.events if event.kind == "room"]
     assert len(rooms) == 1
@@ -204,6 +208,6 @@ def test_a_better_way_is_taken_and_what_changes_nothing_is_not_minded() -> None:
     assert [e.text[:16] for e in controller.events if e.kind == "room"] == ["there is a way o"]
     assert controller.phase is Phase.ARRIVED
     assert sum(r.result.path.cost for r in controller.replans if r.result and r.result.path) < 5.6
-    aside = pushplan.CircleObstacle(np.array([50.0, 50.0]), 0.1)
+    aside = CircleObstacle(np.array([50.0, 50.0]), 0.1)
     controller, _ = noticing("free-space", aside)
     assert [event.kind for event in controller.events] == ["plan", "look", "arrived"]

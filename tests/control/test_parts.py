@@ -15,10 +15,12 @@ from pushplan.planners.validation.clearance import excess
 from pushplan.plans.path import cost_rate
 from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.parts import Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
-from pushplan.sim.control.course import kicked
+from pushplan.sim.control.course import Kick, kicked
 from pushplan.sim.control.replanner import SHARE, Aim
-from pushplan.sim.control.sensing import Measurements, Sightings
+from pushplan.sim.control.sensing import Measurements, Sensor, Sightings
+from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.follower import Drive
 
 SPREAD = Spread(0.2, 2.5e-4, 1e-3)
@@ -69,7 +71,7 @@ def test_sliding_objects_moves_contacts_along_and_what_they_carry_too(crates: pu
 def test_goals_within_the_tolerances_are_within_them(crates: pushplan.Scenario) -> None:
     for goal in (
         crates.goal,
-        pushplan.Goal(crates.goal.pose_chain, None, crates.goal.pose_chain, 2e-3, 0.01),
+        Goal(crates.goal.pose_chain, None, crates.goal.pose_chain, 2e-3, 0.01),
     ):
         aim = Aim.of(goal, crates.chain, 5e-3, 0.02)
         assert aim.best(crates.chain) == pytest.approx([0.0, 0.0], abs=1e-12)
@@ -80,7 +82,7 @@ def test_goals_within_the_tolerances_are_within_them(crates: pushplan.Scenario) 
 
 
 def test_what_cannot_be_nearer_lies_in_the_middle(crates: pushplan.Scenario) -> None:
-    everything = pushplan.Goal(crates.goal.pose_chain, None, crates.goal.pose_chain, 2e-3, 0.01)
+    everything = Goal(crates.goal.pose_chain, None, crates.goal.pose_chain, 2e-3, 0.01)
     aim = Aim.of(everything, crates.chain, 5e-3, 0.02)
     assert aim.best(slid(crates.chain, [0.0, 8e-3])) == pytest.approx([4e-3, 0.0], abs=1e-9)
 
@@ -102,7 +104,7 @@ def test_measurements_are_compared_with_the_plate_where_it_was_then() -> None:
 
 
 def test_a_sensor_has_its_rate_delay_and_noise() -> None:
-    seen = Measurements(pushplan.Sensor(), seed=1)
+    seen = Measurements(Sensor(), seed=1)
     came = []
     for k in range(1000):
         seen.take(0.01 * k, np.zeros((2, 3)))
@@ -124,7 +126,7 @@ def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(crates: pushpl
     random = np.random.default_rng(2)
     for _ in range(20):
         way, index = random.uniform(-np.pi, np.pi), int(random.integers(2))
-        kick = pushplan.Kick(0.0, index, 5e-3 * np.cos(way), 5e-3 * np.sin(way), 0.05)
+        kick = Kick(0.0, index, 5e-3 * np.cos(way), 5e-3 * np.sin(way), 0.05)
         poses = kicked(pushplan.SlipSimulator(world), world.start, kick)
         outlines = [transform_points(p, o.outline) for p, o in zip(poses, crates.chain.objects, strict=True)]
         outlines.append(transform_points(world.start, crates.chain.pusher.outline))
@@ -136,7 +138,7 @@ def test_a_push_that_closes_contacts_does_so_in_other_worlds_too(
     crates: pushplan.Scenario, queries: Planner
 ) -> None:
     world = pushplan.World.from_scenario(crates)
-    kick = pushplan.Kick(0.0, 0, 4e-3, 2e-3, 0.03)
+    kick = Kick(0.0, 0, 4e-3, 2e-3, 0.03)
     poses = kicked(pushplan.SlipSimulator(world), world.start, kick)
     assert contacts_at(crates.chain, relative(world.start, poses)).opening.max() > 1e-3
     push = closing_push(world, world.start, poses, queries.twists, SPREAD)
@@ -176,7 +178,7 @@ def test_trajectories_of_replans_keep_the_limits(crates: pushplan.Scenario) -> N
     from pushplan.sim.control.replanner import Replanner
 
     # The way that a time limit leaves may pass obstacles closely; beside it, a chain would stand in them.
-    replanner = Replanner(replace(crates, obstacles=()), pushplan.ControlSettings(), Observer())
+    replanner = Replanner(replace(crates, obstacles=()), ControlSettings(), Observer())
     first = replanner.first()
     assert first.path is not None
     start = compose(first.path.poses_at([0.2 * first.path.cost])[0], [0.0, 4e-3, 0.03])

@@ -10,26 +10,28 @@ from mcap.reader import make_reader
 
 import pushplan
 from pushplan.cli.main import main
+from pushplan.closed_loop import ClosedLoopRun, run_closed_loop
 from pushplan.errors import RunLogError
 from pushplan.logging.page import render
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.tables import table
 from pushplan.sim.control.again import check_closed_loop
+from pushplan.sim.control.course import Kick
 
 KICK = "time=4s,object=far,y=-5mm,turn=3deg"
 
 
 @pytest.fixture(scope="module")
-def run() -> pushplan.ClosedLoopRun:
+def run() -> ClosedLoopRun:
     scenario = pushplan.load_scenario("two-crates")
-    kick = pushplan.Kick(4.0, 1, 0.0, -5e-3, 0.05)
+    kick = Kick(4.0, 1, 0.0, -5e-3, 0.05)
     world = pushplan.World.from_scenario(scenario).with_contact_friction(0.8)
-    return pushplan.run_closed_loop(scenario, world, [kick], seed=7)
+    return run_closed_loop(scenario, world, [kick], seed=7)
 
 
 @pytest.fixture(scope="module")
-def log(run: pushplan.ClosedLoopRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def log(run: ClosedLoopRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("closed") / "run.mcap"
     run.write(path)
     return path
@@ -41,7 +43,7 @@ def back(log: Path) -> RecordedRun:
 
 
 def test_the_log_has_measurements_events_and_plans_in_the_order_of_time(
-    run: pushplan.ClosedLoopRun, log: Path
+    run: ClosedLoopRun, log: Path
 ) -> None:
     times: dict[str, list[int]] = {}
     with log.open("rb") as stream:
@@ -56,7 +58,7 @@ def test_the_log_has_measurements_events_and_plans_in_the_order_of_time(
     assert min(together) == 0
 
 
-def test_what_was_recorded_is_read_back(run: pushplan.ClosedLoopRun, back: RecordedRun) -> None:
+def test_what_was_recorded_is_read_back(run: ClosedLoopRun, back: RecordedRun) -> None:
     assert back.outcome == run.outcome == "arrived"
     assert back.feedback is not None
     assert back.feedback.events == run.events

@@ -17,7 +17,6 @@ from types import ModuleType
 from typing import Any
 
 import zstandard
-
 from pushplan.logging.old.messages import schemas
 
 BOMBS: dict[str, Callable[[bytes], bytes]] = {}

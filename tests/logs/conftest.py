@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from pushplan.logging.old.messages.recorded import RecordedRun
 from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.writer import RunLogWriter
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import Diagnosis, PlanResult, ProgressPoint
+
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.plans.execution import Execution
 from pushplan.plans.path import PushPath, cost_rate
-from pushplan.plans.result import Diagnosis, PlanResult, ProgressPoint
 from pushplan.plans.robustness import Robustness
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario

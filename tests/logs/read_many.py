@@ -11,8 +11,9 @@ import sys
 import time
 from pathlib import Path
 
-from pushplan.errors import RunLogError
 from pushplan.logging.old.reader import read_run
+
+from pushplan.errors import RunLogError
 
 
 def peak_mb() -> float:

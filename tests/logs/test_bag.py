@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 import shapely
 import yaml
-
-from pushplan.geometry.se2 import compose, inverse, transform_points
 from pushplan.logging.old.bag import FrameNamesError, Frames, write_ros2
 from pushplan.logging.old.messages.recorded import RecordedRun
 from pushplan.logging.old.view.window import window
+
+from pushplan.geometry.se2 import compose, inverse, transform_points
 from pushplan.mechanics.chain import Drive
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from pushplan.logging.old.messages import blocks
 from pushplan.logging.old.messages.schemas import TOPICS
 

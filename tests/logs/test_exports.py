@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from pushplan.drawing.palette import NEAREST, OBJECTS, red_green_blue
-from pushplan.errors import PushplanError
-from pushplan.geometry.se2 import transform_points
 from pushplan.logging.old.film import STILL, Film, Still, write_mp4
 from pushplan.logging.old.messages.recorded import RecordedRun
 from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.tables import table, write_csv, write_trajectory
+
+from pushplan.drawing.palette import NEAREST, OBJECTS, red_green_blue
+from pushplan.errors import PushplanError
+from pushplan.geometry.se2 import transform_points
 from pushplan.util.extras import MissingExtraError, optional
 
 # --- CSV ---------------------------------------------------------------------------------------------------------

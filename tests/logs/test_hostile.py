@@ -20,10 +20,10 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pushplan.errors import RunLogError
 from pushplan.logging.old.messages.recorded import RecordedRun
 from pushplan.logging.old.reader import read_run
+
+from pushplan.errors import RunLogError
 
 HERE = Path(__file__).parent
 MOST_SECONDS, MOST_MB = 5.0, 100.0

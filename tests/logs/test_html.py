@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 from boxes import chromium, show
-
-from pushplan.errors import OutputError
 from pushplan.logging.old.page import MOST_SAMPLES, render, write_html
 from pushplan.logging.old.reader import read_run
 from pushplan.plans.result import Run
+
+from pushplan.errors import OutputError
 
 
 def data_of(page: str) -> dict[str, Any]:

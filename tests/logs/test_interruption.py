@@ -17,16 +17,16 @@ from typing import Any
 import numpy as np
 import pytest
 from interrupts import heed_interrupts, interrupts_heeded
-
-import pushplan
-from pushplan.cli.main import main
-from pushplan.errors import RunLogError
 from pushplan.logging.old.cut_off import with_best_path
 from pushplan.logging.old.messages import plan_message, schemas
 from pushplan.logging.old.messages.recorded import RecordedRun
 from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.verify import verify
 from pushplan.plans.result import ProgressPoint
+
+import pushplan
+from pushplan.cli.main import main
+from pushplan.errors import RunLogError
 from pushplan.util.interruption import Interruption
 
 Captured = pytest.CaptureFixture[str]

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 from mcap.reader import SeekingReader
-
 from pushplan.logging.old.layout import layout, write_layout
 from pushplan.logging.old.messages.schemas import TOPICS
 from pushplan.logging.old.reader import read_run

@@ -7,7 +7,6 @@ import pytest
 from google.protobuf.timestamp_pb2 import Timestamp
 from hypothesis import given
 from hypothesis import strategies as st
-
 from pushplan.logging.old.message_template import MessageTemplate
 from pushplan.logging.old.messages.schemas import MessageClass, Twist
 

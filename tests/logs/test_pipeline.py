@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-import pushplan
 from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.verify import verify
+
+import pushplan
 from pushplan.scenario.file import scenario_from_text
 
 DOCUMENTED = {

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pushplan.logging.old.reader import read_run
+from pushplan.logging.old.recover import recover
 
 from pushplan.cli.main import main
 from pushplan.errors import OutputError, RunLogError
-from pushplan.logging.old.reader import read_run
-from pushplan.logging.old.recover import recover
 
 
 def _hostile() -> Any:

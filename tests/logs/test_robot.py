@@ -13,13 +13,13 @@ import pytest
 import shapely
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
-
-from pushplan.geometry.se2 import transform_points
 from pushplan.logging.old.bag import write_ros2
 from pushplan.logging.old.film import HEIGHT, Film
 from pushplan.logging.old.messages.recorded import RecordedRun
 from pushplan.logging.old.page import render
 from pushplan.logging.old.reader import read_run
+
+from pushplan.geometry.se2 import transform_points
 from pushplan.scenario.file import scenario_from_document
 
 FOOTPRINT = [

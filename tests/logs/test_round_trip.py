@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-
 from pushplan.logging.old.messages import blocks
 from pushplan.logging.old.messages.effort import Effort, exact
 from pushplan.logging.old.messages.schemas import Array

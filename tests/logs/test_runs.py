@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pushplan.logging.old.reader import read_run
+from pushplan.recording import IncompleteLogError
 
 import pushplan
 from pushplan.cli.main import main
 from pushplan.cli.runs import age_text
 from pushplan.errors import OutputError, PlanningError
-from pushplan.logging.old.reader import read_run
 from pushplan.logging.runs import (
     RunsError,
     chosen,
@@ -27,7 +28,6 @@ from pushplan.logging.runs import (
     runs_folder,
     runs_of,
 )
-from pushplan.recording import IncompleteLogError
 
 Captured = pytest.CaptureFixture[str]
 KINDS = ("solved", "cut off", "damaged", "refused")

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from boxes import SCREENS, assert_tidy, overlapping, show
 from boxes import chromium as started
-
 from pushplan.logging.old.page import write_html
+from pushplan.plans.execution import Execution
+from pushplan.plans.result import PlanResult, Run
+
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.plans.execution import Execution
 from pushplan.plans.path import PushPath
-from pushplan.plans.result import PlanResult, Run
 from pushplan.scenario.builders import box, build_scenario, plate
 
 ELEMENTS = "h1, #facts, #why p, canvas, #legend > *, footer > *"

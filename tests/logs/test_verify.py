@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from pushplan.logging.old.messages.recorded import RecordedRun
 from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.verify import verify
+from pushplan.sim.judging import execute
+
 from pushplan.planners.infeasible.bounds import lower_bound
 from pushplan.planners.problem.controls import margins_to_try
 from pushplan.planners.problem.problem import Posing
-from pushplan.sim.judging import execute
 from pushplan.sim.robustness import robustness_of
 
 SERIES = ("t", "poses", "twists", "margins", "dynamic_margins", "friction_margins", "lambdas", "forces")

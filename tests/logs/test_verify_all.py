@@ -13,16 +13,16 @@ from typing import Any
 
 import pytest
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
-from several.conftest import problem_document
-
-import pushplan
-from pushplan.errors import PushplanError, RunLogError
 from pushplan.logging.old.messages import metadata, schemas
 from pushplan.logging.old.messages.schemas import TOPICS, Topic
 from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.verify import verify
 from pushplan.logging.old.verify_file import compare_topic, write_again
 from pushplan.logging.old.writer import RunLogWriter
+from several.conftest import problem_document
+
+import pushplan
+from pushplan.errors import PushplanError, RunLogError
 from pushplan.scenario.file import scenario_from_document
 
 HERE = Path(__file__).parent

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from pushplan.errors import OutputError, RunLogError
 from pushplan.logging.old.messages.channels import Channels
 from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.writer import RunLogWriter
+
+from pushplan.errors import OutputError, RunLogError
 
 
 def in_child(work: Callable[[], None]) -> int:

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from pushplan.errors import PushplanError, ScenarioError
 from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.verify import verify
+from pushplan.plan import plan
+
+from pushplan.errors import PushplanError, ScenarioError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
-from pushplan.plan import plan
 from pushplan.run import run
 from pushplan.scenario.check import check_scenario
 from pushplan.scenario.file import scenario_from_text

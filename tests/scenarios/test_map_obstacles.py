@@ -13,10 +13,10 @@ import numpy.typing as npt
 import pytest
 import shapely
 from PIL import Image
+from pushplan.logging.old.verify import verify
 
 import pushplan
 from pushplan.errors import ImportedFileError, PushplanError, ScenarioError
-from pushplan.logging.old.verify import verify
 from pushplan.scenario.maps import cells_of, read_ros_map
 from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
 

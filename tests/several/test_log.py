@@ -16,10 +16,6 @@ from boxes import SCREENS, assert_tidy, chromium, show
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from mcap.reader import make_reader
-from several.conftest import Problem, problem_document
-
-from pushplan.cli.main import main
-from pushplan.geometry import se2
 from pushplan.logging.old.bag import write_ros2
 from pushplan.logging.old.film import Film
 from pushplan.logging.old.messages import schemas
@@ -30,6 +26,10 @@ from pushplan.logging.old.tables import table
 from pushplan.logging.old.verify import verify
 from pushplan.logging.old.view.scene import ghosts
 from pushplan.logging.old.view.window import shown_ways
+from several.conftest import Problem, problem_document
+
+from pushplan.cli.main import main
+from pushplan.geometry import se2
 
 Captured = pytest.CaptureFixture[str]
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from several.conftest import DRIVES, Problem
 
-import pushplan
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import pushed_at
@@ -18,6 +17,7 @@ from pushplan.planners.planner import Planner, plan
 from pushplan.planners.validation.validator import Validator
 from pushplan.plans.plan import Load, Plan, Segment
 from pushplan.scenario.model import Scenario
+from pushplan.scenario.parts import CircleObstacle
 
 ROUND = {"goal": {"pose": [0.5, 1.0, 0.0], "of": "b0"}}
 """Back towards the robot: it has to drive around the box."""
@@ -111,7 +111,7 @@ def test_a_way_through_something_new_is_refused(planned: tuple[Scenario, Plan]) 
     scenario, plan = planned
     transit = plan.segments[0].path
     x, y, _ = transit.poses_at(np.array([0.5 * transit.cost]))[0]
-    blocked = replace(scenario, obstacles=(pushplan.CircleObstacle(np.array([x, y]), 0.05),))
+    blocked = replace(scenario, obstacles=(CircleObstacle(np.array([x, y]), 0.05),))
     assert "is not free" in Validator(blocked).flaw(plan.segments, plan.execution)
 
 
@@ -193,7 +193,7 @@ def test_a_planner_answers_as_the_whole_call_does_and_again_among_other_things(p
     assert [answer.cost for answer in answers] == [once.cost] * 2
     transit = once.segments[0].path
     x, y, _ = transit.poses_at(np.array([0.5 * transit.cost]))[0]
-    blocked = planner.with_obstacles([pushplan.CircleObstacle(np.array([x, y]), 0.05)])
+    blocked = planner.with_obstacles([CircleObstacle(np.array([x, y]), 0.05)])
     around = blocked.plan(scenario.start, goals, time_limit=60.0)
     assert around.solved, around.reason
     assert around.cost != once.cost

@@ -7,19 +7,19 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from pushplan.plan import plan
+from pushplan.several.modes import find_modes
+from pushplan.several.prepared import Prepared
 from several.conftest import Problem, problem_document
 
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
-from pushplan.plan import plan
 from pushplan.planners.multi.graph import PushSequence, cheapest_sequence, lower_bounds
 from pushplan.planners.multi.room import ARCS, Question, approaches_are_free
 from pushplan.planners.multi.samples import descend, pack_modes
 from pushplan.planners.multi.search import Limits, search
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
-from pushplan.several.modes import find_modes
-from pushplan.several.prepared import Prepared
 from pushplan.util.arrays import FloatArray
 
 

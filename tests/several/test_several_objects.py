@@ -13,13 +13,13 @@ import pytest
 from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
+from pushplan.logging.old.errands import check_errands, delivers, errand_of
+from pushplan.logging.old.joined import joined
+from pushplan.logging.old.reader import read_run, read_runs
 
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError, RunLogError, ScenarioError
 from pushplan.geometry import se2
-from pushplan.logging.old.errands import check_errands, delivers, errand_of
-from pushplan.logging.old.joined import joined
-from pushplan.logging.old.reader import read_run, read_runs
 from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
 from pushplan.scenario.json_schema import scenario_schema
 from pushplan.scenario.source import Source

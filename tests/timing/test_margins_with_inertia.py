@@ -8,13 +8,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from pushplan.plan import plan
+from pushplan.plans.result import PlanResult
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Contact, PushedObject
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
-from pushplan.plan import plan
-from pushplan.plans.result import PlanResult
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
