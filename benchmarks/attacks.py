@@ -41,12 +41,11 @@ import bombs as bomb_files  # noqa: E402 (in tests, where the path has just been
 import hostile_files  # noqa: E402
 from output_options import OPTIONS, words  # noqa: E402
 from pushplan.logging.old.cut_off import with_best_path  # noqa: E402
-from pushplan.logging.old.messages.recorded import RecordedRun  # noqa: E402
-from pushplan.logging.old.reader import read_run  # noqa: E402
-from pushplan.plans.result import ProgressPoint  # noqa: E402
 
 from pushplan.errors import PushplanError  # noqa: E402
 from pushplan.kernels import warm_up  # noqa: E402
+from pushplan.logging.reader import load_run
+from pushplan.logging.recorded import RecordedRun  # noqa: E402
 from pushplan.run import run  # noqa: E402
 from pushplan.scenario.file import load_scenario  # noqa: E402
 
@@ -292,7 +291,7 @@ def _kill(folder: Path, random: Random) -> Row:
 
 
 def _run_and_tell(name: str, log: Path, seed: int, writing: int) -> None:
-    def improved(point: ProgressPoint) -> None:
+    def improved(point: Improvement) -> None:
         os.write(writing, f"{point.cost.hex()}\n".encode())
 
     try:
@@ -307,7 +306,7 @@ def _judged(log: Path, told: list[float]) -> Row:
     if not left.exists() or left.stat().st_size == 0:
         return {"verdict": "WRONG" if told else "no log"}
     try:
-        found = read_run(left)
+        found = load_run(left)
         costs = [point.cost for point in found.progress]
         if costs[: len(told)] != told:
             return {"verdict": "WRONG", "why": f"told {len(told)} paths, {len(costs)} in the log"}

@@ -1,4 +1,4 @@
-"""What one plan takes from call to checked, timed result, and how many a second `Queries` answers; with the memory.
+"""What one plan takes from call to checked, timed result, and how many a second `Planner` answers; with the memory.
 
 Run `python benchmarks/whole_call.py [--questions 100]`. Chains of 1, 3, 8 and 20 boxes in light rooms, and three
 boxes among fifteen obstacles. Every whole call gets a scenario of its own, read anew; times are CPU times of one
@@ -16,13 +16,12 @@ import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from pushplan.plan import plan
-from pushplan.plans.result import PlanResult
-from pushplan.queries import Queries
 
 from pushplan.bench.machine import Machine
 from pushplan.geometry import se2
+from pushplan.planners.planner import Planner, plan
 from pushplan.planners.validation.clearance import Room
+from pushplan.plans.plan import Plan
 from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
@@ -79,7 +78,7 @@ def free_poses(scenario: Scenario, count: int) -> FloatArray:
     return found[:count]
 
 
-def asked(ask: Callable[[FloatArray, FloatArray], PlanResult], pairs: FloatArray) -> tuple[float, int]:
+def asked(ask: Callable[[FloatArray, FloatArray], Plan], pairs: FloatArray) -> tuple[float, int]:
     """Mean CPU time of questions that were answered with a path, s, and how many were not."""
     gc.collect()
     taken, without = [], 0
@@ -95,7 +94,7 @@ def asked(ask: Callable[[FloatArray, FloatArray], PlanResult], pairs: FloatArray
 
 def show(name: str, make: Callable[[], Scenario], questions: int) -> None:
     whole = whole_calls(make)
-    queries = Queries(make())
+    queries = Planner(make())
     poses = free_poses(queries.scenario, 2 * questions)
     pairs = poses.reshape(-1, 2, 3)
     queries.plan(*pairs[0], time_limit=0.3)

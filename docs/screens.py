@@ -11,10 +11,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from pushplan.logging.old.page import write_html
 from stamp import stamp
 
 import pushplan
+from pushplan.logging.page import write_html
 from pushplan.view.window import Window
 
 ROOT = Path(__file__).parents[1]

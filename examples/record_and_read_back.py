@@ -1,10 +1,10 @@
 """Record a run, read it back, check that nothing is lost, and write the motion as a table and as a page."""
 
 import numpy as np
-from pushplan.logging.old.page import write_html
-from pushplan.logging.old.tables import write_csv
 
 import pushplan
+from pushplan.logging.page import write_html
+from pushplan.logging.tables import write_csv
 
 run = pushplan.run(pushplan.load_scenario("one-box"), log="run.mcap", time_limit=0.5)
 log = pushplan.read_run("run.mcap")

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.several_again import execute_again
-from pushplan.plans.execution import Execution
 
 from pushplan.cli.main import main
+from pushplan.logging.reader import load_run
 from pushplan.plans.path import cost_rate
+from pushplan.plans.run import Execution
 from pushplan.scenario.file import example_text, load_scenario
 from pushplan.sets.named import stable_set
 
@@ -174,7 +174,7 @@ def test_the_words_override_the_scenario(capsys: Captured) -> None:
     assert main(["plan", "free-space", *words, "--first", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["planner"], found["seed"]) == ("est", 7)
-    assert read_run(found["log"]).words["pushplan.run"]["time_limit"] == "61.0"
+    assert load_run(found["log"]).words["pushplan.run"]["time_limit"] == "61.0"
 
 
 def test_iterations_make_the_plan_repeat(capsys: Captured) -> None:

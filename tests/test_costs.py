@@ -8,17 +8,17 @@ from functools import cache
 import numpy as np
 import pytest
 from plain import ARC_PRICE, load_plain
-from pushplan.plan import plan
-from pushplan.plans.result import PlanResult
 
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.improve.shortening import objective_value
+from pushplan.planners.planner import plan
 from pushplan.planners.problem.objective import Objective, arc_value, make_objective, rest_to_rest_time
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.timing.arc_limits import ArcLimits, arc_limits
 from pushplan.planners.timing.exact_timing import rest_to_rest
 from pushplan.plans.path import PushPath
+from pushplan.plans.plan import Plan
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
@@ -32,7 +32,7 @@ def ranked(cost: str, weight: float = 1.0, trajectory: str = "exact") -> Scenari
 
 
 @cache
-def planned(cost: str, weight: float = 1.0, trajectory: str = "exact") -> PlanResult:
+def planned(cost: str, weight: float = 1.0, trajectory: str = "exact") -> Plan:
     result = plan(ranked(cost, weight, trajectory), time_limit=60.0, iterations=25_000)
     assert result.solved, result.reason
     return result

@@ -10,22 +10,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from plain import load_plain, plain
-from pushplan.logging.old.reader import read_run
-from pushplan.plan import plan
 from pushplan.planners.failure import Failure
-from pushplan.plans.result import CAUSES, Diagnosis, PlanResult
 
 from pushplan.cli.main import main
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry.se2 import pose_error
+from pushplan.logging.reader import load_run
 from pushplan.planners.improve.session import Budget
 from pushplan.planners.infeasible import diagnosis
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.infeasible.passage import passage_faults
+from pushplan.planners.planner import plan
 from pushplan.planners.problem.controls import straight_pushes
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.validation.clearance import find_collision
+from pushplan.plans.plan import CAUSES, Diagnosis, Plan
 from pushplan.run import run
 from pushplan.scenario.file import example_names, example_text, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
@@ -48,7 +48,7 @@ def gap(top: float) -> Scenario:
     return plain(scenario_from_text(example_text("narrow-gap").replace("1.33", f"{top}"), "gap.yaml"))
 
 
-def short(scenario: Scenario, planner: str = "auto") -> PlanResult:
+def short(scenario: Scenario, planner: str = "auto") -> Plan:
     result = plan(scenario, planner=planner, time_limit=60.0, iterations=600)
     assert not result.solved
     assert {item.cause for item in result.diagnosis} <= set(CAUSES)
@@ -309,7 +309,7 @@ def test_the_path_that_ends_nearest_to_the_goal_is_kept(planner: str) -> None:
 
 def test_a_log_keeps_the_diagnosis_and_the_nearest_path(tmp_path: Path) -> None:
     done = run(gap(1.26), log=tmp_path / "run.mcap", time_limit=60.0, iterations=600)
-    kept = read_run(tmp_path / "run.mcap").plan
+    kept = load_run(tmp_path / "run.mcap").plan
     assert kept is not None
     assert kept.diagnosis == done.plan.diagnosis
     assert kept.approximate_error == done.plan.approximate_error

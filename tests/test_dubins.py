@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from ompl import base as ob
 from plain import load_plain
-from pushplan.plan import plan
 
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.ompl.dubins import Car
+from pushplan.planners.planner import plan
 from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
 from pushplan.sets.named import stable_set

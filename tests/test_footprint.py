@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from pushplan.plan import plan
-from pushplan.plans.execution import Execution
 
 from pushplan.bench.validation import clearance
 from pushplan.cli.check import room
@@ -19,9 +17,11 @@ from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.planners.collision.scene import build_scene
 from pushplan.planners.collision.separation import sweep_is_free
+from pushplan.planners.planner import plan
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.path import cost_rate
+from pushplan.plans.run import Execution
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.util.arrays import FloatArray

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from pushplan.planners.validation.verdict import flaw as path_flaw
 from pushplan.planners.validation.verdict import verdict
-from pushplan.plans.execution import Execution, StabilityLoss
-from pushplan.plans.result import PlanResult
 
 import pushplan
 from pushplan.bench.validation import validation_error, with_kept_margin
 from pushplan.plans.path import PushPath
+from pushplan.plans.plan import Plan
+from pushplan.plans.run import Execution, StabilityLoss
 from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
 from pushplan.sets.named import stable_set
 
 
 @cache
-def good() -> tuple[Scenario, PlanResult, Execution]:
+def good() -> tuple[Scenario, Plan, Execution]:
     run = pushplan.run(pushplan.load_scenario("free-space"), time_limit=60.0, first=True)
     assert run.plan.solved
     assert run.execution is not None

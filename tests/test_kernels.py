@@ -19,7 +19,7 @@ SCRIPT = """
 import json, os, sys
 from numba.core.registry import CPUDispatcher
 from pushplan.kernels import warm_up
-from pushplan.plan import plan
+from pushplan.planners.planner import plan
 from pushplan.scenario.file import example_text
 from pushplan.scenario.file import scenario_from_text
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain import load_plain
-from pushplan.plan import plan
 
 from pushplan.mechanics.body import as_one
 from pushplan.planners.infeasible.bounds import disc_at, largest_disc, lower_bound
+from pushplan.planners.planner import plan
 from pushplan.planners.problem.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.file import example_names, scenario_from_text

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from plain import load_plain
-from pushplan.plan import plan
-from pushplan.plans.result import PlanResult
 
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Chain, Drive
+from pushplan.planners.planner import plan
 from pushplan.planners.problem.controls import HALVINGS, MOST_MARGIN, automatic_margin, margins_to_try
+from pushplan.plans.plan import Plan
 from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
@@ -115,7 +115,7 @@ def u_turn(side: float = 2.6) -> Scenario:
 
 
 @cache
-def turned(margin: float | None = None) -> PlanResult:
+def turned(margin: float | None = None) -> Plan:
     return plan(u_turn(), margin=margin, time_limit=60.0, iterations=ITERATIONS)
 
 

@@ -42,7 +42,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def _short_films(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pushplan.logging.old.film.PICTURES_PER_SECOND", 1)
+    monkeypatch.setattr("pushplan.logging.film.PICTURES_PER_SECOND", 1)
 
 
 def test_there_are_as_many_as_the_documentation_names() -> None:

@@ -54,7 +54,9 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         pushplan.pul  # noqa: B018
 
 
-@pytest.mark.parametrize("first", ["import pushplan.plan", "from pushplan.plan import plan", "pass"])
+@pytest.mark.parametrize(
+    "first", ["import pushplan.plan", "from pushplan.planners.planner import plan", "pass"]
+)
 def test_functions_win_over_the_modules_of_their_name(first: str) -> None:
     code = f"{first}\nimport pushplan, pushplan.plan\nassert callable(pushplan.plan), pushplan.plan"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

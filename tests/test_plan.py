@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain import load_plain
-from pushplan.plan import plan
-from pushplan.plans.result import PlanResult
 from pushplan.sim.judging import execute
 
 from pushplan.errors import PlanningError, ScenarioError
+from pushplan.planners.planner import plan
 from pushplan.planners.validation.clearance import find_collision
+from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.util.names import PLANNERS
@@ -21,7 +21,7 @@ PATIENT = 60.0
 """A time limit that no test reaches, so that results do not depend on the machine."""
 
 
-def _check(scenario: Scenario, result: PlanResult) -> None:
+def _check(scenario: Scenario, result: Plan) -> None:
     assert result.solved, result.reason
     execution = execute(scenario, result)
     assert execution is not None

@@ -9,8 +9,6 @@ from threading import Event
 import numpy as np
 import pytest
 from numba.core.event import trigger_event
-from pushplan.plan import plan
-from pushplan.queries import Queries
 
 from pushplan import Scenario
 from pushplan.compiled.announcement import ANNOUNCEMENT
@@ -18,6 +16,7 @@ from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
 from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.ompl.form import free_word
+from pushplan.planners.planner import Planner, plan
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.scenario.file import load_scenario
@@ -32,15 +31,15 @@ def clutter() -> Scenario:
 
 
 @pytest.fixture(scope="module")
-def queries(clutter: Scenario) -> Queries:
-    return Queries(clutter)
+def queries(clutter: Scenario) -> Planner:
+    return Planner(clutter)
 
 
 def _between(scenario: Scenario, start: np.ndarray, goal: np.ndarray) -> Scenario:
     return replace(scenario, start=start, goal=Goal(goal, None, goal, 0.002, 0.003))
 
 
-def test_a_plan_is_the_first_plan_of_its_own_scenario(queries: Queries, clutter: Scenario) -> None:
+def test_a_plan_is_the_first_plan_of_its_own_scenario(queries: Planner, clutter: Scenario) -> None:
     asked, own = queries.plan(START, GOAL, seed=3), plan(_between(clutter, START, GOAL), seed=3, first=True)
     assert asked.solved, asked.reason
     assert asked.path is not None
@@ -53,7 +52,7 @@ def test_a_plan_is_the_first_plan_of_its_own_scenario(queries: Queries, clutter:
     assert asked.lower_bound == own.lower_bound
 
 
-def test_a_path_without_times_is_the_same_path_and_checked(queries: Queries, clutter: Scenario) -> None:
+def test_a_path_without_times_is_the_same_path_and_checked(queries: Planner, clutter: Scenario) -> None:
     timed, path = (queries.plan(START, GOAL, seed=3, timed=timed) for timed in (True, False))
     assert path.solved
     assert (path.trajectory, path.execution, path.robustness) == (None, None, None)
@@ -64,7 +63,7 @@ def test_a_path_without_times_is_the_same_path_and_checked(queries: Queries, clu
     assert find_collision(clutter, path.path.sampled(0.01)) is None
 
 
-def test_reach_is_the_cost_of_the_free_word_of_each_pair(queries: Queries, clutter: Scenario) -> None:
+def test_reach_is_the_cost_of_the_free_word_of_each_pair(queries: Planner, clutter: Scenario) -> None:
     rng = np.random.default_rng(2)
     poses = rng.uniform([0.0, 0.0, -3.0], [4.0, 4.0, 3.0], (120, 3))
     free = [find_collision(clutter, pose[None]) is None for pose in poses]
@@ -101,7 +100,7 @@ def test_what_plans_do_without_is_compiled_with_a_word(
             assert heard.wait(60.0)
         raise InterruptedError
 
-    queries = Queries(clutter, tell=tell).with_obstacles([])
+    queries = Planner(clutter, tell=tell).with_obstacles([])
     path = queries.plan(START, GOAL, timed=False).path
     told.clear()
     heard.clear()
@@ -115,7 +114,7 @@ def test_what_plans_do_without_is_compiled_with_a_word(
     assert told == [ANNOUNCEMENT]
 
 
-def test_other_obstacles_change_the_room_and_nothing_else(queries: Queries) -> None:
+def test_other_obstacles_change_the_room_and_nothing_else(queries: Planner) -> None:
     free = queries.with_obstacles([])
     assert np.isfinite(free.reach([START], [GOAL])).all()
     wall = PolygonObstacle(np.array([[0.0, 2.0], [4.0, 2.0], [4.0, 2.1], [0.0, 2.1]]))
@@ -125,7 +124,7 @@ def test_other_obstacles_change_the_room_and_nothing_else(queries: Queries) -> N
     assert free.plan(START, GOAL).solved
 
 
-def test_poses_that_are_none_or_blocked_are_refused(queries: Queries) -> None:
+def test_poses_that_are_none_or_blocked_are_refused(queries: Planner) -> None:
     with pytest.raises(PlanningError, match=r"start have the shape \(1, 2\); allowed: finite poses \(k, 3\)"):
         queries.plan([0.0, 0.0], GOAL)
     with pytest.raises(PlanningError, match="goals have the shape"):

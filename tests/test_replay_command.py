@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
-from pushplan.logging.old.writer import RunLogWriter
 
 from pushplan.cli.main import main
 from pushplan.cli.replay import WRITERS
+from pushplan.logging.writer import RunLogWriter
 from pushplan.scenario.file import load_scenario
 
 

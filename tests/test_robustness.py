@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from pushplan.plan import plan
 
 from pushplan.errors import ChainError
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
+from pushplan.planners.planner import plan
 from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pushplan.plan import plan
 
 from pushplan import run
 from pushplan.bench.outcome import validated
 from pushplan.cli.main import main
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
+from pushplan.planners.planner import plan
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.judge import judging_set, planning_set

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain import load_plain
-from pushplan.plan import plan
 
 from pushplan.geometry import se2
 from pushplan.planners.infeasible.bounds import turn_bound
+from pushplan.planners.planner import plan
 from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.planners.problem.steering import MAX_WORDS, find_words
 from pushplan.plans.path import TURN_WEIGHT, PushPath

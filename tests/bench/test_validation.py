@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pushplan.plans.result import Run
 
 import pushplan
 from pushplan.bench.outcome import validated
 from pushplan.bench.random_problems import DRIVES, generate
 from pushplan.bench.schema import ProblemParameters
 from pushplan.bench.validation import clearance, validation_error, with_kept_margin
+from pushplan.plans.run import Run
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.util.stopwatch import Stopwatch

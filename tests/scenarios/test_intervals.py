@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pushplan.logging.old.reader import read_run
 from pushplan.logging.old.verify import verify
-from pushplan.plan import plan
 
 from pushplan.errors import PushplanError, ScenarioError
+from pushplan.logging.reader import load_run
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
+from pushplan.planners.planner import plan
 from pushplan.run import run
 from pushplan.scenario.check import check_scenario
 from pushplan.scenario.file import scenario_from_text
@@ -141,7 +141,7 @@ def test_runs_are_judged_by_the_set_for_all_values(tmp_path: Path) -> None:
     assert found.plan.path is not None
     margins = scenario().stable_set().contact_margins(found.plan.path.twists)
     assert found.execution.margins.min() == pytest.approx(margins.min(), abs=1e-9)
-    log = read_run(tmp_path / "run.mcap")
+    log = load_run(tmp_path / "run.mcap")
     assert log.scenario == scenario()
     assert verify(log).matches
 

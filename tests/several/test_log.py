@@ -16,13 +16,7 @@ from boxes import SCREENS, assert_tidy, chromium, show
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from mcap.reader import make_reader
-from pushplan.logging.old.bag import write_ros2
-from pushplan.logging.old.film import Film
 from pushplan.logging.old.messages import schemas
-from pushplan.logging.old.messages.recorded import RecordedRun
-from pushplan.logging.old.page import render, write_html
-from pushplan.logging.old.reader import read_run
-from pushplan.logging.old.tables import table
 from pushplan.logging.old.verify import verify
 from pushplan.logging.old.view.scene import ghosts
 from pushplan.logging.old.view.window import shown_ways
@@ -30,6 +24,12 @@ from several.conftest import Problem, problem_document
 
 from pushplan.cli.main import main
 from pushplan.geometry import se2
+from pushplan.logging.bag import write_ros2
+from pushplan.logging.film import Film
+from pushplan.logging.page import render, write_html
+from pushplan.logging.reader import load_run
+from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.tables import table
 
 Captured = pytest.CaptureFixture[str]
 
@@ -54,7 +54,7 @@ def log(file: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def recorded(log: Path) -> RecordedRun:
-    return read_run(log)
+    return load_run(log)
 
 
 def messages(log: Path, topic: str) -> list[tuple[float, bytes]]:

@@ -7,7 +7,6 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from pushplan.plan import plan
 from pushplan.several.modes import find_modes
 from pushplan.several.prepared import Prepared
 from several.conftest import Problem, problem_document
@@ -18,6 +17,7 @@ from pushplan.planners.multi.graph import PushSequence, cheapest_sequence, lower
 from pushplan.planners.multi.room import ARCS, Question, approaches_are_free
 from pushplan.planners.multi.samples import descend, pack_modes
 from pushplan.planners.multi.search import Limits, search
+from pushplan.planners.planner import plan
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

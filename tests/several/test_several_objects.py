@@ -15,11 +15,11 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 from pushplan.logging.old.errands import check_errands, delivers, errand_of
 from pushplan.logging.old.joined import joined
-from pushplan.logging.old.reader import read_run, read_runs
 
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError, RunLogError, ScenarioError
 from pushplan.geometry import se2
+from pushplan.logging.reader import load_run
 from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
 from pushplan.scenario.json_schema import scenario_schema
 from pushplan.scenario.source import Source
@@ -151,7 +151,7 @@ def test_the_command_records_all_errands_in_one_log(file: Path, capsys: Captured
 
 def test_what_asks_for_one_problem_refuses_several(recorded: Path) -> None:
     with pytest.raises(RunLogError, match="a log of 3 errands"):
-        read_run(recorded)
+        load_run(recorded)
 
 
 def test_replay_verifies_and_shows_all_errands(recorded: Path, capsys: Captured) -> None:

@@ -7,8 +7,8 @@ from functools import cache
 
 import pytest
 from plain import load_plain
-from pushplan.plan import plan
 
+from pushplan.planners.planner import plan
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
 

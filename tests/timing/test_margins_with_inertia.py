@@ -8,13 +8,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from pushplan.plan import plan
-from pushplan.plans.result import PlanResult
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Contact, PushedObject
 from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
+from pushplan.planners.planner import plan
+from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
@@ -45,14 +45,14 @@ def least_margin(chain: Chain, trajectory: Trajectory) -> float:
 
 
 @cache
-def planned(name: str, trajectory: str, stable_set: str | None = None) -> tuple[Scenario, PlanResult]:
+def planned(name: str, trajectory: str, stable_set: str | None = None) -> tuple[Scenario, Plan]:
     scenario = replace(load_scenario(name), trajectory=trajectory)
     result = plan(scenario, stable_set=stable_set, time_limit=120.0, iterations=4000)
     assert result.solved, result.reason
     return scenario, result
 
 
-def check(result: PlanResult, chains: Iterator[Chain]) -> None:
+def check(result: Plan, chains: Iterator[Chain]) -> None:
     assert result.margin is not None
     assert result.trajectory is not None
     assert result.min_dynamic_margin is not None

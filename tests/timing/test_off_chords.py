@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pushplan.plan import plan
 from scipy.optimize import minimize_scalar
 
 from pushplan.geometry import se2
 from pushplan.planners.blending.sweep import off_chords
+from pushplan.planners.planner import plan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pushplan.plan import plan
 from pushplan.planners.trajectories import make_trajectory
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
 from pushplan.planners.blending.blending import blend_path
+from pushplan.planners.planner import plan
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.judge import contact_dynamics
