@@ -6,8 +6,9 @@ zstd frame. The JSON has `value` and `arrays`, type and shape of each as NumPy w
 is not finite `{"number": "nan" | "inf" | "-inf"}`. Inside the frame lie byte 0 of every number of an array, then
 byte 1 of every number, and so on (as Parquet's BYTE_STREAM_SPLIT): neighbours share their high bytes.
 
-A load is written as its objects, and the face and offset at which the plate pushes them; its chain is made again from
-the scenario.
+A load is written as its objects, the face and offset at which the plate pushes them, and where plate, objects and
+contacts are in the contact's frame, (3,), (n, 3) and (n, 2, 2), with the contacts' friction: a closed loop plans for
+a chain as measured, and with caution. All else of its chain is that of the scenario.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ import zstandard
 from numpy.typing import NDArray
 
 from pushplan.errors import PushplanError
-from pushplan.mechanics.faces import pushed_at
+from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.faces import pushed_at, pusher_at
 from pushplan.plans.events import Event, Measured, Replan
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Improvement, Load, Nearest, Plan, Segment
@@ -33,6 +35,7 @@ from pushplan.plans.robustness import Robustness
 from pushplan.plans.run import Execution, StabilityLoss
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
+from pushplan.util.arrays import FloatArray
 from pushplan.util.lazy_field import LazyField
 
 MEDIA_TYPE = "application/x-pushplan-arrays"
@@ -125,7 +128,18 @@ def _plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
     if isinstance(value, Sequence):
         return [_plain(one, arrays) for one in value]
     if isinstance(value, Load):
-        return {"type": "Load", "names": list(value.names), "face": value.face, "offset": value.offset}
+        chain = value.chain
+        ends = np.array([[contact.right, contact.left] for contact in chain.contacts])
+        return {
+            "type": "Load",
+            "names": list(value.names),
+            "face": value.face,
+            "offset": value.offset,
+            "plate": _plain(chain.pusher.plate_pose, arrays),
+            "places": _plain(np.asarray(chain.places), arrays),
+            "ends": _plain(ends, arrays),
+            "friction": _plain(np.array([contact.friction for contact in chain.contacts]), arrays),
+        }
     name = type(value).__name__
     if name not in _TYPES:
         raise TypeError(f"no attachment holds a {name}")
@@ -211,7 +225,8 @@ class _Decoder:
             return {key: self.value(one) for key, one in plain["mapping"].items()}
         name = plain.pop("type")
         if name == "Load":
-            return load_of(self._scenario, tuple(plain["names"]), plain["face"], plain["offset"])
+            load = load_of(self._scenario, tuple(plain["names"]), plain["face"], plain["offset"])
+            return _placed(load, *(self.value(plain[key]) for key in ("plate", "places", "ends", "friction")))
         kind, values = _TYPES[name], {field: self.value(one) for field, one in plain.items()}
         hints = _hints(kind)
         for field, value in values.items():
@@ -250,6 +265,39 @@ def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float) 
     if load.names != names:
         raise CodecError(f"no load of the scenario is {', '.join(names)}")
     return load
+
+
+def _placed(
+    load: Load, plate: FloatArray, places: FloatArray, ends: FloatArray, friction: FloatArray
+) -> Load:
+    """Return a load with plate (3,), objects (n, 3), contacts (n, 2, 2) and their friction (n,) as a log has them.
+
+    It is the load itself where they are where the scenario has them, but for rounding.
+    """
+    chain = load.chain
+    own = np.array([[contact.right, contact.left] for contact in chain.contacts])
+    shapes = (plate.shape, places.shape, ends.shape, friction.shape)
+    if shapes != ((3,), (len(load.names), 3), own.shape, (len(load.names),)):
+        raise CodecError(f"a load of {len(load.names)} objects cannot have places {places.shape}")
+    same = (
+        np.allclose(plate, chain.pusher.plate_pose, rtol=0.0, atol=1e-12)
+        and np.allclose(places, chain.places, rtol=0.0, atol=1e-12)
+        and np.allclose(ends, own, rtol=0.0, atol=1e-12)
+        and np.allclose(friction, [one.friction for one in chain.contacts], rtol=0.0, atol=1e-12)
+    )
+    if same:
+        return load
+    objects = tuple(replace(obj, pose_chain=place) for obj, place in zip(chain.objects, places, strict=True))
+    contacts = tuple(
+        replace(contact, right=right, left=left, friction=float(mu))
+        for contact, (right, left), mu in zip(chain.contacts, ends, friction, strict=True)
+    )
+    moved = Chain(objects, contacts, pusher_at(chain.pusher, float(plate[1])))
+    interval = load.problem.interval
+    problem = replace(
+        load.problem, chain=moved, interval=None if interval is None else interval.carried_by(moved)
+    )
+    return Load(load.links, problem)
 
 
 @cache

@@ -118,13 +118,13 @@ def pushed_from(chain: Chain, place: Place) -> Chain:
     objects = tuple(
         replace(chain.objects[i], pose_chain=se2.compose(into, chain.objects[i].pose_chain)) for i in order
     )
-    pusher = _pusher_at(chain.pusher, float(se2.compose(into, place.plate)[1]))
+    pusher = pusher_at(chain.pusher, float(se2.compose(into, place.plate)[1]))
     contacts = tuple(_contact(chain, order, objects, pusher, k) for k in range(len(order)))
     _require_clear(pusher, objects)
     return Chain(objects, contacts, pusher)
 
 
-def _pusher_at(pusher: Pusher, sideways: float) -> Pusher:
+def pusher_at(pusher: Pusher, sideways: float) -> Pusher:
     """Return the plate with its frame at (0, `sideways`, 0) in the chain frame, the robot with it."""
     plate = np.array([0.0, sideways, 0.0])
 
