@@ -12,8 +12,6 @@ PLANNERS = {
     "est": "ompl.control:EST",
     "kpiece": "ompl.control:KPIECE1",
     "sst": "pushplan.planners.search.sst:StableSparseRRT",
-    "rrt-dubins": "pushplan.planners.ompl.dubins:RRTOverDubins",
-    "bitstar-dubins": "pushplan.planners.ompl.dubins:BITStarOverDubins",
 }
 """Where each of `names.PLANNERS` is."""
 

@@ -10,7 +10,7 @@ SCENARIO_FORMAT = "pushplan/1"
 LOG_MAGIC = b"\x89MCAP0\r\n"
 """What a run log begins and ends with."""
 
-PLANNERS = ("rrt", "est", "kpiece", "sst", "rrt-dubins", "bitstar-dubins", "auto")
+PLANNERS = ("rrt", "est", "kpiece", "sst", "auto")
 """Planners that `planner.name` may choose."""
 
 DEFAULT_PLANNER = "auto"

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
 from ompl import base as ob
 from ompl import geometric as og
+
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import separation
