@@ -52,13 +52,17 @@ class Run:
 
 def run(scenario: Scenario, problem: Problem, seed: int, seconds: float) -> Run:
     """Search with all of the time, without an end by stalling."""
-    session = Session(problem, scenario.start, Budget(seconds, stall=NEVER), seed)
+    found: list[tuple[float, float]] = []
+
+    def improved(_: object, cost: float, __: int, spent: float) -> None:
+        found.append((spent, cost))
+
+    session = Session(problem, scenario.start, Budget(seconds, stall=NEVER), seed, improved)
     search(session, planner_named("auto")[1], sampling_box(scenario), body_reach(scenario))
-    found = session.progress
     return Run(
-        tuple(min((p.cost for p in found if p.seconds <= m * seconds), default=math.inf) for m in MARKS),
+        tuple(min((cost for spent, cost in found if spent <= m * seconds), default=math.inf) for m in MARKS),
         session.best.cost,
-        found[0].seconds if found else math.inf,
+        found[0][0] if found else math.inf,
     )
 
 

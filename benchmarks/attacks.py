@@ -21,6 +21,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import resource
 import signal
 import stat
 import subprocess
@@ -35,17 +36,17 @@ from threading import Thread, Timer
 import numpy as np
 
 TESTS = Path(__file__).parents[1] / "tests"
-sys.path[:0] = [str(TESTS), str(TESTS / "logs")]
+sys.path[:0] = [str(TESTS)]
 
-import bombs as bomb_files  # noqa: E402 (in tests, where the path has just been set)
-import hostile_files  # noqa: E402
-from output_options import OPTIONS, words  # noqa: E402
-from pushplan.logging.old.cut_off import with_best_path  # noqa: E402
+from output_options import OPTIONS, words  # noqa: E402 (in tests, where the path has just been set)
+from store.test_hostile import FILES  # noqa: E402
 
-from pushplan.errors import PushplanError  # noqa: E402
+from pushplan.errors import PushplanError, RunLogError  # noqa: E402
 from pushplan.kernels import warm_up  # noqa: E402
-from pushplan.logging.reader import load_run
+from pushplan.logging.reader import load_run  # noqa: E402
 from pushplan.logging.recorded import RecordedRun  # noqa: E402
+from pushplan.plans.plan import Improvement  # noqa: E402
+from pushplan.plans.settings import Observer  # noqa: E402
 from pushplan.run import run  # noqa: E402
 from pushplan.scenario.file import load_scenario  # noqa: E402
 
@@ -180,83 +181,84 @@ def _sound(folder: Path) -> Path:
     return log
 
 
-class _Reader:
-    """A process that reads logs, begun anew when one ends it."""
-
-    def __init__(self) -> None:
-        self._process: subprocess.Popen[str] | None = None
-
-    def read(self, path: Path) -> Row:
-        """Return what it makes of a log."""
-        if self._process is None or self._process.poll() is not None:
-            program = [sys.executable, str(TESTS / "logs" / "read_many.py")]
-            self._process = subprocess.Popen(
-                program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-            )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.write(f"{path}\n")
-        self._process.stdin.flush()
-        watch = Timer(20.0 * MOST_SECONDS, self._process.kill)
-        watch.start()
-        lines = [self._process.stdout.readline() for _ in range(2)]
-        watch.cancel()
-        if not all(lines):
-            return {
-                "verdict": "WRONG",
-                "why": "the process that read it has ended",
-                "seconds": 0.0,
-                "peak_mb": 0.0,
-            }
-        strict, recovering = map(json.loads, lines)
-        row: Row = {key: max(strict[key], recovering[key]) for key, _ in COSTS}
-        told = f"{_told(strict)}, {_told(recovering)} when recovered"
-        sound = all(one["kind"] in ("read", "RunLogError") for one in (strict, recovering))
-        within = row["peak_mb"] < MOST_MB and row["seconds"] < MOST_SECONDS  # type: ignore[operator]
-        return {**row, "verdict": told} if sound and within else {**row, "verdict": "WRONG", "why": lines}
+def _read(path: Path) -> Row:
+    """Return what a process of its own makes of a log, strictly and when it recovers, and what that takes."""
+    before, reading, writing = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, *os.pipe()
+    child = os.fork()
+    if child == 0:
+        for recover in (False, True):
+            os.write(writing, f"{_outcome(path, recover)}\n".encode())
+        os._exit(0)
+    os.close(writing)
+    watch = Timer(20.0 * MOST_SECONDS, os.kill, (child, signal.SIGKILL))
+    watch.start()
+    _, _, used = os.wait4(child, 0)
+    watch.cancel()
+    with os.fdopen(reading) as pipe:
+        told = pipe.read().splitlines()
+    peak, seconds = max(used.ru_maxrss - before, 0) / 1024.0, used.ru_utime + used.ru_stime
+    sound = len(told) == 2 and all(one in ("read", "refused") for one in told)
+    row: Row = {"peak_mb": peak, "seconds": seconds}
+    if sound and peak < MOST_MB and seconds < MOST_SECONDS:
+        return {**row, "verdict": f"{told[0]}, {told[1]} when recovered"}
+    return {**row, "verdict": "WRONG", "why": told or "the process that read it has ended"}
 
 
-def _told(verdict: dict[str, object]) -> str:
-    return "refused" if verdict["kind"] == "RunLogError" else "read"
+def _outcome(path: Path, recover: bool) -> str:
+    try:
+        load_run(path, recover=recover, messages=True)
+    except RunLogError:
+        return "refused"
+    except BaseException as error:
+        return repr(error)
+    return "read"
 
 
 def _mutations(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Callable[[], Row]]]:
-    log, reader = _sound(folder).read_bytes(), _Reader()
+    log = _sound(folder).read_bytes()
     for k in range(count):
         key = f"{seed}-mutation-{k}"
-        yield (
-            key,
-            lambda key=key: _attack_reader(
-                folder, reader, key, lambda: hostile_files.mutated(log, Random(key))
-            ),
-        )
+        yield key, lambda key=key: _attack_reader(folder, key, lambda: _mutated(log, Random(key)))
+
+
+def _mutated(log: bytes, random: Random) -> bytes:
+    """Return a log with bits flipped, pieces left out, repeated or overwritten, or cut off."""
+    made = bytearray(log)
+    for _ in range(random.randint(1, 4)):
+        at, size = random.randrange(len(made)), random.randint(1, 64)
+        match random.choice(("flip", "drop", "repeat", "overwrite", "cut")):
+            case "flip":
+                made[at] ^= 1 << random.randrange(8)
+            case "drop":
+                del made[at : at + size]
+            case "repeat":
+                made[at:at] = made[at : at + size]
+            case "overwrite":
+                made[at : at + size] = random.randbytes(size)
+            case "cut":
+                del made[max(at, 1) :]
+    return bytes(made)
 
 
 def _bombs(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Callable[[], Row]]]:
-    log, names, reader = _sound(folder).read_bytes(), [*bomb_files.BOMBS], _Reader()
+    names = [*FILES]
     for k in range(count):
         name, key = names[k % len(names)], f"{seed}-bomb-{k}"
-        yield (
-            key,
-            lambda key=key, name=name: _attack_reader(
-                folder, reader, key, lambda: _bomb(log, name, Random(key))
-            ),
-        )
+        yield key, lambda key=key, name=name: _attack_reader(folder, key, lambda: _bomb(name, Random(key)))
 
 
-def _bomb(log: bytes, name: str, random: Random) -> bytes:
-    """Return a bomb whose file is larger or smaller, every other one with a few bytes altered."""
-    bomb_files.PADDING = random.choice((0, 0, 0, 1, 3))
-    made = bytearray(bomb_files.BOMBS[name](log))
-    for _ in range(random.choice((0, random.randint(1, 5)))):
+def _bomb(name: str, random: Random) -> bytes:
+    """Return a hostile file, every other one with a few bytes altered."""
+    made = bytearray(FILES[name][0]())
+    for _ in range(random.choice((0, random.randint(1, 5))) if made else 0):
         made[random.randrange(len(made))] ^= 1 << random.randrange(8)
     return bytes(made)
 
 
-def _attack_reader(folder: Path, reader: _Reader, key: str, make: Callable[[], bytes]) -> Row:
+def _attack_reader(folder: Path, key: str, make: Callable[[], bytes]) -> Row:
     path = folder / f"{key}.mcap"
     path.write_bytes(make())
-    row = reader.read(path)
+    row = _read(path)
     if row["verdict"] != "WRONG":  # one that is wrong is kept
         path.unlink()
     return {"group": "logs", **row}
@@ -295,7 +297,7 @@ def _run_and_tell(name: str, log: Path, seed: int, writing: int) -> None:
         os.write(writing, f"{point.cost.hex()}\n".encode())
 
     try:
-        run(load_scenario(name), log=log, seed=seed, time_limit=LIMIT, progress=improved)
+        run(load_scenario(name), log=log, seed=seed, time_limit=LIMIT, observer=Observer(improved=improved))
     finally:
         os._exit(0)
 
@@ -307,7 +309,7 @@ def _judged(log: Path, told: list[float]) -> Row:
         return {"verdict": "WRONG" if told else "no log"}
     try:
         found = load_run(left)
-        costs = [point.cost for point in found.progress]
+        costs = [point.cost for point in found.improvements]
         if costs[: len(told)] != told:
             return {"verdict": "WRONG", "why": f"told {len(told)} paths, {len(costs)} in the log"}
         return _replayed(found, bool(told), left == log)
@@ -318,20 +320,19 @@ def _judged(log: Path, told: list[float]) -> Row:
 
 
 def _replayed(found: RecordedRun, told: bool, whole: bool) -> Row:
-    completed = with_best_path(found)
-    if completed.plan is None or completed.plan.path is None:
-        return {"verdict": "WRONG" if told and found.plan is None else "replays, no path was known"}
-    plan, execution = completed.plan, completed.execution
-    assert plan.trajectory is not None
+    plan, execution = found.plan, found.execution
+    known = plan.segments if plan is not None else found.improvements[-1].segments if told else ()
+    if not known:
+        return {"verdict": "WRONG" if told and plan is None else "replays, no path was known"}
     goal = found.scenario.goal
-    off = plan.trajectory.poses[-1] - goal.pose_chain
+    off = known[-1].contact_path.end - goal.pose_chain
     if np.hypot(off[0], off[1]) > goal.position_tolerance or (
         execution is not None and execution.loss is not None
     ):
         return {"verdict": "WRONG", "why": "the best path does not lead to the goal"}
     if whole:
         return {"verdict": "whole log"}
-    return {"verdict": "replays its best path" if found.plan is None else "replays its plan"}
+    return {"verdict": "replays its best path" if plan is None else "replays its plan"}
 
 
 def _commands(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Callable[[], Row]]]:

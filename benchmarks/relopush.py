@@ -25,23 +25,22 @@ import json
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pushplan.rearrangement.order import Order
-from pushplan.rearrangement.pieces import Piece, Situation
-from pushplan.rearrangement.plan import leg_of
-from pushplan.several.plan import free_goals
-from pushplan.several.prepared import Prepared
-from pushplan.several.warm import warm_up_several
 
 from pushplan.bench.random_problems import scenario_yaml
 from pushplan.errors import PlanningError, ScenarioError
 from pushplan.geometry import se2
+from pushplan.kernels import warm_up
 from pushplan.planners.multi.graph import PushSequence
+from pushplan.planners.multi.multi_push import MultiPushSearch, free_goals
 from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
+from pushplan.planners.planner import Planner
+from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Goal, PolygonObstacle, Scenario
 from pushplan.util.arrays import FloatArray
@@ -186,7 +185,7 @@ def main() -> None:
             for k, instance in enumerate(instances, start=1):
                 write_scenarios(instance, f"{name}-{k}", args.walls, args.scenarios)
         return
-    warm_up_several(print, "ecof", intervals=False)
+    warm_up("auto", print, "ecof", intervals=False, multi_push=True)
     prepared = _prepared(args.walls, {})
     light = _prepared(args.walls, {"switch_cost": 0.05, "transit_weight": 0.01})
     for name in args.files:
@@ -195,43 +194,45 @@ def main() -> None:
         better = [row for one in instances[: args.better] for row in _blocks(light, one, 1.0)]
         _report(name, first, better)
         whole = [
-            _whole(prepared, one, args.seconds, k < args.better)
+            _whole(one, args.walls, args.seconds, k < args.better)
             for k, one in enumerate(instances[: args.whole])
         ]
         _report_whole(name, whole)
 
 
-def _prepared(walls: str, pushes: dict[str, float]) -> Prepared:
-    prepared = Prepared.of(scenario_from_document({**template(walls), "pushes": pushes}))
+def _prepared(walls: str, pushes: dict[str, float]) -> MultiPushSearch:
+    scenario = scenario_from_document({**template(walls), "pushes": pushes})
+    prepared = MultiPushSearch.of(scenario, PlanSettings().completed(scenario))
     prepared.room(0)
     return prepared
 
 
-def _whole(prepared: Prepared, instance: Instance, seconds: float, judged: bool) -> Whole:
-    began = time.process_time()
-    scenarios = {name: _scenario(prepared.scenario, instance, name, []) for name in instance.blocks}
-    if not all(_is_free(scenario) for scenario in scenarios.values()):
-        return Whole(False, 0.0, possible=False)
-    pieces = tuple(Piece(name, prepared.asked(scenario), True) for name, scenario in scenarios.items())
-    poses = np.array([scenario.start for scenario in scenarios.values()])
-    now = Situation(instance.plate, poses, frozenset(range(len(pieces))))
-    errands = Order(pieces, 1, time.perf_counter() + seconds).find(now)
-    spent = time.process_time() - began
-    if errands is None:
-        return Whole(False, spent)
-    valid = all(leg_of(pieces, one, 1).plan.solved for one in errands) if judged else None
-    return Whole(True, spent, sum(not one.delivers for one in errands), valid)
-
-
-def _is_free(scenario: Scenario) -> bool:
-    """Tell whether the walls leave a goal free."""
+def _whole(instance: Instance, walls: str, seconds: float, judged: bool) -> Whole:
+    stated = template(walls)
+    block = stated["objects"][0]
+    document = {key: value for key, value in stated.items() if key not in ("start", "goal")} | {
+        "objects": [{**block, "name": name, "pose": pose.tolist()} for name, pose in instance.blocks.items()],
+        "goals": {
+            name: {"pose": instance.target(name).tolist(), "symmetry": 4} for name in instance.assignment
+        },
+        "robot": {**stated["robot"], "start": instance.plate.tolist()},
+    }
     try:
-        return len(free_goals(scenario)) > 0
-    except PlanningError:
-        return False
+        planner = Planner(scenario_from_document(document))
+    except ScenarioError:
+        return Whole(False, 0.0, possible=False)
+    began = time.process_time()
+    found = planner.plan(time_limit=seconds, seed=1, timed=False, explain=False)
+    spent = time.process_time() - began
+    if not found.solved:
+        return Whole(False, spent)
+    moved = [push.load.names[0] for push in found.pushes if push.load is not None]
+    transfers = [name for name, _ in groupby(moved)]
+    valid = planner.plan(time_limit=seconds, seed=1).solved if judged else None
+    return Whole(True, spent, len(transfers) - len(set(transfers)), valid)
 
 
-def _blocks(prepared: Prepared, instance: Instance, limit: float | None) -> Iterator[Row]:
+def _blocks(prepared: MultiPushSearch, instance: Instance, limit: float | None) -> Iterator[Row]:
     for name in instance.assignment:
         began = time.process_time()
         scenario = _scenario(prepared.scenario, instance, name, instance.others(name))
@@ -255,7 +256,9 @@ def _scenario(stated: Scenario, instance: Instance, name: str, others: list[Floa
     )
 
 
-def _row(prepared: Prepared, scenario: Scenario, began: float, straight: float, limit: float | None) -> Row:
+def _row(
+    prepared: MultiPushSearch, scenario: Scenario, began: float, straight: float, limit: float | None
+) -> Row:
     try:
         goals = free_goals(scenario)
     except PlanningError:

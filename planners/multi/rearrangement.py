@@ -26,6 +26,7 @@ from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.plan import Diagnosis, Nearest, Poses
 from pushplan.plans.settings import PlanSettings
+from pushplan.scenario.build import overlapping_goals
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal, PolygonObstacle, Workspace
 from pushplan.util.arrays import FloatArray, frozen
@@ -75,11 +76,7 @@ class Piece:
 
     def is_at_goal(self, pose: FloatArray) -> bool:
         """Tell whether its frame (3,) is at one of its goals."""
-        for goal in self.goals:
-            position, angle = se2.pose_error(pose, goal.pose_chain)
-            if position <= goal.position_tolerance and angle <= goal.angle_tolerance:
-                return True
-        return False
+        return any(goal.is_reached(pose) for goal in self.goals)
 
     def outlines(self, pose: FloatArray) -> list[FloatArray]:
         """Return the outlines of its objects in the world, its frame being at a pose (3,)."""
@@ -170,8 +167,12 @@ class RearrangementSearch:
         """Return the search in a scenario.
 
         Raises:
+            PlanningError: When two bodies cannot be at their goals together.
             EmptyStableSetError: When no contact can push one of the bodies.
         """
+        wrong = overlapping_goals({name: scenario.alone(name) for name in scenario.goals})
+        if wrong:
+            raise PlanningError("; ".join(wrong.values()))
         pieces = tuple(
             Piece(name, MultiPushSearch.of(scenario.alone(name), settings), body.goals)
             for name, body in scenario.bodies.items()

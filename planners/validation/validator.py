@@ -99,14 +99,11 @@ class Validator:
         for task in self._scenario.tasks:
             first = task.chain.objects[0]
             load = se2.compose(end[first.name], se2.inverse(first.pose_chain))
-            errors = [(*se2.pose_error(load, goal.pose_chain), goal) for goal in task.goals]
-            exact = first.name in pushed
-            if errors and not any(
-                position <= (EXACT if exact else goal.position_tolerance)
-                and angle <= (EXACT if exact else goal.angle_tolerance)
-                for position, angle, goal in errors
-            ):
-                position, angle, _ = min(errors, key=lambda error: error[0] + task.chain.reach * error[1])
+            if first.name not in pushed and any(goal.is_reached(load) for goal in task.goals):
+                continue
+            errors = [se2.pose_error(load, goal.pose_chain) for goal in task.goals]
+            if errors and not any(position <= EXACT and angle <= EXACT for position, angle in errors):
+                position, angle = min(errors, key=lambda error: error[0] + task.chain.reach * error[1])
                 who = f"'{first.name}'" if len(self._scenario.tasks) > 1 else "the path"
                 return f"{who} misses the goal by {position:.2g} m and {angle:.2g} rad"
         return ""

@@ -14,6 +14,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.util.arrays import FloatArray
+from pushplan.util.names import AUTO
 
 CLEARANCE_SPACING = 0.01
 """No point of a body moves farther than this between two poses at which the clearance is measured, m."""
@@ -30,8 +31,12 @@ def validation_error(plan: Plan, execution: Execution) -> str:
         execution: Of it.
     """
     scenario = plan.scenario
-    if execution.min_margin is not None and plan.margin is not None and execution.min_margin <= plan.margin:
-        return f"the smallest margin is {execution.min_margin:.3g}; it must be above {plan.margin:g}"
+    stated = scenario.stability.margin
+    required = max(
+        plan.margin or 0.0, 0.0 if stated == AUTO else stated
+    )  # a plan may not lower what is stated
+    if execution.min_margin is not None and execution.min_margin <= required:
+        return f"the smallest margin is {execution.min_margin:.3g}; it must be above {required:g}"
     if scenario.pusher.limits.contact == "dynamic":
         smallest = execution.min_dynamic_margin
         if smallest is None:

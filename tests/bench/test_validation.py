@@ -11,10 +11,11 @@ import pushplan
 from pushplan.bench.outcome import validated
 from pushplan.bench.random_problems import DRIVES, generate
 from pushplan.bench.schema import ProblemParameters
-from pushplan.bench.validation import clearance, validation_error, with_kept_margin
+from pushplan.bench.validation import clearance, validation_error
+from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
 from pushplan.scenario.file import scenario_from_text
-from pushplan.scenario.model import CircleObstacle, Scenario
+from pushplan.scenario.model import CircleObstacle
 from pushplan.util.stopwatch import Stopwatch
 
 
@@ -24,38 +25,37 @@ def done() -> Run:
     return pushplan.run(pushplan.load_scenario("one-box"), iterations=2000)
 
 
-def quasi_static(scenario: Scenario) -> Scenario:
-    """Return the scenario with inertia left out."""
-    pusher = scenario.chain.pusher
-    still = replace(pusher, limits=replace(pusher.limits, contact="quasi-static"))
-    return replace(scenario, chain=replace(scenario.chain, pusher=still))
+def quasi_static(plan: Plan) -> Plan:
+    """Return the plan with inertia left out of its scenario."""
+    chain = plan.scenario.chain
+    still = replace(chain.pusher, limits=replace(chain.pusher.limits, contact="quasi-static"))
+    return replace(plan, scenario=replace(plan.scenario, chain=replace(chain, pusher=still)))
 
 
-def test_auto_stands_for_the_margin_that_the_plan_kept(done: Run) -> None:
-    assert done.plan.margin is not None
-    assert with_kept_margin(done.scenario, done.plan).required_margin == done.plan.margin
-
-
-def test_a_plan_may_not_lower_a_margin_that_is_stated(done: Run) -> None:
-    assert done.plan.min_margin is not None
-    stated = done.scenario.with_margin(done.plan.min_margin)
-    lowered = replace(done.plan, margin=0.0)
-    assert with_kept_margin(stated, lowered).required_margin == done.plan.min_margin
+def test_auto_stands_for_the_margin_that_the_plan_kept_and_a_stated_one_for_itself(done: Run) -> None:
+    plan, execution = done.plan, done.execution
+    assert execution is not None
+    least = execution.min_margin
+    assert least is not None
+    assert validation_error(plan, execution) == ""
+    assert f"must be above {least:g}" in validation_error(replace(plan, margin=least), execution)
+    stated = replace(plan, scenario=done.scenario.with_margin(least), margin=0.0)
+    assert f"must be above {least:g}" in validation_error(stated, execution)
 
 
 def test_an_execution_that_slips_with_inertia_is_no_solution(done: Run) -> None:
-    scenario, execution = with_kept_margin(done.scenario, done.plan), done.execution
+    plan, execution = done.plan, done.execution
     assert execution is not None
     assert execution.dynamic_margins is not None
-    assert validation_error(scenario, execution) == ""
+    assert validation_error(plan, execution) == ""
     values = execution.dynamic_margins.copy()
     values[len(values) // 2, 0] = 0.0
     slipping = replace(execution, dynamic_margins=values)
-    assert validation_error(scenario, slipping) == "the smallest margin with inertia is 0; it must be above 0"
-    assert validation_error(quasi_static(scenario), slipping) == ""
+    assert validation_error(plan, slipping) == "the smallest margin with inertia is 0; it must be above 0"
+    assert validation_error(quasi_static(plan), slipping) == ""
     unseen = replace(execution, dynamic_margins=None)
-    assert validation_error(scenario, unseen) == "nobody looked at the margins with inertia"
-    assert validation_error(quasi_static(scenario), unseen) == ""
+    assert validation_error(plan, unseen) == "nobody looked at the margins with inertia"
+    assert validation_error(quasi_static(plan), unseen) == ""
 
 
 def test_the_outcome_of_a_run_has_its_margins(done: Run) -> None:
@@ -78,9 +78,8 @@ def test_an_execution_is_validated_by_where_the_objects_are() -> None:
     result = pushplan.plan(scenario, first=True, time_limit=60.0)
     assert result.solved
     assert result.execution is not None
-    kept = with_kept_margin(scenario, result)
-    assert validation_error(kept, result.execution) == ""
-    assert (clearance(kept, result.execution) or 0.0) > 0.0
-    middle = result.execution.load_poses[len(result.execution.t) // 2, :2]
-    hit = replace(kept, obstacles=(CircleObstacle(middle, 0.02),))
-    assert "meets obstacle 0" in validation_error(hit, result.execution)
+    assert validation_error(result, result.execution) == ""
+    assert (clearance(scenario, result.execution) or 0.0) > 0.0
+    middle = result.execution.objects[len(result.execution.t) // 2, 0, :2]
+    hit = replace(result, scenario=replace(scenario, obstacles=(CircleObstacle(middle, 0.02),)))
+    assert "obstacle 0" in validation_error(hit, result.execution)

@@ -17,6 +17,7 @@ from pushplan.errors import PushplanError, RunLogError
 from pushplan.geometry import se2
 from pushplan.identify import read_course
 from pushplan.logging.writer import RunLogWriter
+from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
 from pushplan.plans.run import Execution
 from pushplan.scenario.file import scenario_from_document
@@ -34,8 +35,8 @@ from pushplan.util.arrays import FloatArray
 BOX = np.array([[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]])
 
 
-def four_feet(outline: FloatArray) -> pushplan.FeetSupport:
-    return pushplan.FeetSupport(0.9 * outline, np.full(len(outline), 1.0 / len(outline)))
+def four_feet(outline: FloatArray) -> FeetSupport:
+    return FeetSupport(0.9 * outline, np.full(len(outline), 1.0 / len(outline)))
 
 
 def crates() -> pushplan.Scenario:
@@ -91,7 +92,7 @@ def test_a_border_moves_its_share_of_the_load_to_the_outline_and_tilts_move_the_
 
 def test_the_arrays_of_unknown_numbers_are_those_of_the_world_that_has_them() -> None:
     stated = World.from_scenario(crates())
-    feet = pushplan.FeetSupport(0.9 * BOX, np.array([0.1, 0.2, 0.3, 0.4]))
+    feet = FeetSupport(0.9 * BOX, np.array([0.1, 0.2, 0.3, 0.4]))
     unknowns = Unknowns.from_world(stated.with_support(feet, "far"))
     values = unknowns.values(np.random.default_rng(1).uniform(size=len(unknowns.each)))
     ours, packed = unknowns.packed_for(values), packed_of(unknowns.world_for(values))
@@ -105,7 +106,7 @@ def test_the_arrays_of_unknown_numbers_are_those_of_the_world_that_has_them() ->
 
 def test_loads_of_feet_are_all_alike_likely() -> None:
     stated = World.from_scenario(crates())
-    feet = pushplan.FeetSupport(0.9 * BOX, np.full(4, 0.25))
+    feet = FeetSupport(0.9 * BOX, np.full(4, 0.25))
     unknowns = Unknowns.from_world(stated.with_support(feet, "far"))
     places = np.random.default_rng(2).uniform(size=(400, len(unknowns.each)))
     loads = np.array([unknowns.fractions(values)[1] for values in unknowns.values(places)])

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pushplan.logging.old.verify import verify
 
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.logging.reader import load_run
@@ -21,6 +20,7 @@ from pushplan.scenario.check import check_scenario
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
+from pushplan.verification import verify_log
 
 TEXT = """\
 format: pushplan/1
@@ -143,7 +143,7 @@ def test_runs_are_judged_by_the_set_for_all_values(tmp_path: Path) -> None:
     assert found.execution.margins.min() == pytest.approx(margins.min(), abs=1e-9)
     log = load_run(tmp_path / "run.mcap")
     assert log.scenario == scenario()
-    assert verify(log).matches
+    assert verify_log(tmp_path / "run.mcap").matches
 
 
 @pytest.mark.parametrize(

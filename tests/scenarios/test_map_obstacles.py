@@ -13,7 +13,6 @@ import numpy.typing as npt
 import pytest
 import shapely
 from PIL import Image
-from pushplan.logging.old.verify import verify
 
 import pushplan
 from pushplan.errors import ImportedFileError, PushplanError, ScenarioError
@@ -140,10 +139,10 @@ def test_a_log_holds_the_map_and_is_verified_without_its_files(tmp_path: Path) -
     pushplan.run(scenario, log=log, first=True, time_limit=60.0)
     for name in ("maps/office.yaml", "maps/office.pgm", "push.yaml"):
         (tmp_path / name).unlink()
-    again = pushplan.read_run(log).scenario
+    again = pushplan.load_run(log).scenario
     assert again.attachments == scenario.attachments
     assert shapely.equals(_polygons(again, unknown=True), _polygons(scenario, unknown=True))
-    assert verify(pushplan.read_run(log)).matches
+    assert pushplan.verify_log(log).matches
 
 
 def test_maps_from_anywhere_are_added_to_a_scenario(tmp_path: Path) -> None:
@@ -154,7 +153,7 @@ def test_maps_from_anywhere_are_added_to_a_scenario(tmp_path: Path) -> None:
     assert (with_map.name, with_map.workspace) == ("push", named.workspace)
     log = tmp_path / "run.mcap"
     pushplan.run(with_map, log=log, first=True, time_limit=60.0)
-    assert verify(pushplan.read_run(log)).matches
+    assert pushplan.verify_log(log).matches
     with pytest.raises(ImportedFileError, match=r"gone\.yaml: cannot read the file: No such file"):
         pushplan.load_scenario(alone.path, [tmp_path / "gone.yaml"])
 
@@ -218,7 +217,7 @@ def test_no_map_in_a_log_starts_a_program(tmp_path: Path, started: Path) -> None
     log = tmp_path / "evil.mcap"
     pushplan.run(evil, log=log, first=True, time_limit=60.0)
     with pytest.raises(PushplanError, match="is no PGM, PPM, PNG or BMP picture"):
-        pushplan.read_run(log)
+        pushplan.load_run(log)
     assert not started.exists()
 
 

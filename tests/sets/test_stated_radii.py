@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 MU = 0.5
 EXACT = {1: 0.81527, 2: 1.08427, 3: 1.32519, 4: 1.60345}
+"""From the lower envelope in closed form, to 1e-5. The package takes off what its samples of an outline may
+miss: its radii are never smaller, and at most 0.1 % larger."""
+
 SEARCHED = {1: 0.88, 2: 1.18, 3: 1.44, 4: 1.76}
 """The same radii as once found by a search in steps."""
 
@@ -60,7 +63,7 @@ def tightest(make_chain: ChainMaker, n: int) -> FloatArray:
 def test_smallest_turns_agree_with_linear_programs(make_chain: ChainMaker, n: int) -> None:
     """No pressure on a grid breaks a turn 0.1 % wider; 1 % tighter, some pressure on 41 x 41 points does."""
     x, radius = tightest(make_chain, n)
-    assert radius == pytest.approx(EXACT[n], abs=2e-5)
+    assert EXACT[n] - 2e-5 < radius < 1.001 * EXACT[n]
     assert least_row(n, (x, 1.001 * radius), 40) > 0.0
     assert least_row(n, (x, 0.99 * radius), 40) < 0.0
 

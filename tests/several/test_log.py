@@ -14,14 +14,10 @@ import pytest
 import yaml
 from boxes import SCREENS, assert_tidy, chromium, show
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from mcap.reader import make_reader
-from pushplan.logging.old.messages import schemas
-from pushplan.logging.old.verify import verify
-from pushplan.logging.old.view.scene import ghosts
-from pushplan.logging.old.view.window import shown_ways
 from several.conftest import Problem, problem_document
 
+import pushplan.logging.schemas as schemas
 from pushplan.cli.main import main
 from pushplan.geometry import se2
 from pushplan.logging.bag import write_ros2
@@ -29,7 +25,10 @@ from pushplan.logging.film import Film
 from pushplan.logging.page import render, write_html
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.shown import ghosts, shown_ways
 from pushplan.logging.tables import table
+from pushplan.logging.verify import verify
+from pushplan.verification import execute_again
 
 Captured = pytest.CaptureFixture[str]
 
@@ -54,7 +53,7 @@ def log(file: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def recorded(log: Path) -> RecordedRun:
-    return load_run(log)
+    return load_run(log, messages=True)
 
 
 def messages(log: Path, topic: str) -> list[tuple[float, bytes]]:
@@ -67,60 +66,61 @@ def test_the_log_gives_the_segments_back(recorded: RecordedRun) -> None:
     assert plan is not None
     assert plan.trajectory is not None
     assert [segment.kind for segment in plan.segments] == ["transit", "approach", "push", "retreat"]
-    assert plan.segments[-1].t1 == plan.trajectory.duration
+    assert plan.times[-1] == pytest.approx(plan.trajectory.duration, abs=1e-9)
     assert recorded.execution is not None
-    np.testing.assert_allclose(recorded.execution.load_poses[-1], plan.segments[-1].load_after, atol=1e-9)
+    np.testing.assert_allclose(recorded.execution.objects[-1, 0], plan.segments[-1].after["b0"], atol=1e-9)
 
 
-def test_a_recorded_run_is_verified_segment_by_segment(recorded: RecordedRun) -> None:
-    report = verify(recorded)
-    assert report.matches, [str(check) for check in report.mismatches]
-    named = {check.quantity for check in report.checks}
-    assert {"segment 1, transit: begins and ends at rest", "segments", "pose of the objects"} <= named
+def test_a_recorded_run_is_verified(recorded: RecordedRun) -> None:
+    report = verify(recorded, execute_again)
+    assert report.matches, [check.text for check in report.mismatches]
+    assert {"pose of an object", "segment", "/segment"} <= {check.quantity for check in report.checks}
 
 
 @pytest.mark.parametrize("change", ["load", "time"])
 def test_a_segment_that_was_changed_is_found(recorded: RecordedRun, change: str) -> None:
     plan = recorded.plan
     assert plan is not None
-    push = plan.segments[2]
-    tampered = {
-        "load": replace(push, load_after=push.load_after + np.array([0.0, 1e-5, 0.0])),
-        "time": replace(push, t1=push.t1 + 1e-5),
+    transit, push = plan.segments[0], plan.segments[2]
+    assert transit.trajectory is not None
+    slower = replace(transit.trajectory, breaks=transit.trajectory.breaks * (1.0 + 1e-4))
+    segments = {
+        "load": (*plan.segments[:2], replace(push, margin=push.margin + 1e-5), plan.segments[3]),
+        "time": (replace(transit, trajectory=slower), *plan.segments[1:]),
     }[change]
-    segments = (*plan.segments[:2], tampered, plan.segments[3])
-    assert not verify(replace(recorded, plan=replace(plan, segments=segments))).matches
+    assert not verify(replace(recorded, plan=replace(plan, segments=segments)), execute_again).matches
 
 
-def test_segments_and_robot_have_topics_of_their_own(log: Path, recorded: RecordedRun) -> None:
-    assert recorded.plan is not None
-    assert recorded.execution is not None
-    told = [schemas.Segment.FromString(data) for _, data in messages(log, "/segment")]
-    assert [(s.kind, s.t0) for s in told] == [(s.kind, s.t0) for s in recorded.plan.segments]
-    _, data = messages(log, "/robot")[-1]
-    place = PoseInFrame.FromString(data).pose.position
-    plate = se2.compose(recorded.execution.poses[-1], recorded.scenario.chain.pusher.plate_pose)
-    assert (place.x, place.y) == pytest.approx(tuple(plate[:2]))
+def test_segments_have_a_topic_of_their_own(log: Path, recorded: RecordedRun) -> None:
+    plan = recorded.plan
+    assert plan is not None
+    told = [schemas.Segment.FromString(data) for _, data in messages(log, "/segment")]  # type: ignore[attr-defined]
+    assert [(s.kind, s.t0) for s in told] == [
+        (segment.kind, begin) for segment, begin in zip(plan.segments, plan.times, strict=False)
+    ]
 
 
 def test_plate_and_box_move_on_their_own_in_tf(log: Path, recorded: RecordedRun) -> None:
     assert recorded.execution is not None
     frames = [FrameTransforms.FromString(data) for _, data in messages(log, "/tf")]
     parents = {t.child_frame_id: t.parent_frame_id for t in frames[-1].transforms}
-    assert parents == {"chain": "world", "b0": "world", "pusher": "chain"}
+    assert parents == {"b0": "world", "pusher": "world"}
     boxes = [t.translation.x for frame in frames for t in frame.transforms if t.child_frame_id == "b0"]
     assert boxes[0] == pytest.approx(1.075)
     assert boxes[-1] == pytest.approx(0.5)
+    plates = [t.translation.x for t in frames[-1].transforms if t.child_frame_id == "pusher"]
+    assert plates == pytest.approx([recorded.execution.poses[-1, 0]])
 
 
 def test_exports_show_both(recorded: RecordedRun, tmp_path: Path) -> None:
     assert recorded.execution is not None
     columns = table(recorded)
-    np.testing.assert_array_equal(columns["load_x"], recorded.execution.load_poses[:, 0])
+    np.testing.assert_array_equal(columns["b0.x"], recorded.execution.objects[:, 0, 0])
     page = render(recorded)
     told = json.loads(page.split('id="run" type="application/json">')[1].split("</script>")[0])
-    assert told["attached"] is False
-    assert told["samples"]["loads"][0][-1] == pytest.approx(recorded.execution.load_poses[-1, 0], abs=1e-4)
+    assert told["samples"]["objects"][0][0][-1] == pytest.approx(
+        recorded.execution.objects[-1, 0, 0], abs=1e-4
+    )
     film = Film(recorded, recorded.execution)
     end = float(recorded.execution.t[-1])
     assert np.abs(film.picture(0.0).astype(int) - film.picture(end)).max() > 60
@@ -161,7 +161,7 @@ def test_a_line_is_printed_for_each_segment(log: Path, capsys: Captured) -> None
     out = capsys.readouterr().out
     for k, kind in enumerate(("transit", "approach", "push", "retreat"), start=1):
         assert f"{k}. {kind}" in out
-    assert "chain frame (1.000, 1.000, 0.0 deg) -> (0.425, 1.000, 0.0 deg)" in out
+    assert "(1.075, 1.000, 0.0 deg) -> (0.500, 1.000, 0.0 deg)" in out
     assert "in 1 push" in out
 
 
@@ -178,10 +178,10 @@ def test_json_has_the_segments(log: Path, capsys: Captured) -> None:
     assert [segment["kind"] for segment in segments] == ["transit", "approach", "push", "retreat"]
     push = segments[2]
     assert (push["face"], push["offset"]) == ("front", 0.0)
-    assert push["object_before"] == [1.0, 1.0, 0.0]
-    assert push["object_after"] == pytest.approx([0.425, 1.0, 0.0])
+    assert push["object_before"] == [1.075, 1.0, 0.0]
+    assert push["object_after"] == pytest.approx([0.5, 1.0, 0.0])
     assert sum(arc["length"] for arc in push["arcs"]) == pytest.approx(0.575)
-    assert told["way_pushed"] == pytest.approx(0.575)
+    assert told["pushed_distance"] == pytest.approx(0.575)
     for first, second in pairwise(segments):
         assert first["t1"] == second["t0"]
         assert max(se2.pose_error(*map(np.array, (first["robot_after"], second["robot_before"])))) < 1e-9

@@ -7,20 +7,29 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from pushplan.several.modes import find_modes
-from pushplan.several.prepared import Prepared
 from several.conftest import Problem, problem_document
 
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
+from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.graph import PushSequence, cheapest_sequence, lower_bounds
+from pushplan.planners.multi.multi_push import MultiPushSearch
 from pushplan.planners.multi.room import ARCS, Question, approaches_are_free
 from pushplan.planners.multi.samples import descend, pack_modes
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.planner import plan
+from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
+
+
+def modes_of(scenario: Scenario) -> tuple[ContactMode, ...]:
+    return find_modes(scenario, PlanSettings().completed(scenario))
+
+
+def prepared_of(scenario: Scenario) -> MultiPushSearch:
+    return MultiPushSearch.of(scenario, PlanSettings().completed(scenario))
 
 
 def by_enumeration(
@@ -57,10 +66,10 @@ def test_the_cheapest_sequence_is_the_cheapest_of_all(seed: int) -> None:
 
 
 def test_a_box_has_four_faces_and_a_row_is_pushed_from_its_ends(problem: Problem) -> None:
-    assert {mode.place.face for mode in find_modes(problem())} == {"rear", "front", "left", "right"}
-    ends = find_modes(problem("omnidirectional", boxes=3))
+    assert {mode.place.face for mode in modes_of(problem())} == {"rear", "front", "left", "right"}
+    ends = modes_of(problem("omnidirectional", boxes=3))
     assert {mode.place.face for mode in ends} == {"b0 rear", "b2 front"}
-    assert [mode.order for mode in ends] == [(0, 1, 2), (2, 1, 0)]
+    assert [mode.load.names for mode in ends] == [("b0", "b1", "b2"), ("b2", "b1", "b0")]
 
 
 def side_by_side(problem: Problem, second_is: float = 0.15) -> Scenario:
@@ -77,13 +86,13 @@ def side_by_side(problem: Problem, second_is: float = 0.15) -> Scenario:
 
 
 def test_stacks_side_by_side_are_pushed_where_the_plate_touches_all_of_them(problem: Problem) -> None:
-    modes = find_modes(side_by_side(problem))
+    modes = modes_of(side_by_side(problem))
     assert [(mode.place.face, mode.place.touched) for mode in modes] == [
         ("a and b front", (0, 1)),
         ("a and b rear", (0, 1)),
     ]
-    assert [mode.contact_order for mode in modes] == [[0, 1], [0, 1]]
-    assert {mode.place.face for mode in find_modes(side_by_side(problem, 0.2))} == {"a and b rear"}
+    assert [mode.load.names for mode in modes] == [("a", "b"), ("a", "b")]
+    assert {mode.place.face for mode in modes_of(side_by_side(problem, 0.2))} == {"a and b rear"}
 
 
 def test_stacks_side_by_side_get_to_their_goal_together(problem: Problem) -> None:
@@ -124,7 +133,7 @@ def test_the_plate_takes_no_place_where_it_would_overlap(problem: Problem) -> No
 def test_offsets_and_faces_are_those_that_are_asked_for(problem: Problem) -> None:
     pusher = {"faces": ["left", 180.0], "offsets": [0.0, "20 mm"]}
     document = problem_document(pusher={**pusher, "faces": ["left", "180 deg"]})
-    modes = find_modes(scenario_from_document(document))
+    modes = modes_of(scenario_from_document(document))
     assert {(mode.place.face, mode.place.offset) for mode in modes} == {
         ("left", 0.0), ("left", 0.02), ("rear", 0.0), ("rear", 0.02),
     }  # fmt: skip
@@ -135,14 +144,14 @@ def test_a_contact_is_the_push_problem_that_the_same_box_would_state(problem: Pr
     scenario = problem()
     stated = scenario.stable_set()
     twists = np.random.default_rng(1).normal(size=(200, 3))
-    for mode in find_modes(scenario):
+    for mode in modes_of(scenario):
         np.testing.assert_allclose(mode.stable.margin(twists), stated.margin(twists), atol=1e-9)
-        axle = mode.scenario.chain.pusher.drive.axle
+        axle = mode.load.chain.pusher.drive.axle
         assert axle is not None
         np.testing.assert_allclose(axle, [-0.3, 0.0, 0.0], atol=1e-12)
 
 
-def question_of(prepared: Prepared) -> Question:
+def question_of(prepared: MultiPushSearch) -> Question:
     scenario = prepared.scenario
     assert scenario.pushes is not None
     goals = np.array([goal.pose_chain for goal in scenario.pushes.goals])
@@ -150,7 +159,7 @@ def question_of(prepared: Prepared) -> Question:
 
 
 def test_a_descent_never_climbs_and_ends_below_where_it_began(problem: Problem) -> None:
-    room = Prepared.of(problem("omnidirectional")).room(0)
+    room = prepared_of(problem("omnidirectional")).room(0)
     modes = pack_modes([contact.packed for contact in room.contacts])
     ends = np.array([[0.0, 0.0, 0.0], [0.3, 0.2, 0.4]])
     sequence, state = np.array([0, 1, 2]), np.array([3], dtype=np.uint64)
@@ -162,7 +171,7 @@ def test_a_descent_never_climbs_and_ends_below_where_it_began(problem: Problem) 
 
 @pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])
 def test_more_search_never_makes_a_plan_worse_and_none_beats_the_bound(problem: Problem, drive: str) -> None:
-    prepared = Prepared.of(problem(drive, goal={"pose": [0.9, 1.1, 0.5]}))
+    prepared = prepared_of(problem(drive, goal={"pose": [0.9, 1.1, 0.5]}))
     room, question = prepared.room(0), question_of(prepared)
     costs: list[float] = []
     limits = Limits(time.perf_counter() + 60.0, iterations=6)
@@ -180,7 +189,7 @@ def test_no_push_ends_where_the_robot_cannot_back_off(problem: Problem, drive: s
     """A pillar stands behind where the robot is at the goal: it gets there by a turn, but not straight back."""
     pillar = [{"circle": 0.05, "center": [2.0, 1.0]}]
     blocked = {"goal": {"pose": [3.0, 1.0, 0.0], "of": "b0"}, "pushes": {"retreat": 0.6}, "obstacles": pillar}
-    room = (prepared := Prepared.of(problem(drive, **blocked))).room(0)
+    room = (prepared := prepared_of(problem(drive, **blocked))).room(0)
     found: list[PushSequence] = []
     limits = Limits(time.perf_counter() + 60.0, iterations=8)
     search(room, question_of(prepared), limits, 1, lambda best, _: found.append(best))
@@ -192,7 +201,7 @@ def test_no_push_ends_where_the_robot_cannot_back_off(problem: Problem, drive: s
 
 def test_two_pushes_move_a_box_aside_where_one_takes_six_metres(problem: Problem) -> None:
     aside = {"goal": {"pose": [1.0, 1.05, 0.0]}, "pusher": {"faces": ["front", "rear"]}}
-    prepared = Prepared.of(problem("differential", **aside))
+    prepared = prepared_of(problem("differential", **aside))
     room, question = prepared.room(0), question_of(prepared)
     until = time.perf_counter() + 60.0
     first = search(room, question, Limits(until, first=True), 1).best
