@@ -101,7 +101,7 @@ def test_elements_of_a_load_have_its_weight_and_centre(make_chain: ChainMaker, f
         np.testing.assert_allclose(parts @ places, obj.support.center, atol=1e-12 if feet else 1e-3)
         if not feet:
             assert 3000 < len(places) < 5000
-            inside = shapely.contains_xy(shapely.Polygon(obj.outline_chain), places)
+            inside = shapely.contains_xy(shapely.Polygon(obj.outline), places)
             assert inside.all()
 
 
