@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from pushplan.planners.trajectories import make_trajectory
+from plans_of import timed
 
 from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters
@@ -66,7 +66,7 @@ def random_trajectory(scenario: Scenario, seed: int) -> Trajectory | None:
         if not len(twists):
             return None
         lengths = rng.uniform(0.05, 0.5, len(twists))
-        return make_trajectory(free, PushPath(np.zeros(3), twists, lengths), stable)
+        return timed(free, PushPath(np.zeros(3), twists, lengths))
     except (SupportError, TimingError):
         return None
 

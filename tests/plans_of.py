@@ -8,9 +8,10 @@ import numpy as np
 
 import pushplan
 from pushplan.mechanics.chain import Chain
+from pushplan.planners.planner import time_segments
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Load, Plan, Segment
-from pushplan.plans.trajectory import Trajectory
+from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Goal
 
@@ -31,3 +32,11 @@ def push_of(chain: Chain, trajectory: Trajectory) -> Plan:
     push = Segment.push(Load.of(scenario), path, scenario.poses, 0.0)
     push = replace(push, trajectory=trajectory.of_frame(chain.pusher.plate_pose))
     return Plan(scenario, (push,), "", "by hand", "ecof", 1)
+
+
+def timed(
+    scenario: Scenario, path: PushPath, stable_set: str | None = None, rate: float = SAMPLE_RATE
+) -> Trajectory:
+    """Return a path of the chain frame timed as the scenario says; the trajectory is of the chain frame, too."""
+    push = Segment.push(Load.of(scenario), path, scenario.poses, scenario.required_margin)
+    return time_segments(scenario, (push,), rate, stable_set)[0].contact_trajectory

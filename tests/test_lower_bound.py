@@ -116,7 +116,7 @@ def test_a_gap_that_is_good_enough_ends_the_search() -> None:
     assert hasty.gap is not None
     assert patient.gap is not None
     assert patient.gap <= hasty.gap <= 0.15
-    assert hasty.progress[-1].iterations < patient.progress[-1].iterations
+    assert hasty.improvements[-1].iterations < patient.improvements[-1].iterations
     stated = replace(scenario, planner=replace(scenario.planner, gap=0.15))
     again = plan(stated, time_limit=60.0, iterations=20_000)
     assert again.path is not None

@@ -141,7 +141,7 @@ def test_a_first_path_need_not_wait_for_a_lower_margin() -> None:
     assert first.solved, first.reason
     assert first.margin is not None
     assert first.margin <= 0.5 * (first.margin_asked or 0.0)
-    assert first.progress[0].iterations < 0.5 * ITERATIONS < turned().progress[0].iterations
+    assert first.improvements[0].iterations < 0.5 * ITERATIONS < turned().improvements[0].iterations
 
 
 def test_a_first_path_keeps_the_margin_that_is_found_in_time() -> None:
@@ -180,7 +180,7 @@ def test_all_margins_share_one_time_limit(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_iterations_are_shared_as_well() -> None:
     few = plan(u_turn(), planner="rrt", time_limit=60.0, iterations=3000)
-    assert few.extensions < 2 * 3000
+    assert few.iterations < 2 * 3000
 
 
 @pytest.fixture(scope="module")
@@ -235,7 +235,7 @@ def test_other_margins_are_refused_on_the_command_line(word: str, capsys: pytest
 
 def test_other_margins_are_refused_by_plan() -> None:
     for wrong in (-0.1, 1.0, float("nan")):
-        with pytest.raises(PlanningError, match="it must be 'auto' or a number from 0 to 1"):
+        with pytest.raises(PlanningError, match="allowed: 'auto' or a number from 0 to below 1"):
             plan(load_plain("free-space"), margin=wrong)
 
 

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain import load_plain
-from pushplan.sim.judging import execute
 
 from pushplan.errors import PlanningError, ScenarioError
+from pushplan.geometry import se2
 from pushplan.planners.planner import plan
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.plan import Plan
+from pushplan.plans.settings import Observer
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.util.names import PLANNERS
@@ -23,14 +24,15 @@ PATIENT = 60.0
 
 def _check(scenario: Scenario, result: Plan) -> None:
     assert result.solved, result.reason
-    execution = execute(scenario, result)
+    execution = result.execution
     assert execution is not None
     assert result.path is not None
     assert execution.loss is None
     assert execution.margins.min() > 0.0
     assert max(execution.goal_error) < 1e-6
-    assert find_collision(scenario, execution.poses) is None
-    np.testing.assert_allclose(execution.poses[-1], result.path.end, atol=1e-9)
+    pushed = se2.compose(execution.poses, se2.inverse(scenario.chain.pusher.plate_pose))
+    assert find_collision(scenario, pushed) is None
+    np.testing.assert_allclose(pushed[-1], result.path.end, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", example_names())
@@ -39,7 +41,7 @@ def test_packaged_scenarios_solve_exactly_with_twenty_seeds(name: str) -> None:
     for seed in range(1, 21):
         result = plan(scenario, seed=seed, time_limit=PATIENT, first=True)
         assert result.solved, f"seed {seed}: {result.reason}"
-        execution = execute(scenario, result)
+        execution = result.execution
         assert execution is not None
         assert execution.margins.min() > 0.0, f"seed {seed}"
         assert max(execution.goal_error) < 1e-6, f"seed {seed}"
@@ -51,14 +53,14 @@ def test_packaged_scenarios_solve_exactly_with_twenty_seeds(name: str) -> None:
 def test_every_planner_solves_and_shortens(planner: str, name: str) -> None:
     scenario = load_plain(name)
     first = plan(scenario, planner=planner, time_limit=PATIENT, first=True)
-    result = plan(scenario, planner=planner, time_limit=PATIENT, iterations=2 * first.extensions + 20_000)
+    result = plan(scenario, planner=planner, time_limit=PATIENT, iterations=2 * first.iterations + 20_000)
     _check(scenario, result)
     assert first.path is not None
     assert result.path is not None
     assert result.path.cost <= first.path.cost + 1e-9
-    assert result.progress[0].cost == pytest.approx(first.progress[0].cost)
-    assert first.path.cost <= first.progress[0].cost
-    assert result.progress[-1].cost == pytest.approx(result.path.cost, abs=1e-9)
+    assert result.improvements[0].cost == pytest.approx(first.improvements[0].cost)
+    assert first.path.cost <= first.improvements[0].cost
+    assert result.improvements[-1].cost == pytest.approx(result.path.cost, abs=1e-9)
 
 
 @pytest.mark.parametrize("planner", sorted(PLANNERS))
@@ -86,7 +88,7 @@ def test_the_same_seed_gives_the_same_plan(planner: str) -> None:
     assert two.path is not None
     np.testing.assert_array_equal(one.path.twists, two.path.twists)
     np.testing.assert_array_equal(one.path.lengths, two.path.lengths)
-    assert one.extensions == two.extensions
+    assert one.iterations == two.iterations
 
 
 SHUT_IN = """
@@ -104,8 +106,8 @@ def test_no_plan_is_a_result_with_a_reason() -> None:
     assert not result.solved
     assert result.reason == "obstacles and walls separate the start from the goal: no passage joins them"
     assert (result.path, result.trajectory, result.first_solution_s) == (None, None, None)
-    assert result.extensions > 100
-    assert execute(scenario, result) is None
+    assert result.iterations > 100
+    assert result.execution is None
 
 
 TIGHT = "stability: {margin: 1e-6}"
@@ -117,9 +119,9 @@ def test_a_path_that_leaves_no_room_for_inertia_is_a_result_with_a_reason() -> N
     assert plan(scenario, time_limit=PATIENT, iterations=20_000).solved
     result = plan(scenario, time_limit=PATIENT, iterations=20_000, cost="travel")
     assert not result.solved
-    assert result.reason.startswith("a path was found that cannot be driven: an arc along the twist")
+    assert result.reason.startswith("a plan was found that cannot be driven: an arc along the twist")
     assert (result.path, result.trajectory) == (None, None)
-    assert execute(scenario, result) is None
+    assert result.execution is None
 
 
 def test_dynamic_contact_limits_without_a_margin_are_refused_on_reading() -> None:
@@ -142,12 +144,11 @@ def test_an_unknown_planner_is_refused_by_name() -> None:
         plan(load_scenario("one-box"), planner="rtt")
 
 
-def test_progress_is_told_as_it_happens() -> None:
+def test_improvements_are_told_as_they_happen() -> None:
     heard: list[float] = []
-    result = plan(
-        load_scenario("one-box"), progress=lambda point: heard.append(point.cost), time_limit=PATIENT
-    )
-    assert heard == [point.cost for point in result.progress]
+    observer = Observer(improved=lambda better: heard.append(better.cost))
+    result = plan(load_scenario("one-box"), observer=observer, time_limit=PATIENT)
+    assert heard == [point.cost for point in result.improvements]
     assert len(heard) > 1
 
 
@@ -158,4 +159,4 @@ def test_a_limit_that_ends_while_the_problem_is_posed_is_an_ordinary_failure() -
     assert not result.solved
     assert "the time limit ended while the problem was posed" in result.reason
     assert [item.cause for item in result.diagnosis] == ["time"]
-    assert (result.path, result.trajectory, result.progress) == (None, None, ())
+    assert (result.path, result.trajectory, result.improvements) == (None, None, ())

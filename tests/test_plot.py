@@ -31,7 +31,7 @@ from pushplan.mechanics.friction_cone import friction_cone
 from pushplan.plans.events import Event
 from pushplan.plans.plan import Diagnosis, Nearest, Plan
 from pushplan.scenario.file import load_scenario, scenario_from_text
-from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
+from pushplan.scenario.model import PolygonObstacle, Workspace
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
@@ -304,8 +304,8 @@ def test_events_of_a_closed_loop_are_marked_where_the_plate_was(
 def test_trials_say_how_many_arrive_and_count_what_is_outside(
     plans: dict[str, Plan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    figures, trials = _kept_figures(monkeypatch), _Trials(plans["push"].scenario)
-    plot_trials(trials, plans["push"], tmp_path / "t.png")  # type: ignore[arg-type]
+    figures, trials = _kept_figures(monkeypatch), _Trials(plans["push"])
+    plot_trials(trials, tmp_path / "t.png")  # type: ignore[arg-type]
     floor, close = figures[0].axes
     assert "3 of 4 arrive" in floor.get_title(loc="left")
     assert "1 of 4 outside" in close.get_title(loc="left")
@@ -320,8 +320,9 @@ class _Trials:
     samples, interval, losses = 4, (0.3, 0.95), (None,) * 4
     arrived = np.array([True, True, True, False])
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.scenario = scenario
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.scenario = plan, plan.scenario
+        scenario = plan.scenario
         places = se2.compose(scenario.goal.pose_chain, scenario.chain.places)
         self.object_poses: FloatArray = np.tile(places, (4, 1, 1))
         self.object_poses[3, :, 1] += 0.005

@@ -40,8 +40,9 @@ def driven(robot: Robot, messages: Messages, told: SimpleNamespace) -> list[Floa
 def test_the_node_drives_to_the_goal_with_messages_of_ros_2(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = pushplan.read_run(log)
-    trajectory = run.trajectory
+    plan = pushplan.read_run(log).plan
+    assert plan is not None
+    trajectory = plan.trajectory
     assert trajectory is not None
     messages, robot = Messages(), Robot(trajectory.base_poses[0])
     told = install(monkeypatch, messages, robot)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +19,6 @@ from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.judge import judging_set, planning_set
 from pushplan.plans.path import PushPath
-from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
@@ -31,16 +30,15 @@ FAST = Limits(5.0, 50.0, 2000.0, 50.0, 500.0, 2e4)
 
 
 def too_fast(
-    scenario: Scenario, path: PushPath, stable: StableSet, rate: float = 200.0, *more: object, **named: object
-) -> Trajectory:
-    del more, named
-    return time_path(path, Bounds(FAST), rate)
+    scenario: Scenario, path: PushPath, stable: StableSet, bounds: Bounds, rate: float, scene: object
+) -> SimpleNamespace:
+    return SimpleNamespace(trajectory=time_path(path, Bounds(FAST), rate))
 
 
 @pytest.fixture
 def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every path is driven much too fast for its contacts."""
-    monkeypatch.setattr(sys.modules["pushplan.planned"], "make_trajectory", too_fast)
+    monkeypatch.setattr("pushplan.planners.planner.blend_path", too_fast)
 
 
 def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
@@ -51,12 +49,11 @@ def test_a_plan_in_cof_is_cut_down_to_what_the_judge_accepts() -> None:
     assert result.execution is not None
     assert result.execution.loss is None
     assert result.path is not None
-    assert result.trajectory is not None
     assert result.margin is not None
     for name in ("ecof", "cof"):
         assert stable_set(scenario.chain, name).margin(result.path.twists).min() > result.margin
-    rates = result.trajectory.rates_at(result.trajectory.t)
-    found = dynamic_margins(scenario.chain, result.trajectory.directions, rates)
+    own = result.segments[0].contact_trajectory
+    found = dynamic_margins(scenario.chain, own.directions, own.rates_at(own.t))
     assert found.min() == pytest.approx(result.min_dynamic_margin)
     assert found.min() > 0.0
 

@@ -221,7 +221,7 @@ def test_a_support_model_of_a_user_needs_its_points_only(make_chain: ChainMaker)
     twists = np.random.default_rng(0).normal(size=(50, 3)) * [0.2, 0.2, 1.0] + [1.0, 0.0, 0.0]
     for name in ("ecof", "robust", "stable"):
         margins = [stable_set(c, name).margin(twists) for c in (chain, same)]
-        np.testing.assert_allclose(*margins, atol=1e-12)
+        np.testing.assert_allclose(margins[0], margins[1], atol=1e-12)
     ahead, still = np.array([[0.1, 0.01, 0.0]]), np.zeros((1, 3))
     found, expected = (robustness_along(c, ahead, still) for c in (chain, same))
     assert found.load == pytest.approx(expected.load, rel=1e-9)

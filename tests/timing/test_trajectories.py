@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pushplan.planners.trajectories import make_trajectory
+from plans_of import timed
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
@@ -33,7 +33,7 @@ def _with(scenario: Scenario, **limits: str | float) -> Scenario:
 def test_the_word_chooses(planned: Planned, word: str) -> None:
     scenario, path = planned("two-crates")
     scenario, stable = replace(scenario, trajectory=word), stable_set(scenario.chain, "ecof")
-    found = make_trajectory(scenario, path, stable, 50.0)
+    found = timed(scenario, path, "ecof", 50.0)
     bounds = Bounds(scenario.chain.pusher.limits)
     exact = time_path(path, bounds, 50.0)
     wanted = exact if word == "exact" else blend_path(scenario, path, stable, bounds, 50.0).trajectory
@@ -49,13 +49,13 @@ def test_dynamic_limits_keep_contacts_that_a_fast_pusher_loses(planned: Planned,
     scenario = replace(scenario, trajectory=word, stability=replace(scenario.stability, margin=0.05))
     path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
     assert path is not None
-    stable, contacts = stable_set(scenario.chain, "ecof"), ContactDynamics(scenario.chain)
+    contacts = ContactDynamics(scenario.chain)
     least = {}
     for choice in ("quasi-static", "dynamic"):
         fast = _with(
             scenario, contact=choice, speed=0.6, acceleration=3.0, angular_acceleration=9.0, jerk=60.0
         )
-        trajectory = make_trajectory(fast, path, stable)
+        trajectory = timed(fast, path, "ecof")
         times = np.linspace(1e-3, trajectory.duration - 1e-3, 5000)
         rates = (trajectory.twists_at(times + 1e-6) - trajectory.twists_at(times - 1e-6)) / 2e-6
         moving = np.abs(trajectory.twists_at(times)).max(axis=1) > 1e-6
@@ -67,7 +67,7 @@ def test_without_a_margin_dynamic_limits_are_refused(planned: Planned) -> None:
     """Planned turns lie on the boundary of the stable set then, where inertia has no room at all."""
     scenario, path = planned("one-box")
     with pytest.raises(TimingError, match=r"raise stability\.margin"):
-        make_trajectory(_with(scenario, contact="dynamic"), path, stable_set(scenario.chain, "ecof"))
+        timed(_with(scenario, contact="dynamic"), path, "ecof")
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_dynamic_limits_of_unknown_loads_hold_for_known_ones(planned: Planned) -
     scenario = _with(replace(scenario, stability=settings), contact="dynamic", acceleration=3.0, jerk=60.0)
     path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
     assert path is not None
-    trajectory = make_trajectory(scenario, path, stable_set(scenario.chain, "robust"))
+    trajectory = timed(scenario, path, "robust")
     times = np.linspace(1e-3, trajectory.duration - 1e-3, 3000)
     rates = (trajectory.twists_at(times + 1e-6) - trajectory.twists_at(times - 1e-6)) / 2e-6
     moving = np.abs(trajectory.twists_at(times)).max(axis=1) > 1e-6

@@ -19,6 +19,7 @@ from pushplan.planners.ompl.form import free_word
 from pushplan.planners.planner import Planner, plan
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.validation.clearance import find_collision
+from pushplan.plans.settings import Observer
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Goal, PolygonObstacle
 
@@ -31,7 +32,7 @@ def clutter() -> Scenario:
 
 
 @pytest.fixture(scope="module")
-def queries(clutter: Scenario) -> Planner:
+def planner(clutter: Scenario) -> Planner:
     return Planner(clutter)
 
 
@@ -39,8 +40,8 @@ def _between(scenario: Scenario, start: np.ndarray, goal: np.ndarray) -> Scenari
     return replace(scenario, start=start, goal=Goal(goal, None, goal, 0.002, 0.003))
 
 
-def test_a_plan_is_the_first_plan_of_its_own_scenario(queries: Planner, clutter: Scenario) -> None:
-    asked, own = queries.plan(START, GOAL, seed=3), plan(_between(clutter, START, GOAL), seed=3, first=True)
+def test_a_plan_is_the_first_plan_of_its_own_scenario(planner: Planner, clutter: Scenario) -> None:
+    asked, own = planner.plan(START, GOAL, seed=3), plan(_between(clutter, START, GOAL), seed=3, first=True)
     assert asked.solved, asked.reason
     assert asked.path is not None
     assert own.path is not None
@@ -52,8 +53,8 @@ def test_a_plan_is_the_first_plan_of_its_own_scenario(queries: Planner, clutter:
     assert asked.lower_bound == own.lower_bound
 
 
-def test_a_path_without_times_is_the_same_path_and_checked(queries: Planner, clutter: Scenario) -> None:
-    timed, path = (queries.plan(START, GOAL, seed=3, timed=timed) for timed in (True, False))
+def test_a_path_without_times_is_the_same_path_and_checked(planner: Planner, clutter: Scenario) -> None:
+    timed, path = (planner.plan(START, GOAL, seed=3, timed=timed) for timed in (True, False))
     assert path.solved
     assert (path.trajectory, path.execution, path.robustness) == (None, None, None)
     assert path.path is not None
@@ -63,12 +64,12 @@ def test_a_path_without_times_is_the_same_path_and_checked(queries: Planner, clu
     assert find_collision(clutter, path.path.sampled(0.01)) is None
 
 
-def test_reach_is_the_cost_of_the_free_word_of_each_pair(queries: Planner, clutter: Scenario) -> None:
+def test_reach_is_the_cost_of_the_free_word_of_each_pair(planner: Planner, clutter: Scenario) -> None:
     rng = np.random.default_rng(2)
     poses = rng.uniform([0.0, 0.0, -3.0], [4.0, 4.0, 3.0], (120, 3))
     free = [find_collision(clutter, pose[None]) is None for pose in poses]
     poses = np.concatenate([poses[free][:38], poses[np.logical_not(free)][:2]])
-    costs = queries.reach(poses[:20], poses[20:])
+    costs = planner.reach(poses[:20], poses[20:])
     assert costs.shape == (20, 20)
     asked = clutter.with_margin(0.05)
     stable, found = asked.stable_set(), 0
@@ -100,22 +101,22 @@ def test_what_plans_do_without_is_compiled_with_a_word(
             assert heard.wait(60.0)
         raise InterruptedError
 
-    queries = Planner(clutter, tell=tell).with_obstacles([])
-    path = queries.plan(START, GOAL, timed=False).path
+    planner = Planner(clutter, observer=Observer(message=tell)).with_obstacles([])
+    path = planner.plan(START, GOAL, timed=False).path
     told.clear()
     heard.clear()
-    monkeypatch.setattr(f"pushplan.queries.{kernel}", compiled_now)
+    monkeypatch.setattr(f"pushplan.planners.planner.{kernel}", compiled_now)
     asked: dict[str, Callable[[], object]] = {
-        "costs_of_words": lambda: queries.reach([START], [GOAL]),
-        "rejoin": lambda: queries.plan(START, GOAL, previous=path),
+        "costs_of_words": lambda: planner.reach([START], [GOAL]),
+        "rejoin": lambda: planner.plan(START, GOAL, previous=path),
     }
     with pytest.raises(InterruptedError):
         asked[kernel]()
     assert told == [ANNOUNCEMENT]
 
 
-def test_other_obstacles_change_the_room_and_nothing_else(queries: Planner) -> None:
-    free = queries.with_obstacles([])
+def test_other_obstacles_change_the_room_and_nothing_else(planner: Planner) -> None:
+    free = planner.with_obstacles([])
     assert np.isfinite(free.reach([START], [GOAL])).all()
     wall = PolygonObstacle(np.array([[0.0, 2.0], [4.0, 2.0], [4.0, 2.1], [0.0, 2.1]]))
     walled = free.with_obstacles([wall])
@@ -124,12 +125,12 @@ def test_other_obstacles_change_the_room_and_nothing_else(queries: Planner) -> N
     assert free.plan(START, GOAL).solved
 
 
-def test_poses_that_are_none_or_blocked_are_refused(queries: Planner) -> None:
+def test_poses_that_are_none_or_blocked_are_refused(planner: Planner) -> None:
     with pytest.raises(PlanningError, match=r"start have the shape \(1, 2\); allowed: finite poses \(k, 3\)"):
-        queries.plan([0.0, 0.0], GOAL)
+        planner.plan([0.0, 0.0], GOAL)
     with pytest.raises(PlanningError, match="goals have the shape"):
-        queries.reach([START], [[np.nan, 0.0, 0.0]])
+        planner.reach([START], [[np.nan, 0.0, 0.0]])
     with pytest.raises(PlanningError, match="at the goal, 'third'"):
-        queries.plan(START, [1.0, 0.45, 0.0])
+        planner.plan(START, [1.0, 0.45, 0.0])
     with pytest.raises(PlanningError, match="nothing to push"):
-        queries.plan(START, START)
+        planner.plan(START, START)
