@@ -79,14 +79,14 @@ def test_a_body_that_meets_an_obstacle_on_the_way_is_named() -> None:
     blocked = replace(found.scenario, obstacles=(obstacle_on_the_way(),))
     said = flaw(blocked, found.segments[0])
     assert "the path is not free: " in said
-    assert " meets obstacle 0 with the chain frame at " in said
+    assert " meets obstacles[0] with the chain frame at " in said
 
 
 def test_a_body_that_leaves_the_workspace_is_named() -> None:
     found, execution = good()
     x = float(execution.objects[..., 0].max()) - 0.05
     walled = replace(found.scenario, obstacles=(), workspace=Workspace(-9.0, x, -9.0, 9.0))
-    assert " meets a wall of the workspace with the chain frame at " in flaw(walled, found.segments[0])
+    assert " a wall of the workspace with the chain frame at " in flaw(walled, found.segments[0])
 
 
 def test_a_path_that_ends_elsewhere_is_refused() -> None:
