@@ -33,7 +33,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         pushplan.run(pushplan.load_scenario("two-crates"), log=folder / "run.mcap")
-        recorded = pushplan.read_run(folder / "run.mcap")
+        recorded = pushplan.load_run(folder / "run.mcap")
         write_html(recorded, folder / "run.html")
         with _browser().chromium(program, folder / "profile") as browser:
             browser.open(folder / "run.html")
@@ -67,7 +67,7 @@ def _photograph(browser: Any, path: Path, width: int, height: int) -> None:
 
 def _browser() -> ModuleType:
     """Return the tests' driver of Chromium."""
-    spec = importlib.util.spec_from_file_location("browser", ROOT / "tests" / "logs" / "browser.py")
+    spec = importlib.util.spec_from_file_location("browser", ROOT / "tests" / "browser.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

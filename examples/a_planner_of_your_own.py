@@ -40,4 +40,4 @@ class LazyRRT(base.Planner):
 
 
 for planner in (LazyRRT, "auto") if __name__ == "__main__" else ():
-    print(planner, pushplan.plan(pushplan.load_scenario("two-crates"), planner=planner).progress[-1])
+    print(planner, pushplan.plan(pushplan.load_scenario("two-crates"), planner=planner).improvements[-1])

@@ -22,4 +22,4 @@ scenario = build_scenario(
 
 run = pushplan.run(scenario, time_limit=1.0)
 print(f"{scenario.name}: {run.plan.path.cost:.2f} m in {run.plan.trajectory.duration:.1f} s")
-pushplan.plot_plan(run.plan.as_plan(scenario), "row.png")
+pushplan.plot_plan(run.plan, "row.png")

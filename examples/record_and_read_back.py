@@ -7,7 +7,7 @@ from pushplan.logging.page import write_html
 from pushplan.logging.tables import write_csv
 
 run = pushplan.run(pushplan.load_scenario("one-box"), log="run.mcap", time_limit=0.5)
-log = pushplan.read_run("run.mcap")
+log = pushplan.load_run("run.mcap")
 
 assert np.array_equal(log.execution.poses, run.execution.poses)
 print(f"{log.scenario.name}: {log.plan.path.cost:.3f} m, {len(log.execution.t)} samples, {log.outcome}")

@@ -32,4 +32,4 @@ scenario = build_scenario(
 )
 run = pushplan.run(scenario, time_limit=2.0)
 print(f"{len(room.obstacles)} obstacles; {run.plan.path.cost:.2f} m to the goal")
-pushplan.plot_plan(run.plan.as_plan(scenario), "room.png")
+pushplan.plot_plan(run.plan, "room.png")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from browser import chromium as started
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -34,12 +34,7 @@ def chromium(folder: Path) -> Iterator[Any]:
     """Give a browser; tests without one are skipped."""
     if CHROMIUM is None:
         pytest.skip("needs chromium")
-    spec = importlib.util.spec_from_file_location("browser", Path(__file__).parent / "logs" / "browser.py")
-    assert spec is not None
-    assert spec.loader is not None
-    driver = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(driver)
-    with driver.chromium(CHROMIUM, folder / "profile") as browser:
+    with started(CHROMIUM, folder / "profile") as browser:
         yield browser
 
 

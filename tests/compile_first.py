@@ -10,9 +10,9 @@ import yaml
 
 def plan() -> None:
     """Compile searches of one push and of several."""
-    from pushplan.several.warm import warm_up_several
+    from pushplan.kernels import warm_up
 
-    warm_up_several(None, "ecof", intervals=True)
+    warm_up("auto", intervals=True, multi_push=True)
 
 
 def slip() -> None:

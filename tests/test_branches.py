@@ -39,9 +39,9 @@ def test_a_search_leaves_branches(planner: str) -> None:
 def test_a_search_without_a_path_keeps_the_nearest_way(planner: str) -> None:
     done = pushplan.plan(scenario_from_text(WALLED), planner=planner, iterations=300, time_limit=60.0, seed=3)
     assert not done.solved
-    assert done.approximate_path is not None
-    assert done.approximate_error is not None
-    assert done.approximate_error[0] < 1.9
+    assert done.nearest is not None
+    assert len(done.nearest.segments) == 1
+    assert done.nearest.error[0] < 1.9
 
 
 def test_the_largest_trees_count_and_are_thinned_evenly() -> None:

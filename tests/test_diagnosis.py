@@ -10,13 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from plain import load_plain, plain
-from pushplan.planners.failure import Failure
 
 from pushplan.cli.main import main
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry.se2 import pose_error
 from pushplan.logging.reader import load_run
-from pushplan.planners.improve.session import Budget
 from pushplan.planners.infeasible import diagnosis
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
@@ -200,8 +198,8 @@ def test_a_search_cut_short_says_how_far_it_came_and_claims_nothing() -> None:
     assert not result.solved
     (found,) = result.diagnosis
     assert (found.cause, found.proven) == ("time", False)
-    assert result.approximate_error is not None
-    position, angle = result.approximate_error
+    assert result.nearest is not None
+    position, angle = result.nearest.error
     assert found.text == (
         f"nothing shows that there is no way: 1 extensions came within {position:.3g} m and "
         f"{np.degrees(angle):.3g} deg of the goal, and more time or another seed may help"
@@ -217,7 +215,7 @@ def test_a_search_ends_when_it_is_proven_that_there_is_no_path(planner: str) -> 
 
 
 def test_iterations_end_a_search_that_has_no_path_at_the_same_place() -> None:
-    counts = {plan(WALLED_IN, time_limit=60.0, iterations=20_000).extensions for _ in range(2)}
+    counts = {plan(WALLED_IN, time_limit=60.0, iterations=20_000).iterations for _ in range(2)}
     assert len(counts) == 1
     assert min(counts) >= 20_000
 
@@ -280,29 +278,18 @@ def _counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return taken
 
 
-def test_what_was_allowed_is_said_unless_it_is_proven_that_no_limit_would_do() -> None:
-    guess, fact = Diagnosis("time", "who knows", False), Diagnosis("gap", "no way", True)
-    both, seconds = Budget(2.0, iterations=50), Budget(2.0)
-    assert Failure((guess,), None, (0.1, 0.1), both).reason == (
-        "no path found within the time limit of 2 s or 50 iterations: who knows"
-    )
-    assert Failure((guess,), None, (0.1, 0.1), seconds).reason == (
-        "no path found within the time limit of 2 s: who knows"
-    )
-    assert Failure((fact,), None, (0.1, 0.1), both).reason == "no way"
-
-
 @pytest.mark.parametrize("planner", ["auto", "rrt", "est", "kpiece"])
 def test_the_path_that_ends_nearest_to_the_goal_is_kept(planner: str) -> None:
     scenario = gap(1.26)
     result = short(scenario, planner)
-    path = result.approximate_path
-    assert path is not None
+    assert result.nearest is not None
+    (push,), error = result.nearest.segments, result.nearest.error
+    path = push.contact_path
     assert result.path is None
     assert result.trajectory is None
     np.testing.assert_array_equal(path.start, scenario.start)
-    assert result.approximate_error == pose_error(path.end, scenario.goal.pose_chain)
-    assert result.approximate_error[0] < pose_error(scenario.start, scenario.goal.pose_chain)[0]
+    assert error == pose_error(path.end, scenario.goal.pose_chain)
+    assert error[0] < pose_error(scenario.start, scenario.goal.pose_chain)[0]
     assert find_collision(scenario, path.sampled(0.01)) is None
     assert stable_set(scenario.chain).margin(path.twists).min() > 0.0
 
@@ -312,12 +299,13 @@ def test_a_log_keeps_the_diagnosis_and_the_nearest_path(tmp_path: Path) -> None:
     kept = load_run(tmp_path / "run.mcap").plan
     assert kept is not None
     assert kept.diagnosis == done.plan.diagnosis
-    assert kept.approximate_error == done.plan.approximate_error
     assert kept.lower_bound == done.plan.lower_bound
-    assert kept.approximate_path is not None
-    assert done.plan.approximate_path is not None
-    np.testing.assert_array_equal(kept.approximate_path.twists, done.plan.approximate_path.twists)
-    np.testing.assert_array_equal(kept.approximate_path.lengths, done.plan.approximate_path.lengths)
+    assert kept.nearest is not None
+    assert done.plan.nearest is not None
+    assert kept.nearest.error == done.plan.nearest.error
+    (there,), (here,) = kept.nearest.segments, done.plan.nearest.segments
+    np.testing.assert_array_equal(there.path.twists, here.path.twists)
+    np.testing.assert_array_equal(there.path.lengths, here.path.lengths)
 
 
 def test_the_command_tells_reason_and_nearest_path(

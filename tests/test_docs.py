@@ -133,7 +133,7 @@ def test_pictures_are_of_the_present_version(picture: Path) -> None:
 def test_the_run_on_the_index_is_played_by_the_present_player() -> None:
     """`python docs/refresh.py two-crates.png` makes the page anew."""
     page = (ROOT / "docs" / "_static" / "two-crates.html").read_text("utf-8")
-    player = (ROOT / "logging" / "export" / "player.html").read_text("utf-8")
+    player = (ROOT / "logging" / "player.html").read_text("utf-8")
     _, _, script = player.partition("@RUN@")
     assert page.endswith(script)
     assert len(page) < 100_000

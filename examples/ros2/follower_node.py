@@ -34,7 +34,7 @@ class PushFollower(Node):
 
     def __init__(self, log: str) -> None:
         super().__init__("push_follower")
-        self.follower = pushplan.Follower(pushplan.read_run(log), period=PERIOD)
+        self.follower = pushplan.Follower(pushplan.load_run(log), period=PERIOD)
         self.tf = Buffer()
         self.listener = TransformListener(self.tf, self)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
