@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pushplan.logging.old.several_again import execute_again
 
 from pushplan.cli.main import main
 from pushplan.logging.reader import load_run
@@ -20,6 +19,7 @@ from pushplan.plans.path import cost_rate
 from pushplan.plans.run import Execution
 from pushplan.scenario.file import example_text, load_scenario
 from pushplan.sets.named import stable_set
+from pushplan.verification import execute_again
 
 Captured = pytest.CaptureFixture[str]
 
@@ -116,7 +116,7 @@ def test_replay_reports_a_mismatch_with_exit_code_4(
         assert execution is not None
         return replace(execution, poses=execution.poses + 1e-3)
 
-    monkeypatch.setattr("pushplan.logging.old.verify.execute_again", shifted)
+    monkeypatch.setattr("pushplan.verification.execute_again", shifted)
     assert main(["replay", str(planned["log"]), "--verify"]) == 4
     out = capsys.readouterr().out
     assert "the log differs from what its scenario and its plan lead to:" in out

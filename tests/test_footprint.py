@@ -67,10 +67,12 @@ def stated_bodies(scenario: Scenario) -> shapely.Geometry:
     return shapely.affinity.translate(union, 0.0, float(scenario.chain.pusher.outline[:, 1].mean()))
 
 
-def executed(poses: FloatArray) -> Execution:
-    nothing = np.zeros((len(poses), 1))
+def executed(scenario: Scenario, poses: FloatArray) -> Execution:
+    chain, m = scenario.chain, len(poses)
+    plate, box = se2.compose(poses, chain.pusher.plate_pose), se2.compose(poses, chain.objects[0].pose_chain)
+    t, segment = np.arange(float(m)), np.zeros(m, int)
     return Execution(
-        np.arange(float(len(poses))), poses, 0.0 * poses, nothing, None, None, None, None, (0.0, 0.0)
+        ("box",), "ecof", t, plate, 0.0 * plate, box[:, None], segment, np.zeros((m, 1)), None, (0.0, 0.0)
     )
 
 
@@ -112,7 +114,7 @@ def test_the_sweep_and_the_checker_agree_with_shapely_about_the_robot(scenario: 
             assert free
             assert hit is None
             found["free"] += 1
-            assert clearance(one, executed(poses)) == pytest.approx(gap, abs=0.006)
+            assert clearance(one, executed(one, poses)) == pytest.approx(gap, abs=0.006)
         elif gap < 0.9 * scenario.clearance:
             assert not free
             assert hit is not None
