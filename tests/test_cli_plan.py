@@ -102,7 +102,7 @@ def test_replay_verifies_and_exports_a_log(
     assert found["outcome"] == "solved"
     for key in ("path_cost", "arcs", "goal_error", "min_margin", "duration_s", "seed", "robustness"):
         assert found[key] == recorded[key]
-    assert (tmp_path / "r.csv").read_text().startswith("t,x,y,theta,vx,vy,omega,")
+    assert (tmp_path / "r.csv").read_text().startswith("t,segment,x,y,theta,vx,vy,omega,")
     assert (tmp_path / "r.svg").read_bytes() == planned["plot"].read_bytes()
     assert json.loads((tmp_path / "r.json").read_text())
     assert (tmp_path / "r.html").read_bytes() == planned["html"].read_bytes()
@@ -165,7 +165,7 @@ def test_a_plan_not_found_is_logged_all_the_same(
     assert found["arcs"] == []
     assert found["path_cost"] is found["goal_error"] is found["duration_s"] is None
     assert main(["replay", str(log), "--verify", "--plot", str(tmp_path / "p.png")]) == 0
-    assert "nothing to verify" in capsys.readouterr().out
+    assert "verified: all " in capsys.readouterr().out
     assert (tmp_path / "p.png").stat().st_size > 10_000
 
 
