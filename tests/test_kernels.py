@@ -20,6 +20,7 @@ import json, os, sys
 from numba.core.registry import CPUDispatcher
 from pushplan.kernels import warm_up
 from pushplan.planners.planner import plan
+from pushplan.plans.settings import Observer
 from pushplan.scenario.file import example_text
 from pushplan.scenario.file import scenario_from_text
 
@@ -33,7 +34,7 @@ def look(name, stable, uncertainty):
     warm_up(name, stable=stable, intervals=bool(uncertainty))
     before, late = ready(), []
     compare = lambda _: late.extend(ready() - before)
-    result = plan(scenario, planner=name, stable_set=stable, first=True, progress=compare)
+    result = plan(scenario, planner=name, stable_set=stable, first=True, observer=Observer(improved=compare))
     print(json.dumps([[name, stable, uncertainty], result.solved, sorted(late)]), flush=True)
 
 for case in json.loads(sys.argv[1]):
