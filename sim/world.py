@@ -79,6 +79,24 @@ class World:
             beside=tuple(beside),
         )
 
+    def require(self, scenario: Scenario) -> None:
+        """Refuse a world that plans of a scenario cannot be executed in.
+
+        Raises:
+            PushplanError: When it has other objects, or the plate is in contact in one of them only.
+        """
+        wanted = tuple(scenario.poses)
+        if self.names != wanted:
+            raise PushplanError(
+                f"the world has the objects {', '.join(self.names)}, and the plan {', '.join(wanted)}; "
+                "World.from_scenario(scenario) makes one that fits"
+            )
+        if (self.plate is None) != (scenario.pushes is None):
+            raise PushplanError(
+                f"the plan is a {scenario.kind}, and the world says otherwise of where the plate is at the "
+                "beginning; World.from_scenario(scenario) makes one that fits"
+            )
+
     @property
     def stacks(self) -> tuple[World, ...]:
         """The chain, and all that stands beside it."""

@@ -146,6 +146,7 @@ def simulate_in_physics(
     if plan.trajectory is None:
         raise PhysicsError(f"there is no plan to execute: {plan.reason or 'it is not timed'}")
     there = World.from_scenario(plan.scenario) if world is None else world
+    there.require(plan.scenario)
     began, objects = perf_counter(), there.object_poses
     parts, clear = list[Part](), math.inf
     for group in _groups(plan):

@@ -194,6 +194,7 @@ def slip(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> Contact
         raise PushplanError(
             f"simulate takes a World, not {type(world).__name__}: World.from_scenario(scenario) makes one"
         )
+    world.require(plan.scenario)
     if plan.trajectory is None:
         raise PushplanError(f"there is no plan to execute: {plan.reason or 'it is not timed'}")
     began, parts = perf_counter(), list[Part]()

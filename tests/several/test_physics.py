@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from several.conftest import Problem
 
 import pushplan
-from pushplan.errors import PlanningError
+from pushplan.errors import PlanningError, PushplanError
 from pushplan.geometry import se2
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
@@ -68,6 +69,15 @@ def test_where_contacts_may_slip_a_plan_is_executed_as_planned(found: Plan) -> N
     assert (np.isnan(report.margins).all(axis=1) == ~pushed).all()
     assert np.nanmin(report.margins) > 0.0
     assert len(report.summaries) == sum(len(s.load.names) for s in found.pushes if s.load is not None)
+
+
+def test_a_world_of_other_objects_is_refused(found: Plan) -> None:
+    other = World.from_scenario(pushplan.load_scenario("one-box"))
+    with pytest.raises(PushplanError, match="the world has the objects box, and the plan"):
+        simulate(found, other)
+    in_contact = replace(World.from_scenario(found.scenario), plate=None)
+    with pytest.raises(PushplanError, match="the world says otherwise of where the plate is"):
+        simulate(found, in_contact)
 
 
 def test_objects_off_their_places_come_home_too(found: Plan) -> None:
