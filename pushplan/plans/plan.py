@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -394,6 +394,11 @@ class Plan:
     nearest: Nearest | None = None
     execution: Execution | None = None
     robustness: LazyField[Robustness | None] = LazyField(None)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Work out what was put off: functions cannot be pickled."""
+        _ = self.lower_bound, self.robustness
+        return vars(self)
 
     @property
     def solved(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from pushplan.errors import PlanningError
@@ -94,7 +95,11 @@ class PlanSettings:
             )
         if self.cost is not None and self.cost not in COSTS:
             raise PlanningError(f"no cost is called {self.cost!r}; there are {', '.join(COSTS)}")
-        if self.seed is not None and (isinstance(self.seed, bool) or not 0 <= self.seed < 2**32):
+        for name in ("seed", "iterations", "time_limit", "gap"):
+            value = getattr(self, name)
+            if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
+                raise PlanningError(f"{name} is {value!r}; allowed: a number")
+        if self.seed is not None and not (0 <= self.seed < 2**32 and float(self.seed).is_integer()):
             raise PlanningError(f"the seed is {self.seed}; allowed: a whole number from 0 to 2^32 - 1")
         if self.iterations is not None and not (self.iterations >= 1 and float(self.iterations).is_integer()):
             raise PlanningError(f"iterations is {self.iterations}; allowed: a whole number from 1")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,8 +41,19 @@ class StableSet(ABC):
 
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
+        self._remember()
+
+    def _remember(self) -> None:
         self._meridians = lru_cache(maxsize=8)(self._equally_spaced)
         self._refined = lru_cache(maxsize=8)(self._refine_meridians)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is remembered: it cannot be pickled, and is made again when it is asked for."""
+        return {name: value for name, value in vars(self).items() if name not in ("_meridians", "_refined")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._remember()
 
     @property
     def loads_known(self) -> bool:
