@@ -192,9 +192,7 @@ class _Messages:
                 yield self._sent(schemas.EVENTS, time, line)
                 continue
             replan = feedback.replans[k]
-            plan: Any = (
-                replan.result
-            )  # controllers hand over plans of the type of before until they have moved
+            plan = replan.result
             told = schemas.Plan(solved=False, reason=replan.reason) if plan is None else _plan(plan)
             yield self._sent(schemas.REPLANS, time, told)
             if plan is not None:
