@@ -124,7 +124,7 @@ class Support(ABC):
     def leaning(self, direction: FloatArray, share: float) -> Support:
         """Return the load with p(x) + share e . (x - g) / h in place of p(x), its centre moved with it.
 
-        h is the largest |e . (x - g)| under the object, so that the outermost load changes by the share: on a polygon
+        h is the largest of e . (x - g) in size under it, so that the outermost load changes by share: on a polygon
         by one of the mean pressure, and g is the centroid; on points by one of each point's load, and g their centre.
         What rests on one line across e cannot lean: it stays as it is.
 
