@@ -110,7 +110,7 @@ def verify(run: RecordedRun, execute: Callable[[RecordedRun], Execution | None])
     """Compare a run, read with its messages, with what its plan leads to.
 
     Args:
-        run: As `read_runs(path, messages=True)` returns it.
+        run: As `load_run(path, messages=True)` returns it.
         execute: Executes the plan of a run again; returns None where that cannot be done without its world.
 
     Raises:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify import VerifyReport, verify
 from pushplan.plans.run import Execution
+from pushplan.sim.control.again import CONTROL, check_closed_loop
 from pushplan.sim.kinematic import execute
 
 
@@ -18,7 +20,19 @@ def verify_log(path: Path | str) -> VerifyReport:
         RunLogError: When the log cannot be read.
         PushplanError: When the recorded plan cannot be executed at all.
     """
-    return verify(load_run(path, messages=True), execute_again)
+    return verify_run(load_run(path, messages=True))
+
+
+def verify_run(run: RecordedRun) -> VerifyReport:
+    """Compare a run that was read with its messages with what its plan, or what its measurements, lead to.
+
+    Raises:
+        PushplanError: When the recorded plan cannot be executed at all.
+    """
+    report = verify(run, execute_again)
+    if run.feedback is None or CONTROL not in run.words or run.execution is None or run.plan is None:
+        return report
+    return replace(report, checks=(*check_closed_loop(run), *report.checks))
 
 
 def execute_again(run: RecordedRun) -> Execution | None:

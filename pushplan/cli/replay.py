@@ -176,10 +176,9 @@ def _best(run: RecordedRun) -> str:
 def _verified(run: RecordedRun, console: Console) -> VerifyReport:
     """Execute the recorded plan again, compare, and tell what differs."""
     with console.computing("executing the recorded plan again"):
-        from pushplan.logging.verify import verify
-        from pushplan.verification import execute_again
+        from pushplan.verification import verify_run
 
-        report = verify(run, execute_again)
+        report = verify_run(run)
     if report.matches:
         console.say((f"verified: all {len(report.checks)} comparisons match", "green"))
     else:
