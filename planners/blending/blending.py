@@ -4,17 +4,19 @@ The twist moves from one arc's to the next on smooth steps (`parts`), which cuts
 arcs' lengths are solved for anew so that the motion ends exactly where the path does. What comes out is checked
 again. Where it touches something, the lengths are changed once more to keep away from it. Where that does not help,
 or stability is lost, the pusher stops at the nearest corner after all, corner by corner, in the worst case at every
-one: then it is the exact timing.
+one: then it is the exact timing. The faster the pusher, the more of a corner is cut; so where stops are needed, lower
+paces are tried, too.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from pushplan.planners.blending.inset import inset_path
 from pushplan.planners.blending.parts import (
     NoFitError,
     Part,
@@ -190,6 +192,13 @@ class BlendSearch:
         self.nudging = Nudging(no_rows(len(self.path.lengths)))
 
 
+LOWER_PACES = (0.5, 0.65, 0.8)
+"""Shares of the top speeds that are tried where full speed needs stops; the lowest needs the fewest, if any.
+
+Without them, and without `parts.PACES`, two-crates takes 4 % longer after 3,000 iterations of the search.
+"""
+
+
 def blend_path(
     scenario: Scenario,
     path: PushPath,
@@ -215,6 +224,25 @@ def blend_path(
     if not corners_of(path):
         return Blend(exact, frozenset())
     scene = scenario_scene(scenario) if scene is None else scene
-    search = BlendSearch(scenario, scene, path, path.end, stable, rate, bounds)
-    blend = search.blended(exact.duration)
-    return Blend(exact, corners_of(path)) if blend is None else blend
+    inset = inset_path(path, stable, scenario.required_margin, bounds)
+
+    def paced(pace: float) -> BlendSearch:
+        return BlendSearch(scenario, scene, inset.path, path.end, stable, rate, bounds._replace(pace=pace))
+
+    full = paced(1.0)
+    blend = full.blended(exact.duration, stops=0)
+    if blend is None:
+        blend = _soonest([*map(paced, LOWER_PACES), full], exact.duration)
+    if blend is None:
+        return Blend(exact, corners_of(path))
+    arcs = inset.owner[blend.trajectory.arc.astype(np.int64)].astype(np.float64)
+    stops = frozenset(int(inset.owner[i]) for i in blend.stops)
+    return Blend(replace(blend.trajectory, arc=arcs), stops)
+
+
+def _soonest(searches: list[BlendSearch], within: float) -> Blend | None:
+    """The blend over soonest; None when none takes less than `within` (s)."""
+    best: Blend | None = None
+    for search in searches:
+        best = search.blended(within if best is None else best.trajectory.duration) or best
+    return best

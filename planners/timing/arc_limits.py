@@ -32,11 +32,13 @@ class Bounds(NamedTuple):
         limits: Of the pusher.
         contacts: The chain whose contacts must hold; None leaves inertia out.
         margin: Every contact keeps more than this with inertia.
+        pace: Share of an arc's top speed with which it is passed at most.
     """
 
     limits: Limits
     contacts: ContactDynamics | None = None
     margin: float = 0.0
+    pace: float = 1.0
 
 
 def motion_bounds(scenario: Scenario, stable: StableSet) -> Bounds:
