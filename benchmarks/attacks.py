@@ -183,11 +183,13 @@ def _sound(folder: Path) -> Path:
 
 def _read(path: Path) -> Row:
     """Return what a process of its own makes of a log, strictly and when it recovers, and what that takes."""
-    before, reading, writing = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, *os.pipe()
+    reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
-        for recover in (False, True):
-            os.write(writing, f"{_outcome(path, recover)}\n".encode())
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        told = [_outcome(path, recover) for recover in (False, True)]
+        taken = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+        os.write(writing, json.dumps([*told, taken / 1024.0]).encode())
         os._exit(0)
     os.close(writing)
     watch = Timer(20.0 * MOST_SECONDS, os.kill, (child, signal.SIGKILL))
@@ -195,13 +197,12 @@ def _read(path: Path) -> Row:
     _, _, used = os.wait4(child, 0)
     watch.cancel()
     with os.fdopen(reading) as pipe:
-        told = pipe.read().splitlines()
-    peak, seconds = max(used.ru_maxrss - before, 0) / 1024.0, used.ru_utime + used.ru_stime
-    sound = len(told) == 2 and all(one in ("read", "refused") for one in told)
+        strict, recovering, peak = json.loads(pipe.read() or '["ended", "ended", 0.0]')
+    seconds = used.ru_utime + used.ru_stime
     row: Row = {"peak_mb": peak, "seconds": seconds}
-    if sound and peak < MOST_MB and seconds < MOST_SECONDS:
-        return {**row, "verdict": f"{told[0]}, {told[1]} when recovered"}
-    return {**row, "verdict": "WRONG", "why": told or "the process that read it has ended"}
+    if {strict, recovering} <= {"read", "refused"} and peak < MOST_MB and seconds < MOST_SECONDS:
+        return {**row, "verdict": f"{strict}, {recovering} when recovered"}
+    return {**row, "verdict": "WRONG", "why": [strict, recovering]}
 
 
 def _outcome(path: Path, recover: bool) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import shapely
@@ -25,7 +25,11 @@ from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import SCENARIO_FORMAT
 
-DRIVES = ("omnidirectional", "differential", "car")
+DRIVES: tuple[Literal["omnidirectional", "differential", "car"], ...] = (
+    "omnidirectional",
+    "differential",
+    "car",
+)
 
 CHAIN_DRAWS = 10
 """Chains that are drawn for one with the turns that are asked for."""

@@ -92,7 +92,7 @@ def test_smoke_is_bound_by_iterations_alone() -> None:
     """What it solves must not depend on how busy the machine is."""
     suite = load_suite("smoke")
     assert all(planner.iterations for planner in suite.planners)
-    assert all(60.0 <= planner.time < 5.0 * planner.time + 30.0 for planner in suite.planners)
+    assert all(planner.time is not None and planner.time >= 60.0 for planner in suite.planners)
 
 
 def test_packaged_suites_are_listed(capsys: Captured) -> None:

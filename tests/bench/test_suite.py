@@ -226,7 +226,7 @@ def test_the_packaged_suites_are_those_that_the_docs_list() -> None:
     for name, problems, count, most in rows:
         suite = _packaged(name)
         runs = _runs(suite)
-        planning = sum(run.planner.time for run in runs)
+        planning = sum(run.planner.time or 0.0 for run in runs)
         assert (name, len(suite.problems), len(runs)) == (name, int(problems), int(count))
         assert (name, time_left(planning)) == (name, most)
 

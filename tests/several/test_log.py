@@ -94,7 +94,7 @@ def test_a_segment_that_was_changed_is_found(recorded: RecordedRun, change: str)
 def test_segments_have_a_topic_of_their_own(log: Path, recorded: RecordedRun) -> None:
     plan = recorded.plan
     assert plan is not None
-    told = [schemas.Segment.FromString(data) for _, data in messages(log, "/segment")]  # type: ignore[attr-defined]
+    told = [schemas.Segment.FromString(data) for _, data in messages(log, "/segment")]
     assert [(s.kind, s.t0) for s in told] == [
         (segment.kind, begin) for segment, begin in zip(plan.segments, plan.times, strict=False)
     ]
