@@ -230,7 +230,7 @@ def test_a_margin_may_be_given_on_the_command_line(capsys: pytest.CaptureFixture
 @pytest.mark.parametrize("word", ["much", "-0.1", "1.0", "nan"])
 def test_other_margins_are_refused_on_the_command_line(word: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", "free-space", f"--margin={word}"]) == 2
-    assert "argument --margin: " in capsys.readouterr().err
+    assert "is no margin; allowed: auto, or a number from 0" in capsys.readouterr().err
 
 
 def test_other_margins_are_refused_by_plan() -> None:

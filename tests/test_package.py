@@ -54,11 +54,9 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         pushplan.pul  # noqa: B018
 
 
-@pytest.mark.parametrize(
-    "first", ["import pushplan.plan", "from pushplan.planners.planner import plan", "pass"]
-)
+@pytest.mark.parametrize("first", ["import pushplan.run", "from pushplan.run import run", "pass"])
 def test_functions_win_over_the_modules_of_their_name(first: str) -> None:
-    code = f"{first}\nimport pushplan, pushplan.plan\nassert callable(pushplan.plan), pushplan.plan"
+    code = f"{first}\nimport pushplan, pushplan.run\nassert callable(pushplan.run), pushplan.run"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 

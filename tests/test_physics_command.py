@@ -62,7 +62,7 @@ def test_a_push_that_brakes_too_hard_is_a_mismatch(
     out = capsys.readouterr().out
     assert code == 4, out
     assert "in the physics engine, at full speed: a contact moved" in out
-    assert "pusher-box    moved from 0." in out
+    assert "pusher-box  moved from 0." in out
 
 
 @pytest.mark.usefixtures("_engine")
