@@ -70,7 +70,7 @@ def test_a_plan_says_what_it_bears(how: str) -> None:
     scenario = replace(scenario, chain=chain, trajectory=how, stability=stability)
     result = plan(scenario, seed=1, time_limit=60.0, iterations=300)
     assert result.trajectory is not None
-    assert result.robustness == robustness_of(chain, result.trajectory)
+    assert result.robustness == robustness_of(chain, result.segments[0].contact_trajectory)
     assert result.robustness is not None
     for kind in ("floor_friction", "position", "angle"):
         size = getattr(result.robustness, kind)
