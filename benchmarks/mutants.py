@@ -1,6 +1,6 @@
 """Mutation testing of the mechanics: do the tests notice when a formula is changed?
 
-Run `python benchmarks/mutants.py [--modules chain,friction] [--jobs 1] [--keep FOLDER]`. mutmut changes one operator,
+Run `python benchmarks/mutants.py [--modules chain,contacts/friction] [--jobs 1] [--keep FOLDER]`. mutmut changes one operator,
 number, name or argument at a time in a copy of the checkout and runs the tests that reach it, fastest first. mutmut
 leaves decorated functions alone, so in the copy numba's decorators are taken out, its kernels run as plain Python,
 and properties are made of plain functions. Texts and types of numbers stay as they are. Prints a line for each module
@@ -21,22 +21,23 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 MODULES = (
-    "admissible_speeds",
-    "carried",
     "chain",
-    "contact_kernel",
-    "contact_state",
-    "dynamics",
-    "friction",
-    "friction_closed_form",
-    "friction_kernel",
-    "friction_series",
+    "contacts/carried",
+    "contacts/contact_kernel",
+    "contacts/contact_state",
+    "contacts/friction",
+    "dynamics/admissible_speeds",
+    "dynamics/contact_dynamics",
+    "friction/closed_form",
+    "friction/kernel",
+    "friction/packed",
+    "friction/series",
     "inertia",
-    "load_area",
-    "quadrature",
     "sphere",
     "support",
     "support_csv",
+    "uncertain",
+    "uncertain_kernel",
 )
 """Modules of `pushplan.mechanics` that the quasi-static and dynamic conditions rest on."""
 
@@ -117,7 +118,7 @@ def _report(folder: Path) -> None:
     """Print the counts by module, and what each survivor changes."""
     results = _mutmut(folder, "results", "--all", "true").splitlines()
     verdicts = dict(line.strip().split(": ") for line in results if ": " in line)
-    counts = Counter((name.split(".")[2], verdict) for name, verdict in verdicts.items())
+    counts = Counter((".".join(name.split(".")[2:-1]), verdict) for name, verdict in verdicts.items())
     for module in sorted({module for module, _ in counts}):
         row = {verdict: number for (name, verdict), number in sorted(counts.items()) if name == module}
         sys.stdout.write(f"{module}: {sum(row.values())} mutants, {row}\n")
