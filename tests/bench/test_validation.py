@@ -82,4 +82,4 @@ def test_an_execution_is_validated_by_where_the_objects_are() -> None:
     assert (clearance(scenario, result.execution) or 0.0) > 0.0
     middle = result.execution.objects[len(result.execution.t) // 2, 0, :2]
     hit = replace(result, scenario=replace(scenario, obstacles=(CircleObstacle(middle, 0.02),)))
-    assert "obstacle 0" in validation_error(hit, result.execution)
+    assert "obstacles[0]" in validation_error(hit, result.execution)
