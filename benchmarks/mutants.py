@@ -1,6 +1,7 @@
 """Mutation testing of the mechanics: do the tests notice when a formula is changed?
 
-Run `python benchmarks/mutants.py [--modules chain,contacts/friction] [--jobs 1] [--keep FOLDER]`. mutmut changes one operator,
+Run `python benchmarks/mutants.py [--modules chain,contacts/friction] [--jobs 1] [--keep FOLDER]`.
+mutmut changes one operator,
 number, name or argument at a time in a copy of the checkout and runs the tests that reach it, fastest first. mutmut
 leaves decorated functions alone, so in the copy numba's decorators are taken out, its kernels run as plain Python,
 and properties are made of plain functions. Texts and types of numbers stay as they are. Prints a line for each module
