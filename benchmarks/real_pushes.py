@@ -27,7 +27,7 @@ from pushplan.bench.machine import Machine
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject
-from pushplan.mechanics.contacts.friction import friction_wrench
+from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.sim.identify.unknowns import MOST_BORDER, MOST_TILT, PressedOutline
 from pushplan.sim.slip.fingers import FingerPush

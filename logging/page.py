@@ -30,7 +30,7 @@ from pushplan.logging.shown import (
     window,
     worst_contacts,
 )
-from pushplan.mechanics.friction_cone import friction_cone
+from pushplan.mechanics.contacts import friction_cone
 from pushplan.plans.plan import Load, Plan
 from pushplan.plans.run import Execution, Run
 from pushplan.scenario.model import Scenario

@@ -36,7 +36,7 @@ _HOMES = {
     "mechanics.chain": "Chain",
     "sets.stable_set": "StableSet",
     "sets.named": "stable_set",
-    "mechanics.contacts.friction": "friction_wrench ecof",
+    "mechanics.contacts": "friction_wrench ecof",
     "plans.robustness": "Robustness",
     # Pictures
     "drawing.plans": "plot_plan plot_scenario",
@@ -59,8 +59,8 @@ if TYPE_CHECKING:  # each name `as` itself: what checkers take for exported with
     from pushplan.logging.reader import load_run as load_run
     from pushplan.logging.reader import read_run as read_run
     from pushplan.mechanics.chain import Chain as Chain
-    from pushplan.mechanics.contacts.friction import ecof as ecof
-    from pushplan.mechanics.contacts.friction import friction_wrench as friction_wrench
+    from pushplan.mechanics.contacts import ecof as ecof
+    from pushplan.mechanics.contacts import friction_wrench as friction_wrench
     from pushplan.planners.planner import Planner as Planner
     from pushplan.planners.planner import plan as plan
     from pushplan.plans.plan import Load as Load

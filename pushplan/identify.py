@@ -12,9 +12,8 @@ from pushplan.errors import PushplanError, RunLogError
 from pushplan.geometry import se2
 from pushplan.logging.reader import load_run
 from pushplan.scenario.model import Scenario
-from pushplan.sim.identify.course import Course
+from pushplan.sim.identify.course import Course, Identification
 from pushplan.sim.identify.identify import identify_courses
-from pushplan.sim.identify.result import Identification
 from pushplan.sim.world import World
 
 

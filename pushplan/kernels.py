@@ -13,8 +13,8 @@ import numpy as np
 from pushplan.compiled.announcement import announced
 from pushplan.compiled.second_compiler import second_compiler
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
-from pushplan.mechanics.contacts.contact_state import contact_state
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins
+from pushplan.mechanics.contacts import contact_state
+from pushplan.mechanics.dynamics import ContactDynamics, dynamic_margins
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import UniformSupport
 from pushplan.planners.blending.parts import make_part
@@ -41,8 +41,8 @@ from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
-from pushplan.sets.boundary.peaks import margin_peaks
 from pushplan.sets.interval_set import stable_set_over
+from pushplan.sets.meridians import margin_peaks
 from pushplan.sets.named import stable_set
 from pushplan.sim.robustness import robustness_along
 

@@ -8,13 +8,13 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.mechanics.contacts.contact_state import contact_state
+from pushplan.mechanics.contacts import contact_state
 from pushplan.plans.judge import contact_dynamics, judging_set
 from pushplan.plans.plan import Segment, join
 from pushplan.plans.run import Execution, StabilityLoss, goal_error
 from pushplan.plans.trajectory import Trajectory, advance
 from pushplan.scenario.model import Scenario
-from pushplan.sets.ecof_set import EcofSet
+from pushplan.sets.known_load_sets import EcofSet
 from pushplan.util.arrays import FloatArray, columns_of
 
 

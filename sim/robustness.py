@@ -17,20 +17,20 @@ import shapely
 from scipy.optimize import brentq
 
 from pushplan.compiled import compiled, no_refcount
-from pushplan.geometry.contact_segments import SHORTEST_CONTACT
+from pushplan.geometry.polygon import SHORTEST_CONTACT
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import Chain, PushedObject
-from pushplan.mechanics.contacts.carried import carried_objects
-from pushplan.mechanics.friction.kernel import carried_wrench
-from pushplan.mechanics.friction.packed import (
+from pushplan.mechanics.contacts import carried_objects
+from pushplan.mechanics.friction_kernel import carried_wrench
+from pushplan.mechanics.inertia import InertiaTable, inertia_table
+from pushplan.mechanics.packed import (
+    ComplexArray,
     PackedChain,
     contact_facets,
     pack_chain,
     pack_objects,
     push_room,
 )
-from pushplan.mechanics.friction.series import ComplexArray
-from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.perturb import Motion, aside, turn
 from pushplan.plans.plan import Segment
 from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness

@@ -12,10 +12,10 @@ from plans_of import timed
 from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters
 from pushplan.errors import SupportError, TimingError
-from pushplan.geometry.contact_segments import find_touch
+from pushplan.geometry.polygon import find_touch
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, PushedObject
-from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
+from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory

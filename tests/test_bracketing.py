@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.sets.boundary.bracketing import TOLERANCE, inner_ends, maximise
-from pushplan.sets.boundary.intervals import find_intervals, sampled
+from pushplan.sets.boundary_following import find_intervals, sampled
+from pushplan.sets.meridians import TOLERANCE, inner_ends, maximise
 from pushplan.util.arrays import FloatArray, IntArray
 
 

@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 from pushplan.mechanics.chain import PLATE
-from pushplan.mechanics.contacts.carried import carried_objects, center_range, common_centers
+from pushplan.mechanics.contacts import carried_objects, center_range, common_centers
 
 if TYPE_CHECKING:
     from conftest import ChainMaker

@@ -12,10 +12,8 @@ from scipy.optimize import linprog
 
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.contacts.contact_kernel import contact_margins, margin
-from pushplan.mechanics.contacts.contact_state import contact_state
-from pushplan.mechanics.contacts.friction import friction_wrench
-from pushplan.mechanics.friction.packed import pack_chain
+from pushplan.mechanics.contacts import contact_margins, contact_state, friction_wrench, margin
+from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.support import UnknownSupport
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.mechanics.directions import by_direction, directions
+from pushplan.mechanics.sphere import by_direction, directions
 from pushplan.util.arrays import FloatArray
 
 

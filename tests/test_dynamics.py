@@ -12,9 +12,15 @@ from scipy.optimize import linprog
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
-from pushplan.mechanics.contacts.contact_state import contact_state
-from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, _clipped, admissible_speeds
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins, dynamic_rows
+from pushplan.mechanics.contacts import contact_state
+from pushplan.mechanics.dynamics import (
+    ContactDynamics,
+    SpeedWindow,
+    _clipped,
+    admissible_speeds,
+    dynamic_margins,
+    dynamic_rows,
+)
 from pushplan.mechanics.inertia import inertia_of
 from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
 from pushplan.util.arrays import FloatArray

@@ -10,7 +10,7 @@ import shapely
 
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Contact, PushedObject
-from pushplan.mechanics.contacts.friction import friction_wrench
+from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import (
     FeetSupport,

@@ -16,10 +16,9 @@ import pushplan
 from pushplan.errors import PushplanError, SupportError, UndefinedEcofError
 from pushplan.geometry.se2 import inverse, transform_points
 from pushplan.mechanics.chain import GRAVITY, PushedObject
-from pushplan.mechanics.contacts.friction import cof, ecof, friction_wrench
-from pushplan.mechanics.friction.kernel import carried_wrench
-from pushplan.mechanics.friction.packed import pack_object
-from pushplan.mechanics.friction.series import REACH
+from pushplan.mechanics.contacts import cof, ecof, friction_wrench
+from pushplan.mechanics.friction_kernel import carried_wrench
+from pushplan.mechanics.packed import REACH, pack_object
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.util.arrays import FloatArray

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from pushplan.mechanics.friction.closed_form import edge_log
-from pushplan.mechanics.friction.series import (
+from pushplan.mechanics.friction_kernel import edge_log
+from pushplan.mechanics.packed import (
     ORDER,
     REACH,
     TERMS,

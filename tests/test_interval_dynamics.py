@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics, dynamic_margins
+from pushplan.mechanics.dynamics import ContactDynamics, dynamic_margins
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport
 from pushplan.util.arrays import FloatArray

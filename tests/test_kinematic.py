@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from pushplan.geometry.se2 import pose_error
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.contacts.contact_state import contact_state
+from pushplan.mechanics.contacts import contact_state
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate

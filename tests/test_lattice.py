@@ -16,7 +16,6 @@ from pushplan.planners.collision.separation import sweep_is_free
 from pushplan.planners.improve.session import Budget, Session, path_from
 from pushplan.planners.ompl.form import poses_along
 from pushplan.planners.problem.problem import Problem, build_problem, sampling_box
-from pushplan.planners.search.floor import distances_to, middle_of
 from pushplan.planners.search.lattice_kernel import (
     NODES,
     OPEN,
@@ -26,7 +25,7 @@ from pushplan.planners.search.lattice_kernel import (
     expand_best,
     path_of,
 )
-from pushplan.planners.search.lattice_rounds import LatticeRounds
+from pushplan.planners.search.lattice_rounds import LatticeRounds, distances_to, middle_of
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

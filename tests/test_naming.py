@@ -16,7 +16,7 @@ from pushplan.bench.suite import suite_from_text
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError, PushplanError
 from pushplan.planners.ompl.factories import planner_named
-from pushplan.sets.ecof_set import EcofSet
+from pushplan.sets.known_load_sets import EcofSet
 from pushplan.sets.named import add_set, stable_set
 from pushplan.util import naming
 

@@ -15,8 +15,8 @@ import pytest
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain, Limits
-from pushplan.mechanics.contacts.friction import friction_wrench
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.contacts import friction_wrench
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UniformSupport, UnknownSupport
 from pushplan.planners.timing.arc_limits import Bounds

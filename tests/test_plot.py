@@ -26,8 +26,8 @@ from pushplan.drawing.trials import plot_trials
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import GRAVITY
-from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, admissible_speeds
-from pushplan.mechanics.friction_cone import friction_cone
+from pushplan.mechanics.contacts import friction_cone
+from pushplan.mechanics.dynamics import SpeedWindow, admissible_speeds
 from pushplan.plans.events import Event
 from pushplan.plans.plan import Diagnosis, Nearest, Plan
 from pushplan.scenario.file import load_scenario, scenario_from_text

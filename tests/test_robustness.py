@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pushplan.errors import ChainError
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.planners.planner import plan
 from pushplan.plans.robustness import MOST_ANGLE, MOST_SHARE, USED_UP, Robustness

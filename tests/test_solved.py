@@ -13,7 +13,7 @@ from pushplan import run
 from pushplan.bench.outcome import validated
 from pushplan.cli.main import main
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
+from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.planners.planner import plan
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path

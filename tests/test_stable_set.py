@@ -12,7 +12,7 @@ import shapely
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.contacts.friction import cof
+from pushplan.mechanics.contacts import cof
 from pushplan.mechanics.sphere import angles_of, twists_about, twists_at
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet

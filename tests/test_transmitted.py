@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.mechanics.contacts.carried import carried_objects
-from pushplan.mechanics.contacts.contact_kernel import (
+from pushplan.mechanics.contacts import (
+    carried_objects,
     contact_margins,
+    contact_state,
     contact_wrenches,
+    ecof,
+    friction_wrench,
     margin_down_to,
     object_wrenches_of,
 )
-from pushplan.mechanics.contacts.contact_state import contact_state
-from pushplan.mechanics.contacts.friction import ecof, friction_wrench
-from pushplan.mechanics.friction.packed import pack_chain, pack_object
+from pushplan.mechanics.packed import pack_chain, pack_object
 from pushplan.mechanics.support import UniformSupport
 from pushplan.sets.named import stable_set
 

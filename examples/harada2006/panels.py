@@ -16,10 +16,9 @@ from pushplan.drawing.figure import axes_at, figure_for
 from pushplan.drawing.palette import CONE, INK, OBJECTS, PLATE, TURNS
 from pushplan.drawing.sets import TURN_NAMES, style_cor_axes
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.contacts.carried import carried_objects, common_centers
-from pushplan.mechanics.contacts.friction import cof
+from pushplan.mechanics.contacts import carried_objects, cof, common_centers
 from pushplan.scenario.file import load_scenario
-from pushplan.sets.cor.cor_region import Window
+from pushplan.sets.cor import Window
 from pushplan.util.arrays import FloatArray
 
 HERE = Path(__file__).parent

@@ -8,7 +8,7 @@ import numpy as np
 
 from pushplan.compiled import compiled
 from pushplan.geometry import se2
-from pushplan.mechanics.contacts.contact_kernel import contact_margins_of
+from pushplan.mechanics.contacts import contact_margins_of
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.motion_bounds import top_rates
@@ -16,7 +16,7 @@ from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
-from pushplan.sets.ecof_set import EcofSet
+from pushplan.sets.known_load_sets import EcofSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, columns_of
 

@@ -15,7 +15,7 @@ from pushplan.planners.collision.separation import Scene, separation, sweep_is_f
 from pushplan.planners.infeasible.turning import tightest_turn
 from pushplan.planners.problem.controls import control_segments, segment_ends
 from pushplan.planners.problem.problem import Problem
-from pushplan.planners.search.cell_table import cell_key, slot_of
+from pushplan.planners.search.lattice_kernel import cell_key, slot_of
 from pushplan.plans.path import cost_rate
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario

@@ -13,9 +13,8 @@ from ompl import base as ob
 from pushplan.planners.improve.session import CHUNK, Session
 from pushplan.planners.ompl.form import PushInformation, information_of, leave_path
 from pushplan.planners.problem.problem import Box
-from pushplan.planners.search.bidirectional import grow_both
-from pushplan.planners.search.forest import NODE, Forest, plant
 from pushplan.planners.search.lattice_rounds import LatticeRounds
+from pushplan.planners.search.trees import NODE, Forest, grow_both, plant
 from pushplan.util.arrays import FloatArray
 
 

@@ -12,9 +12,9 @@ from pushplan.mechanics.sphere import twists_at
 from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.model import Scenario
-from pushplan.sets.boundary.peaks import margin_peaks
+from pushplan.sets.known_load_sets import HELP, contact_words, emptiness, weakest_contact
+from pushplan.sets.meridians import margin_peaks
 from pushplan.sets.stable_set import StableSet
-from pushplan.sets.weakest import HELP, contact_words, emptiness, weakest_contact
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import AUTO
 

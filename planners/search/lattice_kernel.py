@@ -1,10 +1,4 @@
-"""Compiled best-first search over cells of poses: hybrid A* (Dolgov, Thrun, Montemerlo and Diebel 2010).
-
-Nodes are exact poses; each cell of positions and headings keeps the cheapest one that came there. The node with the
-least f = g + h is expanded next: g is its cost; h what is left, by the floor's distances and by the cheapest word.
-From every expanded node an exact word is tried to the goal. Lengths of arcs, and one arc of each node, are drawn at
-random, so that every search is another one.
-"""
+"""Best-first search over a lattice of poses, in compiled code."""
 
 from __future__ import annotations
 
@@ -19,8 +13,34 @@ from pushplan.planners.collision.separation import step, sweep_is_free
 from pushplan.planners.problem.problem import TRIES, Problem, choose_twist, enter, random, remaining, trace
 from pushplan.planners.problem.rows import put, put_rows
 from pushplan.planners.problem.steering import MAX_WORDS, connect, find_words
-from pushplan.planners.search.cell_table import pose_key, slot_of
 from pushplan.util.arrays import FloatArray, IntArray, RandomState
+
+
+@inlined
+def cell_key(i: int, j: int, k: int) -> int:
+    """Key above 0 of a cell: columns i and rows j from 0 to 2^20, headings k likewise."""
+    return (((i << 20) + j) << 20) + k + 1
+
+
+@inlined
+def pose_key(box: FloatArray, side: float, angle: float, x: float, y: float, theta: float) -> int:
+    """Key of the cell, `side` (m) wide and `angle` (rad) high, that a pose is in; 0 outside the box (4,)."""
+    if x < box[0] or y < box[1] or x > box[2] or y > box[3]:
+        return 0
+    return cell_key(
+        int((x - box[0]) / side), int((y - box[1]) / side), int((theta % (2.0 * math.pi)) / angle)
+    )
+
+
+@inlined
+def slot_of(table: IntArray, key: int) -> int:
+    """Slot of a table (a power of two up to 2^23,) that holds a key, or is free for it; 0 marks free slots."""
+    last = table.shape[0] - 1
+    slot = ((key * 0x9E3779B97F4A7C1) >> 40) & last  # columns do not change the bits below
+    while table[slot] != 0 and table[slot] != key:
+        slot = (slot + 1) & last
+    return int(slot)
+
 
 NODES, OPEN, TRIED, PARTNER = 0, 1, 2, 3
 """What is counted: nodes, entries of the queue, arcs tried; and the node that the best word begins at."""

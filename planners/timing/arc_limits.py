@@ -15,7 +15,7 @@ import numpy as np
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.plans.judge import contact_dynamics
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from pushplan.geometry import se2
-from pushplan.geometry.contact_segments import TOUCH
+from pushplan.geometry.polygon import TOUCH
 from pushplan.planners.validation.clearance import Motion, Room, collision_along, densify, excess
 from pushplan.plans.plan import Load, Poses, Segment
 from pushplan.plans.run import Execution

@@ -17,7 +17,7 @@ from pushplan.cli.console import Console, time_text
 if TYPE_CHECKING:
     from pushplan.mechanics.sphere import TurningRadii
     from pushplan.scenario.model import Scenario
-    from pushplan.sets.cor.cor_region import Window
+    from pushplan.sets.cor import Window
     from pushplan.sets.stable_set import StableSet
 
 

@@ -23,9 +23,9 @@ from pushplan.drawing.palette import FAINT, INK, TURNS
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.body import BodyKind
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.dynamics.admissible_speeds import AdmissibleSpeeds
-from pushplan.mechanics.friction_cone import friction_cone
-from pushplan.sets.cor.cor_region import Window
+from pushplan.mechanics.contacts import friction_cone
+from pushplan.mechanics.dynamics import AdmissibleSpeeds
+from pushplan.sets.cor import Window
 from pushplan.sets.cor_window import default_window, grown
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

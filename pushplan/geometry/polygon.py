@@ -1,4 +1,4 @@
-"""Polygons as vertex arrays: orientation, area, centroid, second moments and convex hull."""
+"""Simple polygons: areas, overlaps, how deep two penetrate, and the segments along which they touch."""
 
 from __future__ import annotations
 
@@ -60,3 +60,209 @@ def convex_hull(points: FloatArray) -> FloatArray:
         corners = shapely.get_coordinates(hull)[:-1]
         return frozen(corners if hull.exterior.is_ccw else corners[::-1], (None, 2), "hull")
     return frozen(shapely.get_coordinates(hull), (None, 2), "hull")
+
+
+SAME_POINT = 1e-6
+"""Corners nearer to each other than this are the same point, m."""
+
+LEAST_AREA = 1e-6
+"""Area below which a polygon counts as a line, m^2."""
+
+
+def find_flaw(corners: FloatArray) -> str | None:
+    """Return what is wrong with the polygon of the corners (v, 2), or None; corners count from 0."""
+    lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+    if lengths.min() < SAME_POINT:
+        i = int(lengths.argmin())
+        return f"corners [{i}] and [{(i + 1) % len(corners)}] are the same point"
+    polygon = shapely.Polygon(corners)
+    if not polygon.is_valid:
+        return _crossing(corners)
+    if polygon.area < LEAST_AREA:
+        return f"has an area of {polygon.area * 1e6:.3g} mm^2, less than {LEAST_AREA * 1e6:g} mm^2"
+    return None
+
+
+def _crossing(corners: FloatArray) -> str:
+    """Return which two edges of an invalid polygon meet, and where."""
+    ends = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    edges = np.array([shapely.LineString(pair) for pair in ends], dtype=object)
+    count = len(edges)
+    for i in range(count):
+        others = np.array([j for j in range(i + 1, count) if 1 < j - i < count - 1], dtype=np.int64)
+        hits = others[shapely.intersects(edges[i], edges[others])]
+        if len(hits):
+            x, y = shapely.get_coordinates(shapely.intersection(edges[i], edges[hits[0]]))[0]
+            return f"the edges after corners [{i}] and [{hits[0]}] cross at ({x:.6g}, {y:.6g})"
+    return "an edge runs back along the one before"
+
+
+_MOST_WORK = 100_000
+"""Pairs of triangles times directions that are looked at for outlines that are not convex."""
+
+
+def overlap_depth(fixed: FloatArray, moving: FloatArray) -> float:
+    """Return the shortest translation (m) along an edge's normal that parts two outlines (v, 2).
+
+    This is the penetration depth of convex outlines, and an upper bound of it for others; 0 when they overlap by
+    less than `TOUCH`.
+    """
+    first, second = shapely.Polygon(fixed), shapely.Polygon(moving)
+    if not shapely.intersection(first, second).area > TOUCH * TOUCH:
+        return 0.0
+    directions = np.concatenate([_normals(fixed), -_normals(moving)])
+    if all(p.convex_hull.area - p.area <= 1e-12 * p.area for p in (first, second)):
+        depth = float(np.min((fixed @ directions.T).max(axis=0) - (moving @ directions.T).min(axis=0)))
+    else:
+        pieces = _triangles(fixed), _triangles(moving)
+        most = max(4, _MOST_WORK // (len(pieces[0]) * len(pieces[1])))
+        depth = min(_exit_distance(*pieces, direction) for direction in directions[:most])
+    return depth if depth > TOUCH else 0.0
+
+
+def exit_distance(fixed: FloatArray, moving: FloatArray, direction: FloatArray) -> float:
+    """Return how far (m) `moving` has to go along the unit `direction` until it overlaps `fixed` no more."""
+    return _exit_distance(_triangles(fixed), _triangles(moving), direction)
+
+
+def _normals(outline: FloatArray) -> FloatArray:
+    """Return the outward unit normals of a counter-clockwise outline's edges, those of the longest first."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    lengths = np.linalg.norm(edges, axis=1)
+    longest = np.argsort(-lengths, kind="stable")
+    normals = edges[longest] / lengths[longest, None]
+    return np.stack([normals[:, 1], -normals[:, 0]], axis=1)
+
+
+def _triangles(outline: FloatArray) -> FloatArray:
+    """Return triangles (k, 3, 2), counter-clockwise, that cover an outline."""
+    cover = shapely.orient_polygons(shapely.constrained_delaunay_triangles(shapely.Polygon(outline)))
+    return np.array([shapely.get_coordinates(piece)[:3] for piece in shapely.get_parts(cover)])
+
+
+def _exit_distance(fixed: FloatArray, moving: FloatArray, direction: FloatArray) -> float:
+    """Follow the shifts at which any two triangles overlap, from 0 to the first one at which none do."""
+    low, high = _overlapping_shifts(fixed, moving, direction)
+    reached = 0.0
+    for begin, end in sorted(zip(low, high, strict=True)):
+        if begin <= reached:
+            reached = max(reached, end)
+    return reached
+
+
+def _overlapping_shifts(
+    fixed: FloatArray, moving: FloatArray, direction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the ends of the intervals of shifts along `direction` at which a pair of triangles overlaps.
+
+    Convex bodies are apart exactly if they are along a normal of one of their edges (separating axes).
+    """
+    low = np.full((len(fixed), len(moving)), -np.inf)
+    high = np.full((len(fixed), len(moving)), np.inf)
+    for axes, owner in ((_axes(fixed), 0), (_axes(moving), 1)):
+        for k in range(3):
+            axis = np.expand_dims(axes[:, k], 1 - owner)  # broadcasts over the other body's triangles
+            top = (fixed[:, None] @ axis[..., None])[..., 0].max(axis=-1)
+            bottom = (moving[None] @ axis[..., None])[..., 0].min(axis=-1)
+            floor = (fixed[:, None] @ axis[..., None])[..., 0].min(axis=-1)
+            ceiling = (moving[None] @ axis[..., None])[..., 0].max(axis=-1)
+            low, high = _clip(low, high, axis @ direction, floor - ceiling, top - bottom)
+    low, high = np.where(low < high, low, np.inf), np.where(low < high, high, -np.inf)
+    return low[low < high], high[low < high]
+
+
+def _clip(
+    low: FloatArray, high: FloatArray, speed: FloatArray, least: FloatArray, most: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Keep the shifts t with least < t speed < most."""
+    still = abs(speed) < 1e-12
+    safe = np.where(still, 1.0, speed)
+    a, b = np.minimum(least / safe, most / safe), np.maximum(least / safe, most / safe)
+    inside = (least < 0.0) & (most > 0.0)
+    a = np.where(still, np.where(inside, -np.inf, np.inf), a)
+    b = np.where(still, np.where(inside, np.inf, -np.inf), b)
+    return np.maximum(low, a), np.minimum(high, b)
+
+
+def _axes(triangles: FloatArray) -> FloatArray:
+    """Return the edge normals (k, 3, 2), not scaled, of triangles (k, 3, 2)."""
+    edges = np.roll(triangles, -1, axis=1) - triangles
+    return np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
+
+
+TOUCH = 1e-6
+"""Distance up to which bodies touch, and depth up to which they do not overlap, m."""
+
+SHORTEST_CONTACT = 1e-4
+"""Length below which a contact counts as a point, m."""
+
+
+def find_touch(first: FloatArray, second: FloatArray) -> FloatArray | None:
+    """Return along which segments two counter-clockwise outlines (v, 2) in one frame touch, or None if they do not.
+
+    Segments (k, 2, 2), one per straight line, go from right to left of the normal that points from the first outline
+    into the second, m; there are none where the outlines touch at points only. Pieces of contact on one straight line
+    count as one segment from end to end: forces at the ends of that segment span the forces of all of them.
+    """
+    if _gap(first, second) > TOUCH:
+        return None
+    pieces = _shared_pieces(first, second)
+    return np.array([_hull(group) for group in _lines(pieces)]).reshape(-1, 2, 2)
+
+
+def _gap(first: FloatArray, second: FloatArray) -> float:
+    """Return the distance of two outlines, or a lower bound of it that is above `TOUCH`."""
+    low, high = first.min(axis=0) - second.max(axis=0), second.min(axis=0) - first.max(axis=0)
+    apart = float(max(low.max(), high.max()))
+    return (
+        apart if apart > TOUCH else float(shapely.distance(shapely.Polygon(first), shapely.Polygon(second)))
+    )
+
+
+def _shared_pieces(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the parts (k, 2, 2) of edges of `first` on which edges of `second` lie, facing the other way."""
+    begin, edge = first, np.roll(first, -1, axis=0) - first
+    length = np.linalg.norm(edge, axis=1)
+    along = edge / length[:, None]
+    ends = np.stack([np.roll(second, -1, axis=0), second])  # reversed, so that facing edges run the same way
+    offset = ends[:, None] - begin[:, None]  # (2, edges of first, edges of second, 2)
+    s = np.einsum("efgi,fi->efg", offset, along)
+    h = along[:, None, 0] * offset[..., 1] - along[:, None, 1] * offset[..., 0]
+    low, high = np.maximum(s[0], 0.0), np.minimum(s[1], length[:, None])
+    run = np.where(s[1] > s[0], s[1] - s[0], 1.0)
+    slope = (h[1] - h[0]) / run
+    away = np.maximum(abs(h[0] + slope * (low - s[0])), abs(h[0] + slope * (high - s[0])))
+    f, g = np.nonzero((s[1] > s[0]) & (high - low > TOUCH) & (away <= TOUCH))
+    spans = np.stack([low[f, g], high[f, g]], axis=1)
+    return np.asarray(begin[f, None] + spans[..., None] * along[f, None], dtype=np.float64)
+
+
+def _lines(pieces: FloatArray) -> list[FloatArray]:
+    """Group pieces (k, 2, 2) that lie on one straight line and face the same way."""
+    groups: list[list[FloatArray]] = []
+    for piece in pieces:
+        home = next((group for group in groups if _aligned(group[0], piece)), None)
+        if home is None:
+            groups.append([piece])
+        else:
+            home.append(piece)
+    lines = [np.array(group) for group in groups]
+    return [
+        line for line in lines if np.linalg.norm(line[:, 1] - line[:, 0], axis=1).sum() > SHORTEST_CONTACT
+    ]
+
+
+def _aligned(first: FloatArray, second: FloatArray) -> bool:
+    """Tell whether the ends of both pieces lie on one line, to 2 `TOUCH`, and the pieces run the same way."""
+    ends = np.concatenate([first, second])
+    direction = ends[np.argmax(np.linalg.norm(ends - first[0], axis=1))] - first[0]
+    direction = direction / np.linalg.norm(direction)
+    away = direction[0] * (ends - first[0])[:, 1] - direction[1] * (ends - first[0])[:, 0]
+    return bool(abs(away).max() <= 2.0 * TOUCH and (first[1] - first[0]) @ (second[1] - second[0]) > 0.0)
+
+
+def _hull(line: FloatArray) -> FloatArray:
+    """Return the outermost ends (2, 2) of pieces on one line, in the direction in which they run."""
+    ends = line.reshape(-1, 2)
+    s = (ends - ends[0]) @ (ends[1] - ends[0])
+    return ends[[int(s.argmin()), int(s.argmax())]]

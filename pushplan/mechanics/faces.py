@@ -15,8 +15,7 @@ import shapely
 
 from pushplan.errors import ChainError
 from pushplan.geometry import se2
-from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH, find_touch
-from pushplan.geometry.penetration import overlap_depth
+from pushplan.geometry.polygon import SHORTEST_CONTACT, TOUCH, find_touch, overlap_depth
 from pushplan.mechanics.chain import PLATE, Chain, Contact, Drive, PushedObject, Pusher
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import FACES

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.errors import ChainError
-from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH
+from pushplan.geometry.polygon import SHORTEST_CONTACT, TOUCH
 from pushplan.geometry.se2 import compose, rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact
-from pushplan.mechanics.contacts.carried import carried_objects
+from pushplan.mechanics.contacts import carried_objects
 from pushplan.util.arrays import BoolArray, FloatArray
 
 PARALLEL = 1e-3

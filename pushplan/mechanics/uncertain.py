@@ -15,10 +15,10 @@ import numpy as np
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
-from pushplan.mechanics.contacts.carried import carried_objects
-from pushplan.mechanics.friction.packed import contact_rows, pack_objects
+from pushplan.mechanics.contacts import carried_objects
 from pushplan.mechanics.inertia import InertiaTable, inertia_per_object, inertia_table
 from pushplan.mechanics.intervals import IntervalChain
+from pushplan.mechanics.packed import contact_rows, pack_objects
 from pushplan.mechanics.perturb import with_objects
 from pushplan.mechanics.support import FeetSupport
 from pushplan.mechanics.uncertain_kernel import PackedLoads, inertia_rows_of

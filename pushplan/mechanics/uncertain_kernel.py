@@ -30,8 +30,8 @@ import numpy as np
 
 from pushplan.compiled import compiled, no_refcount
 from pushplan.compiled.scratch import scratch
-from pushplan.mechanics.friction.kernel import carried_wrench
-from pushplan.mechanics.friction.packed import PackedChain
+from pushplan.mechanics.friction_kernel import carried_wrench
+from pushplan.mechanics.packed import PackedChain
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 EDGE_POINTS, BETWEEN, INTERVALS = 16, 12, 32

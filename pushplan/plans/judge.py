@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.scenario.model import Scenario
-from pushplan.sets.intersection_set import IntersectionSet
+from pushplan.sets.known_load_sets import IntersectionSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.names import KNOWN_LOAD_SETS, STABLE_SETS
 

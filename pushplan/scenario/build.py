@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from pushplan.geometry import se2
-from pushplan.geometry.penetration import overlap_depth
+from pushplan.geometry.polygon import overlap_depth
 from pushplan.mechanics.body import Body, BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.scenario import schema

@@ -11,8 +11,7 @@ import shapely
 
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
-from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH, find_touch
-from pushplan.geometry.polygon import area_moments
+from pushplan.geometry.polygon import SHORTEST_CONTACT, TOUCH, area_moments, find_touch
 from pushplan.mechanics.chain import Chain, Drive, Limits, PushedObject, Pusher
 from pushplan.mechanics.intervals import IntervalChain, fractions_within
 from pushplan.mechanics.support import (

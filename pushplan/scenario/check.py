@@ -36,7 +36,7 @@ def check_scenario(scenario: Scenario) -> tuple[Finding, ...]:
         return (_finding(scenario, ("uncertainty",), needed),)
     if scenario.pushes is not None:
         return ()
-    from pushplan.sets.weakest import emptiness
+    from pushplan.sets.known_load_sets import emptiness
 
     margin = scenario.stability.margin
     try:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 import shapely
 
-from pushplan.geometry.contact_segments import TOUCH, find_touch
+from pushplan.geometry.polygon import TOUCH, find_touch
 from pushplan.mechanics.chain import PLATE, Contact
 from pushplan.scenario.layout import Layout, Part, describe_gap, describe_overlap, millimetres
 from pushplan.scenario.schema import RoomFile

@@ -17,7 +17,7 @@ from pushplan.errors import ImportedFileError
 from pushplan.geometry.polygon import simple_polygon
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
-from pushplan.util.regular_file import read_regular
+from pushplan.util.files import read_regular
 
 MOST_BYTES = 16 << 20
 """Size up to which a file is read."""

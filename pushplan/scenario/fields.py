@@ -21,7 +21,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from pushplan.geometry.simple import find_flaw
+from pushplan.geometry.polygon import find_flaw
 from pushplan.scenario import units
 from pushplan.scenario.units import (
     DESCRIBED_FAULT,

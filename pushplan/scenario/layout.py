@@ -16,9 +16,7 @@ import shapely
 
 from pushplan.errors import ChainError
 from pushplan.geometry import se2
-from pushplan.geometry.contact_segments import SHORTEST_CONTACT, TOUCH, find_touch
-from pushplan.geometry.penetration import overlap_depth
-from pushplan.geometry.polygon import simple_polygon
+from pushplan.geometry.polygon import SHORTEST_CONTACT, TOUCH, find_touch, overlap_depth, simple_polygon
 from pushplan.scenario.parts import Snapped, Snapping
 from pushplan.scenario.schema import BoxShape, PolygonShape
 from pushplan.scenario.source import Source

@@ -18,8 +18,8 @@ import shapely
 from pydantic import BaseModel, ConfigDict, Field
 
 from pushplan.errors import ImportedFileError, SupportError
+from pushplan.geometry.polygon import LEAST_AREA, SAME_POINT, find_flaw
 from pushplan.geometry.se2 import transform_points
-from pushplan.geometry.simple import LEAST_AREA, SAME_POINT, find_flaw
 from pushplan.scenario import fields as t
 from pushplan.scenario import units
 from pushplan.scenario.parts import PolygonObstacle, Workspace
@@ -27,7 +27,7 @@ from pushplan.scenario.source import MOST_BYTES, DocumentError, Source
 from pushplan.scenario.units import Quantity
 from pushplan.scenario.validation import validate
 from pushplan.util.arrays import BoolArray, FloatArray
-from pushplan.util.regular_file import read_regular
+from pushplan.util.files import read_regular
 
 MOST_PICTURE = 1 << 28
 """Bytes up to which a picture is read."""

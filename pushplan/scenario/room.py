@@ -12,7 +12,7 @@ import shapely
 
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
-from pushplan.geometry.penetration import overlap_depth
+from pushplan.geometry.polygon import overlap_depth
 from pushplan.mechanics.body import Body
 from pushplan.scenario import schema
 from pushplan.scenario.layout import millimetres, outline_of
@@ -20,7 +20,7 @@ from pushplan.scenario.maps import ros_map_of
 from pushplan.scenario.parts import CircleObstacle, Obstacle, PolygonObstacle, Workspace
 from pushplan.scenario.source import Source, shorten
 from pushplan.util.arrays import FloatArray
-from pushplan.util.regular_file import read_regular
+from pushplan.util.files import read_regular
 
 MOST_ATTACHED = 16 << 20
 """Bytes up to which a file that a scenario names is read."""

@@ -8,7 +8,7 @@ from math import isfinite
 import numpy as np
 
 from pushplan.mechanics.chain import Chain
-from pushplan.sets.cor.cor_region import Window
+from pushplan.sets.cor import Window
 from pushplan.sets.stable_set import StableSet
 
 _SHOWN_RADII = 2.2

@@ -12,8 +12,8 @@ import numpy as np
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Chain, Contact, PushedObject
-from pushplan.mechanics.contacts.carried import carried_objects
-from pushplan.sets.cor.cor_region import Window, window_box
+from pushplan.mechanics.contacts import carried_objects
+from pushplan.sets.cor import Window, window_box
 from pushplan.util.arrays import BoolArray, FloatArray, frozen
 
 _CHUNK = 1000

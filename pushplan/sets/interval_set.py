@@ -1,11 +1,4 @@
-"""Stable sets that hold for all loads and frictions in given intervals.
-
-Rows of contact conditions are linear in the friction load of every object, so that the vertices of the intervals
-decide (see `interval_ecof_set`); the worst case over all pressures keeps that, object by object. The sets that
-cover all pressures with given centres, `stable` and `robust`, take the centres as stated: pressures that may be
-off by a share do not enter there. At a push height h > 0 a load's shift depends on mu itself, and not linearly:
-then floor friction has to be known.
-"""
+"""Stable sets that hold for all loads and frictions in intervals."""
 
 from __future__ import annotations
 
@@ -13,13 +6,48 @@ from dataclasses import replace
 
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.intervals import IntervalChain
-from pushplan.mechanics.uncertain import load_areas
-from pushplan.sets.interval_ecof_set import IntervalEcofSet
+from pushplan.mechanics.uncertain import load_areas, pack_intervals
+from pushplan.mechanics.uncertain_kernel import contact_margins_of, margins_of
+from pushplan.sets.known_load_sets import TranslationSet
 from pushplan.sets.robust_set import RobustSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.sets.stable_unknown_set import StableUnknownSet
-from pushplan.sets.translation_set import TranslationSet
+from pushplan.util.arrays import FloatArray
 from pushplan.util.names import STABLE_SETS
+
+
+class IntervalEcofSet(StableSet):
+    """Twists that are in the set `ecof` for all values in the intervals.
+
+    The margin is the least row divided by an upper bound of |w_k|,
+
+        |sum F_i w_i at the intervals' middles| + sum of half their widths times |w_i|:
+
+    at most the margin for any of the values, and equal to it where all intervals are points. The set is exact but for
+    pressures, where it errs on the safe side (see `uncertain_kernel`).
+
+    Raises:
+        SupportError: See `EcofSet`.
+    """
+
+    name = "ecof"
+
+    def __init__(self, interval: IntervalChain) -> None:
+        super().__init__(interval.chain)
+        self._packed = pack_intervals(interval)
+
+    @property
+    def loads_known(self) -> bool:
+        """False: the contact forces depend on the values."""
+        return False
+
+    def contact_margin_values(self, twists: FloatArray) -> FloatArray:
+        """Return the margin (k, n) of each contact at checked twists (k, 3)."""
+        return contact_margins_of(self._packed, twists)
+
+    def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
+        """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
+        return margins_of(self._packed, twists, float(floor))
 
 
 def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.sets.cof_set import CofSet
-from pushplan.sets.ecof_set import EcofSet
+from pushplan.sets.known_load_sets import CofSet, EcofSet, TranslationSet
 from pushplan.sets.robust_set import RobustSet
 from pushplan.sets.stable_set import StableSet
 from pushplan.sets.stable_unknown_set import StableUnknownSet
-from pushplan.sets.translation_set import TranslationSet
 from pushplan.util.naming import PLACE, attribute_named, stable_set_names
 
 _SETS: dict[str, type[StableSet]] = {

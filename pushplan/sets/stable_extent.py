@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pushplan.mechanics.sphere import POLE, TurningRadii, twists_at
-from pushplan.sets.boundary.bracketing import inner_ends, maximise
+from pushplan.sets.meridians import inner_ends, maximise
 from pushplan.util.arrays import FloatArray, IntArray, frozen
 
 if TYPE_CHECKING:

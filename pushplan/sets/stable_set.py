@@ -16,12 +16,10 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.directions import by_direction
-from pushplan.mechanics.sphere import Meridians, TurningRadii, checked_twists
-from pushplan.sets.boundary.asked import Asked
-from pushplan.sets.boundary.meridians import RefinedMeridians, find_meridians, refine_meridians
-from pushplan.sets.boundary.peaks import margin_peaks
-from pushplan.sets.cor.cor_region import Window, cor_polygons
+from pushplan.mechanics.sphere import Meridians, TurningRadii, by_direction, checked_twists
+from pushplan.sets.boundary_following import RefinedMeridians, find_meridians, refine_meridians
+from pushplan.sets.cor import Window, cor_polygons
+from pushplan.sets.meridians import Asked, margin_peaks
 from pushplan.sets.stable_extent import sphere_area, translation_cone, turning_radii
 from pushplan.util.arrays import BoolArray, FloatArray, columns_of
 

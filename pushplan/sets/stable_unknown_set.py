@@ -25,11 +25,10 @@ import numpy as np
 
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.contacts.carried import carried_objects, center_range
-from pushplan.mechanics.friction.packed import contact_rows
+from pushplan.mechanics.contacts import carried_objects, center_range
+from pushplan.mechanics.packed import contact_rows
 from pushplan.mechanics.uncertain import load_areas
-from pushplan.sets.cor.cor_region import Window
-from pushplan.sets.cor.half_spaces import cor_polygon, smallest_sines, unit_rows, velocity_rows
+from pushplan.sets.cor import Window, cor_polygon, smallest_sines, unit_rows, velocity_rows
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 

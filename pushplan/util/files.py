@@ -1,9 +1,4 @@
-"""Outputs: a file appears under its name when it is whole, pipes and devices are written through.
-
-A file is written as NAME.partial beside its final place and renamed at the end. Every write goes to the operating
-system at once, so a killed process loses nothing that was written. Where the name is a symbolic link, what it leads
-to is replaced and the link stays.
-"""
+"""Files: what may be read and written, and how output replaces a file only when it is whole."""
 
 from __future__ import annotations
 
@@ -17,6 +12,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pushplan.errors import OutputError
+
+
+def read_regular(path: Path, most: int) -> bytes:
+    """Return at most `most` bytes of a file.
+
+    Raises:
+        OSError: When it cannot be read or is no regular file.
+    """
+    # Opened without blocking: a named pipe that nobody writes to would hold the process in open().
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with open(descriptor, "rb") as file:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EINVAL, "this is no regular file", str(path))
+        return file.read(most)
+
 
 PARTIAL = ".partial"
 """Suffix of a file that is not whole yet."""

@@ -10,7 +10,7 @@ import shapely
 
 from pushplan.drawing.palette import PLATE, SLIPS, TURNS, object_colours
 from pushplan.plans.plan import Segment
-from pushplan.sets.cor.cor_region import Window
+from pushplan.sets.cor import Window
 from pushplan.sets.cor_window import default_window
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray

@@ -10,10 +10,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.geometry.penetration import exit_distance
+from pushplan.geometry.polygon import exit_distance
 from pushplan.geometry.se2 import compose, exp, log, relative, rotate, transform_points, twist_of
 from pushplan.mechanics.chain import PLATE
-from pushplan.mechanics.contacts.carried import carried_objects
+from pushplan.mechanics.contacts import carried_objects
 from pushplan.plans.events import Measured
 from pushplan.plans.plan import Load, Plan
 from pushplan.sim.control.sensing import Measurements, Sensor

@@ -11,12 +11,10 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from pushplan.errors import PushplanError
-from pushplan.sim.identify.course import Comparison, Course
+from pushplan.sim.identify.course import Comparison, Course, Identification
 from pushplan.sim.identify.posterior import sample_errors
-from pushplan.sim.identify.result import Identification
 from pushplan.sim.identify.unknowns import Unknowns
-from pushplan.sim.slip.packing import half_extent
-from pushplan.sim.slip.state import PackedWorld
+from pushplan.sim.slip.state import PackedWorld, half_extent
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 

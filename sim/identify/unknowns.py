@@ -15,8 +15,7 @@ import shapely
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
 from pushplan.sim.feet import feet_of
-from pushplan.sim.slip.packing import pack_world
-from pushplan.sim.slip.state import PackedWorld
+from pushplan.sim.slip.state import PackedWorld, pack_world
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.contacts.contact_state import contact_state
+from pushplan.mechanics.contacts import contact_state
 from pushplan.mechanics.sphere import angles_of, checked_twists, twists_at
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.physics.engine import PhysicsSettings

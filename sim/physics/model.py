@@ -21,8 +21,8 @@ import numpy as np
 
 from pushplan.geometry.se2 import rotate
 from pushplan.mechanics.chain import GRAVITY, PLATE, Chain, Contact, PushedObject
-from pushplan.mechanics.friction.packed import pack_chain
 from pushplan.mechanics.inertia import inertia_of
+from pushplan.mechanics.packed import pack_chain
 from pushplan.sim.feet import Feet, feet_of
 from pushplan.sim.physics.engine import PhysicsError, PhysicsSettings, engine
 from pushplan.util.arrays import FloatArray, IntArray

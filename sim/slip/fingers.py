@@ -9,9 +9,19 @@ import numpy as np
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import PushedObject
-from pushplan.sim.slip.packing import Pair, Piece, cut, pack_bodies
 from pushplan.sim.slip.simulator import steps_of
-from pushplan.sim.slip.state import CONVERGED, FALLBACK, PackedWorld, make_state, make_trace, make_work
+from pushplan.sim.slip.state import (
+    CONVERGED,
+    FALLBACK,
+    PackedWorld,
+    Pair,
+    Piece,
+    cut,
+    make_state,
+    make_trace,
+    make_work,
+    pack_bodies,
+)
 from pushplan.sim.slip.step import march
 from pushplan.util.arrays import FloatArray, frozen
 

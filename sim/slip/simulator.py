@@ -26,8 +26,16 @@ from pushplan.sim.report import (
     wanted_at_end,
     worst_at_goal,
 )
-from pushplan.sim.slip.packing import pack_world
-from pushplan.sim.slip.state import CROWDED, JAMMED, UNSOLVED, Trace, make_state, make_trace, make_work
+from pushplan.sim.slip.state import (
+    CROWDED,
+    JAMMED,
+    UNSOLVED,
+    Trace,
+    make_state,
+    make_trace,
+    make_work,
+    pack_world,
+)
 from pushplan.sim.slip.step import march
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, frozen

@@ -21,14 +21,12 @@ from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
 from pushplan.plans.run import Execution
 from pushplan.scenario.file import scenario_from_document
-from pushplan.sim.identify.course import Course
+from pushplan.sim.identify.course import Course, Identification, piece_of, with_learned
 from pushplan.sim.identify.identify import identify_courses
 from pushplan.sim.identify.posterior import Near, sample, worth
-from pushplan.sim.identify.result import Identification, piece_of, with_learned
 from pushplan.sim.identify.unknowns import PressedOutline, Unknowns
-from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.simulator import simulate_poses
-from pushplan.sim.slip.state import PackedWorld
+from pushplan.sim.slip.state import PackedWorld, pack_world
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 

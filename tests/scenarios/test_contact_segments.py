@@ -11,10 +11,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from pushplan.geometry import se2
-from pushplan.geometry.contact_segments import TOUCH, find_touch
-from pushplan.geometry.penetration import exit_distance, overlap_depth
-from pushplan.geometry.polygon import simple_polygon
-from pushplan.geometry.simple import find_flaw
+from pushplan.geometry.polygon import (
+    TOUCH,
+    exit_distance,
+    find_flaw,
+    find_touch,
+    overlap_depth,
+    simple_polygon,
+)
 from pushplan.scenario.layout import box_outline
 from pushplan.util.arrays import FloatArray
 

@@ -12,7 +12,7 @@ import pytest
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.logging.reader import load_run
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
+from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
 from pushplan.run import run

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pushplan.mechanics.sphere import twists_at
-from pushplan.sets.boundary.meridians import RefinedMeridians
-from pushplan.sets.cor.cor_region import cor_polygons
-from pushplan.sets.intersection_set import IntersectionSet
+from pushplan.sets.boundary_following import RefinedMeridians
+from pushplan.sets.cor import cor_polygons
+from pushplan.sets.known_load_sets import IntersectionSet
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import BoolArray, FloatArray

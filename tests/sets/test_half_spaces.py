@@ -13,7 +13,7 @@ import shapely.affinity
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.contacts.friction import cof
+from pushplan.mechanics.contacts import cof
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import UnknownSupport
 from pushplan.mechanics.uncertain import load_areas

@@ -11,7 +11,7 @@ import pytest
 
 from pushplan.errors import ChainError, PushplanError, SupportError
 from pushplan.mechanics.chain import GRAVITY, Chain
-from pushplan.mechanics.contacts.carried import center_range
+from pushplan.mechanics.contacts import center_range
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.sets.interval_set import stable_set_over

@@ -10,8 +10,7 @@ import shapely
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics.admissible_speeds import SpeedWindow, admissible_speeds
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics, SpeedWindow, admissible_speeds
 from pushplan.mechanics.sphere import twists_at
 from pushplan.planners.blending.parts import PASSED, passing_speeds
 from pushplan.planners.timing.arc_limits import ROOM, ArcLimits, Bounds, arc_limits, contact_limits

@@ -15,7 +15,7 @@ from plans_of import push_of
 
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.blending.blending import Blend, blend_path
 from pushplan.planners.blending.parts import corners_of
 from pushplan.planners.planner import plan

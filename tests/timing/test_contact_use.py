@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from plain import load_plain
 
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.blending.parts import step_windows
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.motion_bounds import bounds_use

@@ -11,7 +11,7 @@ import pytest
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Contact, PushedObject
-from pushplan.mechanics.dynamics.contact_dynamics import dynamic_margins
+from pushplan.mechanics.dynamics import dynamic_margins
 from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan

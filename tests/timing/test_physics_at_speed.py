@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pushplan.mechanics.chain import Chain, Limits
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path

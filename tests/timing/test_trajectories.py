@@ -10,7 +10,7 @@ import pytest
 from plans_of import timed
 
 from pushplan.errors import TimingError
-from pushplan.mechanics.dynamics.contact_dynamics import ContactDynamics
+from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.planner import plan
 from pushplan.planners.timing.arc_limits import Bounds

@@ -1,13 +1,4 @@
-"""The wrench with which the floor resists one object, for every kind of known support, in compiled form.
-
-An object's load is a base distribution (of unit weight) plus, when it is pushed at a height h above the
-floor, an affine correction sigma(x) beta . (x - anchor) of a stiffness measure sigma: the load's centre
-moves by -h f / N. As the friction f is linear in beta, beta solves a 2 x 2 linear system,
-
-    (S - h mu T) beta = h mu F0,
-
-with sigma's second moments S and T the integral of (v / |v|) (x - anchor)^T d sigma.
-"""
+"""Support friction of points, polygons and affine pressures: the closed forms of the floor's wrench."""
 
 from __future__ import annotations
 
@@ -15,10 +6,71 @@ import math
 
 from pushplan.compiled import no_refcount
 from pushplan.compiled.scratch import scratch
-from pushplan.mechanics.friction.closed_form import affine_integrals, uniform_integrals
-from pushplan.mechanics.friction.packed import POINTS, UNIFORM
-from pushplan.mechanics.friction.series import ComplexArray, in_reach, series_pair
+from pushplan.mechanics.packed import POINTS, UNIFORM, ComplexArray, in_reach, series_pair
 from pushplan.util.arrays import FloatArray, IntArray
+
+
+@no_refcount
+def edge_log(d: float, length: float, rho_sum: float) -> float:
+    """Return d^2 Lambda, 0 on the line of the edge; no cancellation for edges that are far away."""
+    gap = rho_sum - length
+    if gap <= 0.0:
+        return 0.0
+    q = length / rho_sum
+    if q < 0.1:
+        q2 = q * q
+        tail = q2 * (1 / 7 + q2 * (1 / 9 + q2 * (1 / 11 + q2 * (1 / 13 + q2 / 15))))
+        return d * d * 2.0 * q * (1.0 + q2 * (1 / 3 + q2 * (1 / 5 + tail)))
+    return d * d * math.log((rho_sum + length) / gap)
+
+
+@no_refcount
+def uniform_integrals(
+    edges: FloatArray, start: int, stop: int, cx: float, cy: float
+) -> tuple[float, float, float]:
+    """Return the integrals of r / |r| (two numbers) and of |r| over a polygon."""
+    gx = gy = q = 0.0
+    d = edges[start, 2] - (edges[start, 1] * cx - edges[start, 0] * cy)
+    s = edges[start, 3] - (edges[start, 0] * cx + edges[start, 1] * cy)
+    rho = math.sqrt(s * s + d * d)
+    for e in range(start, stop):
+        tx, ty, length = edges[e, 0], edges[e, 1], edges[e, 4]
+        d = edges[e, 2] - (ty * cx - tx * cy)
+        s = edges[e, 3] - (tx * cx + ty * cy)
+        end = s + length
+        rho_end = math.sqrt(end * end + d * d)
+        integral = 0.5 * (end * rho_end - s * rho + edge_log(d, length, rho + rho_end))
+        gx += ty * integral
+        gy -= tx * integral
+        q += d * integral
+        rho = rho_end
+    return gx, gy, q / 3.0
+
+
+@no_refcount
+def affine_integrals(
+    edges: FloatArray, start: int, stop: int, cx: float, cy: float
+) -> tuple[float, float, float, float, float]:
+    """Return the integrals of r r^T / |r| (xx, xy, yy) and of |r| r (x, y) over a polygon."""
+    gxx = gxy = gyy = qx = qy = 0.0
+    for e in range(start, stop):
+        tx, ty, length = edges[e, 0], edges[e, 1], edges[e, 4]
+        nx, ny = ty, -tx
+        d = edges[e, 2] - (ty * cx - tx * cy)
+        s = edges[e, 3] - (tx * cx + ty * cy)
+        end = s + length
+        rho, rho_end = math.sqrt(s * s + d * d), math.sqrt(end * end + d * d)
+        step = length * (s + end) / (rho + rho_end)
+        logarithm = edge_log(d, length, rho + rho_end)
+        integral = 0.5 * (end * rho_end - s * rho + logarithm)
+        nn, nt, tt = d * logarithm, d * d * step, d * (integral - logarithm)
+        gxx += nx * nx * nn + 2.0 * nx * tx * nt + tx * tx * tt
+        gxy += nx * ny * nn + (nx * ty + ny * tx) * nt + tx * ty * tt
+        gyy += ny * ny * nn + 2.0 * ny * ty * nt + ty * ty * tt
+        along = d * step * (rho * rho + rho * rho_end + rho_end * rho_end) / 3.0
+        qx += d * d * integral * nx + along * tx
+        qy += d * d * integral * ny + along * ty
+    return gxx / 3.0, gxy / 3.0, gyy / 3.0, qx / 4.0, qy / 4.0
 
 
 @no_refcount

@@ -1,1 +1,0 @@
-"""What every contact has to carry, and whether it holds."""

@@ -1,1 +1,0 @@
-"""What the objects' inertia adds to the contact conditions."""

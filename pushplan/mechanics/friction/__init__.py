@@ -1,1 +1,0 @@
-"""The wrench with which the floor resists one object whose load is known."""

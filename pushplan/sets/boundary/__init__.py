@@ -1,1 +1,0 @@
-"""Where a stable set ends: its exact boundary on the sphere of twists."""

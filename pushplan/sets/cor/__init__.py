@@ -1,1 +1,0 @@
-"""Stable sets as polygons of centres of rotation."""
