@@ -236,6 +236,10 @@ def _context() -> ForkServerContext:
     return context
 
 
+UNKNOWN_END = 255
+"""Exit code that `multiprocessing` makes up where its fork server does not tell how a process ended."""
+
+
 def _with_output(text: str, folder: Path) -> str:
     """Add the end of what the process of a run has written on its standard streams."""
     path = folder / OUTPUT
@@ -245,6 +249,8 @@ def _with_output(text: str, folder: Path) -> str:
 
 def _death(code: int | None) -> str:
     """Return what an exit code says about the end of a process."""
+    if code == UNKNOWN_END:
+        return "the process ended, and the fork server cannot say how"
     if code is None or code >= 0:
         return f"the process ended by itself with exit code {code}"
     name = signal.Signals(-code).name if -code in list(signal.Signals) else f"signal {-code}"

