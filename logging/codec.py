@@ -258,10 +258,7 @@ def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float) 
         load = Load.of(scenario)
     else:
         base = scenario if scenario.kind == "multi-push" else scenario.alone(names[0])
-        chain = pushed_at(base.chain, face, offset)
-        interval = None if base.interval is None else base.interval.carried_by(chain)
-        own = replace(base, chain=chain, interval=interval, contact_friction=None, pushes=None)
-        load = Load.of(own, face, offset)
+        load = Load.pushed_from(base, pushed_at(base.chain, face, offset), face, offset)
     if load.names != names:
         raise CodecError(f"no load of the scenario is {', '.join(names)}")
     return load

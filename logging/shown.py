@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -175,11 +175,6 @@ def obstacle_outline(obstacle: Obstacle) -> FloatArray:
         angle = np.linspace(0.0, 2.0 * np.pi, _CIRCLE_CORNERS, endpoint=False)
         return obstacle.center + obstacle.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return obstacle.outline
-
-
-def objects_at(execution: Execution, sample: int) -> Mapping[str, FloatArray]:
-    """Return where the objects (3,) are at a sample, by name."""
-    return dict(zip(execution.names, execution.objects[sample], strict=True))
 
 
 def smallest_margins(execution: Execution) -> FloatArray:

@@ -36,7 +36,7 @@ from pushplan.logging.shown import (
 )
 from pushplan.plans.events import WARNINGS, Feedback
 from pushplan.plans.plan import Improvement, Load, Plan
-from pushplan.plans.run import Execution
+from pushplan.plans.run import Execution, inertia_warning
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import PUSHER
@@ -317,17 +317,6 @@ def lines_of(
         warning = inertia_warning(scenario, execution) if feedback is None else ""
         lines += [LogLine(end, "warning", warning)] if warning else []
     return tuple(sorted(lines, key=lambda line: line.time))
-
-
-def inertia_warning(scenario: Scenario, execution: Execution) -> str:
-    """Return that inertia, which the scenario leaves out, would make a contact slip; empty where it would not."""
-    least = execution.min_dynamic_margin
-    if scenario.pusher.limits.contact == "dynamic" or least is None or least > 0.0:
-        return ""
-    return (
-        f"inertia was left out (limits.contact: quasi-static), and at this speed a contact slips "
-        f"(margin {least:.2g}): push more slowly, or use dynamic limits"
-    )
 
 
 def plan_sentence(plan: Plan) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -47,12 +47,10 @@ class ContactMode:
             EmptyStableSetError: When no twist is stable there.
         """
         chain = pushed_from(scenario.chain, place)
-        interval = None if scenario.interval is None else scenario.interval.carried_by(chain)
-        problem = replace(scenario, chain=chain, interval=interval, contact_friction=None, pushes=None)
-        load = Load.of(problem, place.face, place.offset)
+        load = Load.pushed_from(scenario, chain, place.face, place.offset)
         stable = load.stable_set(settings.set_name)
         robot = se2.compose(chain.pusher.plate_pose, se2.inverse(scenario.chain.pusher.plate_pose))
-        mode = cls(place, load, stable, margins_to_try(problem, stable), robot)
+        mode = cls(place, load, stable, margins_to_try(load.problem, stable), robot)
         mode.controls(mode.margins[-1])
         return mode
 

@@ -97,6 +97,20 @@ class Load:
             links.append(Link(chain.objects[i].name, pusher, named, aside))
         return cls(tuple(links), problem)
 
+    @classmethod
+    def pushed_from(cls, scenario: Scenario, chain: Chain, face: str, offset: float) -> Load:
+        """Return the load of a scenario as it is pushed from another face.
+
+        Args:
+            scenario: Of one load.
+            chain: Its objects with the plate at that face; see `mechanics.faces.pushed_from`.
+            face: Its name.
+            offset: Of the plate's middle on it, m.
+        """
+        interval = None if scenario.interval is None else scenario.interval.carried_by(chain)
+        problem = replace(scenario, chain=chain, interval=interval, contact_friction=None, pushes=None)
+        return cls.of(problem, face, offset)
+
     def with_problem(self, problem: Scenario) -> Load:
         """Return the same load with other settings, or another start, goal or room, in its push problem."""
         return Load(self.links, problem, self.sets)

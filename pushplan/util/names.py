@@ -53,9 +53,6 @@ PUSHER, ROBOT = "pusher", "robot"
 RESERVED_NAMES = ("world", "chain", PUSHER)
 """Frames of a run log; no object may be called so."""
 
-TO_ITS_GOAL, OUT_OF_THE_WAY = "to its goal", "out of the way"
-"""What an errand with one of several objects is for."""
-
 TRANSIT, APPROACH, PUSH, RETREAT = SEGMENT_KINDS = ("transit", "approach", "push", "retreat")
 """Parts of a plan of several pushes: the robot drives alone, comes up to a face, pushes, backs off."""
 
