@@ -1,0 +1,17 @@
+// The compiled core as Python sees it: `pushplan.core`, with a submodule for each kind of work.
+//
+// Numbers only cross over: no Python object is called from here, and no state outlives a call but that of the objects
+// that callers hold. A submodule NAME is bound in NAME.cpp and described in NAME.pyi.
+#include "numpy.hpp"
+
+namespace pushplan {
+} // namespace pushplan
+
+#ifndef PUSHPLAN_SOURCES
+#define PUSHPLAN_SOURCES "unknown"
+#endif
+
+PYBIND11_MODULE(core, m) {
+    m.attr("__doc__") = "Compiled inner loops: collision, steering, search, timing, mechanics, driving, slip.";
+    m.attr("SOURCES") = PUSHPLAN_SOURCES;
+}
