@@ -36,6 +36,6 @@ class BuildCore(build_ext):
         except Exception as error:
             raise SystemExit(
                 f"pushplan's core could not be compiled: {error}\n"
-                "A C++17 compiler and Python's headers are needed: on Debian and Ubuntu `apt install g++ python3-dev`; "
-                "an installation from a wheel needs none."
+                "A C++17 compiler and Python's headers are needed: on Debian and Ubuntu `apt install g++ "
+                "python3-dev`; an installation from a wheel needs none."
             ) from error
