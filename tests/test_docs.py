@@ -160,6 +160,14 @@ def test_all_public_names_are_in_the_reference() -> None:
     assert named == set(vars(pushplan)["__all__"]) - {"__version__"}
 
 
+def test_every_name_of_the_reference_is_there() -> None:
+    names = re.findall(r"^ +(pushplan\.[\w.]+)$", (ROOT / "docs" / "api.md").read_text("utf-8"), re.MULTILINE)
+    assert len(names) > 80
+    for name in names:
+        place, _, last = name.rpartition(".")
+        assert hasattr(importlib.import_module(place), last), name
+
+
 def test_all_commands_planners_and_sets_are_described() -> None:
     texts = {page.stem: page.read_text("utf-8") for page in PAGES}
     for command in cli.COMMANDS | cli.MORE:
