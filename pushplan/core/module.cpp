@@ -5,6 +5,7 @@
 #include "numpy.hpp"
 
 namespace pushplan {
+void bind_timing(py::module_ &);
 } // namespace pushplan
 
 #ifndef PUSHPLAN_SOURCES
@@ -14,4 +15,5 @@ namespace pushplan {
 PYBIND11_MODULE(core, m) {
     m.attr("__doc__") = "Compiled inner loops: collision, steering, search, timing, mechanics, driving, slip.";
     m.attr("SOURCES") = PUSHPLAN_SOURCES;
+    pushplan::bind_timing(m);
 }
