@@ -5,6 +5,8 @@
 #include "numpy.hpp"
 
 namespace pushplan {
+void bind_collision(py::module_ &);
+void bind_problem(py::module_ &);
 void bind_timing(py::module_ &);
 } // namespace pushplan
 
@@ -15,5 +17,7 @@ void bind_timing(py::module_ &);
 PYBIND11_MODULE(core, m) {
     m.attr("__doc__") = "Compiled inner loops: collision, steering, search, timing, mechanics, driving, slip.";
     m.attr("SOURCES") = PUSHPLAN_SOURCES;
+    pushplan::bind_collision(m);
+    pushplan::bind_problem(m);
     pushplan::bind_timing(m);
 }

@@ -26,6 +26,16 @@ using Integers = py::array_t<std::int64_t, py::array::c_style | py::array::force
 using Written = py::array_t<double, py::array::c_style>;
 using WrittenIntegers = py::array_t<std::int64_t, py::array::c_style>;
 
+// The state of a `Random`, (1,): a caller's generator goes on where a call has left it.
+using RandomState = py::array_t<std::uint64_t, py::array::c_style>;
+
+inline Random &random_of(RandomState &state) {
+    static_assert(sizeof(Random) == sizeof(std::uint64_t), "a generator is its state");
+    if (state.size() != 1)
+        throw std::invalid_argument("a random state is one number, not " + std::to_string(state.size()));
+    return *reinterpret_cast<Random *>(state.mutable_data());
+}
+
 template <class Array> auto table(const Array &array) {
     using Number = typename Array::value_type;
     if (array.ndim() != 2)
@@ -52,6 +62,13 @@ template <class Array> auto written_row(Array &array) {
     if (array.ndim() != 1)
         throw std::invalid_argument("a row has one dimension, not " + std::to_string(array.ndim()));
     return Row<Number>{array.mutable_data(), array.shape(0)};
+}
+
+// Numbers that `owner` keeps, to be read only: nothing is copied.
+inline py::array_t<double> read_only(const double *numbers, std::vector<py::ssize_t> shape, py::handle owner) {
+    py::array_t<double> view(std::move(shape), numbers, owner);
+    view.attr("flags").attr("writeable") = false;
+    return view;
 }
 
 // A vector's numbers as an array of a given shape that owns them: nothing is copied.

@@ -1,0 +1,217 @@
+// `pushplan.core.collision`: scenes, and what is asked in them.
+#include "numpy_poses.hpp"
+#include "obstacle_tree.hpp"
+#include "scene.hpp"
+
+namespace pushplan {
+
+namespace {
+
+constexpr py::ssize_t TREE_COLUMNS = 9;
+
+Circle to_circle(const Numbers &array) {
+    if (array.size() != 3)
+        throw std::invalid_argument("a circle has three numbers, not " + std::to_string(array.size()));
+    return {array.data()[0], array.data()[1], array.data()[2]};
+}
+
+Walls to_walls(const Numbers &array) {
+    if (array.size() != 4)
+        throw std::invalid_argument("walls are four numbers, not " + std::to_string(array.size()));
+    return {array.data()[0], array.data()[1], array.data()[2], array.data()[3]};
+}
+
+std::shared_ptr<Shapes> to_shapes(const Numbers &corners, const Integers &starts, const Numbers &bounds) {
+    auto shapes = std::make_shared<Shapes>();
+    shapes->corners = to_rows<Corner>(corners, "corners");
+    const auto begins = row(starts);
+    shapes->starts.assign(begins.begin(), begins.end());
+    shapes->bounds = to_rows<Circle>(bounds, "bounds");
+    const auto last = static_cast<std::int64_t>(shapes->corners.size());
+    bool whole = begins.size == shapes->count() + 1 && begins[0] == 0 && begins[begins.size - 1] == last;
+    for (std::int64_t i = 0; whole && i < shapes->count(); ++i)
+        whole = begins[i] < begins[i + 1];
+    if (!whole)
+        throw std::invalid_argument("each polygon has corners from its start to the next one's, and a bound");
+    return shapes;
+}
+
+std::vector<TreeNode> to_tree(const Numbers &array, std::int64_t polygons, std::int64_t circles) {
+    const auto numbers = table(array);
+    if (numbers.columns != TREE_COLUMNS)
+        throw std::invalid_argument("nodes of a tree have 9 numbers");
+    std::vector<TreeNode> tree;
+    for (std::ptrdiff_t i = 0; i < numbers.rows; ++i) {
+        const double *of = numbers[i];
+        const auto whole = [of](int k) { return static_cast<std::int64_t>(of[k]); };
+        const TreeNode node{of[0], of[1], of[2], of[3], whole(4), whole(5), whole(6), whole(7), whole(8)};
+        if (node.after <= i || node.first_polygon < 0 || node.last_polygon > polygons || node.first_circle < 0 ||
+            node.last_circle > circles)
+            throw std::invalid_argument("a node of a tree has obstacles that are not there, or ends before itself");
+        tree.push_back(node);
+    }
+    return tree;
+}
+
+py::array_t<double> from_tree(const std::vector<TreeNode> &tree) {
+    py::array_t<double> made({static_cast<py::ssize_t>(tree.size()), TREE_COLUMNS});
+    double *to = made.mutable_data();
+    for (const TreeNode &node : tree) {
+        for (const double value : {node.xmin, node.ymin, node.xmax, node.ymax})
+            *to++ = value;
+        for (const auto value : {node.after, node.first_polygon, node.last_polygon, node.first_circle,
+                                 node.last_circle})
+            *to++ = static_cast<double>(value);
+    }
+    return made;
+}
+
+std::shared_ptr<const Body> to_body(const std::shared_ptr<Shapes> &pieces, const Numbers &bound) {
+    return std::make_shared<const Body>(Body{pieces, to_circle(bound)});
+}
+
+std::shared_ptr<const Obstacles> to_obstacles(const std::shared_ptr<Shapes> &polygons, const Numbers &circles,
+                                              const Numbers &tree, const Numbers &walls) {
+    auto discs = to_rows<Circle>(circles, "circles");
+    auto nodes = to_tree(tree, polygons->count(), static_cast<std::int64_t>(discs.size()));
+    return std::make_shared<const Obstacles>(
+        Obstacles{polygons, std::move(discs), std::move(nodes), to_walls(walls)});
+}
+
+std::shared_ptr<Shapes> shared(const std::shared_ptr<const Shapes> &shapes) {
+    return std::const_pointer_cast<Shapes>(shapes); // Python only reads
+}
+
+py::array_t<double> circle_array(const Circle &circle) {
+    return py::array_t<double>(3, &circle.x);
+}
+
+void bind_shapes(py::module_ &m) {
+    py::class_<Shapes, std::shared_ptr<Shapes>>(m, "Shapes")
+        .def(py::init(&to_shapes), py::arg("corners"), py::arg("starts"), py::arg("bounds"))
+        .def_property_readonly("corners",
+                               [](const py::object &self) {
+                                   const auto &of = self.cast<const Shapes &>().corners;
+                                   return read_only(&of.data()->x, {static_cast<py::ssize_t>(of.size()), 4}, self);
+                               })
+        .def_property_readonly("starts",
+                               [](const Shapes &self) {
+                                   return py::array_t<std::int64_t>(self.starts.size(), self.starts.data());
+                               })
+        .def_property_readonly("bounds",
+                               [](const py::object &self) {
+                                   const auto &of = self.cast<const Shapes &>().bounds;
+                                   return read_only(&of.data()->x, {static_cast<py::ssize_t>(of.size()), 3}, self);
+                               })
+        .def(py::pickle(
+            [](const py::object &self) {
+                return py::make_tuple(self.attr("corners"), self.attr("starts"), self.attr("bounds"));
+            },
+            [](const py::tuple &state) {
+                return to_shapes(state[0].cast<Numbers>(), state[1].cast<Integers>(), state[2].cast<Numbers>());
+            }));
+}
+
+Scene to_scene(const std::shared_ptr<Shapes> &body, const Numbers &body_bound, const std::shared_ptr<Shapes> &obstacles,
+               const Numbers &circles, const Numbers &tree, const Numbers &walls, double clearance, double kept) {
+    return {to_body(body, body_bound), to_obstacles(obstacles, circles, tree, walls), clearance, kept};
+}
+
+py::tuple scene_state(const py::object &self) {
+    return py::make_tuple(self.attr("body"), self.attr("body_bound"), self.attr("obstacles"), self.attr("circles"),
+                          self.attr("tree"), self.attr("walls"), self.attr("clearance"), self.attr("kept"));
+}
+
+Scene scene_from(const py::tuple &state) {
+    return to_scene(state[0].cast<std::shared_ptr<Shapes>>(), state[1].cast<Numbers>(),
+                    state[2].cast<std::shared_ptr<Shapes>>(), state[3].cast<Numbers>(), state[4].cast<Numbers>(),
+                    state[5].cast<Numbers>(), state[6].cast<double>(), state[7].cast<double>());
+}
+
+void bind_scene(py::module_ &m) {
+    py::class_<Scene>(m, "Scene")
+        .def(py::init(&to_scene), py::arg("body"), py::arg("body_bound"), py::arg("obstacles"), py::arg("circles"),
+             py::arg("tree"), py::arg("walls"), py::arg("clearance"), py::arg("kept"))
+        .def_property_readonly("body", [](const Scene &self) { return shared(self.body->pieces); })
+        .def_property_readonly("body_bound", [](const Scene &self) { return circle_array(self.body->bound); })
+        .def_property_readonly("obstacles", [](const Scene &self) { return shared(self.obstacles->polygons); })
+        .def_property_readonly("circles",
+                               [](const Scene &self) { return to_table(self.obstacles->circles); })
+        .def_property_readonly("tree", [](const Scene &self) { return from_tree(self.obstacles->tree); })
+        .def_property_readonly("walls",
+                               [](const Scene &self) {
+                                   return py::array_t<double>(4, &self.obstacles->walls.xmin);
+                               })
+        .def_readonly("clearance", &Scene::clearance)
+        .def_readonly("kept", &Scene::kept)
+        .def("with_distances", &Scene::with_distances, py::arg("clearance"), py::arg("kept"))
+        .def("with_gap", &scene_with_gap, py::arg("gap"), py::arg("clearance"))
+        .def(
+            "with_body",
+            [](const Scene &self, const std::shared_ptr<Shapes> &body, const Numbers &body_bound) {
+                return Scene{to_body(body, body_bound), self.obstacles, self.clearance, self.kept};
+            },
+            py::arg("body"), py::arg("body_bound"))
+        .def(
+            "with_obstacles",
+            [](const Scene &self, const std::shared_ptr<Shapes> &obstacles, const Numbers &circles,
+               const Numbers &tree, const Numbers &walls) {
+                return Scene{self.body, to_obstacles(obstacles, circles, tree, walls), self.clearance, self.kept};
+            },
+            py::arg("obstacles"), py::arg("circles"), py::arg("tree"), py::arg("walls"))
+        .def(py::pickle(&scene_state, &scene_from));
+}
+
+py::tuple tree_of(const Numbers &boxes, std::int64_t polygons) {
+    auto [tree, order] = obstacle_tree(to_rows<Box>(boxes, "boxes"), polygons);
+    const auto count = static_cast<py::ssize_t>(order.size());
+    return py::make_tuple(from_tree(tree), to_numpy(std::move(order), {count}));
+}
+
+py::tuple rings_of(const Numbers &corners, const Integers &origin, const Integers &twin) {
+    const auto points = to_rows<Point>(corners, "corners");
+    const auto begins = row(origin), twins = row(twin);
+    const auto inside = [](Row<const std::int64_t> numbers, std::int64_t first, std::size_t last) {
+        for (const std::int64_t number : numbers)
+            if (number < first || number >= static_cast<std::int64_t>(last))
+                return false;
+        return true;
+    };
+    if (begins.size % 3 != 0 || twins.size != begins.size || !inside(begins, 0, points.size()) ||
+        !inside(twins, -1, static_cast<std::size_t>(begins.size)))
+        throw std::invalid_argument("triangles have three edges each, which begin at corners");
+    Rings rings = join_triangles(points, begins, twins);
+    const auto corner_count = static_cast<py::ssize_t>(rings.corners.size());
+    const auto start_count = static_cast<py::ssize_t>(rings.starts.size());
+    return py::make_tuple(to_numpy(std::move(rings.corners), {corner_count}),
+                          to_numpy(std::move(rings.starts), {start_count}));
+}
+
+} // namespace
+
+void bind_collision(py::module_ &core) {
+    auto m = core.def_submodule("collision");
+    bind_shapes(m);
+    bind_scene(m);
+    m.attr("LEAF") = LEAF;
+    m.attr("SLACK") = SLACK;
+    m.attr("ROUNDING") = ROUNDING;
+    m.def("obstacle_tree", &tree_of, py::arg("boxes"), py::arg("polygons"));
+    m.def("join_triangles", &rings_of, py::arg("corners"), py::arg("origin"), py::arg("twin"));
+    m.def("separation", py::overload_cast<const Scene &, double, double, double, double>(&separation), py::arg("scene"),
+          py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("enough"));
+    m.def(
+        "step",
+        [](double x, double y, double theta, double vx, double vy, double omega, double length) {
+            step(x, y, theta, vx, vy, omega, length);
+            return py::make_tuple(x, y, theta);
+        },
+        py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("vx"), py::arg("vy"), py::arg("omega"),
+        py::arg("length"));
+    m.def("sweep_is_free",
+          py::overload_cast<const Scene &, double, double, double, double, double, double, double>(&sweep_is_free),
+          py::arg("scene"), py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("vx"), py::arg("vy"),
+          py::arg("omega"), py::arg("length"));
+}
+
+} // namespace pushplan

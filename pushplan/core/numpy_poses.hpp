@@ -1,0 +1,54 @@
+// Poses, arcs and families from NumPy's arrays, and back.
+#pragma once
+
+#include "numpy.hpp"
+#include "poses.hpp"
+
+#include <cstring>
+#include <vector>
+
+namespace pushplan {
+
+inline Pose to_pose(const Numbers &array) {
+    if (array.size() != 3)
+        throw std::invalid_argument("a pose has three numbers, not " + std::to_string(array.size()));
+    return pose_at(array.data());
+}
+
+inline Twist to_twist(const Numbers &array) {
+    if (array.size() != 3)
+        throw std::invalid_argument("a twist has three numbers, not " + std::to_string(array.size()));
+    return twist_at(array.data());
+}
+
+// Rows (n, columns) as structs of as many numbers: copied.
+template <class Struct> std::vector<Struct> to_rows(const Numbers &array, const char *what) {
+    constexpr auto columns = static_cast<py::ssize_t>(sizeof(Struct) / sizeof(double));
+    if (array.ndim() < 2 || array.size() != array.shape(0) * columns)
+        throw std::invalid_argument(std::string(what) + " is no table of " + std::to_string(columns) +
+                                    " numbers a row");
+    std::vector<Struct> rows(static_cast<std::size_t>(array.shape(0)));
+    std::memcpy(static_cast<void *>(rows.data()), array.data(), rows.size() * sizeof(Struct));
+    return rows;
+}
+
+inline std::vector<Family> to_families(const Numbers &array) { return to_rows<Family>(array, "families"); }
+inline std::vector<Arc> to_arcs(const Numbers &array) { return to_rows<Arc>(array, "a path"); }
+
+// Rows as a table (n, numbers of a row) of the caller's own.
+template <class Struct> py::array_t<double> to_table(const Struct *rows, std::size_t count) {
+    constexpr auto columns = static_cast<py::ssize_t>(sizeof(Struct) / sizeof(double));
+    py::array_t<double> made({static_cast<py::ssize_t>(count), columns});
+    std::memcpy(made.mutable_data(), static_cast<const void *>(rows), count * sizeof(Struct));
+    return made;
+}
+
+template <class Rows> auto to_table(const Rows &rows) { return to_table(rows.data(), rows.size()); }
+
+inline py::array_t<double> to_array(const Pose &pose) {
+    py::array_t<double> made(3);
+    put(made.mutable_data(), pose);
+    return made;
+}
+
+} // namespace pushplan

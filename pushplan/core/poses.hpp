@@ -1,0 +1,75 @@
+// Poses of the plane, body twists, and the arcs that a constant twist drives.
+#pragma once
+
+#include "tables.hpp"
+
+#include <array>
+#include <cmath>
+
+namespace pushplan {
+
+// Place (m) and heading (rad) of a frame.
+struct Pose {
+    double x, y, theta;
+};
+
+// Velocity of a body in its own frame: m and rad a metre of cost where it is scaled to a cost rate of 1.
+struct Twist {
+    double vx, vy, omega;
+
+    // Zeros stand for a motion that is not used.
+    bool is_zero() const { return vx == 0.0 && vy == 0.0 && omega == 0.0; }
+    Twist reversed() const { return {-vx, -vy, -omega}; }
+};
+
+// A twist and how long it is driven, m of cost; as numbers, a row of a path (k, 4).
+struct Arc {
+    Twist twist;
+    double length;
+};
+
+// The left turn, the straight push and the right turn that steering paths are made of, scaled to a cost rate of 1.
+using Family = std::array<Twist, 3>;
+constexpr int LEFT = 0, STRAIGHT = 1, RIGHT = 2;
+
+static_assert(sizeof(Pose) == 3 * sizeof(double) && sizeof(Arc) == 4 * sizeof(double), "rows of NumPy's tables");
+static_assert(sizeof(Family) == 9 * sizeof(double), "a block (3, 3) of NumPy's tables");
+
+// What a radian of turning costs beside a metre of travel, m; `pushplan.plans.path.TURN_WEIGHT`.
+constexpr double TURN_WEIGHT = 0.1;
+
+inline Pose pose_at(const double *row) { return {row[0], row[1], row[2]}; }
+inline Twist twist_at(const double *row) { return {row[0], row[1], row[2]}; }
+inline Arc arc_at(const double *row) { return {twist_at(row), row[3]}; }
+
+inline void put(double *row, const Pose &pose) { row[0] = pose.x, row[1] = pose.y, row[2] = pose.theta; }
+inline void put(double *row, const Arc &arc) {
+    row[0] = arc.twist.vx, row[1] = arc.twist.vy, row[2] = arc.twist.omega, row[3] = arc.length;
+}
+
+// Move along a constant body twist for `length` (exact exponential).
+inline void step(double &x, double &y, double &theta, double vx, double vy, double omega, double length) {
+    const double half = 0.5 * omega * length;
+    // On a circle, the chord of an arc of angle 2 half points along half: |chord| = length sin(half) / half.
+    const double chord = std::abs(half) < 1e-8 ? length : length * std::sin(half) / half;
+    const double c = chord * std::cos(theta + half), s = chord * std::sin(theta + half);
+    x = x + c * vx - s * vy;
+    y = y + s * vx + c * vy;
+    theta = theta + 2.0 * half;
+}
+
+inline Pose step(Pose pose, const Twist &twist, double length) {
+    step(pose.x, pose.y, pose.theta, twist.vx, twist.vy, twist.omega, length);
+    return pose;
+}
+
+// Distance of two poses, m: straight travel and the smallest turn at so many metres a radian.
+inline double apart(const Pose &a, const Pose &b, double heading_length) {
+    const double turn = std::abs(floored_mod(a.theta - b.theta + PI, 2.0 * PI) - PI);
+    return std::hypot(a.x - b.x, a.y - b.y) + heading_length * turn;
+}
+
+// Lower bound on the cost from a pose to the goal: straight travel plus the smallest turn.
+inline double remaining(const Pose &pose, const Pose &goal) { return apart(goal, pose, TURN_WEIGHT); }
+
+} // namespace pushplan
