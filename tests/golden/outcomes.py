@@ -1,0 +1,126 @@
+"""What plans, executions and simulators make of fixed problems, as plain numbers; run as a script, it freezes them.
+
+    python tests/golden/outcomes.py
+
+Do that only where results are meant to change, and say in the commit what the change buys.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+import pushplan
+from pushplan.plans.plan import Plan
+from pushplan.scenario.model import Scenario
+from pushplan.sim.slip.simulator import slip
+
+FROZEN = Path(__file__).with_name("outcomes.json")
+
+Numbers = dict[str, list[float]]
+
+REARRANGEMENT = """\
+format: pushplan/1
+name: two-places
+floor: {friction: 0.30}
+objects:
+  - {name: red-box, shape: {box: [0.30, 0.20]}, mass: 4.0, pose: [1.2, 1.0, 0.0]}
+  - {name: other, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [1.2, 2.2, 90 deg]}
+pusher: {width: 0.28, friction: 0.50}
+robot: {footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}, start: [2.4, 1.6, 0.0]}
+goals: {red-box: {pose: [2.2, 2.2, 0.0], symmetry: 2}, other: [2.2, 1.0, 90 deg]}
+workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
+"""
+MULTI_PUSH = """\
+format: pushplan/1
+name: box-from-anywhere
+floor: {friction: 0.3}
+objects: [{name: box, shape: {box: [0.2, 0.2]}, mass: 1.0}]
+pusher: {width: 0.2, friction: 0.5}
+robot: {start: [-0.5, 0.0, 0.0]}
+start: [0.0, 0.0, 0.0]
+goal: {pose: [0.6, 0.4, 0.0], of: box}
+workspace: {x: [-3.0, 6.0], y: [-3.0, 3.0]}
+"""
+INTERVALS = """\
+format: pushplan/1
+name: not-known-well
+floor: {friction: [0.28, 0.32]}
+contacts: {friction: 0.5}
+objects:
+  - {name: near, shape: {box: [0.3, 0.3]}, mass: [2.0, 2.4]}
+  - {name: far, shape: {box: [0.3, 0.3]}, mass: 1.0}
+pusher: {width: 0.3, friction: 0.5}
+start: [0.0, 0.0, 0.0]
+goal: {pose: [2.0, 0.6, 0.5]}
+"""
+
+
+def planned(scenario: Scenario, **options: object) -> Numbers:
+    """Return what a search of a fixed number of iterations finds, and what becomes of its plan."""
+    plan = pushplan.plan(scenario, **{"seed": 1, "iterations": 3000, "time_limit": 300.0, **options})
+    assert plan.solved, plan.reason
+    assert plan.execution is not None
+    execution, robustness = plan.execution, plan.robustness
+    chosen = np.linspace(0, len(execution.t) - 1, 12).astype(int)
+    numbers = {
+        "cost": [plan.cost or 0.0, plan.lower_bound or 0.0, plan.duration or 0.0],
+        "margin": [execution.min_margin or 0.0, execution.min_dynamic_margin or 0.0],
+        "arcs": [*np.hstack([_arcs(plan)]).ravel()],
+        "poses": [*execution.objects[chosen].ravel(), *execution.poses[chosen].ravel()],
+        "margins": [*np.nan_to_num(execution.margins[chosen], nan=-1.0).ravel()],
+    }
+    if execution.forces is not None:
+        numbers["forces"] = [*np.nan_to_num(execution.forces[chosen]).ravel()]
+    if robustness is not None:
+        numbers["robustness"] = [value for value in vars(robustness).values() if isinstance(value, float)]
+    return {key: [float(value) for value in values] for key, values in numbers.items()}
+
+
+def _arcs(plan: Plan) -> np.ndarray:
+    return np.concatenate([np.column_stack([s.path.twists, s.path.lengths]) for s in plan.segments])
+
+
+def slipped(name: str) -> Numbers:
+    """Return what the slipping simulator makes of a plan in a world where contacts are half as rough."""
+    scenario = pushplan.load_scenario(name)
+    plan = pushplan.plan(scenario, seed=1, iterations=1000, time_limit=300.0)
+    world = pushplan.World.from_scenario(scenario).with_contact_friction(0.5)
+    report = slip(plan, world)
+    chosen = np.linspace(0, len(report.t) - 1, 6).astype(int)
+    return {"poses": [float(value) for value in report.objects[chosen].ravel()]}
+
+
+CASES: Mapping[str, Callable[[], Numbers]] = {
+    **{
+        f"plan {name}": lambda name=name: planned(pushplan.load_scenario(name))
+        for name in pushplan.example_names()
+    },
+    "plan by time": lambda: planned(pushplan.load_scenario("narrow-gap"), cost="time"),
+    "plan with sst": lambda: planned(pushplan.load_scenario("free-space"), planner="sst"),
+    "plan with rrt": lambda: planned(pushplan.load_scenario("free-space"), planner="rrt"),
+    "plan in the robust set": lambda: planned(pushplan.load_scenario("one-box"), stable_set="robust"),
+    "plan with intervals": lambda: planned(pushplan.scenario_from_text(INTERVALS)),
+    "several pushes": lambda: planned(pushplan.scenario_from_text(MULTI_PUSH), first=True),
+    "several objects": lambda: planned(pushplan.scenario_from_text(REARRANGEMENT), first=True),
+    "slip two-crates": lambda: slipped("two-crates"),
+    "slip trapezoids": lambda: slipped("trapezoids"),
+    "slip feet": lambda: slipped("feet"),
+}
+
+
+def freeze() -> None:
+    """Write what every case gives now; the cases' names are printed as they are done."""
+    frozen = {}
+    for name, case in CASES.items():
+        frozen[name] = case()
+        print(name, file=sys.stderr)
+    FROZEN.write_text(json.dumps(frozen, indent=0) + "\n")
+
+
+if __name__ == "__main__":
+    freeze()
