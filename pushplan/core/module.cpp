@@ -7,6 +7,7 @@
 namespace pushplan {
 void bind_collision(py::module_ &);
 void bind_problem(py::module_ &);
+void bind_slip(py::module_ &);
 void bind_timing(py::module_ &);
 } // namespace pushplan
 
@@ -19,5 +20,6 @@ PYBIND11_MODULE(core, m) {
     m.attr("SOURCES") = PUSHPLAN_SOURCES;
     pushplan::bind_collision(m);
     pushplan::bind_problem(m);
+    pushplan::bind_slip(m);
     pushplan::bind_timing(m);
 }
