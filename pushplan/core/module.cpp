@@ -9,6 +9,8 @@ void bind_collision(py::module_ &);
 void bind_problem(py::module_ &);
 void bind_slip(py::module_ &);
 void bind_timing(py::module_ &);
+void bind_contacts(py::module_ &);
+void bind_uncertain(py::module_ &);
 } // namespace pushplan
 
 #ifndef PUSHPLAN_SOURCES
@@ -22,4 +24,6 @@ PYBIND11_MODULE(core, m) {
     pushplan::bind_problem(m);
     pushplan::bind_slip(m);
     pushplan::bind_timing(m);
+    pushplan::bind_contacts(m);
+    pushplan::bind_uncertain(m);
 }

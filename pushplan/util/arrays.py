@@ -12,6 +12,7 @@ from pushplan.errors import PushplanError
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+ComplexArray = NDArray[np.complex128]
 RandomState = NDArray[np.uint64]
 """(1,) state of a compiled random generator."""
 

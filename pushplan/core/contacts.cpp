@@ -1,0 +1,259 @@
+// Contacts of chains whose loads are known: the wrenches that they transmit, and how far these are from slip.
+#include "inertia.hpp"
+#include "packed.hpp"
+
+#include <algorithm>
+#include <tuple>
+
+namespace pushplan::mechanics {
+
+namespace {
+
+double size_of(const Twist &twist, double length) {
+    return std::max(std::max(std::abs(twist.vx), std::abs(twist.vy)), std::abs(twist.omega) * length);
+}
+
+Twist scaled(const Twist &twist, double size) { return {twist.vx / size, twist.vy / size, twist.omega / size}; }
+
+// Add object k's wrench to what its contact carries, which then is whole, and that to its pusher's.
+void load(Wrench *carried, std::ptrdiff_t k, std::int64_t pusher, const Wrench &wrench) {
+    Wrench &own = carried[k];
+    own.x += wrench.x, own.y += wrench.y, own.m += wrench.m;
+    if (pusher >= 0)
+        carried[pusher].x += own.x, carried[pusher].y += own.y, carried[pusher].m += own.m;
+}
+
+// Fill in the wrench that each contact transmits. Only the twist's direction matters; the zero twist gives none.
+void contact_wrenches(const PackedChain &packed, const Twist &twist, Wrench *carried) {
+    const std::ptrdiff_t n = packed.count();
+    std::fill(carried, carried + n, Wrench{0.0, 0.0, 0.0});
+    const double size = size_of(twist, packed.length);
+    if (!(size > 0.0))
+        return;
+    const Supports supports = packed.supports();
+    const Twist direction = scaled(twist, size);
+    for (std::ptrdiff_t k = n - 1; k >= 0; --k)
+        load(carried, k, packed.pusher(k), carried_wrench(supports, k, direction));
+}
+
+// The margin of a contact for a transmitted wrench: the sine of the angle to the nearest facet, 0 for no wrench.
+// The moment is divided by the length.
+double wrench_margin(const Facets &facets, const Wrench &wrench) {
+    const double size = length_of(wrench);
+    if (size == 0.0)
+        return 0.0;
+    double lowest = INF;
+    for (const Facet &g : facets)
+        lowest = std::min(lowest, dot(g, wrench));
+    return lowest / size;
+}
+
+// The smallest margin over the contacts, > 0 exactly when the twist keeps all of them; as soon as a contact's margin is
+// at most `floor`, that one. `carried` (n,) is overwritten.
+double least_margin(const PackedChain &packed, const Twist &twist, double floor, std::vector<Wrench> &carried) {
+    const double size = size_of(twist, packed.length);
+    if (!(size > 0.0))
+        return 0.0;
+    const Supports supports = packed.supports();
+    const Twist direction = scaled(twist, size);
+    std::fill(carried.begin(), carried.end(), Wrench{0.0, 0.0, 0.0});
+    double lowest = 1.0;
+    for (std::ptrdiff_t k = packed.count() - 1; k >= 0; --k) {
+        load(carried.data(), k, packed.pusher(k), carried_wrench(supports, k, direction));
+        const Wrench &w = carried[k];
+        lowest = std::min(lowest, wrench_margin(packed.facets(k), {w.x, w.y, w.m / packed.length}));
+        if (lowest <= floor)
+            break;
+    }
+    return lowest;
+}
+
+py::array_t<double> margins_of(const PackedChain &packed, const Numbers &twists, double floor) {
+    packed.require_contacts();
+    const auto rows = twist_table(twists);
+    py::array_t<double> out(rows.rows);
+    double *margins = out.mutable_data();
+    py::gil_scoped_release free;
+    std::vector<Wrench> carried(packed.count());
+    for (std::ptrdiff_t i = 0; i < rows.rows; ++i)
+        margins[i] = least_margin(packed, twist_at(rows[i]), floor, carried);
+    return out;
+}
+
+py::array_t<double> wrenches_of(const PackedChain &packed, const Numbers &twists) {
+    const auto rows = twist_table(twists);
+    const std::ptrdiff_t n = packed.count();
+    py::array_t<double> out({rows.rows, n, std::ptrdiff_t{3}});
+    auto *wrenches = reinterpret_cast<Wrench *>(out.mutable_data());
+    py::gil_scoped_release free;
+    for (std::ptrdiff_t i = 0; i < rows.rows; ++i)
+        contact_wrenches(packed, twist_at(rows[i]), wrenches + i * n);
+    return out;
+}
+
+py::array_t<double> contact_margins_of(const PackedChain &packed, const Numbers &wrenches) {
+    packed.require_contacts();
+    const std::ptrdiff_t n = packed.count();
+    require_shape(wrenches, {-1, n, 3}, "wrenches");
+    const std::ptrdiff_t count = wrenches.shape(0);
+    py::array_t<double> out({count, n});
+    double *margins = out.mutable_data();
+    const double *numbers = wrenches.data();
+    py::gil_scoped_release free;
+    for (std::ptrdiff_t k = 0; k < n; ++k) {
+        const Facets facets = packed.facets(k);
+        for (std::ptrdiff_t i = 0; i < count; ++i) {
+            const Wrench w = read<Wrench>(numbers + 3 * (i * n + k));
+            margins[i * n + k] = wrench_margin(facets, {w.x, w.y, w.m / packed.length});
+        }
+    }
+    return out;
+}
+
+py::tuple facet_rows(const Numbers &facets, const Numbers &wrenches, double length) {
+    require_shape(facets, {-1, 4, 3}, "facets");
+    const std::ptrdiff_t n = facets.shape(0);
+    require_shape(wrenches, {-1, n, 3}, "wrenches");
+    const std::ptrdiff_t count = wrenches.shape(0);
+    py::array_t<double> rows({count, n, std::ptrdiff_t{4}}), size({count, n});
+    double *row = rows.mutable_data(), *sizes = size.mutable_data();
+    const double *cones = facets.data(), *numbers = wrenches.data();
+    {
+        py::gil_scoped_release free;
+        for (std::ptrdiff_t i = 0; i < count * n; ++i) {
+            Wrench w = read<Wrench>(numbers + 3 * i);
+            w.m = w.m / length;
+            sizes[i] = length_of(w);
+            for (const Facet &g : read<Facets>(cones + FACET_NUMBERS * (i % n)))
+                *row++ = dot(g, w);
+        }
+    }
+    return py::make_tuple(rows, size);
+}
+
+py::array_t<double> object_wrenches_of(const PackedChain &packed, const Numbers &twists) {
+    const auto rows = twist_table(twists);
+    py::array_t<double> out({rows.rows, std::ptrdiff_t{3}});
+    auto *wrenches = reinterpret_cast<Wrench *>(out.mutable_data());
+    py::gil_scoped_release free;
+    for (std::ptrdiff_t i = 0; i < rows.rows; ++i) {
+        const Twist twist = twist_at(rows[i]);
+        wrenches[i] = carried_wrench(packed.supports(), 0, scaled(twist, size_of(twist, packed.length)));
+    }
+    return out;
+}
+
+// Masses (n,), centres (n, 2) and moments of inertia (n,).
+using InertiaTable = std::tuple<Numbers, Numbers, Numbers>;
+
+py::array_t<double> inertia_per_object(const InertiaTable &inertia, const Numbers &twists, const Numbers &rates) {
+    const auto &[masses, centers, moments] = inertia;
+    const auto mass = row(masses), moment = row(moments);
+    const auto center = table(centers), twist = twist_table(twists), rate = twist_table(rates);
+    const std::ptrdiff_t n = mass.size;
+    if (moment.size != n || center.rows != n || center.columns != 2 || rate.rows != twist.rows)
+        throw std::invalid_argument("masses, centres and moments, or twists and rates, are not equally many");
+    py::array_t<double> out({twist.rows, n, std::ptrdiff_t{3}});
+    double *wrench = out.mutable_data();
+    py::gil_scoped_release free;
+    for (std::ptrdiff_t i = 0; i < twist.rows; ++i) {
+        const Twist v = twist_at(twist[i]), dv = twist_at(rate[i]);
+        for (std::ptrdiff_t k = 0; k < n; ++k, wrench += 3) {
+            const double x = center[k][0], y = center[k][1];
+            const auto [fx, fy] = inertia_force(mass[k], x, y, v, dv);
+            wrench[0] = fx, wrench[1] = fy, wrench[2] = moment[k] * dv.omega + x * fy - y * fx;
+        }
+    }
+    return out;
+}
+
+void sum_over_carried(Written &per_object, const Integers &pushers) {
+    const auto pusher = row(pushers);
+    const std::ptrdiff_t n = pusher.size;
+    require_shape(per_object, {-1, n, 3}, "wrenches");
+    for (std::ptrdiff_t k = 0; k < n; ++k)
+        if (pusher[k] >= k)
+            throw std::invalid_argument("object " + std::to_string(k) + " is pushed by a later one");
+    double *wrenches = per_object.mutable_data();
+    const std::ptrdiff_t count = per_object.shape(0);
+    py::gil_scoped_release free;
+    for (std::ptrdiff_t i = 0; i < count; ++i, wrenches += 3 * n)
+        for (std::ptrdiff_t k = n - 1; k >= 0; --k)
+            if (pusher[k] >= 0)
+                for (int j = 0; j < 3; ++j)
+                    wrenches[3 * pusher[k] + j] += wrenches[3 * k + j];
+}
+
+using Series = Kept<std::complex<double>>::Array;
+
+PackedChain packed_chain(const Numbers &objects, const Numbers &parts, const Series &series, const Integers &links,
+                         const Numbers &rows, double length) {
+    PackedChain packed{{objects, {-1, OBJECT_COLUMNS}, "objects"},
+                       {parts, {-1, PART_COLUMNS}, "parts"},
+                       {series, {WEIGHTS * objects.shape(0), TERMS}, "series"},
+                       {links, {objects.shape(0), LINK_COLUMNS}, "links"},
+                       {rows, {-1, 4, 3}, "rows"},
+                       length};
+    packed.check();
+    return packed;
+}
+
+void bind_packed_chain(py::module_ &m) {
+    py::class_<PackedChain> bound(m, "PackedChain");
+    bound.def(py::init(&packed_chain), py::kw_only(), py::arg("objects"), py::arg("parts"), py::arg("series"),
+              py::arg("links"), py::arg("rows"), py::arg("length"));
+    def_shown(bound, "objects", &PackedChain::objects);
+    def_shown(bound, "parts", &PackedChain::parts);
+    def_shown(bound, "series", &PackedChain::series);
+    def_shown(bound, "links", &PackedChain::links);
+    def_shown(bound, "rows", &PackedChain::rows);
+    bound.def_readonly("length", &PackedChain::length);
+    const auto state_of = [](const py::object &self) {
+        const auto &packed = self.cast<const PackedChain &>();
+        return py::make_tuple(packed.objects.shown(self), packed.parts.shown(self), packed.series.shown(self),
+                              packed.links.shown(self), packed.rows.shown(self), packed.length);
+    };
+    bound.def(py::pickle(state_of, [](const py::tuple &state) {
+        return packed_chain(state[0].cast<Numbers>(), state[1].cast<Numbers>(), state[2].cast<Series>(),
+                            state[3].cast<Integers>(), state[4].cast<Numbers>(), state[5].cast<double>());
+    }));
+}
+
+} // namespace
+
+} // namespace pushplan::mechanics
+
+namespace pushplan {
+
+void bind_contacts(py::module_ &core) {
+    using namespace mechanics;
+    py::module_ m = core.def_submodule("contacts", "Contacts of chains whose loads are known.");
+    bind_packed_chain(m);
+    m.attr("ORDER") = ORDER;
+    m.attr("REACH") = REACH;
+    m.attr("TERMS") = TERMS;
+    m.attr("UNIFORM") = UNIFORM;
+    m.attr("AFFINE") = AFFINE;
+    m.attr("POINTS") = POINTS;
+    m.def("margins_of", &margins_of, py::arg("packed"), py::arg("twists"), py::arg("floor") = -2.0);
+    m.def("wrenches_of", &wrenches_of, py::arg("packed"), py::arg("twists"));
+    m.def("contact_margins_of", &contact_margins_of, py::arg("packed"), py::arg("wrenches"));
+    m.def("facet_rows", &facet_rows, py::arg("facets"), py::arg("wrenches"), py::arg("length"));
+    m.def("object_wrenches_of", &object_wrenches_of, py::arg("packed"), py::arg("twists"));
+    m.def("inertia_per_object", &inertia_per_object, py::arg("table"), py::arg("twists"), py::arg("rates"));
+    m.def("sum_over_carried", &sum_over_carried, py::arg("per_object").noconvert(), py::arg("pushers"));
+    m.def("edge_log", &edge_log, py::arg("d"), py::arg("length"), py::arg("rho_sum"));
+    m.def("in_reach", &in_reach, py::arg("speed"), py::arg("omega"), py::arg("radius"));
+    m.def(
+        "series_pair",
+        [](const Series &series, std::ptrdiff_t row, double vx, double vy, double spin) {
+            const auto rows = table(series);
+            if (row < 0 || row + 1 >= rows.rows || rows.columns != TERMS)
+                throw std::invalid_argument("the series has no rows " + std::to_string(row) + " and the next");
+            const auto [first, second] = series_pair(rows, row, vx, vy, spin);
+            return std::make_tuple(first, second);
+        },
+        py::arg("series"), py::arg("row"), py::arg("vx"), py::arg("vy"), py::arg("spin"));
+}
+
+} // namespace pushplan
