@@ -28,22 +28,14 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 import pushplan.logging.metadata as metadata
 from pushplan.drawing import palette
+from pushplan.drawing.scene import PATH_SPACING, Scene, Window
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.logging.contacts import ContactShapes, LoadContacts
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.scene import contact_messages, nearest, scene
 from pushplan.logging.schemas import LEVELS
-from pushplan.logging.shown import (
-    CHAIN,
-    PATH_SPACING,
-    WORLD,
-    Window,
-    contact_names,
-    smoothed_times,
-    viewed,
-    window,
-)
+from pushplan.logging.shown import CHAIN, WORLD, contact_names, smoothed_times, viewed
 from pushplan.logging.tables import base_in_plate, footprint_of
 from pushplan.logging.topics import pushed_at_samples
 from pushplan.plans.run import Execution
@@ -213,7 +205,7 @@ class _Contents:
 
     def __init__(self, bag: _Bag, run: RecordedRun, frames: Frames) -> None:
         self._bag, self._run, self._frames, self._scenario = bag, run, frames, run.scenario
-        self._width = line_width(window(run.scenario, run.plan))
+        self._width = line_width(Scene.of(run.scenario, run.plan).window)
         self._base = base_in_plate(run.scenario)
         execution = run.execution
         self._execution = execution if execution is not None and len(execution.t) else None
@@ -422,13 +414,13 @@ def margin_topics(scenario: Scenario) -> list[str]:
 
 def line_width(view: Window) -> float:
     """Return the width of lines that are seen in a view of all of `view`, m."""
-    return _PIXELS / _VIEW * max(view.xmax - view.xmin, view.ymax - view.ymin)
+    return _PIXELS / _VIEW * float(view.size.max())
 
 
 def rviz_file(run: RecordedRun, frames: Frames) -> str:
     """Return a configuration of RViz (ROS 2): the scene from above, all of it."""
-    view = window(run.scenario, run.plan)
-    side = max(view.xmax - view.xmin, view.ymax - view.ymin)
+    view = Scene.of(run.scenario, run.plan).window
+    side = float(view.size.max())
     displays = [
         *(_display("MarkerArray", topic, latched) for topic, latched in _MARKERS),
         {**_display("Path", "/plan/path", True), **_path(palette.PATH, line_width(view))},

@@ -13,29 +13,25 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from pushplan.drawing import palette
-from pushplan.drawing.floor import draw_room, draw_tree
+from pushplan.drawing.floor import (
+    draw_goals,
+    draw_lines,
+    draw_nearest,
+    draw_outlines,
+    draw_room,
+    draw_tree,
+)
 from pushplan.drawing.palette import FAINT, INK
 from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
 from pushplan.logging.contacts import LoadContacts
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import (
-    bodies_of,
-    contact_names,
-    ghosts,
-    outlines_at,
-    shown_segments,
-    shown_ways,
-    smallest_margins,
-    window,
-    worst_contacts,
-)
+from pushplan.logging.shown import contact_names, worst_contacts
 from pushplan.plans.plan import Load
 from pushplan.plans.run import Execution, Run
 from pushplan.util.arrays import FloatArray
@@ -105,6 +101,8 @@ class Still:
 
     def __init__(self, run: Run | RecordedRun) -> None:
         self.run = run
+        events = () if run.feedback is None else run.feedback.events
+        self.scene = Scene.of(run.scenario, run.plan, run.execution, events)
         figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
         self.canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
         self.floor, self.plot = figure.add_axes(_FLOOR), figure.add_axes(_PLOT)
@@ -121,27 +119,16 @@ class Still:
         return np.array(np.asarray(self.canvas.buffer_rgba())[:, :, :3])
 
     def _draw_floor(self, axes: Axes) -> None:
-        scenario, plan = self.run.scenario, self.run.plan
-        view = window(scenario, plan)
-        axes.set(xlim=(view.xmin, view.xmax), ylim=(view.ymin, view.ymax), aspect="equal", adjustable="box")
+        scene, view = self.scene, self.scene.window
+        axes.set(xlim=view[::2], ylim=view[1::2], aspect="equal", adjustable="box")
         axes.axis("off")
-        drawn = Scene.of(scenario, plan)
-        draw_room(axes, drawn)
-        solved = plan is not None and plan.solved
-        if plan is not None and not solved:
-            draw_tree(axes, drawn)
-        for name, outlines in ghosts(scenario).items():
-            colour = FAINT if name == "start" else palette.GOAL
-            axes.add_collection(PolyCollection(outlines, facecolors="none", edgecolors=colour, zorder=2.5))
-        segments = shown_segments(plan)
-        if segments and not solved:
-            ends = outlines_at(bodies_of(scenario), segments[-1].path.end, segments[-1].after)
-            axes.add_collection(
-                PolyCollection(ends, facecolors="none", edgecolors=palette.NEAREST, zorder=2.6)
-            )
-        for way in shown_ways(plan):
-            colour = palette.ALONE if way.alone else palette.PATH if solved else palette.NEAREST
-            axes.plot(*way.points.T, color=colour, linewidth=0.8 if way.alone else 1.6, zorder=2.7)
+        draw_room(axes, scene)
+        draw_goals(axes, scene)
+        draw_outlines(axes, scene, scene.start, edgecolor=FAINT, linestyle="--", zorder=2.5)
+        if not scene.lines:
+            draw_tree(axes, scene)
+            draw_nearest(axes, scene)
+        draw_lines(axes, scene.lines)
 
     def _write_why(self, axes: Axes) -> None:
         plan = self.run.plan
@@ -160,15 +147,14 @@ class Film(Still):
 
     def __init__(self, run: Run | RecordedRun, execution: Execution) -> None:
         super().__init__(run)
-        self._execution, self._shown = execution, bodies_of(run.scenario)
+        self._execution = execution
         self._contacts = LoadContacts(run.scenario, execution)
         self._names = contact_names(run.scenario)
-        self._least = smallest_margins(execution)
         marks = palette.contact_colours(len(self._names))
         self._draw_margins(marks)
         bodies = [
             Polygon(np.zeros((3, 2)), facecolor=body.colour, edgecolor=INK, linewidth=0.8)
-            for body in self._shown
+            for body in self.scene.bodies
         ]
         for body in bodies:
             self.floor.add_patch(body)
@@ -187,14 +173,13 @@ class Film(Still):
     def picture(self, time: float = 0.0) -> Picture:
         """Return the picture at a simulated time, s."""
         execution = self._execution
-        plate, objects = execution.poses_at(time)
-        outlines = outlines_at(self._shown, plate, objects)
-        for patch, outline in zip(self._bodies, outlines, strict=True):
+        plate, _ = execution.poses_at(time)
+        for patch, outline in zip(self._bodies, self.scene.outlines(self.scene.at(time)), strict=True):
             patch.set_xy(outline)
         sample = max(0, int(np.searchsorted(execution.t, time, side="right")) - 1)
         self._place_contacts(sample, plate)
         self._now.set_xdata([time, time])
-        margin = self._least[sample]
+        margin = self.scene.margins[sample]
         told = "nothing is pushed" if np.isnan(margin) else f"smallest margin {margin:.3f}"
         self._words.set_text(f"{time:6.2f} s    {told}")
         self.canvas.restore_region(self._background)

@@ -14,8 +14,9 @@ from typing import Any
 
 import pushplan.logging.schemas as schemas
 from pushplan.drawing import palette
+from pushplan.drawing.scene import Scene
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import WORLD, contact_names, window
+from pushplan.logging.shown import WORLD, contact_names
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
 from pushplan.scenario.model import Scenario
@@ -94,8 +95,8 @@ def _titled(title: str) -> dict[str, str]:
 
 def _scene(scenario: Scenario, plan: Plan | None) -> dict[str, Any]:
     """The scene seen straight from above, all of it."""
-    view = window(scenario, plan)
-    side = max(view.xmax - view.xmin, view.ymax - view.ymin)
+    view = Scene.of(scenario, plan).window
+    side = float(view.size.max())
     distance, solved = _RIM * side, plan is not None and plan.solved
     return {
         **_titled(scenario.name if solved else f"{scenario.name}: no plan"),

@@ -15,21 +15,11 @@ from typing import Any
 import numpy as np
 
 from pushplan.drawing import palette
+from pushplan.drawing.scene import Line, Scene, piece_colours
 from pushplan.geometry import se2
 from pushplan.logging.contacts import cone_height, largest_force, longest_arrow, object_size
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import (
-    bodies_of,
-    contact_names,
-    ghosts,
-    obstacle_outline,
-    outlines_at,
-    shown_segments,
-    shown_ways,
-    viewed,
-    window,
-    worst_contacts,
-)
+from pushplan.logging.shown import contact_names, viewed, worst_contacts
 from pushplan.mechanics.contacts import friction_cone
 from pushplan.plans.plan import Load, Plan
 from pushplan.plans.run import Execution, Run
@@ -52,11 +42,12 @@ def write_html(run: Run | RecordedRun, path: Path | str) -> None:
 
 def render(run: Run | RecordedRun) -> str:
     """Return the page of `run`."""
+    scene = Scene.of(run.scenario, run.plan, run.execution)
     data = {
-        **_world(run.scenario),
-        **_plan(run.scenario, run.plan),
+        **_world(run.scenario, scene),
+        **_plan(run.scenario, run.plan, scene),
         **_execution(run.scenario, run.execution),
-        "window": window(run.scenario, run.plan),
+        "window": scene.window,
         "why": _why(run),
         "events": _events(run),
     }
@@ -71,8 +62,8 @@ def _events(run: Run | RecordedRun) -> list[tuple[float, str]]:
     return [(event.time, f"{event.kind}: {event.text}") for event in events]
 
 
-def _world(scenario: Scenario) -> dict[str, Any]:
-    area, names = scenario.workspace, contact_names(scenario)
+def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
+    names = contact_names(scenario)
     bodies = [
         {
             "name": body.name,
@@ -80,23 +71,32 @@ def _world(scenario: Scenario) -> dict[str, Any]:
             "outline": _plain(body.outline),
             "colour": body.colour,
         }
-        for body in bodies_of(scenario)
+        for body in scene.bodies
     ]
-    reach = max(float(np.linalg.norm(body.outline, axis=1).max()) for body in bodies_of(scenario))
+    reach = max(float(np.linalg.norm(body.outline, axis=1).max()) for body in scene.bodies)
     paints = palette.contact_colours(len(names))
     return {
         "name": scenario.name,
-        "workspace": None if area is None else area.outline.tolist(),
-        "obstacles": [_plain(obstacle_outline(obstacle)) for obstacle in scenario.obstacles],
+        "workspace": None if scene.walls is None else scene.walls.tolist(),
+        "obstacles": [{"outline": _plain(one.outline), "unknown": one.unknown} for one in scene.obstacles],
         "start": scenario.plate_start.tolist(),
         "first": [pose.tolist() for pose in scenario.poses.values()],
-        "ghosts": {name: list(map(_plain, outlines)) for name, outlines in ghosts(scenario).items()},
+        "before": list(map(_plain, scene.outlines(scene.start))),
+        "goals": [{"outline": _plain(goal.outline), "colour": goal.colour} for goal in scene.goals],
         "bodies": bodies,
         "contacts": [{"name": name, "colour": paint} for name, paint in zip(names, paints, strict=True)],
         "resting": _contacts(scenario, Load.of(scenario)) if scenario.kind == "push" else [],
         "reach": reach,
         "longest_arrow": longest_arrow(scenario),
-        "colours": {"goal": palette.GOAL, "nearest": palette.NEAREST, "alone": palette.ALONE},
+        "margin_ticks": palette.MARGIN_TICKS,
+        "colours": {
+            "goal": palette.GOAL,
+            "nearest": palette.NEAREST,
+            "alone": palette.ALONE,
+            "obstacle": palette.OBSTACLE,
+            "obstacle_edge": palette.OBSTACLE_EDGE,
+            "wall": palette.WALL,
+        },
     }
 
 
@@ -124,31 +124,34 @@ def _why(run: Run | RecordedRun) -> list[str]:
     return run.plan.why_not
 
 
-def _plan(scenario: Scenario, plan: Plan | None) -> dict[str, Any]:
-    if plan is None:
-        return {"facts": [], "ways": [], "tree": [], "nearest": None, "loads": []}
-    facts = [f"{plan.planner}, set {plan.stable_set}, seed {plan.seed}"]
-    ways = [{"points": _plain(way.points), "alone": way.alone} for way in shown_ways(plan)]
+def _plan(scenario: Scenario, plan: Plan | None, scene: Scene) -> dict[str, Any]:
+    lines, last = scene.lines or scene.nearest, scene.nearest_poses
     shown: dict[str, Any] = {
-        "ways": ways,
-        "tree": _plain(plan.tree[:, :, :2].reshape(-1, 4)),
-        "nearest": None,
+        "ways": [_way(line, bool(scene.lines)) for line in lines],
+        "tree": [] if scene.tree is None else _plain(scene.tree.reshape(-1, 4)),
+        "nearest": None if scene.lines or last is None else list(map(_plain, scene.outlines(last))),
+        "loads": [],
     }
+    if plan is None:
+        return {"facts": [], **shown}
     loads = [s.load if s.pushes else None for s in plan.segments]
     shown["loads"] = [None if load is None else _contacts(scenario, load) for load in loads]
-    segments = shown_segments(plan)
+    facts = [f"{plan.planner}, set {plan.stable_set}, seed {plan.seed}"]
     if not plan.segments:
-        if segments:
-            ends = outlines_at(bodies_of(scenario), segments[-1].path.end, segments[-1].after)
-            shown["nearest"] = list(map(_plain, ends))
-        return {"facts": [*facts, "no plan"], **shown}
-    if plan.path is not None:
+        facts.append("no plan")
+    elif plan.path is not None:
         facts.append(f"{len(plan.path.lengths)} arcs, cost {plan.path.cost:.3f} m")
     else:
-        count, travel = len(plan.pushes), sum(segment.path.cost for segment in segments)
+        count, travel = len(plan.pushes), sum(segment.path.cost for segment in plan.segments)
         pushes = f"{count} push{'es' if count > 1 else ''}, {plan.pushed_distance:.3f} m pushed"
         facts.append(f"{pushes}, {travel:.3f} m driven in all, alone where dashed")
     return {"facts": facts, **shown}
+
+
+def _way(line: Line, leads: bool) -> dict[str, Any]:
+    """Return a part of the path, and the colours of its pieces: by margin where it pushes and leads to the goal."""
+    colours = piece_colours(line.margins) if line.pushes and leads else None
+    return {"points": _plain(line.points), "alone": not line.pushes, "colours": colours}
 
 
 def _execution(scenario: Scenario, execution: Execution | None) -> dict[str, Any]:

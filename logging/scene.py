@@ -25,21 +25,13 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from pushplan.drawing import palette
+from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
 from pushplan.logging.contacts import ContactShapes
-from pushplan.logging.shown import (
-    CHAIN,
-    PATH_SPACING,
-    WORLD,
-    bodies_of,
-    ghosts,
-    obstacle_outline,
-    outlines_at,
-    shown_segments,
-)
+from pushplan.logging.shown import CHAIN, WORLD
 from pushplan.mechanics.body import BodyKind
 from pushplan.plans.plan import Plan
-from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import PUSHER, ROBOT
 
@@ -69,15 +61,17 @@ class Paint(NamedTuple):
         return cls(r, g, b, a)
 
 
-_WALL, _EDGE = Paint(0.55, 0.57, 0.60), Paint(0.10, 0.10, 0.12)
-_OBSTACLE, _UNKNOWN = Paint(0.36, 0.38, 0.42), Paint(0.36, 0.38, 0.42, 0.35)
-_START, _GOAL = Paint(0.55, 0.57, 0.60, 0.9), Paint.of(palette.GOAL, 0.9)
-_NEAREST, _TREE = Paint.of(palette.NEAREST), Paint(0.25, 0.45, 0.85, 0.35)
+_WALL, _EDGE = Paint.of(palette.WALL), Paint.of(palette.INK)
+_START, _GOAL = Paint.of(palette.FAINT, 0.9), Paint.of(palette.GOAL, 0.9)
+_NEAREST, _TREE = Paint.of(palette.NEAREST), Paint.of(palette.TREE, 0.35)
+_UNKNOWN_OPACITY = 0.35
+"""Of what nothing is known of on a map: viewers have no hatching."""
 
 
 def scene(scenario: Scenario) -> SceneUpdate:
     """Return everything that a viewer has to draw for the scenario."""
-    return SceneUpdate(entities=[*_standing(scenario), *_moving(scenario)])
+    drawn = Scene.of(scenario)
+    return SceneUpdate(entities=[*_standing(drawn), *_moving(drawn)])
 
 
 def tree(branches: FloatArray) -> SceneUpdate:
@@ -88,37 +82,36 @@ def tree(branches: FloatArray) -> SceneUpdate:
 
 
 def nearest(scenario: Scenario, plan: Plan) -> SceneUpdate:
-    """Return the path that comes nearest and ghosts of all bodies at its end, where there is none to the goal."""
-    segments = () if plan.segments else shown_segments(plan)
-    if not segments:
+    """Return the path that comes nearest and all bodies at its end, where there is none to the goal."""
+    if plan.segments or plan.nearest is None:
         return SceneUpdate()
-    ghost = _entity("nearest", WORLD)
-    for outline in outlines_at(bodies_of(scenario), segments[-1].path.end, segments[-1].after):
+    drawn, ghost = Scene.of(scenario, plan), _entity("nearest", WORLD)
+    for outline in () if drawn.nearest_poses is None else drawn.outlines(drawn.nearest_poses):
         ghost.lines.append(_loop(outline, _Z_GHOST, _NEAREST))
-    for segment in segments:
-        ghost.lines.append(_line(segment.path.sampled(PATH_SPACING)[:, :2], _Z_GHOST, _NEAREST))
-    return SceneUpdate(entities=[ghost])
+    for line in drawn.nearest:
+        ghost.lines.append(_line(line.points, _Z_GHOST, _NEAREST))
+    return SceneUpdate(entities=[ghost] if ghost.lines else [])
 
 
-def _standing(scenario: Scenario) -> Iterator[SceneEntity]:
-    if scenario.workspace is not None:
+def _standing(drawn: Scene) -> Iterator[SceneEntity]:
+    if drawn.walls is not None:
         walls = _entity("workspace", WORLD)
-        walls.lines.append(_loop(scenario.workspace.outline, _Z_WORKSPACE, _WALL))
+        walls.lines.append(_loop(drawn.walls, _Z_WORKSPACE, _WALL))
         yield walls
-    for i, obstacle in enumerate(scenario.obstacles):
-        unknown = isinstance(obstacle, PolygonObstacle) and obstacle.unknown
-        paint = _UNKNOWN if unknown else _OBSTACLE
-        yield _body(f"obstacle/{i}", WORLD, obstacle_outline(obstacle), _Z_OBSTACLE, paint)
-    for name, outlines in ghosts(scenario).items():
-        entity = _entity(name, WORLD)
-        for outline in outlines:
-            entity.lines.append(_loop(outline, _Z_GHOST, _START if name == "start" else _GOAL))
-        yield entity
+    for i, obstacle in enumerate(drawn.obstacles):
+        paint = Paint.of(obstacle.colour, _UNKNOWN_OPACITY if obstacle.unknown else 1.0)
+        yield _body(f"obstacle/{i}", WORLD, obstacle.outline, _Z_OBSTACLE, paint)
+    start, goal = _entity("start", WORLD), _entity("goal", WORLD)
+    for outline in drawn.outlines(drawn.start):
+        start.lines.append(_loop(outline, _Z_GHOST, _START))
+    for one in drawn.goals:
+        goal.lines.append(_loop(one.outline, _Z_GHOST, _GOAL))
+    yield from (start, goal)
 
 
-def _moving(scenario: Scenario) -> Iterator[SceneEntity]:
+def _moving(drawn: Scene) -> Iterator[SceneEntity]:
     robot = _entity(ROBOT, PUSHER)
-    for body in bodies_of(scenario):
+    for body in drawn.bodies:
         if body.kind is BodyKind.ROBOT:
             _add_body(robot, body.outline, _Z_ROBOT, Paint.of(body.colour))
         elif body.kind is BodyKind.PLATE:

@@ -21,19 +21,12 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
 import pushplan.logging.schemas as schemas
+from pushplan.drawing.scene import PATH_SPACING, smallest
 from pushplan.logging.contacts import LoadContacts
 from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.scene import NANO, contact_messages, frame_messages, nearest, placed, scene, tree
 from pushplan.logging.schemas import MessageClass, Topic
-from pushplan.logging.shown import (
-    CHAIN,
-    PATH_SPACING,
-    WORLD,
-    contact_names,
-    smallest_margins,
-    smoothed_times,
-    viewed,
-)
+from pushplan.logging.shown import CHAIN, WORLD, contact_names, smoothed_times, viewed
 from pushplan.plans.events import WARNINGS, Feedback
 from pushplan.plans.plan import Improvement, Load, Plan
 from pushplan.plans.run import Execution, inertia_warning
@@ -284,9 +277,9 @@ def _margin_messages(
     }
     rows = [(field, values[samples].tolist()) for field, values in columns.items() if values is not None]
     forces = None if execution.forces is None else execution.forces[samples].tolist()
-    smallest = smallest_margins(execution)[samples].tolist()
+    least = smallest(execution.margins)[samples].tolist()
     for i, instant in enumerate(instants.tolist()):
-        message.smallest = smallest[i]
+        message.smallest = least[i]
         for field, values in rows:
             for entry, value in zip(entries, values[i], strict=True):
                 setattr(entry, field, value)

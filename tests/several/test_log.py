@@ -19,13 +19,13 @@ from several.conftest import Problem, problem_document
 
 import pushplan.logging.schemas as schemas
 from pushplan.cli.main import main
+from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
 from pushplan.logging.bag import write_ros2
 from pushplan.logging.film import Film
 from pushplan.logging.page import render, write_html
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import ghosts, shown_ways
 from pushplan.logging.tables import table
 from pushplan.logging.verify import verify
 from pushplan.verification import execute_again
@@ -130,13 +130,14 @@ def test_exports_show_both(recorded: RecordedRun, tmp_path: Path) -> None:
 
 def test_viewers_tell_pushes_from_the_robots_own_ways(recorded: RecordedRun) -> None:
     assert recorded.plan is not None
-    ways, segments = shown_ways(recorded.plan), recorded.plan.segments
-    assert [way.alone for way in ways] == [not segment.pushes for segment in segments]
+    ways = Scene.of(recorded.scenario, recorded.plan, recorded.execution).lines
+    assert [way.pushes for way in ways] == [segment.pushes for segment in recorded.plan.segments]
     for before, after in pairwise(ways):
         np.testing.assert_allclose(before.points[-1], after.points[0], atol=1e-9)
     page = render(recorded)
     told = json.loads(page.split('id="run" type="application/json">')[1].split("</script>")[0])
-    assert [way["alone"] for way in told["ways"]] == [way.alone for way in ways]
+    assert [way["alone"] for way in told["ways"]] == [not way.pushes for way in ways]
+    assert all(len(way["colours"]) == len(way["points"]) - 1 for way in told["ways"] if not way["alone"])
 
 
 def test_the_page_is_right_on_every_screen(recorded: RecordedRun, tmp_path: Path) -> None:
@@ -149,7 +150,7 @@ def test_the_page_is_right_on_every_screen(recorded: RecordedRun, tmp_path: Path
 
 def test_an_object_that_its_symmetry_covers_is_outlined_once(problem: Problem) -> None:
     shown = [
-        len(ghosts(problem(goal={"pose": [1.0, 2.0, 0.0], "of": "b0", "symmetry": turns}))["goal"])
+        len(Scene.of(problem(goal={"pose": [1.0, 2.0, 0.0], "of": "b0", "symmetry": turns})).goals)
         for turns in (1, 2, 4, 8)
     ]
     assert shown == [1, 1, 1, 2]  # a square, and a square turned by 45 degrees

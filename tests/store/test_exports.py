@@ -15,6 +15,7 @@ from store.conftest import KINDS, record_names
 
 import pushplan.logging.schemas as schemas
 from pushplan.drawing.palette import NEAREST, red_green_blue
+from pushplan.drawing.scene import Scene
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, transform_points
 from pushplan.logging.bag import FrameNamesError, Frames, write_ros2
@@ -23,7 +24,7 @@ from pushplan.logging.layout import layout
 from pushplan.logging.page import render
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import bodies_of, viewed, window
+from pushplan.logging.shown import viewed
 from pushplan.logging.tables import base_in_plate, table, write_csv, write_trajectory
 from pushplan.mechanics.body import BodyKind
 
@@ -67,7 +68,7 @@ def test_a_picture_of_the_film_shows_every_body_where_it_is(kind: str, runs: dic
     for time in (0.3 * float(execution.t[-1]), 0.8 * float(execution.t[-1])):
         picture, (plate, objects) = film.picture(time).astype(int), execution.poses_at(time)
         np.testing.assert_array_equal(picture, Film(run, execution).picture(time))
-        for body in bodies_of(run.scenario):
+        for body in Scene.of(run.scenario).bodies:
             place = objects[body.name] if body.kind is BodyKind.OBJECT else plate
             inside = body.outline.mean(axis=0)
             x, y = film.floor.transData.transform(transform_points(place, inside))
@@ -184,7 +185,7 @@ def test_viewers_find_what_the_layout_names_and_bodies_move_in_tf(
     arranged = layout(run.scenario, run.plan)
     scene = next(panel for name, panel in arranged["configById"].items() if name.startswith("3D"))
     assert set(scene["topics"]) - set(found) <= {"/plan/path", "/plan/smoothed", "/contacts"}
-    view = window(run.scenario, run.plan)
+    view = Scene.of(run.scenario, run.plan).window
     assert scene["cameraState"]["distance"] > view.xmax - view.xmin
     drawn = schemas.SCENE.message.FromString(found["/scene"][0].data)
     assert {entity.id for entity in drawn.entities} >= {"start", "goal", "pusher"}
