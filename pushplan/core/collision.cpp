@@ -15,7 +15,7 @@ Circle to_circle(const Numbers &array) {
     return {array.data()[0], array.data()[1], array.data()[2]};
 }
 
-Walls to_walls(const Numbers &array) {
+Area to_walls(const Numbers &array) {
     if (array.size() != 4)
         throw std::invalid_argument("walls are four numbers, not " + std::to_string(array.size()));
     return {array.data()[0], array.data()[1], array.data()[2], array.data()[3]};
@@ -163,7 +163,7 @@ void bind_scene(py::module_ &m) {
 }
 
 py::tuple tree_of(const Numbers &boxes, std::int64_t polygons) {
-    auto [tree, order] = obstacle_tree(to_rows<Box>(boxes, "boxes"), polygons);
+    auto [tree, order] = obstacle_tree(to_rows<Area>(boxes, "boxes"), polygons);
     const auto count = static_cast<py::ssize_t>(order.size());
     return py::make_tuple(from_tree(tree), to_numpy(std::move(order), {count}));
 }

@@ -7,6 +7,7 @@
 namespace pushplan {
 void bind_collision(py::module_ &);
 void bind_problem(py::module_ &);
+void bind_search(py::module_ &);
 void bind_slip(py::module_ &);
 void bind_timing(py::module_ &);
 void bind_contacts(py::module_ &);
@@ -22,6 +23,7 @@ PYBIND11_MODULE(core, m) {
     m.attr("SOURCES") = PUSHPLAN_SOURCES;
     pushplan::bind_collision(m);
     pushplan::bind_problem(m);
+    pushplan::bind_search(m);
     pushplan::bind_slip(m);
     pushplan::bind_timing(m);
     pushplan::bind_contacts(m);

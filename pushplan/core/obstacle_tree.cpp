@@ -9,7 +9,7 @@ namespace {
 using Members = Row<std::int64_t>;
 
 struct Growth {
-    const std::vector<Box> &boxes;
+    const std::vector<Area> &boxes;
     std::int64_t polygons;
     std::vector<TreeNode> tree;
     std::int64_t polygons_met = 0, circles_met = 0;
@@ -66,7 +66,7 @@ bool is_convex(const std::vector<Point> &points, Row<const std::int64_t> origin,
 
 } // namespace
 
-std::pair<std::vector<TreeNode>, std::vector<std::int64_t>> obstacle_tree(const std::vector<Box> &boxes,
+std::pair<std::vector<TreeNode>, std::vector<std::int64_t>> obstacle_tree(const std::vector<Area> &boxes,
                                                                           std::int64_t polygons) {
     std::vector<std::int64_t> order(boxes.size());
     for (std::size_t i = 0; i < order.size(); ++i)

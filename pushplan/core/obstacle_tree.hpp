@@ -11,13 +11,9 @@ namespace pushplan {
 // Obstacles in a leaf, at most.
 constexpr std::int64_t LEAF = 4;
 
-struct Box {
-    double xmin, ymin, xmax, ymax;
-};
-
 // Return the tree over obstacles, halved at the median along the longer side of their centres' extent, and the order
 // that they have to be brought into for the leaves' ranges; the first ones, so many, are polygons, the others circles.
-std::pair<std::vector<TreeNode>, std::vector<std::int64_t>> obstacle_tree(const std::vector<Box> &boxes,
+std::pair<std::vector<TreeNode>, std::vector<std::int64_t>> obstacle_tree(const std::vector<Area> &boxes,
                                                                           std::int64_t polygons);
 
 struct Point {

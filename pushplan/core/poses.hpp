@@ -28,6 +28,11 @@ struct Arc {
     double length;
 };
 
+// A box of the plane, m.
+struct Area {
+    double xmin, ymin, xmax, ymax;
+};
+
 // The left turn, the straight push and the right turn that steering paths are made of, scaled to a cost rate of 1.
 using Family = std::array<Twist, 3>;
 constexpr int LEFT = 0, STRAIGHT = 1, RIGHT = 2;

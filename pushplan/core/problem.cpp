@@ -29,4 +29,10 @@ void trace(const std::vector<Node> &nodes, std::int64_t node, std::vector<Arc> &
     std::reverse(path.begin() + begun, path.end());
 }
 
+void append_word(const std::array<Arc, 3> &word, std::vector<Arc> &path) {
+    for (const Arc &arc : word)
+        if (arc.length > 0.0)
+            path.push_back(arc);
+}
+
 } // namespace pushplan

@@ -63,4 +63,7 @@ static_assert(sizeof(Node) == NODE * sizeof(double), "a row of NumPy's table");
 // Append the arcs from the root of a tree to a node to a path.
 void trace(const std::vector<Node> &nodes, std::int64_t node, std::vector<Arc> &path);
 
+// Append the arcs of a word that are not empty to a path.
+void append_word(const std::array<Arc, 3> &word, std::vector<Arc> &path);
+
 } // namespace pushplan

@@ -137,3 +137,25 @@ def connect(
     Raises:
         ValueError: On more families.
     """
+
+def reach(
+    scene: Scene, families: FloatArray, starts: FloatArray, goals: FloatArray, clearance: float
+) -> FloatArray:
+    """Return the costs (n, m) of the cheapest free words from starts (n, 3) to goals (m, 3), inf where none is.
+
+    Args:
+        scene: One of `open_scene`; between two poses it keeps what the nearer of them leaves, see `Scene.with_gap`.
+        families: (f, 3, 3) left, straight and right twists.
+        starts: Poses of the chain frame.
+        goals: Likewise.
+        clearance: What start and goal must have at least, m.
+    """
+
+def arcs_at(problem: Problem, controls: FloatArray) -> FloatArray:
+    """Return the arcs (k, 4), twists and lengths, of controls (k, 4): coordinates, and units that they go on for."""
+
+def controls_of(problem: Problem, arcs: FloatArray) -> FloatArray:
+    """Return controls (k, 4) of arcs (k, 4), with whole units; not finite where a twist is on no segment."""
+
+def poses_along(scene: Scene, start: FloatArray, arcs: FloatArray) -> tuple[FloatArray, int]:
+    """Return the poses (k + 1, 3) at the ends of arcs (k, 4), and how many arcs come before one that is not free."""

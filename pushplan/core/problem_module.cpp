@@ -1,4 +1,5 @@
 // `pushplan.core.problem`: objectives, problems, and the steering paths in them.
+#include "chart.hpp"
 #include "numpy_poses.hpp"
 #include "problem.hpp"
 
@@ -175,6 +176,49 @@ void bind_steering(py::module_ &m) {
         },
         py::arg("scene"), py::arg("families"), py::arg("start"), py::arg("goal"), py::arg("bound") = INF,
         py::arg("tries") = MAX_WORDS);
+    m.def(
+        "reach",
+        [](const Scene &scene, const Numbers &families, const Numbers &starts, const Numbers &goals, double clearance) {
+            const auto of = to_families(families);
+            const auto from = to_rows<Pose>(starts, "starts"), to = to_rows<Pose>(goals, "goals");
+            py::array_t<double> costs({static_cast<py::ssize_t>(from.size()), static_cast<py::ssize_t>(to.size())});
+            const auto out = written_table(costs);
+            {
+                py::gil_scoped_release free;
+                reach(scene, {of.data(), static_cast<std::ptrdiff_t>(of.size())}, from, to, clearance, out);
+            }
+            return costs;
+        },
+        py::arg("scene"), py::arg("families"), py::arg("starts"), py::arg("goals"), py::arg("clearance"));
+}
+
+void bind_chart(py::module_ &m) {
+    m.def(
+        "arcs_at",
+        [](const Problem &problem, const Numbers &controls) {
+            std::vector<Arc> arcs;
+            for (const Control &control : to_rows<Control>(controls, "controls"))
+                arcs.push_back(arc_of(problem, control));
+            return to_table(arcs);
+        },
+        py::arg("problem"), py::arg("controls"));
+    m.def(
+        "controls_of",
+        [](const Problem &problem, const Numbers &path) {
+            const auto arcs = to_arcs(path);
+            std::vector<Control> controls;
+            for (const Arc &arc : arcs)
+                controls.push_back(control_of(problem, arc));
+            return to_table(controls);
+        },
+        py::arg("problem"), py::arg("arcs"));
+    m.def(
+        "poses_along",
+        [](const Scene &scene, const Numbers &start, const Numbers &path) {
+            const Followed followed = follow(scene, to_pose(start), to_arcs(path));
+            return py::make_tuple(to_table(followed.poses), followed.free);
+        },
+        py::arg("scene"), py::arg("start"), py::arg("arcs"));
 }
 
 } // namespace
@@ -184,6 +228,7 @@ void bind_problem(py::module_ &core) {
     bind_objective(m);
     bind_problem_class(m);
     bind_steering(m);
+    bind_chart(m);
 }
 
 } // namespace pushplan

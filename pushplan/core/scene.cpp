@@ -103,12 +103,12 @@ double disc_separation(const Polygon &a, const Circle &disc, const Frame &pose) 
 }
 
 // Distance of a point from the workspace's walls; negative outside.
-inline double from_walls(const Walls &walls, double x, double y) {
+inline double from_walls(const Area &walls, double x, double y) {
     return least(least(least(x - walls.xmin, y - walls.ymin), walls.xmax - x), walls.ymax - y);
 }
 
 // Distance of the body from the workspace's walls; negative outside.
-double wall_separation(const Shapes &body, const Walls &walls, const Frame &pose) {
+double wall_separation(const Shapes &body, const Area &walls, const Frame &pose) {
     double best = INF;
     for (const Corner &p : body.corners)
         best = least(best, from_walls(walls, pose.x_of(p.x, p.y), pose.y_of(p.x, p.y)));

@@ -37,10 +37,6 @@ struct TreeNode {
     std::int64_t after, first_polygon, last_polygon, first_circle, last_circle;
 };
 
-struct Walls {
-    double xmin, ymin, xmax, ymax;
-};
-
 // What moves: convex pieces in the chain frame, and a circle around all of them.
 struct Body {
     std::shared_ptr<const Shapes> pieces;
@@ -52,7 +48,7 @@ struct Obstacles {
     std::shared_ptr<const Shapes> polygons;
     std::vector<Circle> circles;
     std::vector<TreeNode> tree;
-    Walls walls;
+    Area walls;
 };
 
 // Body and obstacles are shared by the scenes that differ in the rest: a copy of a scene copies two pointers.

@@ -147,4 +147,24 @@ Connection connect(const Scene &scene, Row<const Family> families, const Pose &s
     return found;
 }
 
+void reach(const Scene &scene, Row<const Family> families, const std::vector<Pose> &starts,
+           const std::vector<Pose> &goals, double clearance, Table<double> costs) {
+    std::vector<double> gaps;
+    for (const Pose &goal : goals)
+        gaps.push_back(separation(scene, goal, clearance + SLACK));
+    for (std::size_t i = 0; i < starts.size(); ++i) {
+        const double gap = separation(scene, starts[i], clearance + SLACK);
+        for (std::size_t j = 0; j < goals.size(); ++j) {
+            // Searched with what the nearer of the two ends keeps.
+            const double least = gaps[j] < gap ? gaps[j] : gap;
+            double &cost = costs[static_cast<std::ptrdiff_t>(i)][j];
+            cost = INF;
+            if (least < clearance - ROUNDING)
+                continue;
+            const Scene between = scene_with_gap(scene, least, clearance);
+            cost = connect(between, families, starts[i], goals[j], INF, MAX_WORDS).cost;
+        }
+    }
+}
+
 } // namespace pushplan

@@ -4,6 +4,7 @@
 #include "scene.hpp"
 
 #include <array>
+#include <vector>
 
 namespace pushplan {
 
@@ -76,5 +77,12 @@ struct Connection {
 // most MOST_FAMILIES families, or std::invalid_argument is thrown.
 Connection connect(const Scene &scene, Row<const Family> families, const Pose &start, const Pose &goal, double bound,
                    int tries);
+
+// Write the costs of the cheapest free words from starts to goals, a row a start, infinite where there is none.
+//
+// Start and goal must have the clearance at least; between two poses the scene keeps what the nearer of them leaves,
+// see `scene_with_gap`.
+void reach(const Scene &scene, Row<const Family> families, const std::vector<Pose> &starts,
+           const std::vector<Pose> &goals, double clearance, Table<double> costs);
 
 } // namespace pushplan

@@ -1,0 +1,197 @@
+#include "lattice.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pushplan {
+
+namespace {
+
+// Arcs from a node: the left turn, the straight push, the right turn, and one of a random stable twist.
+constexpr int CHILDREN = 4;
+
+// Lower a cell's distance to what its neighbours allow; return whether that changed it.
+bool is_nearer(std::vector<double> &away, const Grid &grid, std::int64_t i, std::int64_t j) {
+    double best = away[i * grid.rows + j];
+    for (std::int64_t a = std::max<std::int64_t>(i - 1, 0); a <= std::min(i + 1, grid.columns - 1); ++a)
+        for (std::int64_t b = std::max<std::int64_t>(j - 1, 0); b <= std::min(j + 1, grid.rows - 1); ++b) {
+            // Octile distances: steps to the side cost a cell, diagonal ones sqrt(2) cells.
+            const bool diagonal = a != i && b != j;
+            best = std::min(best, away[a * grid.rows + b] + grid.side * (diagonal ? std::sqrt(2.0) : 1.0));
+        }
+    double &here = away[i * grid.rows + j];
+    const bool changed = best < here;
+    here = best;
+    return changed;
+}
+
+} // namespace
+
+std::vector<double> floor_distances(const Scene &point, const Grid &grid, double least, double x, double y) {
+    const std::int64_t nx = grid.columns, ny = grid.rows;
+    std::vector<char> free(static_cast<std::size_t>(nx * ny));
+    for (std::int64_t i = 0; i < nx; ++i)
+        for (std::int64_t j = 0; j < ny; ++j) {
+            const double px = grid.x + (static_cast<double>(i) + 0.5) * grid.side;
+            const double py = grid.y + (static_cast<double>(j) + 0.5) * grid.side;
+            // Half a diagonal is added, so that a cell counts as free when any place in it is.
+            free[i * ny + j] = separation(point, px, py, 0.0, least) + 0.71 * grid.side >= least;
+        }
+    std::vector<double> away(free.size(), INF);
+    away[grid.cell(x, y)] = 0.0;
+    int quiet = 0;
+    for (int sweep = 0; sweep < 60; ++sweep) {
+        bool changed = false;
+        for (std::int64_t a = 0; a < nx; ++a) {
+            const std::int64_t i = sweep % 2 == 0 ? a : nx - 1 - a;
+            for (std::int64_t b = 0; b < ny; ++b) {
+                const std::int64_t j = sweep / 2 % 2 == 0 ? b : ny - 1 - b;
+                if (free[i * ny + j] && is_nearer(away, grid, i, j))
+                    changed = true;
+            }
+        }
+        quiet = changed ? 0 : quiet + 1;
+        // Sweeps go in four orders in turn; when none of them changed anything, distances are final.
+        if (quiet == 4)
+            break;
+    }
+    return away;
+}
+
+void Lattice::plant(bool back, const Area &area, const LatticeSizes &sizes, std::int64_t room) {
+    back_ = back, area_ = area, sizes_ = sizes, room_ = static_cast<std::size_t>(room);
+    nodes_.clear();
+    nodes_.reserve(room_);
+    queue_.clear();
+    // Twice as many slots as nodes, so that chains of taken slots stay short.
+    cells_.clear(2 * room_);
+    if (costs_.size() < 2 * room_)
+        costs_.resize(2 * room_);
+    nodes_.push_back({ends_[back], 0.0, -1.0, {}});
+    queue_.push_back({0.0, 0});
+    tried_ = 0;
+    partner_ = -1;
+}
+
+// Key of a pose's cell, 0 outside the area.
+std::int64_t Lattice::key_of(const Pose &pose) const {
+    if (pose.x < area_.xmin || pose.y < area_.ymin || pose.x > area_.xmax || pose.y > area_.ymax)
+        return 0;
+    return cell_key(static_cast<std::int64_t>((pose.x - area_.xmin) / sizes_.side),
+                    static_cast<std::int64_t>((pose.y - area_.ymin) / sizes_.side),
+                    static_cast<std::int64_t>(floored_mod(pose.theta, 2.0 * PI) / sizes_.angle));
+}
+
+// What is left to the target at least, m: by the floor's distances, and by the cheapest word.
+//
+// The floor's distances know nothing of turns, words nothing of obstacles: the larger one tells more. Neither is a lower
+// bound (words of one family, ways from cell to cell), so what is found is good, not proven to be best.
+double Lattice::left(const Pose &pose) const {
+    const double c = std::cos(pose.theta), s = std::sin(pose.theta);
+    const double px = pose.x + c * middle_[0] - s * middle_[1];
+    const double py = pose.y + s * middle_[0] + c * middle_[1];
+    const Pose &target = ends_[!back_];
+    const Words words = find_words(problem_->families[0], back_ ? target : pose, back_ ? pose : target);
+    double word = INF;
+    for (const Word &other : words)
+        word = std::min(word, other.cost);
+    if (words.count == 0)
+        word = remaining(pose, target);
+    return std::max(word, away_[!back_][grid_.cell(px, py)]);
+}
+
+// Try one of a node's arcs.
+void Lattice::grow(std::int64_t parent, int number, double bound, Random &random) {
+    const Problem &problem = *problem_;
+    Twist twist{0.0, 0.0, 0.0};
+    if (number < 3)
+        twist = problem.families[0][number];
+    if (twist.is_zero()) { // the fourth arc, and a letter that the family lacks
+        const double u0 = random(), u1 = random();
+        twist = choose_twist(problem, u0, u1);
+    }
+    const double length = sizes_.arc * (0.6 + 0.8 * random());
+    ++tried_;
+    const Pose from = nodes_[parent].pose;
+    const double cost = nodes_[parent].cost + length;
+    const Twist driven = back_ ? twist.reversed() : twist;
+    const Pose pose = step(from, driven, length);
+    // Cheap tests first; the sweep against the obstacles takes most of the time.
+    const std::int64_t key = key_of(pose);
+    if (key == 0)
+        return;
+    const std::size_t slot = cells_.slot_of(key);
+    if (cells_[slot] == key && costs_[slot] <= cost)
+        return;
+    const double promise = cost + left(pose);
+    if (promise >= bound || !sweep_is_free(problem.scene, from, driven, length))
+        return;
+    cells_[slot] = key, costs_[slot] = cost;
+    nodes_.push_back({pose, cost, static_cast<double>(parent), {twist, length}});
+    queue_.push_back({promise, static_cast<std::int64_t>(nodes_.size()) - 1});
+    std::push_heap(queue_.begin(), queue_.end());
+}
+
+std::pair<double, bool> Lattice::expand(double bound, std::int64_t arcs, Random &random) {
+    const std::int64_t enough = tried_ + arcs;
+    while (tried_ < enough) {
+        // Nothing left to expand, or no room: both end the round, and the next one has other cells.
+        if (queue_.empty() || nodes_.size() + CHILDREN > room_)
+            return {bound, true};
+        std::pop_heap(queue_.begin(), queue_.end());
+        const Entry entry = queue_.back();
+        queue_.pop_back();
+        // What else is in the queue promises no more.
+        if (entry.promise >= bound)
+            return {bound, true};
+        const Node node = nodes_[entry.row];
+        const std::int64_t key = key_of(node.pose);
+        const std::size_t slot = cells_.slot_of(key);
+        if (cells_[slot] == key && costs_[slot] < node.cost) // a cheaper one came to its cell since
+            continue;
+        const Pose &target = ends_[!back_];
+        const Connection found = connect(problem_->scene, problem_->first_family(), back_ ? target : node.pose,
+                                         back_ ? node.pose : target, bound - node.cost, TRIES);
+        if (node.cost + found.cost < bound) {
+            bound = node.cost + found.cost;
+            partner_ = entry.row;
+            word_ = found.arcs;
+        }
+        for (int number = 0; number < CHILDREN; ++number)
+            grow(entry.row, number, bound, random);
+    }
+    return {bound, false};
+}
+
+std::vector<Arc> Lattice::path() const {
+    std::vector<Arc> path;
+    if (partner_ < 0)
+        return path;
+    std::int64_t row = partner_;
+    if (!back_) {
+        trace(nodes_, row, path);
+        append_word(word_, path);
+        return path;
+    }
+    path.assign(word_.begin(), word_.end());
+    for (; nodes_[row].parent >= 0.0; row = static_cast<std::int64_t>(nodes_[row].parent))
+        path.push_back(nodes_[row].arc);
+    return path;
+}
+
+std::vector<double> Lattice::open() const {
+    std::vector<double> promises;
+    for (const Entry &entry : queue_)
+        promises.push_back(entry.promise);
+    return promises;
+}
+
+std::vector<double> Lattice::cell_costs() const {
+    std::vector<double> costs;
+    for (std::size_t slot = 0; slot < cells_.slots(); ++slot)
+        if (cells_[slot] != 0)
+            costs.push_back(costs_[slot]);
+    return costs;
+}
+
+} // namespace pushplan

@@ -1,0 +1,231 @@
+"""What grows trees of arcs, one class for each way."""
+
+from pushplan.core.collision import Scene
+from pushplan.core.problem import Problem
+from pushplan.util.arrays import BoolArray, FloatArray, IntArray, RandomState
+
+class Tree:
+    """A tree that another program drives, OMPL's planners, which say from where and along what it grows.
+
+    An extension is (kept, cost, promise, x, y, theta): whether there is a new node that may be on a path below the
+    bound; the cost of the whole path through it, infinite when the connection is blocked; the cost of the cheapest
+    word from it to the goal, blocked or not; and its pose.
+
+    Args:
+        problem: What to plan.
+        start: (3,) pose of the root.
+    """
+
+    def __init__(self, problem: Problem, start: FloatArray) -> None: ...
+    def take(self, problem: Problem) -> None:
+        """Go on with another problem."""
+
+    def clear(self, start: FloatArray) -> None:
+        """Forget the tree but for its root, the start."""
+
+    def __len__(self) -> int: ...
+    @property
+    def nodes(self) -> FloatArray:
+        """The tree (n, NODE), a copy; see `problem.NODE`."""
+
+    def extend(
+        self, row: int, u0: float, u1: float, u2: float, bound: float
+    ) -> tuple[bool, float, float, float, float, float]:
+        """Grow by one arc from a row, and try the exact connection from its end to the goal.
+
+        Args:
+            row: Of the parent; what is kept becomes the last row.
+            u0: Which segment of the stable set, in [0, 1].
+            u1: Where on it, likewise.
+            u2: Share of the longest arc.
+            bound: Cost that a whole path must stay below.
+        """
+
+    def extend_from(
+        self, x: float, y: float, theta: float, u0: float, u1: float, u2: float, bound: float
+    ) -> tuple[bool, float, float, float, float, float]:
+        """Do the same from a pose that no arc from the start led to; nothing becomes a row."""
+
+    def connect(self, row: int, bound: float) -> tuple[float, float]:
+        """Return the cost of a path through a row and any free word, and the cost of the cheapest word."""
+
+    def connect_from(self, x: float, y: float, theta: float, bound: float) -> tuple[float, float]:
+        """Do the same from a pose that no arc from the start led to."""
+
+    def room_at(self, x: float, y: float, theta: float) -> float:
+        """Return how far (m) the body is from everything at a pose, beyond the clearance; negative if too near.
+
+        Distances above twice the clearance are not told apart.
+        """
+
+def branch(nodes: FloatArray, node: int) -> FloatArray:
+    """Return the arcs (k, 4) from the root of a tree (n, NODE) to a node."""
+
+class Forest:
+    """Trees grown from start and goal until they join.
+
+    Args:
+        box: (4,) xmin, ymin, xmax, ymax that positions are drawn from.
+        heading_length: Metres that a radian counts as in the choice of the nearest nodes.
+        reach: Longest piece of a word that is added at a time, m of cost.
+    """
+
+    def __init__(self, box: FloatArray, heading_length: float, reach: float) -> None: ...
+    def plant(self, start: FloatArray, goal: FloatArray) -> None:
+        """Reduce both trees to their roots."""
+
+    @property
+    def start_tree(self) -> FloatArray:
+        """The tree (n, 17) from the start, a copy.
+
+        Columns: x, y, theta, cost to the tree's root, parent, and up to three arcs (vx, vy, omega, length) between
+        the node and its parent, in the order of travel.
+        """
+
+    @property
+    def goal_tree(self) -> FloatArray:
+        """The tree (n, 17) to the goal, likewise."""
+
+    def grow(
+        self, problem: Problem, state: RandomState, bound: float, iterations: int
+    ) -> tuple[int, FloatArray | None]:
+        """Grow the trees in turn until a path below the bound is found.
+
+        Args:
+            problem: What to plan.
+            state: (1,) of the random generator.
+            bound: Cost that a path must stay below.
+            iterations: Extensions to try, at most.
+
+        Returns:
+            Extensions tried, and the path (k, 4), None if none is found.
+        """
+
+class SparseTree:
+    """Stable sparse RRT (SST; Li, Littlefield, Bekris 2016): a tree of the start alone, the first witness too.
+
+    Args:
+        start: (3,) pose.
+        goal: Likewise.
+        box: (4,) xmin, ymin, xmax, ymax that positions are drawn from.
+        heading_length: Metres that a radian counts as.
+        selection: How far from a random pose the best node is looked for, m.
+        witness: How far apart witnesses are, m.
+    """
+
+    def __init__(
+        self,
+        start: FloatArray,
+        goal: FloatArray,
+        box: FloatArray,
+        heading_length: float,
+        selection: float,
+        witness: float,
+    ) -> None: ...
+    @property
+    def nodes(self) -> FloatArray:
+        """The tree (n, NODE), a copy; see `problem.NODE`. Rows that are unused are part of it."""
+
+    @property
+    def to_go(self) -> FloatArray:
+        """Lower bounds (n,) on the cost from each node to the goal, m."""
+
+    @property
+    def children(self) -> IntArray:
+        """Number of children (n,) of each node."""
+
+    @property
+    def active(self) -> BoolArray:
+        """Which nodes (n,) stand for a witness."""
+
+    @property
+    def witnesses(self) -> FloatArray:
+        """Pose, and the row of the node that stands for it, of each witness (w, 4)."""
+
+    @property
+    def unused(self) -> IntArray:
+        """Rows that were pruned."""
+
+    def grow(
+        self, problem: Problem, state: RandomState, bound: float, iterations: int
+    ) -> tuple[int, FloatArray | None]:
+        """Grow the tree until a path below the bound is found; see `Forest.grow`."""
+
+class Lattice:
+    """Best-first search over a lattice of poses: one at a time, the next one takes over the memory.
+
+    Args:
+        problem: What to plan.
+        start: (3,) pose.
+        middle: (2 or more,) the body's point for which distances over the floor count, chain frame, m.
+        grid: (3,) lower left corner of their cells and the side of these, m.
+        to_start: (nx, ny) distance of a place from the start around the obstacles, m.
+        to_goal: Likewise from the goal.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        start: FloatArray,
+        middle: FloatArray,
+        grid: FloatArray,
+        to_start: FloatArray,
+        to_goal: FloatArray,
+    ) -> None: ...
+    def plant(self, back: bool, box: FloatArray, side: float, angle: float, arc: float, room: int) -> None:
+        """Begin a search with the start alone.
+
+        Args:
+            back: Search from the goal back to the start instead.
+            box: (4,) xmin, ymin, xmax, ymax that the cells cover, m.
+            side: Of a cell, m.
+            angle: Of a cell, rad.
+            arc: Typical length of an arc, m of cost.
+            room: For so many nodes, a power of two.
+        """
+
+    def expand(self, state: RandomState, bound: float, arcs: int) -> tuple[float, bool]:
+        """Expand nodes, the most promising first, until arcs are tried or nothing promises less than the bound.
+
+        Args:
+            state: (1,) of the random generator.
+            bound: Cost that a path must stay below, m; falls to that of each path that is found.
+            arcs: To try; may be exceeded by three.
+
+        Returns:
+            The bound then, and whether the search is over.
+        """
+
+    @property
+    def path(self) -> FloatArray | None:
+        """The best path (k, 4), None while there is none."""
+
+    @property
+    def tried(self) -> int:
+        """Arcs tried."""
+
+    @property
+    def nodes(self) -> FloatArray:
+        """The nodes (n, NODE), a copy; see `problem.NODE`."""
+
+    @property
+    def open(self) -> FloatArray:
+        """What the nodes promise that are still to be expanded, m: a heap."""
+
+    @property
+    def cell_costs(self) -> FloatArray:
+        """Cost of the cheapest node in each cell that has one, m."""
+
+def floor_distances(
+    point: Scene, grid: FloatArray, columns: int, rows: int, least: float, place: FloatArray
+) -> FloatArray:
+    """Return the lengths (columns, rows) of ways to a place (2,) through cells that keep `least` from everything, m.
+
+    Args:
+        point: A scene in which a point moves.
+        grid: (3,) lower left corner of the cells and their side, m.
+        columns: Number of cells along x.
+        rows: Number of cells along y.
+        least: Distance from everything, m.
+        place: (2,) m.
+    """
