@@ -68,6 +68,19 @@ inline Pose step(Pose pose, const Twist &twist, double length) {
     return pose;
 }
 
+// Return the pose in the world of what is at `inner` in a frame that is at `place`.
+inline Pose joined(const Pose &place, const Pose &inner) {
+    const double c = std::cos(place.theta), s = std::sin(place.theta);
+    return {place.x + c * inner.x - s * inner.y, place.y + s * inner.x + c * inner.y, place.theta + inner.theta};
+}
+
+// Return a pose in the frame that is at `place`.
+inline Pose seen_from(const Pose &place, const Pose &pose) {
+    const double c = std::cos(place.theta), s = std::sin(place.theta);
+    const double dx = pose.x - place.x, dy = pose.y - place.y;
+    return {c * dx + s * dy, -s * dx + c * dy, pose.theta - place.theta};
+}
+
 // Distance of two poses, m: straight travel and the smallest turn at so many metres a radian.
 inline double apart(const Pose &a, const Pose &b, double heading_length) {
     const double turn = std::abs(floored_mod(a.theta - b.theta + PI, 2.0 * PI) - PI);

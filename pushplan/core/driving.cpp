@@ -1,0 +1,211 @@
+#include "driving.hpp"
+
+#include "numpy_poses.hpp"
+#include "steering.hpp"
+
+#include <algorithm>
+
+namespace pushplan {
+namespace {
+
+// Arcs below this (m, rad) are left out.
+constexpr double SHORTEST = 1e-12;
+
+void find_car_words(const Wheels &wheels, double x, double y, double phi, DrivenWords &found) {
+    const double r = wheels.radius;
+    ReedsSheppWords words;
+    find_reeds_shepp(x / r, y / r, phi, words);
+    for (const ReedsSheppWord &word : words) {
+        DrivenWord &driven = found.next();
+        for (int k = 0; k < word.count; ++k) {
+            const double ahead = std::copysign(1.0, word.lengths[k]);
+            driven.add(wheels, {ahead, 0.0, ahead * word.letters[k] / r}, std::abs(word.lengths[k]) * r);
+        }
+    }
+}
+
+// Turn, drive straight ahead or back, turn; each turn by either side.
+void find_differential_words(const Wheels &wheels, double x, double y, double phi, DrivenWords &found) {
+    const double distance = std::hypot(x, y);
+    for (const double ahead : {1.0, -1.0}) {
+        const double way = distance < SHORTEST ? 0.0 : std::atan2(ahead * y, ahead * x);
+        const double first = wrapped(way), last = wrapped(phi - way);
+        for (int far_first = 0; far_first < 2; ++far_first) {
+            for (int far_last = 0; far_last < 2; ++far_last) {
+                const double one = first - far_first * std::copysign(2.0 * PI, first);
+                const double two = last - far_last * std::copysign(2.0 * PI, last);
+                DrivenWord &word = found.next();
+                word.add(wheels, {0.0, 0.0, std::copysign(1.0, one)}, std::abs(one));
+                word.add(wheels, {ahead, 0.0, 0.0}, distance);
+                word.add(wheels, {0.0, 0.0, std::copysign(1.0, two)}, std::abs(two));
+            }
+        }
+    }
+}
+
+// Both at once on one circle; move, then turn; turn, then move; by either side.
+void find_free_words(const Wheels &wheels, double x, double y, double phi, DrivenWords &found) {
+    const double distance = std::hypot(x, y);
+    const double ux = distance > SHORTEST ? x / distance : 0.0, uy = distance > SHORTEST ? y / distance : 0.0;
+    for (int side = 0; side < 2; ++side) {
+        const double angle = phi - side * std::copysign(2.0 * PI, phi), half = 0.5 * angle;
+        const Twist turn{0.0, 0.0, std::copysign(1.0, angle)};
+        // A full turn on one circle ends where it began: no circle leads elsewhere.
+        if (std::abs(half) < PI - 1e-6) {
+            // half / tan(half) = 1 - half^2 / 3 - ...: 1 to the last bit.
+            const double diagonal = std::abs(half) < 1e-8 ? 1.0 : half / std::tan(half);
+            found.next().add(wheels, {diagonal * x + half * y, -half * x + diagonal * y, angle}, 1.0);
+        }
+        DrivenWord &moves_first = found.next();
+        moves_first.add(wheels, {ux, uy, 0.0}, distance);
+        moves_first.add(wheels, turn, std::abs(angle));
+        // After the turn, the same way has another direction in the body.
+        const double c = std::cos(angle), s = std::sin(angle);
+        DrivenWord &turns_first = found.next();
+        turns_first.add(wheels, turn, std::abs(angle));
+        turns_first.add(wheels, {c * ux + s * uy, -s * ux + c * uy, 0.0}, distance);
+    }
+}
+
+bool is_free(const Surroundings &around, const Pose &start, const DrivenWord &word) {
+    Pose pose = start;
+    for (const Arc &arc : word) {
+        if (!around.is_free(pose, arc))
+            return false;
+        pose = step(pose, arc.twist, arc.length);
+    }
+    return true;
+}
+
+} // namespace
+
+void DrivenWord::add(const Wheels &wheels, const Twist &twist, double time) {
+    if (time * (std::hypot(twist.vx, twist.vy) + std::abs(twist.omega)) <= SHORTEST)
+        return;
+    const Twist u = wheels.of_robot(twist);
+    const double rate = std::hypot(u.vx, u.vy) + TURN_WEIGHT * std::abs(u.omega);
+    arcs[count++] = {{u.vx / rate, u.vy / rate, u.omega / rate}, time * rate};
+    cost += time * rate;
+}
+
+void find_drives(const Wheels &wheels, const Pose &start, const Pose &goal, DrivenWords &found) {
+    const Pose &a = wheels.axle;
+    const double cs = std::cos(start.theta), ss = std::sin(start.theta);
+    const double cg = std::cos(goal.theta), sg = std::sin(goal.theta);
+    // From one place of the axle's middle to the other, then in the axle's frame at the start.
+    const double dx = goal.x + cg * a.x - sg * a.y - start.x - cs * a.x + ss * a.y;
+    const double dy = goal.y + sg * a.x + cg * a.y - start.y - ss * a.x - cs * a.y;
+    const double heading = start.theta + a.theta, c = std::cos(heading), s = std::sin(heading);
+    const double x = c * dx + s * dy, y = -s * dx + c * dy, phi = wrapped(goal.theta - start.theta);
+    found.count = 0;
+    if (wheels.kind == WheelKind::CAR)
+        find_car_words(wheels, x, y, phi, found);
+    else if (wheels.kind == WheelKind::DIFFERENTIAL)
+        find_differential_words(wheels, x, y, phi, found);
+    else
+        find_free_words(wheels, x, y, phi, found);
+}
+
+double shortest_drive(const Wheels &wheels, const Pose &start, const Pose &goal) {
+    DrivenWords found;
+    find_drives(wheels, start, goal, found);
+    double least = INF;
+    for (const DrivenWord &word : found)
+        least = std::min(least, word.cost);
+    return least;
+}
+
+bool Surroundings::is_clear(const Pose &pose) const {
+    if (separation(room, pose, room.clearance * 2.0) < room.clearance)
+        return false;
+    return separation(load, seen_from(place, pose), load.clearance * 2.0) >= load.clearance;
+}
+
+bool Surroundings::is_free(const Pose &pose, const Arc &arc) const {
+    if (arc.length <= 0.0)
+        return true;
+    return sweep_is_free(room, pose, arc.twist, arc.length) &&
+           sweep_is_free(load, seen_from(place, pose), arc.twist, arc.length);
+}
+
+DrivenWord drive(const Surroundings &around, const Wheels &wheels, const Pose &start, const Pose &goal, double bound,
+                 int tries) {
+    DrivenWords found;
+    find_drives(wheels, start, goal, found);
+    for (int i = 0; i < tries; ++i) {
+        DrivenWord *best = cheapest(found.begin(), found.end(), bound);
+        if (best == nullptr)
+            break;
+        if (is_free(around, start, *best))
+            return *best;
+        best->cost = INF;
+    }
+    DrivenWord none;
+    none.cost = INF;
+    return none;
+}
+
+namespace {
+
+Wheels to_wheels(WheelKind kind, const Numbers &axle, double radius) { return {kind, to_pose(axle), radius}; }
+
+// The words as pairs of their letters and lengths, each (k,).
+py::list reeds_shepp_as_arrays(double x, double y, double phi) {
+    ReedsSheppWords found;
+    find_reeds_shepp(x, y, phi, found);
+    py::list out;
+    for (const ReedsSheppWord &word : found) {
+        out.append(py::make_tuple(py::array_t<double>(word.count, word.letters.data()),
+                                  py::array_t<double>(word.count, word.lengths.data())));
+    }
+    return out;
+}
+
+// The arcs (k, 4) of every word.
+py::list drives_as_arrays(const Wheels &wheels, const Numbers &start, const Numbers &goal) {
+    DrivenWords found;
+    find_drives(wheels, to_pose(start), to_pose(goal), found);
+    py::list out;
+    for (const DrivenWord &word : found)
+        out.append(to_table(word.arcs.data(), static_cast<std::size_t>(word.count)));
+    return out;
+}
+
+} // namespace
+
+void bind_driving(py::module_ &core) {
+    auto m = core.def_submodule("driving");
+    py::enum_<WheelKind>(m, "WheelKind")
+        .value("OMNIDIRECTIONAL", WheelKind::OMNIDIRECTIONAL)
+        .value("DIFFERENTIAL", WheelKind::DIFFERENTIAL)
+        .value("CAR", WheelKind::CAR);
+    py::class_<Wheels>(m, "Wheels")
+        .def(py::init(&to_wheels),
+             py::arg("kind"), py::arg("axle"), py::arg("radius"))
+        .def_readonly("kind", &Wheels::kind)
+        .def_property_readonly("axle", [](const Wheels &wheels) { return to_array(wheels.axle); })
+        .def_readonly("radius", &Wheels::radius)
+        .def(py::pickle(
+            [](const Wheels &wheels) { return py::make_tuple(wheels.kind, to_array(wheels.axle), wheels.radius); },
+            [](const py::tuple &state) {
+                return to_wheels(state[0].cast<WheelKind>(), state[1].cast<Numbers>(), state[2].cast<double>());
+            }));
+    py::class_<Surroundings>(m, "Surroundings")
+        .def(py::init([](const Scene &room, const Scene &load, const Numbers &place) {
+                 return Surroundings{room, load, to_pose(place)};
+             }),
+             py::arg("room"), py::arg("load"), py::arg("place"))
+        .def_readonly("room", &Surroundings::room)
+        .def_readonly("load", &Surroundings::load)
+        .def_property_readonly("place", [](const Surroundings &around) { return to_array(around.place); });
+    m.def("find_reeds_shepp", &reeds_shepp_as_arrays, py::arg("x"), py::arg("y"), py::arg("phi"));
+    m.def("find_drives", &drives_as_arrays, py::arg("wheels"), py::arg("start"), py::arg("goal"));
+    m.def(
+        "shortest_drive",
+        [](const Wheels &wheels, const Numbers &start, const Numbers &goal) {
+            return shortest_drive(wheels, to_pose(start), to_pose(goal));
+        },
+        py::arg("wheels"), py::arg("start"), py::arg("goal"));
+}
+
+} // namespace pushplan

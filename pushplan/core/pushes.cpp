@@ -1,0 +1,185 @@
+#include "pushes.hpp"
+
+#include "numpy_poses.hpp"
+
+#include <algorithm>
+
+namespace pushplan {
+namespace {
+
+// Words that are swept for a push, at most.
+constexpr int PUSH_TRIES = 6;
+
+} // namespace
+
+Pose PackedMode::robot_at(const Pose &load, double behind) const {
+    Pose pose = joined(joined(load, contact), robot);
+    pose.x -= behind * std::cos(pose.theta);
+    pose.y -= behind * std::sin(pose.theta);
+    return pose;
+}
+
+std::vector<double> word_costs(const PackedMode &mode, const std::vector<Pose> &starts, const std::vector<Pose> &goals,
+                               Row<const double> sofar, Row<const double> left, double below) {
+    std::vector<double> out(starts.size() * goals.size(), INF);
+    std::vector<Pose> ends;
+    for (const Pose &goal : goals)
+        ends.push_back(joined(goal, mode.contact));
+    for (std::size_t i = 0; i < starts.size(); ++i) {
+        const Pose begin = mode.settled(joined(starts[i], mode.contact));
+        for (std::size_t j = 0; j < goals.size(); ++j) {
+            const double away = std::hypot(goals[j].x - starts[i].x, goals[j].y - starts[i].y);
+            // A distance costs next to nothing beside the words, of which most pairs need none then.
+            if (sofar[i] + away / mode.faster + left[j] >= below)
+                continue;
+            double &cost = out[i * goals.size() + j];
+            for (const Family &family : mode.families)
+                for (const Word &word : find_words(family, begin, ends[j]))
+                    cost = std::min(cost, mode.settle + word.cost);
+        }
+    }
+    return out;
+}
+
+Push find_push(const Scene &scene, const PackedMode &mode, const Pose &start, const Pose &goal) {
+    const Pose first = joined(start, mode.contact), last = joined(goal, mode.contact);
+    const double enough = mode.clearance + SLACK;
+    const double gap = std::min(separation(scene, first, enough), separation(scene, last, enough));
+    if (gap < mode.clearance - ROUNDING)
+        return {};
+    const Scene between = scene_with_gap(scene, gap, mode.clearance);
+    const Twist straight{mode.settling.vx, mode.settling.vy, 0.0};
+    if (!sweep_is_free(between, first, straight, mode.settle))
+        return {};
+    const Connection found = connect(between, mode.family_row(), mode.settled(first), last, INF, PUSH_TRIES);
+    if (found.cost == INF)
+        return {};
+    return {mode.settle + found.cost, {Arc{straight, mode.settle}, found.arcs[0], found.arcs[1], found.arcs[2]}};
+}
+
+bool settles(const Scene &scene, const PackedMode &mode, const Pose &load) {
+    const Pose at = joined(load, mode.contact);
+    const double gap = separation(scene, at, mode.clearance + SLACK);
+    if (gap < mode.clearance - ROUNDING)
+        return false;
+    const Scene between = scene_with_gap(scene, gap, mode.clearance);
+    return sweep_is_free(between, at, {mode.settling.vx, mode.settling.vy, 0.0}, mode.settle);
+}
+
+bool approach_is_free(const Scene &robot, const PackedMode &mode, const Pose &load, bool back) {
+    const double behind = back ? mode.retreat : mode.approach, enough = mode.clearance + SLACK;
+    const Pose near = mode.robot_at(load, 0.0), away = mode.robot_at(load, behind);
+    const double gap = separation(robot, near, enough);
+    // Where the robot drives on, it keeps what every transit keeps.
+    if (gap < mode.clearance - ROUNDING || separation(robot, away, enough) < enough)
+        return false;
+    return sweep_is_free(scene_with_gap(robot, gap, mode.clearance), away, {1.0, 0.0, 0.0}, behind);
+}
+
+namespace {
+
+PackedMode to_mode(const Numbers &families, const Numbers &contact, const Numbers &robot, const Numbers &settling,
+                   double settle, double approach, double retreat, double clearance, double faster) {
+    if (families.size() == 0)
+        throw std::invalid_argument("a contact has at least one family of twists");
+    return {to_families(families), to_pose(contact), to_pose(robot), to_twist(settling), settle,
+            approach,              retreat,          clearance,      faster};
+}
+
+py::array_t<double> families_array(const PackedMode &mode) {
+    return py::array_t<double>({static_cast<py::ssize_t>(mode.families.size()), py::ssize_t{3}, py::ssize_t{3}},
+                               &mode.families[0][0].vx);
+}
+
+py::array_t<double> settling_array(const PackedMode &mode) {
+    return py::array_t<double>(3, &mode.settling.vx);
+}
+
+py::tuple mode_state(const PackedMode &mode) {
+    return py::make_tuple(families_array(mode), to_array(mode.contact), to_array(mode.robot), settling_array(mode),
+                          mode.settle, mode.approach, mode.retreat, mode.clearance, mode.faster);
+}
+
+PackedMode mode_from(const py::tuple &state) {
+    const auto array = [&](std::size_t i) { return state[i].cast<Numbers>(); };
+    const auto number = [&](std::size_t i) { return state[i].cast<double>(); };
+    return to_mode(array(0), array(1), array(2), array(3), number(4), number(5), number(6), number(7), number(8));
+}
+
+void bind_mode(py::module_ &m) {
+    py::class_<PackedMode>(m, "PackedMode")
+        .def(py::init(&to_mode), py::arg("families"), py::arg("contact"), py::arg("robot"), py::arg("settling"),
+             py::arg("settle"), py::arg("approach"), py::arg("retreat"), py::arg("clearance"), py::arg("faster"))
+        .def_property_readonly("families", &families_array)
+        .def_property_readonly("contact", [](const PackedMode &mode) { return to_array(mode.contact); })
+        .def_property_readonly("robot", [](const PackedMode &mode) { return to_array(mode.robot); })
+        .def_property_readonly("settling", &settling_array)
+        .def_readonly("settle", &PackedMode::settle)
+        .def_readonly("approach", &PackedMode::approach)
+        .def_readonly("retreat", &PackedMode::retreat)
+        .def_readonly("clearance", &PackedMode::clearance)
+        .def_readonly("faster", &PackedMode::faster)
+        .def(
+            "robot_at",
+            [](const PackedMode &mode, const Numbers &load, double behind) {
+                return to_array(mode.robot_at(to_pose(load), behind));
+            },
+            py::arg("load"), py::arg("behind"))
+        .def(py::pickle(&mode_state, &mode_from));
+}
+
+py::array_t<double> costs_between(const PackedMode &mode, const Numbers &starts, const Numbers &goals,
+                                  const Numbers &sofar, const Numbers &left, double below) {
+    const auto from = to_rows<Pose>(starts, "starts"), to = to_rows<Pose>(goals, "goals");
+    const auto before = row(sofar), after = row(left);
+    if (before.size != starts.shape(0) || after.size != goals.shape(0))
+        throw std::invalid_argument("a cost is needed for each start and for each goal");
+    std::vector<double> costs;
+    {
+        py::gil_scoped_release free;
+        costs = word_costs(mode, from, to, before, after, below);
+    }
+    return to_numpy(std::move(costs), {starts.shape(0), goals.shape(0)});
+}
+
+py::tuple push_between(const Scene &scene, const PackedMode &mode, const Numbers &start, const Numbers &goal) {
+    const Pose first = to_pose(start), last = to_pose(goal);
+    Push found;
+    {
+        py::gil_scoped_release free;
+        found = find_push(scene, mode, first, last);
+    }
+    return py::make_tuple(found.cost, to_table(found.arcs));
+}
+
+bool settles_at(const Scene &scene, const PackedMode &mode, const Numbers &load) {
+    const Pose at = to_pose(load);
+    py::gil_scoped_release free;
+    return settles(scene, mode, at);
+}
+
+py::array_t<bool> approaches_are_free(const Scene &robot, const PackedMode &mode, const Numbers &loads, bool back) {
+    const auto poses = to_rows<Pose>(loads, "loads");
+    py::array_t<bool> out(static_cast<py::ssize_t>(poses.size()));
+    bool *is_free = out.mutable_data();
+    py::gil_scoped_release free;
+    for (const Pose &pose : poses)
+        *is_free++ = approach_is_free(robot, mode, pose, back);
+    return out;
+}
+
+} // namespace
+
+void bind_pushes(py::module_ &core) {
+    auto m = core.def_submodule("pushes");
+    bind_mode(m);
+    m.attr("ARCS") = std::tuple_size_v<decltype(Push::arcs)>;
+    m.def("word_costs", &costs_between, py::arg("mode"), py::arg("starts"), py::arg("goals"), py::arg("sofar"),
+          py::arg("left"), py::arg("below"));
+    m.def("find_push", &push_between, py::arg("scene"), py::arg("mode"), py::arg("start"), py::arg("goal"));
+    m.def("settles", &settles_at, py::arg("scene"), py::arg("mode"), py::arg("load"));
+    m.def("approaches_are_free", &approaches_are_free, py::arg("robot"), py::arg("mode"), py::arg("loads"),
+          py::arg("back"));
+}
+
+} // namespace pushplan

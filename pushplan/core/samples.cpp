@@ -1,0 +1,230 @@
+#include "samples.hpp"
+
+#include "numpy_poses.hpp"
+#include "transit.hpp"
+
+#include <algorithm>
+
+namespace pushplan {
+namespace {
+
+// Scale of the first moves, m; a turn by 1 rad counts TURN_LENGTH.
+constexpr double WIDEST = 0.3;
+
+// Moves of a random descent, for each pose.
+constexpr int MOVES = 120;
+
+// Cost of the cheapest push.
+double push_cost(const PackedMode &mode, const Pose &start, const Pose &goal) {
+    const Pose begin = mode.settled(joined(start, mode.contact)), end = joined(goal, mode.contact);
+    double best = INF;
+    for (const Family &family : mode.families)
+        for (const Word &word : find_words(family, begin, end))
+            best = std::min(best, word.cost);
+    return best + mode.settle;
+}
+
+// Draw a normally distributed number (Box and Muller 1958).
+double normal(Random &random) {
+    const double away = std::sqrt(-2.0 * std::log(1.0 - random()));
+    return away * std::cos(2.0 * PI * random());
+}
+
+// Return the load's pose with a contact at a pose in the world that is at `contact` in its frame.
+Pose seen_from_contact(const Pose &at, const Pose &contact) {
+    const double theta = at.theta - contact.theta, c = std::cos(theta), s = std::sin(theta);
+    return {at.x - c * contact.x + s * contact.y, at.y - s * contact.x - c * contact.y, theta};
+}
+
+// Draw one of a number of things.
+std::size_t choose(std::size_t count, Random &random) {
+    return static_cast<std::size_t>(random() * static_cast<double>(count));
+}
+
+} // namespace
+
+Pose pushed_at_random(const PackedMode &mode, const Pose &pose, double sense, Random &random) {
+    const Twist &twist = mode.families[0][choose(3, random)];
+    double length = 0.03 * std::pow(50.0, random()); // of straight pushes, from 0.03 to 1.5 m
+    if (twist.omega != 0.0)
+        length = 0.75 * PI * random() / std::abs(twist.omega);
+    return seen_from_contact(step(joined(pose, mode.contact), twist, sense * length), mode.contact);
+}
+
+double descend(const Modes &sequence, const std::array<Pose, 2> &ends, Row<Pose> poses, double scale, int moves,
+               Random &random) {
+    const std::size_t count = sequence.size();
+    const auto before = [&](std::size_t i) -> const Pose & { return i == 0 ? ends[0] : poses[i - 1]; };
+    const auto after = [&](std::size_t i) -> const Pose & { return i == count - 1 ? ends[1] : poses[i]; };
+    std::vector<double> costs;
+    for (std::size_t i = 0; i < count; ++i)
+        costs.push_back(push_cost(*sequence[i], before(i), after(i)));
+    for (int move = 0; move < moves && scale >= 1e-5; ++move) {
+        const std::size_t i = choose(count - 1, random);
+        // Moves without a turn keep a heading that is right already, e.g. that of a straight push.
+        const double turn = random() < 0.3 ? 0.0 : scale / TURN_LENGTH;
+        Pose moved = poses[i];
+        moved.x += scale * normal(random);
+        moved.y += scale * normal(random);
+        moved.theta += turn * normal(random);
+        const double first = push_cost(*sequence[i], before(i), moved);
+        // One move changes two pushes only; the second is looked at where the first leaves it a chance.
+        if (first < costs[i] + costs[i + 1]) {
+            const double second = push_cost(*sequence[i + 1], moved, after(i + 1));
+            if (first + second < costs[i] + costs[i + 1]) {
+                poses[i] = moved;
+                costs[i] = first, costs[i + 1] = second;
+                scale = std::min(1.6 * scale, WIDEST);
+                continue;
+            }
+        }
+        scale *= 0.93;
+    }
+    double sum = 0.0;
+    for (const double cost : costs)
+        sum += cost;
+    return sum;
+}
+
+std::vector<Pose> random_descent(const Modes &modes, const Draws &draws, Random &random) {
+    // Few pushes more often than many.
+    const double share = random();
+    const auto count = 2 + static_cast<std::int64_t>(static_cast<double>(draws.most - 1) * (share * share));
+    const std::array<Pose, 2> ends{draws.start, draws.goals[choose(draws.goals.size(), random)]};
+    std::vector<std::int64_t> chosen;
+    double extra = 0.0;
+    for (std::int64_t i = 0; i < count; ++i) {
+        auto mode = static_cast<std::int64_t>(choose(modes.size(), random));
+        if (i == 0)
+            mode = draws.firsts[choose(draws.firsts.size(), random)];
+        else if (i == count - 1)
+            mode = draws.lasts[choose(draws.lasts.size(), random)];
+        if (i > 0) {
+            extra += draws.changes.at(chosen.back(), mode);
+            if (mode == chosen.back())
+                return {};
+        }
+        chosen.push_back(mode);
+    }
+    if (extra >= draws.below)
+        return {};
+    Modes sequence;
+    for (const std::int64_t mode : chosen)
+        sequence.push_back(modes[mode]);
+    // From both ends towards the middle.
+    std::vector<Pose> poses(static_cast<std::size_t>(count - 1));
+    Pose front = ends[0], back = ends[1];
+    for (std::int64_t i = 0, j = count - 2; i <= j;) {
+        if (random() < 0.5) {
+            front = pushed_at_random(*sequence[i], front, 1.0, random);
+            poses[i++] = front;
+        } else {
+            back = pushed_at_random(*sequence[j + 1], back, -1.0, random);
+            poses[j--] = back;
+        }
+    }
+    const Row<Pose> between{poses.data(), count - 1};
+    const double cost = descend(sequence, ends, between, WIDEST, MOVES * static_cast<int>(count - 1), random);
+    return cost + extra < draws.below ? poses : std::vector<Pose>{};
+}
+
+std::vector<Pose> straight_crossings(const Pose &start, const std::vector<Pose> &goals,
+                                     Table<const double> directions) {
+    std::vector<Pose> out;
+    const double c = std::cos(start.theta), s = std::sin(start.theta);
+    for (const Pose &goal : goals) {
+        if (std::abs(floored_mod(goal.theta - start.theta + PI, 2.0 * PI) - PI) > 1e-9)
+            continue;
+        const double dx = c * (goal.x - start.x) + s * (goal.y - start.y);
+        const double dy = c * (goal.y - start.y) - s * (goal.x - start.x);
+        for (std::ptrdiff_t i = 0; i < directions.rows; ++i) {
+            for (std::ptrdiff_t j = 0; j < directions.rows; ++j) {
+                const double *a = directions[i], *b = directions[j];
+                const double det = a[0] * b[1] - a[1] * b[0];
+                if (std::abs(det) < 1e-6) // parallel rays do not cross
+                    continue;
+                const double ahead = (dx * b[1] - dy * b[0]) / det;
+                if (ahead > 0.0 && (a[0] * dy - a[1] * dx) / det > 0.0) {
+                    const double x = ahead * a[0], y = ahead * a[1];
+                    out.push_back({start.x + c * x - s * y, start.y + s * x + c * y, start.theta});
+                }
+            }
+        }
+    }
+    return out;
+}
+
+namespace {
+
+std::vector<std::int64_t> indices_of(const Integers &numbers, std::size_t count) {
+    const auto indices = row(numbers);
+    for (const std::int64_t i : indices)
+        if (i < 0 || i >= static_cast<std::int64_t>(count))
+            throw std::invalid_argument("there is no contact " + std::to_string(i));
+    return {indices.begin(), indices.end()};
+}
+
+double descend_between(const Modes &modes, const Integers &sequence, const Numbers &ends, Written poses, double scale,
+                       int moves, RandomState state) {
+    Modes chosen;
+    for (const std::int64_t mode : indices_of(sequence, modes.size()))
+        chosen.push_back(modes[mode]);
+    const auto both = to_rows<Pose>(ends, "ends");
+    const auto rows = written_table(poses);
+    if (chosen.size() < 2 || both.size() != 2 || rows.columns != 3 || rows.rows + 1 != sequence.size())
+        throw std::invalid_argument("a descent has k > 1 pushes, ends (2, 3) and poses between its pushes (k - 1, 3)");
+    Random &random = random_of(state);
+    auto between = to_rows<Pose>(poses, "poses");
+    py::gil_scoped_release free;
+    const double cost = descend(chosen, {both[0], both[1]}, {between.data(), rows.rows}, scale, moves, random);
+    for (std::ptrdiff_t i = 0; i < rows.rows; ++i)
+        put(rows[i], between[i]);
+    return cost;
+}
+
+py::array_t<double> descent_at_random(const Modes &modes, const Numbers &start, const Numbers &goals,
+                                      const Integers &firsts, const Integers &lasts, std::int64_t most,
+                                      const Numbers &changes, double below, RandomState state) {
+    const auto count = static_cast<std::ptrdiff_t>(modes.size());
+    const Draws draws{to_pose(start), to_rows<Pose>(goals, "goals"), indices_of(firsts, modes.size()),
+                      indices_of(lasts, modes.size()), table(changes), most, below};
+    if (draws.goals.empty() || draws.firsts.empty() || draws.lasts.empty() || most < 2 ||
+        draws.changes.rows != count || draws.changes.columns != count)
+        throw std::invalid_argument("two pushes or more are drawn from goals, first and last contacts, and what "
+                                    "changes of the contact cost (m, m)");
+    Random &random = random_of(state);
+    std::vector<Pose> poses;
+    {
+        py::gil_scoped_release free;
+        poses = random_descent(modes, draws, random);
+    }
+    return to_table(poses);
+}
+
+} // namespace
+
+void bind_samples(py::module_ &core) {
+    auto m = core.def_submodule("samples");
+    m.def(
+        "pushed_at_random",
+        [](const PackedMode &mode, const Numbers &pose, double sense, RandomState state) {
+            return to_array(pushed_at_random(mode, to_pose(pose), sense, random_of(state)));
+        },
+        py::arg("mode"), py::arg("pose"), py::arg("sense"), py::arg("state").noconvert());
+    m.def("descend", &descend_between, py::arg("modes"), py::arg("sequence"), py::arg("ends"),
+          py::arg("poses").noconvert(), py::arg("scale"), py::arg("moves"), py::arg("state").noconvert());
+    m.def("random_descent", &descent_at_random, py::arg("modes"), py::arg("start"), py::arg("goals"),
+          py::arg("firsts"), py::arg("lasts"), py::arg("most"), py::arg("changes"), py::arg("below"),
+          py::arg("state").noconvert());
+    m.def(
+        "straight_crossings",
+        [](const Numbers &start, const Numbers &goals, const Numbers &directions) {
+            const auto rays = table(directions);
+            if (rays.columns != 2)
+                throw std::invalid_argument("directions have two columns, not " + std::to_string(rays.columns));
+            return to_table(straight_crossings(to_pose(start), to_rows<Pose>(goals, "goals"), rays));
+        },
+        py::arg("start"), py::arg("goals"), py::arg("directions"));
+}
+
+} // namespace pushplan

@@ -1,0 +1,232 @@
+#include "transit.hpp"
+
+#include "numpy_poses.hpp"
+
+#include <algorithm>
+
+namespace pushplan {
+namespace {
+
+// Nodes that a new pose is joined to, at most.
+constexpr int NEAREST = 3;
+
+// Words that are swept between two poses.
+constexpr int WORD_TRIES = 3;
+
+// Words that are swept for a shortcut.
+constexpr int SHORTCUT_TRIES = 2;
+
+// The smallest saving of a shortcut, m.
+constexpr double SAVING = 1e-6;
+
+// A pose that is joined to its parent, a row of the tree or -1, by a word.
+struct WayNode {
+    Pose pose;
+    int parent;
+    DrivenWord word;
+};
+
+using WayTree = std::vector<WayNode>;
+
+// Where poses are drawn from.
+struct Region {
+    std::array<Pose, 3> ends; // start, goal and load
+    Walls box;
+    double spread; // m, how far from the ends
+
+    // Draw a pose from the box, or, as often, around one of the ends.
+    Pose draw(Random &random) const {
+        // Ways between pushes lead round the load, or are short: most of the room is of no use to them.
+        Pose pose;
+        if (random() < 0.5) {
+            const Pose &end = ends[static_cast<std::size_t>(random() * static_cast<double>(ends.size()))];
+            const double reach = spread * random(), way = 2.0 * PI * random();
+            pose.x = end.x + reach * std::cos(way), pose.y = end.y + reach * std::sin(way);
+        } else {
+            pose.x = box.xmin + (box.xmax - box.xmin) * random();
+            pose.y = box.ymin + (box.ymax - box.ymin) * random();
+        }
+        pose.theta = 2.0 * PI * random() - PI;
+        return pose;
+    }
+};
+
+// Rows of the nodes nearest to a pose, nearest first.
+struct Near {
+    std::array<int, NEAREST> rows;
+    std::array<double, NEAREST> away;
+    int count;
+
+    Near(const WayTree &tree, const Pose &pose) : count(std::min(static_cast<int>(tree.size()), NEAREST)) {
+        rows.fill(0), away.fill(INF);
+        for (int i = 0; i < static_cast<int>(tree.size()); ++i) {
+            const double d = apart(tree[i].pose, pose, TURN_LENGTH);
+            int k = NEAREST;
+            for (; k > 0 && d < away[k - 1]; --k) {
+                if (k < NEAREST)
+                    rows[k] = rows[k - 1], away[k] = away[k - 1];
+            }
+            if (k < NEAREST)
+                rows[k] = i, away[k] = d;
+        }
+    }
+};
+
+// Join a pose to a tree by a free word, which leads from the tree to the pose, or back; return whether there is one.
+bool join(const Surroundings &around, const Wheels &wheels, WayTree &tree, const Pose &pose, bool from_tree) {
+    const Near near(tree, pose);
+    for (int k = 0; k < near.count; ++k) {
+        const Pose &other = tree[near.rows[k]].pose;
+        const DrivenWord word =
+            drive(around, wheels, from_tree ? other : pose, from_tree ? pose : other, INF, WORD_TRIES);
+        if (word.cost < INF) {
+            tree.push_back({pose, near.rows[k], word});
+            return true;
+        }
+    }
+    return false;
+}
+
+// Return the arcs from the root of one tree to its last node, which is also the last of the other, to that one's root.
+Way joined_way(const WayTree &forth, const WayTree &back) {
+    Way way;
+    for (int at = static_cast<int>(forth.size()) - 1; at >= 0; at = forth[at].parent)
+        way.insert(way.begin(), forth[at].word.begin(), forth[at].word.end());
+    for (int at = static_cast<int>(back.size()) - 1; at >= 0; at = back[at].parent)
+        way.insert(way.end(), back[at].word.begin(), back[at].word.end());
+    return way;
+}
+
+// Grow trees of words from both ends until a pose is in both.
+std::optional<Way> grow_trees(const Surroundings &around, const Wheels &wheels, const Region &region, Random &random,
+                              int iterations) {
+    WayTree forth{{region.ends[0], -1, {}}}, back{{region.ends[1], -1, {}}};
+    for (int i = 0; i < iterations; ++i) {
+        const Pose pose = region.draw(random);
+        if (!around.is_clear(pose))
+            continue;
+        const bool reached = join(around, wheels, forth, pose, true);
+        const bool reaches = join(around, wheels, back, pose, false);
+        if (reached && reaches) {
+            Way way = joined_way(forth, back);
+            return way.size() <= MOST_ARCS ? std::optional<Way>(std::move(way)) : std::nullopt;
+        }
+    }
+    return std::nullopt;
+}
+
+// Return the poses at the beginning of every arc of a way.
+std::vector<Pose> poses_along(const Pose &start, const Way &way) {
+    std::vector<Pose> poses;
+    Pose pose = start;
+    for (const Arc &arc : way) {
+        poses.push_back(pose);
+        pose = step(pose, arc.twist, arc.length);
+    }
+    return poses;
+}
+
+} // namespace
+
+std::optional<Way> find_transit(const Surroundings &around, const Wheels &wheels, const Pose &start, const Pose &goal,
+                                const Walls &box, double spread, Random &random, int iterations) {
+    const DrivenWord direct = drive(around, wheels, start, goal, INF, 2 * WORD_TRIES);
+    if (direct.cost < INF)
+        return Way(direct.begin(), direct.end());
+    if (!around.is_clear(start) || !around.is_clear(goal))
+        return std::nullopt;
+    const Region region{{start, goal, around.place}, box, spread};
+    auto way = grow_trees(around, wheels, region, random, iterations);
+    // Words through random poses have detours, which joining places anew takes away.
+    if (way)
+        way = shortened(around, wheels, start, std::move(*way), random, 40);
+    return way;
+}
+
+Way shortened(const Surroundings &around, const Wheels &wheels, const Pose &start, Way way, Random &random,
+              int attempts) {
+    std::vector<Pose> poses = poses_along(start, way);
+    for (int attempt = 0; attempt < attempts; ++attempt) {
+        // From a place within arc i to one within arc j.
+        const double count = static_cast<double>(way.size());
+        const int one = static_cast<int>(random() * count), other = static_cast<int>(random() * count);
+        if (one == other)
+            continue;
+        const int i = std::min(one, other), j = std::max(one, other);
+        const double a = random() * way[i].length, b = random() * way[j].length;
+        double old = way[i].length - a + b;
+        for (int k = i + 1; k < j; ++k)
+            old += way[k].length;
+        const Pose first = step(poses[i], way[i].twist, a), last = step(poses[j], way[j].twist, b);
+        const DrivenWord word = drive(around, wheels, first, last, old - SAVING, SHORTCUT_TRIES);
+        if (word.cost == INF || static_cast<int>(way.size()) - (j - i) + 1 + word.count > MOST_ARCS)
+            continue;
+        way[i].length = a;
+        way[j].length -= b;
+        way.erase(way.begin() + i + 1, way.begin() + j);
+        way.insert(way.begin() + i + 1, word.begin(), word.end());
+        poses = poses_along(start, way);
+    }
+    return way;
+}
+
+bool transit_is_free(const Surroundings &around, const Pose &start, const Way &way) {
+    Pose pose = start;
+    if (!around.is_clear(start))
+        return false;
+    for (const Arc &arc : way) {
+        if (!around.is_free(pose, arc))
+            return false;
+        pose = step(pose, arc.twist, arc.length);
+    }
+    return true;
+}
+
+namespace {
+
+py::object transit_between(const Surroundings &around, const Wheels &wheels, const Numbers &start, const Numbers &goal,
+                           const std::array<double, 4> &box, double spread, RandomState state, int iterations) {
+    const Pose first = to_pose(start), last = to_pose(goal);
+    const Walls region{box[0], box[1], box[2], box[3]};
+    Random &random = random_of(state);
+    std::optional<Way> way;
+    {
+        py::gil_scoped_release free;
+        way = find_transit(around, wheels, first, last, region, spread, random, iterations);
+    }
+    if (!way)
+        return py::none();
+    return to_table(*way);
+}
+
+py::array_t<double> shortened_arcs(const Surroundings &around, const Wheels &wheels, const Numbers &start,
+                                   const Numbers &arcs, RandomState state, int attempts) {
+    const Pose first = to_pose(start);
+    Way way = to_arcs(arcs);
+    Random &random = random_of(state);
+    {
+        py::gil_scoped_release free;
+        way = shortened(around, wheels, first, std::move(way), random, attempts);
+    }
+    return to_table(way);
+}
+
+bool arcs_are_free(const Surroundings &around, const Numbers &start, const Numbers &arcs) {
+    const Pose first = to_pose(start);
+    const Way way = to_arcs(arcs);
+    py::gil_scoped_release free;
+    return transit_is_free(around, first, way);
+}
+
+} // namespace
+
+void bind_transit(py::module_ &core) {
+    auto m = core.def_submodule("transit");
+    m.def("find_transit", &transit_between, py::arg("around"), py::arg("wheels"), py::arg("start"), py::arg("goal"),
+          py::arg("box"), py::arg("spread"), py::arg("state").noconvert(), py::arg("iterations"));
+    m.def("shortened", &shortened_arcs, py::arg("around"), py::arg("wheels"), py::arg("start"), py::arg("arcs"),
+          py::arg("state").noconvert(), py::arg("attempts"));
+    m.def("transit_is_free", &arcs_are_free, py::arg("around"), py::arg("start"), py::arg("arcs"));
+}
+
+} // namespace pushplan
