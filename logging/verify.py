@@ -90,10 +90,12 @@ class VerifyReport:
     Attributes:
         checks: The comparisons.
         versions: Packages that have other versions now than when the log was written, in words.
+        not_compared: What was taken as it is, in words.
     """
 
     checks: tuple[Check, ...]
     versions: tuple[str, ...] = ()
+    not_compared: tuple[str, ...] = NOT_COMPARED
 
     @property
     def matches(self) -> bool:

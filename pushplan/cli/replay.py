@@ -185,6 +185,8 @@ def _verified(run: RecordedRun, console: Console) -> VerifyReport:
         console.say(("the log differs from what its scenario and its plan lead to:", "red"))
         for check in report.mismatches:
             console.say(f"  {check.text}")
+    for part in report.not_compared:
+        console.say((f"not compared: {part}", "dim"))
     return report
 
 
@@ -200,7 +202,7 @@ def _verification(report: VerifyReport) -> Document:
         }
         for check in report.checks
     ]
-    return {"matches": report.matches, "checks": checks}
+    return {"matches": report.matches, "checks": checks, "not_compared": list(report.not_compared)}
 
 
 # --- what is written --------------------------------------------------------------------------------------------
