@@ -11,8 +11,10 @@ from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Scenario
 from pushplan.sim.report import ContactLoss
-from pushplan.sim.slip.simulator import DEFAULTS, SlipSettings
-from pushplan.sim.trials import Trials, TrialUncertainty, execute_trials
+from pushplan.sim.slip.simulator import slip
+from pushplan.sim.trials import Simulator, Trials, TrialUncertainty, execute_trials
+from pushplan.util.names import SIMULATORS
+from pushplan.util.naming import function_named, simulator_names
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
@@ -25,7 +27,7 @@ def trial(
     *,
     uncertainty: TrialUncertainty | None = None,
     seed: int = 1,
-    settings: SlipSettings = DEFAULTS,
+    simulator: Simulator | str = SIMULATORS[0],
     jobs: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Trials:
@@ -38,17 +40,30 @@ def trial(
         uncertainty: By how much worlds differ. None takes the intervals of the scenario where it states any, and the
             defaults of `TrialUncertainty` otherwise.
         seed: Of the worlds: the same seed gives the same ones.
-        settings: Of the simulator.
+        simulator: What executes it: a function of a plan and a world that returns a `ContactReport`, or the name of
+            one: `slip`, `module:attribute`, or that of an installed package.
         jobs: Threads; None for one a processor.
         progress: Called with the number of samples that are done.
 
     Raises:
         PlanningError: When there is no plan.
+        PushplanError: When no simulator has this name.
         RunLogError: When the log cannot be read.
         SupportError: When the load under an object is not known.
     """
-    found = plan_to_try(what)
-    return execute_trials(found, samples, uncertainty, seed, settings, jobs, progress)
+    found, execute = plan_to_try(what), simulator_named(simulator)
+    return execute_trials(found, samples, uncertainty, seed, execute, jobs, progress)
+
+
+def simulator_named(simulator: Simulator | str) -> Simulator:
+    """Return a simulator by its name.
+
+    Raises:
+        PushplanError: When there is none.
+    """
+    if not isinstance(simulator, str):
+        return simulator
+    return slip if simulator == SIMULATORS[0] else function_named(simulator, simulator_names(), "simulator")
 
 
 def plan_to_try(what: Scenario | Plan | Run | RecordedRun | Path | str) -> Plan:

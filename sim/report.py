@@ -375,6 +375,18 @@ def moving(twists: FloatArray) -> FloatArray:
     return np.asarray(twists[moves[coming]])
 
 
+def with_margins(report: ContactReport, plan: Plan) -> ContactReport:
+    """Return a report with the margins of its twists and the error at the goal, which take their time."""
+    loads = [segment.load if segment.pushes else None for segment in plan.segments]
+    judge, margins = judged(loads, plan.stable_set, report.names, report.segment, report.twists)
+    loss = report.loss
+    if isinstance(loss, ContactLoss):
+        at = int(np.searchsorted(report.t, loss.time))
+        loss = replace(loss, margin=float(margins[at, report.names.index(loss.object)]))
+    off = worst_at_goal(plan.scenario, report.objects[-1])
+    return replace(report, judge=judge, margins=margins, loss=loss, goal_error=off)
+
+
 def judged(
     loads: Sequence[Load | None], planned: str, names: Sequence[str], segment: IntArray, twists: FloatArray
 ) -> tuple[str, FloatArray]:

@@ -16,8 +16,8 @@ from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport
 from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Scenario
-from pushplan.sim.report import ContactLoss, ContactReport, goal_columns, goal_units
-from pushplan.sim.slip.simulator import DEFAULTS, SlipSettings, simulate, slip
+from pushplan.sim.report import ContactLoss, ContactReport, goal_columns, goal_units, with_margins
+from pushplan.sim.slip.simulator import slip
 from pushplan.sim.world import World
 from pushplan.util.arrays import BoolArray, FloatArray
 from pushplan.util.wilson import wilson
@@ -173,6 +173,10 @@ def _local_motion(contact: Contact, aside: float, turn: float) -> FloatArray:
     return np.append(shift, turn)
 
 
+Simulator = Callable[[Plan, World], ContactReport]
+"""Executes a plan in a world where contacts may slip."""
+
+
 @dataclass(frozen=True, eq=False)
 class Trials:
     """A plan in k sampled worlds.
@@ -181,7 +185,7 @@ class Trials:
         plan: What the plate is made to do, and what is believed.
         uncertainty: What the worlds were drawn from; None for the scenario's own intervals.
         seed: Of the random numbers; sample i depends on it and on i only.
-        settings: Of the simulator.
+        simulator: What executed it.
         errors: (k, n, 2) how far (m) and by what angle (rad) every object ends off its place at the goal.
         object_poses: (k, n, 3) where they end, in the world.
         arrived: (k,) whether the goal's object, or every object, ends within the goal's tolerances.
@@ -192,7 +196,7 @@ class Trials:
     plan: Plan
     uncertainty: TrialUncertainty | None
     seed: int
-    settings: SlipSettings
+    simulator: Simulator
     errors: FloatArray
     object_poses: FloatArray
     arrived: BoolArray
@@ -250,7 +254,7 @@ class Trials:
 
     def report(self, i: int) -> ContactReport:
         """Return the course of sample i, simulated anew."""
-        return simulate(self.plan, self.world(i), self.settings)
+        return with_margins(self.simulator(self.plan, self.world(i)), self.plan)
 
 
 def execute_trials(
@@ -258,7 +262,7 @@ def execute_trials(
     samples: int = 200,
     uncertainty: TrialUncertainty | None = None,
     seed: int = 1,
-    settings: SlipSettings = DEFAULTS,
+    simulator: Simulator = slip,
     jobs: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Trials:
@@ -269,7 +273,7 @@ def execute_trials(
         samples: Number of worlds.
         uncertainty: See `sampled_world`.
         seed: Of the random numbers: the same seed gives the same worlds.
-        settings: Of the simulator.
+        simulator: What executes it: any function of a plan and a world, called from several threads.
         jobs: Threads; None for one a processor.
         progress: Called with the number of samples that are done.
 
@@ -282,7 +286,7 @@ def execute_trials(
 
     def one(i: int) -> tuple[ContactReport, bool]:
         world = sampled_world(plan.scenario, uncertainty, np.random.default_rng([seed, i]))
-        report = slip(plan, world, settings)
+        report = simulator(plan, world)
         return report, report.arrived(plan.scenario)
 
     rows = []
@@ -297,7 +301,7 @@ def execute_trials(
         plan=plan,
         uncertainty=uncertainty,
         seed=seed,
-        settings=settings,
+        simulator=simulator,
         errors=np.array(off),
         object_poses=np.array(poses),
         arrived=np.array(arrive, dtype=np.bool_),

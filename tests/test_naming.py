@@ -73,7 +73,7 @@ def test_what_installed_packages_add_is_found_by_its_name(monkeypatch: pytest.Mo
     points = EntryPoints(
         [
             EntryPoint("lazy", PLANNER, "pushplan.planners"),
-            EntryPoint("leaning-set", SET, "pushplan.stable_sets"),
+            EntryPoint("leaning-set", SET, "pushplan.sets"),
         ]
     )
     monkeypatch.setattr(metadata, "entry_points", points.select)

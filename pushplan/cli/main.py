@@ -9,15 +9,12 @@ import traceback
 from collections.abc import Sequence
 from importlib import import_module
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 import click
 
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.util.interruption import INTERRUPTED, Interruption, leaving_at_once
-
-if TYPE_CHECKING:
-    pass
 
 DONE, DEFECT, WRONG_INPUT, NO_PLAN, MISMATCH = range(5)
 PIPE_CLOSED = 141
@@ -55,7 +52,7 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """Return a command by its name, None where there is none."""
         if name not in COMMANDS | MORE:
-            return None
+            return _added_command(name)
         command: click.Command = import_module(f"pushplan.cli.{name.replace('-', '_')}").command
         return command
 
@@ -63,7 +60,7 @@ class Commands(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that the first word names, and the other words."""
-        if args and not args[0].startswith("-") and args[0] not in COMMANDS | MORE:
+        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
             close = difflib.get_close_matches(args[0], [*COMMANDS, *MORE], n=1)
             hint = f" Did you mean '{close[0]}'?" if close else ""
             raise click.UsageError(f"No such command '{args[0]}'.{hint}", ctx)
@@ -80,6 +77,14 @@ class Commands(click.Group):
             "Exit codes: 0 done, 1 a defect of pushplan, 2 wrong input, 3 no plan, 4 a mismatch: a replay, an "
             "execution or a benchmark is not as it should be, 130 interrupted"
         )
+
+
+def _added_command(name: str) -> click.Command | None:
+    """Return the command that an installed package adds under a name (entry points `pushplan.commands`)."""
+    from pushplan.util.naming import attribute_named
+
+    found = attribute_named(name, "pushplan.commands") if ":" not in name else None
+    return found if isinstance(found, click.Command) else None
 
 
 def _version(context: click.Context, _: click.Parameter, asked: bool) -> None:

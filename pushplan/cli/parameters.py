@@ -159,7 +159,7 @@ class OpenName(click.ParamType[Any]):
         """Return the name."""
         known = self._known()
         if value not in known:
-            self.fail(f"{value!r} is not known{nearest(value, known)} allowed: {known.words}", param, ctx)
+            self.fail(f"{value!r} is not known{nearest(value, known)}; allowed: {known.words}", param, ctx)
         return value
 
     def shell_complete(
@@ -203,8 +203,32 @@ def _sets() -> Any:
     return stable_set_names()
 
 
+def _simulators() -> Any:
+    from pushplan.util.naming import simulator_names
+
+    return simulator_names()
+
+
+class Export(click.ParamType[Any]):
+    """What an exporter of others is called, and the file that it writes: `NAME=FILE`."""
+
+    name = "NAME=FILE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return name and path."""
+        if not isinstance(value, str):
+            return value
+        name, equals, path = value.rpartition("=")
+        if not equals or not name or not path:
+            self.fail(f"{value!r} is not NAME=FILE", param, ctx)
+        from pushplan.util.naming import exporter_names
+
+        return OpenName(exporter_names).convert(name, param, ctx), Path(path)
+
+
 _TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 PLANNER, STABLE_SET, SCENARIO, PATH = OpenName(_planners), OpenName(_sets), Scenario(), AnyPath()
+SIMULATOR, EXPORT = OpenName(_simulators), Export()
 SECONDS = Number("time limit", 0.0, units=_TIME, above=True)
 COUNT = Number("number", 1, whole=True)
 SHARE = Number("share", 0.0, units={"%": 0.01})

@@ -47,8 +47,13 @@ class ExportsError(PushplanError):
 
     def __init__(self, failures: Mapping[str, PushplanError], written: list[str]) -> None:
         done = f"written: {', '.join(written)}; " if written else ""
-        reasons = (f"--{name}: {error}" for name, error in failures.items())
+        reasons = (f"{option_of(name)}: {error}" for name, error in failures.items())
         super().__init__(f"{done}not written: " + "; ".join(reasons))
+
+
+def option_of(name: str) -> str:
+    """Return the option by which a file was asked for."""
+    return f"--{name}" if name in (*WRITERS, "plot") else f"--export {name}"
 
 
 @p.command
@@ -60,6 +65,9 @@ class ExportsError(PushplanError):
 @click.option("--physics", is_flag=True, help="Execute the plan in MuJoCo, too; exit code 4 if it slips.")
 @p.plot_option
 @_writer_options
+@click.option(
+    "--export", "exports", type=p.EXPORT, multiple=True, help="Write a FILE by an exporter of yours."
+)
 @click.option("--frames", metavar="MAP,BASE", help="With --ros2: frames above the chain, or MAP,ODOM,BASE.")
 @click.option(
     "--epoch",
@@ -78,6 +86,7 @@ def replay(
     plot: Path | None,
     frames: str | None,
     epoch: float | None,
+    exports: tuple[tuple[str, Path], ...],
     **files: Path | None,
 ) -> int:
     """Show a log (@3: the third last recorded run; the last one by default), verify it, export it."""
@@ -86,7 +95,7 @@ def replay(
             "--recover needs two names, of the damaged log and of the new one; others take one"
         )
     source = log_meant(log, runs)
-    wanted = {name: path for name, path in files.items() if path is not None}
+    wanted = {name: path for name, path in files.items() if path is not None} | dict(exports)
     p.check_outputs([source], plot, *_outputs(wanted), log=recovered)
     with console.working(f"reading {source}"):
         run = _read(source, recovered, verify)
@@ -243,7 +252,7 @@ def _export(
     if len(tasks) == 1 and failures:
         raise next(iter(failures.values()))
     if failures:
-        raise ExportsError(failures, [f"--{name}" for name in tasks if name not in failures])
+        raise ExportsError(failures, [option_of(name) for name in tasks if name not in failures])
 
 
 def _draw(run: RecordedRun, path: Path, console: Console) -> None:
@@ -255,6 +264,12 @@ def _draw(run: RecordedRun, path: Path, console: Console) -> None:
 
 
 def _write(name: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console: Console) -> None:
-    module, function, _ = WRITERS[name]
     with console.working(f"writing {path}"):
-        getattr(import_module(f"pushplan.logging.{module}"), function)(run, path, **how)
+        if name in WRITERS:
+            module, function, _ = WRITERS[name]
+            write = getattr(import_module(f"pushplan.logging.{module}"), function)
+        else:
+            from pushplan.util.naming import exporter_names, function_named
+
+            write = function_named(name, exporter_names(), "exporter")
+        write(run, path, **how)

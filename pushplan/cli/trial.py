@@ -13,6 +13,7 @@ from pushplan.cli import parameters as p
 from pushplan.cli.console import Console, angle_text, length_text
 from pushplan.cli.main import DONE, NO_PLAN
 from pushplan.scenario import units
+from pushplan.util.names import SIMULATORS
 
 if TYPE_CHECKING:
     from pushplan.plans.plan import Plan
@@ -51,6 +52,13 @@ UNCERTAINTY = p.Named(_UNITS, _uncertainty)
 )
 @click.option("--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of the worlds.")
 @click.option("--jobs", type=p.COUNT, metavar="N", help="Threads (default: one a processor).")
+@click.option(
+    "--simulator",
+    type=p.SIMULATOR,
+    default=SIMULATORS[0],
+    show_default=True,
+    help="What executes the plan.",
+)
 @p.plot_option
 @p.file_option("--worst", help="Write the log (MCAP) of the sample that ends farthest off.")
 @p.no_code_option
@@ -61,6 +69,7 @@ def trial(
     uncertainty: Any,
     seed: int,
     jobs: int | None,
+    simulator: str,
     plot: Path | None,
     worst: Path | None,
     no_code: bool,
@@ -79,12 +88,14 @@ def trial(
         return NO_PLAN
     with console.computing(f"executing {samples} trials") as progress:
         from pushplan.sim.trials import execute_trials
+        from pushplan.trial import simulator_named
 
         trials = execute_trials(
             plan,
             samples,
             uncertainty,
             seed,
+            simulator_named(simulator),
             jobs=jobs,
             progress=lambda done: progress.tell_share(done, samples),
         )

@@ -18,6 +18,7 @@ DEFAULT_PLANNER = "auto"
 MOVED_PLANNERS = ("rrt-dubins", "bitstar-dubins")
 """Baselines of the benchmarks that `planner.name` may not choose once they are no longer among `PLANNERS`."""
 
+SIMULATORS = ("slip",)
 STABLE_SETS = ("ecof", "cof", "translation", "stable", "robust")
 """Stable sets that `stability.set` may choose."""
 

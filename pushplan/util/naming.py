@@ -63,7 +63,7 @@ class OpenNames(tuple[str, ...]):
     @property
     def words(self) -> str:
         """All names, for users."""
-        return f"{', '.join(self)}, or module:attribute"
+        return ", or ".join([*([", ".join(self)] if self else []), "module:attribute"])
 
 
 def planner_names() -> OpenNames:
@@ -73,7 +73,36 @@ def planner_names() -> OpenNames:
 
 def stable_set_names() -> OpenNames:
     """Return the names that a stable set may have."""
-    return OpenNames(names.STABLE_SETS, "pushplan.stable_sets")
+    return OpenNames(names.STABLE_SETS, "pushplan.sets")
+
+
+def simulator_names() -> OpenNames:
+    """Return the names that a simulator of trials may have."""
+    return OpenNames(names.SIMULATORS, "pushplan.simulators")
+
+
+def exporter_names() -> OpenNames:
+    """Return the names that an exporter of others may have."""
+    return OpenNames((), "pushplan.exporters")
+
+
+def function_named(name: str, known: OpenNames, what: str) -> Callable[..., Any]:
+    """Return the function of others that a name stands for.
+
+    Args:
+        name: `module:attribute`, or the name of an entry point.
+        known: Names that there are.
+        what: What the function is, for messages.
+
+    Raises:
+        PushplanError: When there is none, or it is no function.
+    """
+    found = attribute_named(name, known.group)
+    if found is None:
+        raise PushplanError(f"no {what} is called {name!r}; allowed: {known.words}")
+    if not callable(found):
+        raise PushplanError(f"the {what} {name!r} is a {type(found).__name__}; allowed: a function")
+    return found  # type: ignore[no-any-return]
 
 
 def attribute_named(name: str, group: str) -> Any:

@@ -10,7 +10,9 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +20,7 @@ import pushplan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.model import Scenario
 from pushplan.sim.slip.simulator import slip
+from pushplan.util.arrays import FloatArray
 
 FROZEN = Path(__file__).with_name("outcomes.json")
 
@@ -60,9 +63,9 @@ goal: {pose: [2.0, 0.6, 0.5]}
 """
 
 
-def planned(scenario: Scenario, **options: object) -> Numbers:
+def planned(scenario: Scenario, **options: Any) -> Numbers:
     """Return what a search of a fixed number of iterations finds, and what becomes of its plan."""
-    plan = pushplan.plan(scenario, **{"seed": 1, "iterations": 3000, "time_limit": 300.0, **options})
+    plan = pushplan.plan(scenario, **{"seed": 1, "iterations": 3000, "time_limit": 300.0} | options)
     assert plan.solved, plan.reason
     assert plan.execution is not None
     execution, robustness = plan.execution, plan.robustness
@@ -81,7 +84,11 @@ def planned(scenario: Scenario, **options: object) -> Numbers:
     return {key: [float(value) for value in values] for key, values in numbers.items()}
 
 
-def _arcs(plan: Plan) -> np.ndarray:
+def _packaged(name: str) -> Numbers:
+    return planned(pushplan.load_scenario(name))
+
+
+def _arcs(plan: Plan) -> FloatArray:
     return np.concatenate([np.column_stack([s.path.twists, s.path.lengths]) for s in plan.segments])
 
 
@@ -96,10 +103,7 @@ def slipped(name: str) -> Numbers:
 
 
 CASES: Mapping[str, Callable[[], Numbers]] = {
-    **{
-        f"plan {name}": lambda name=name: planned(pushplan.load_scenario(name))
-        for name in pushplan.example_names()
-    },
+    **{f"plan {name}": partial(_packaged, name) for name in pushplan.example_names()},
     "plan by time": lambda: planned(pushplan.load_scenario("narrow-gap"), cost="time"),
     "plan with sst": lambda: planned(pushplan.load_scenario("free-space"), planner="sst"),
     "plan with rrt": lambda: planned(pushplan.load_scenario("free-space"), planner="rrt"),

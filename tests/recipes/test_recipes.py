@@ -1,0 +1,100 @@
+"""Each extension of docs/contributing.md, made by a package outside this one: `outside/warehouse`.
+
+Its files are the recipes; none of them edits anything here, and what it adds is found by its entry points alone.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pushplan
+from pushplan.cli.main import main
+from pushplan.mechanics.support import FeetSupport
+from pushplan.sim.slip.simulator import slip
+
+OUTSIDE = Path(__file__).with_name("outside")
+Captured = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def installed(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The package is on the path as an installed one is; nothing of it is left over."""
+    monkeypatch.syspath_prepend(OUTSIDE)
+    yield
+    for name in [name for name in sys.modules if name.partition(".")[0] == "warehouse"]:
+        del sys.modules[name]
+
+
+def test_a_support_model_is_pushed_like_the_points_that_it_stands_for() -> None:
+    ring = importlib.import_module("warehouse.supports").RingSupport(0.05)
+    scenario = pushplan.load_scenario("one-box")
+    plans = []
+    for support in (ring, FeetSupport(ring.hull, ring.point_loads.fractions)):
+        objects = (replace(scenario.chain.objects[0], support=support),)
+        stated = replace(scenario, chain=replace(scenario.chain, objects=objects))
+        plans.append(pushplan.plan(stated, seed=1, iterations=300, time_limit=60.0))
+        assert plans[-1].solved
+        held = slip(plans[-1], pushplan.World.from_scenario(stated))
+        assert held.kept
+    first, second = plans
+    assert first.execution is not None
+    assert second.execution is not None
+    np.testing.assert_array_equal(first.execution.margins, second.execution.margins)
+    assert first.robustness is not None
+    assert second.robustness is not None
+    assert vars(first.robustness) == pytest.approx(vars(second.robustness), rel=1e-9)
+
+
+def test_a_stable_set_limits_a_plan(tmp_path: Path, capsys: Captured) -> None:
+    log = tmp_path / "run.mcap"
+    assert main(["plan", "one-box", "--set", "wide-turns", "--first", "--json", "-o", str(log)]) == 0
+    plan = json.loads(capsys.readouterr().out)
+    assert plan["set"] == "wide-turns"
+    for arc in plan["arcs"]:
+        vx, vy, omega = arc["twist"]
+        assert np.hypot(vx, vy) >= 0.5 * abs(omega)
+    assert main(["replay", str(log), "--verify"]) == 0
+
+
+def test_a_planner_plans(capsys: Captured) -> None:
+    assert main(["plan", "one-box", "--planner", "patient-rrt", "--first", "--json", "--no-log"]) == 0
+    assert json.loads(capsys.readouterr().out)["planner"] == "patient-rrt"
+
+
+def test_an_exporter_writes_what_a_run_holds(tmp_path: Path, capsys: Captured) -> None:
+    log, table = tmp_path / "run.mcap", tmp_path / "places.tsv"
+    assert main(["plan", "two-crates", "--first", "-o", str(log)]) == 0
+    assert main(["replay", str(log), "--export", f"places={table}"]) == 0
+    run = pushplan.load_run(log)
+    assert run.execution is not None
+    rows = [line.split("\t") for line in table.read_text().splitlines()]
+    assert [row[0] for row in rows] == list(run.execution.names)
+    read = np.array([[float(word) for word in row[1:]] for row in rows])
+    np.testing.assert_allclose(read, run.execution.objects[-1], atol=1e-4)
+    assert main(["replay", str(log), "--export", f"nobody={table}"]) == 2
+    assert "'nobody' is not known; allowed: module:attribute" in capsys.readouterr().err
+
+
+def test_a_simulator_executes_trials(capsys: Captured) -> None:
+    rates = []
+    for simulator in ("slip", "wet-floor", "warehouse.simulators:wet_floor"):
+        words = ["trial", "two-crates", "--samples", "4", "--json", "--simulator", simulator]
+        assert main(words) == 0
+        rates.append(json.loads(capsys.readouterr().out)["held"])
+    assert rates[0] > rates[1] == rates[2]
+
+
+def test_a_command_is_called_by_its_name(capsys: Captured) -> None:
+    assert main(["distance", "two-crates", "--json"]) == 0
+    scenario = pushplan.load_scenario("two-crates")
+    far = np.hypot(*(scenario.goal.pose_chain - scenario.start)[:2])
+    assert json.loads(capsys.readouterr().out)["distance"] == pytest.approx(far)
+    assert main(["distanc", "two-crates"]) == 2
