@@ -31,7 +31,7 @@ using WayTree = std::vector<WayNode>;
 // Where poses are drawn from.
 struct Region {
     std::array<Pose, 3> ends; // start, goal and load
-    Walls box;
+    Area box;
     double spread; // m, how far from the ends
 
     // Draw a pose from the box, or, as often, around one of the ends.
@@ -129,7 +129,7 @@ std::vector<Pose> poses_along(const Pose &start, const Way &way) {
 } // namespace
 
 std::optional<Way> find_transit(const Surroundings &around, const Wheels &wheels, const Pose &start, const Pose &goal,
-                                const Walls &box, double spread, Random &random, int iterations) {
+                                const Area &box, double spread, Random &random, int iterations) {
     const DrivenWord direct = drive(around, wheels, start, goal, INF, 2 * WORD_TRIES);
     if (direct.cost < INF)
         return Way(direct.begin(), direct.end());
@@ -187,7 +187,7 @@ namespace {
 py::object transit_between(const Surroundings &around, const Wheels &wheels, const Numbers &start, const Numbers &goal,
                            const std::array<double, 4> &box, double spread, RandomState state, int iterations) {
     const Pose first = to_pose(start), last = to_pose(goal);
-    const Walls region{box[0], box[1], box[2], box[3]};
+    const Area region{box[0], box[1], box[2], box[3]};
     Random &random = random_of(state);
     std::optional<Way> way;
     {

@@ -20,7 +20,7 @@ constexpr double TURN_LENGTH = 0.3;
 //
 // At most `iterations` poses are drawn, from `box` or no farther than `spread` (m) from either pose and the load.
 std::optional<Way> find_transit(const Surroundings &around, const Wheels &wheels, const Pose &start, const Pose &goal,
-                                const Walls &box, double spread, Random &random, int iterations);
+                                const Area &box, double spread, Random &random, int iterations);
 
 // Join random pairs of places on a way anew where that is cheaper; return what the way is then.
 Way shortened(const Surroundings &around, const Wheels &wheels, const Pose &start, Way way, Random &random,
