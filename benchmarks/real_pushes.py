@@ -30,7 +30,7 @@ from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.support import FeetSupport, Support, UniformSupport
 from pushplan.sim.identify.unknowns import MOST_BORDER, MOST_TILT, PressedOutline
-from pushplan.sim.slip.fingers import FingerPush
+from pushplan.sim.slip.simulator import FingerPush
 from pushplan.util.arrays import FloatArray, IntArray
 
 Data = Mapping[str, Any]

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+import pushplan.core.slip as slip
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain
 from pushplan.plans.judge import judging_set
 from pushplan.plans.plan import Load, Plan, Poses
 from pushplan.plans.run import Execution, StabilityLoss
 from pushplan.scenario.model import Scenario
-from pushplan.sim.slip import state
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 CLOSED = 0.1
@@ -30,11 +30,11 @@ class Mode(IntEnum):
     """What a contact does in a step; unknown where nothing is pushed, or the simulator does not tell."""
 
     UNKNOWN = -1
-    OPEN = state.OPEN
-    STICK = state.STICK
-    SLIDE = state.SLIDE
-    ROLL = state.ROLL
-    ROLL_SLIDE = state.ROLL_SLIDE
+    OPEN = slip.OPEN
+    STICK = slip.STICK
+    SLIDE = slip.SLIDE
+    ROLL = slip.ROLL
+    ROLL_SLIDE = slip.ROLL_SLIDE
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,9 @@
-"""Run what compiles most, for numba's cache: `python tests/compile_first.py [plan] [slip] [sets]`."""
+"""Run what compiles most, for numba's cache: `python tests/compile_first.py [plan] [sets]`."""
 
 from __future__ import annotations
 
 import sys
 
-import numpy as np
 import yaml
 
 
@@ -13,18 +12,6 @@ def plan() -> None:
     from pushplan.kernels import warm_up
 
     warm_up("auto", intervals=True, multi_push=True)
-
-
-def slip() -> None:
-    """Compile the simulator of slipping contacts."""
-    import pushplan
-    from pushplan.geometry import se2
-    from pushplan.sim.slip.simulator import simulate_poses
-    from pushplan.sim.world import World
-
-    world = World.from_scenario(pushplan.load_scenario("two-crates"))
-    shares = np.linspace(0.0, 1.0, 3)
-    simulate_poses(shares, se2.compose(world.start, np.outer(shares, [0.01, 0.0, 0.0])), world)
 
 
 def sets() -> None:
@@ -40,4 +27,4 @@ def sets() -> None:
 
 if __name__ == "__main__":
     for what in sys.argv[1:]:
-        {"plan": plan, "slip": slip, "sets": sets}[what]()
+        {"plan": plan, "sets": sets}[what]()

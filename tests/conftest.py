@@ -40,7 +40,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile before workers begin: else each of them compiles the same code at the same time."""
     if getattr(session.config.option, "numprocesses", None):
         script = str(Path(__file__).with_name("compile_first.py"))
-        started = [subprocess.Popen([sys.executable, script, *what]) for what in (["plan"], ["slip", "sets"])]
+        started = [subprocess.Popen([sys.executable, script, what]) for what in ("plan", "sets")]
         for process in started:
             process.wait()
 

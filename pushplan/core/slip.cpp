@@ -1,5 +1,5 @@
 // Pushing with slip as Python sees it: `pushplan.core.slip`.
-#include "numpy.hpp"
+#include "numpy_poses.hpp"
 #include "slip_simulation.hpp"
 
 namespace pushplan::slip {
@@ -11,90 +11,83 @@ void require(bool fits, const char *what) {
         throw std::invalid_argument(what);
 }
 
-// Whether numbers begin with 0 and do not become less.
-bool grows_from_zero(Row<const std::int64_t> numbers) {
-    if (numbers.size == 0 || numbers[0] != 0)
-        return false;
-    for (std::ptrdiff_t i = 1; i < numbers.size; ++i)
-        if (numbers[i] < numbers[i - 1])
-            return false;
-    return true;
+// The objects of a world, of the columns that `slip.pyi` describes.
+std::vector<Object> objects_of(const Integers &first_foot, const Numbers &loads, const Numbers &center) {
+    const auto first = row(first_foot);
+    const auto load = table(loads), middle = table(center);
+    require(load.columns == 5 && middle.columns == 2, "loads have 5 columns, and center has 2");
+    require(middle.rows == load.rows && first.size == load.rows + 1,
+            "there is a load, a centre and a first foot for every object");
+    std::vector<Object> objects;
+    for (std::ptrdiff_t i = 0; i < load.rows; ++i)
+        objects.push_back({static_cast<int>(first[i]), static_cast<int>(first[i + 1]), load[i][0], load[i][1],
+                           load[i][2], load[i][3], load[i][4], middle[i][0], middle[i][1]});
+    return objects;
 }
 
-// What a world is made of, as `slip.pyi` describes it.
-struct Rows {
-    Table<const double> feet;
-    Row<const std::int64_t> first_foot;
-    Table<const double> loads, center, corners;
-    Table<const std::int64_t> parts;
-    Table<const double> circles;
-    Table<const std::int64_t> pairs;
-    Row<const double> friction;
-    Row<const std::int64_t> order;
-};
+std::vector<Piece> pieces_of(const Integers &parts, const Numbers &circles) {
+    const auto part = table(parts);
+    const auto circle = to_rows<Circle>(circles, "circles");
+    require(part.columns == 3, "parts have 3 columns");
+    require(part.rows == static_cast<std::ptrdiff_t>(circle.size()), "there is a circle for every piece");
+    std::vector<Piece> pieces;
+    for (std::ptrdiff_t p = 0; p < part.rows; ++p)
+        pieces.push_back({static_cast<int>(part[p][0]), static_cast<int>(part[p][1]), static_cast<int>(part[p][2]),
+                          circle[p]});
+    return pieces;
+}
 
-void check(const Rows &rows) {
-    const std::ptrdiff_t n = rows.loads.rows;
-    require(rows.feet.columns == 4 && rows.loads.columns == 5 && rows.center.columns == 2 &&
-                rows.corners.columns == 5 && rows.parts.columns == 3 && rows.circles.columns == 4,
-            "feet, loads, center, corners, parts and circles have 4, 5, 2, 5, 3 and 4 columns");
-    require(rows.pairs.columns == 3 || rows.pairs.rows == 0, "pairs have 3 columns");
-    require(rows.center.rows == n && rows.order.size == n && rows.first_foot.size == n + 1,
-            "there is a load, a centre, a first foot and a place in the order for every object");
-    require(grows_from_zero(rows.first_foot) && rows.first_foot[n] == rows.feet.rows,
-            "feet are those of one object after another");
-    require(rows.circles.rows == rows.parts.rows && rows.friction.size == rows.pairs.rows,
-            "there is a circle for every piece, and a friction for every pair");
-    for (std::ptrdiff_t p = 0; p < rows.parts.rows; ++p) {
-        const std::int64_t *part = rows.parts[p];
-        require(0 <= part[0] && part[0] <= n + 1 && 0 <= part[1] && part[1] < part[2] && part[2] <= rows.corners.rows,
+std::vector<Pair> pairs_between(const Integers &pairs, const Numbers &friction) {
+    const auto pair = table(pairs);
+    const auto coefficient = row(friction);
+    require(pair.columns == 3 || pair.rows == 0, "pairs have 3 columns");
+    require(coefficient.size == pair.rows, "there is a friction for every pair");
+    std::vector<Pair> found;
+    for (std::ptrdiff_t q = 0; q < pair.rows; ++q)
+        found.push_back({static_cast<int>(pair[q][0]), static_cast<int>(pair[q][1]), static_cast<int>(pair[q][2]),
+                         coefficient[q]});
+    return found;
+}
+
+// Refuse a world with feet, pieces, pairs or an order of what is not there.
+void check(const World &world) {
+    const int n = world.plate();
+    int feet = 0;
+    for (const Object &object : world.objects) {
+        require(object.first_foot == feet && object.last_foot >= feet, "feet are those of one object after another");
+        feet = object.last_foot;
+    }
+    require(feet == static_cast<int>(world.feet.size()), "every foot is of an object");
+    for (const Piece &piece : world.pieces)
+        require(0 <= piece.body && piece.body <= n + 1 && 0 <= piece.first && piece.first < piece.last &&
+                    piece.last <= static_cast<int>(world.corners.size()),
                 "a piece is of a body, and has corners");
+    const int pieces = static_cast<int>(world.pieces.size());
+    for (const Pair &pair : world.pairs) {
+        require(0 <= pair.a && pair.a < pieces && 0 <= pair.b && pair.b < pieces, "a pair is of two pieces");
+        require(-1 <= pair.contact && pair.contact < n, "a contact is that of an object, or -1");
     }
-    for (std::ptrdiff_t q = 0; q < rows.pairs.rows; ++q) {
-        const std::int64_t *pair = rows.pairs[q];
-        for (int k = 0; k < 2; ++k)
-            require(0 <= pair[k] && pair[k] < rows.parts.rows, "a pair is of two pieces");
-        require(-1 <= pair[2] && pair[2] < n, "a contact is that of an object, or -1");
-    }
-    std::vector<char> there(n, 0);
-    for (const std::int64_t own : rows.order) {
-        require(0 <= own && own < n && !there[own], "the order names every object once");
-        there[own] = 1;
-    }
+    std::vector<int> order = world.order;
+    std::sort(order.begin(), order.end());
+    require(static_cast<int>(order.size()) == n, "the order names every object once");
+    for (int i = 0; i < n; ++i)
+        require(order[i] == i, "the order names every object once");
 }
 
 std::shared_ptr<World> make_world(const Numbers &feet, const Integers &first_foot, const Numbers &loads,
                                   const Numbers &center, const Numbers &corners, const Integers &parts,
                                   const Numbers &circles, const Integers &pairs, const Numbers &friction,
                                   double length, const Integers &order) {
-    const Rows rows{table(feet),  row(first_foot), table(loads), table(center),   table(corners),
-                    table(parts), table(circles),  table(pairs), row(friction), row(order)};
-    check(rows);
+    const auto own = row(order);
     auto world = std::make_shared<World>();
+    world->feet = to_rows<Foot>(feet, "feet");
+    world->objects = objects_of(first_foot, loads, center);
+    world->corners = to_rows<Corner>(corners, "corners");
+    world->pieces = pieces_of(parts, circles);
+    world->pairs = pairs_between(pairs, friction);
     world->length = length;
-    world->order.assign(rows.order.begin(), rows.order.end());
-    for (std::ptrdiff_t j = 0; j < rows.feet.rows; ++j)
-        world->feet.push_back({rows.feet[j][0], rows.feet[j][1], rows.feet[j][2], rows.feet[j][3]});
-    for (std::ptrdiff_t i = 0; i < rows.loads.rows; ++i) {
-        const double *load = rows.loads[i];
-        world->objects.push_back({static_cast<int>(rows.first_foot[i]), static_cast<int>(rows.first_foot[i + 1]),
-                                  load[0], load[1], load[2], load[3], load[4], rows.center[i][0], rows.center[i][1]});
-    }
-    for (std::ptrdiff_t k = 0; k < rows.corners.rows; ++k) {
-        const double *corner = rows.corners[k];
-        world->corners.push_back({corner[0], corner[1], corner[2], corner[3], corner[4] != 0.0});
-    }
-    for (std::ptrdiff_t p = 0; p < rows.parts.rows; ++p) {
-        const std::int64_t *part = rows.parts[p];
-        const double *circle = rows.circles[p];
-        world->pieces.push_back({static_cast<int>(part[0]), static_cast<int>(part[1]), static_cast<int>(part[2]),
-                                 circle[0], circle[1], circle[2], circle[3]});
-    }
-    for (std::ptrdiff_t q = 0; q < rows.pairs.rows; ++q) {
-        const std::int64_t *pair = rows.pairs[q];
-        world->pairs.push_back(
-            {static_cast<int>(pair[0]), static_cast<int>(pair[1]), static_cast<int>(pair[2]), rows.friction[q]});
-    }
+    world->order.assign(own.begin(), own.end());
+    check(*world);
     return world;
 }
 
@@ -120,33 +113,28 @@ std::shared_ptr<World> with_loads(const World &world, const Numbers &friction_lo
     return changed;
 }
 
-// An array with a row for each thing, of numbers that `numbers_of` names.
+// An array (., columns) with a row for each thing, of the numbers that `numbers_of` names.
 template <class Number, std::size_t columns, class Thing, class Function>
 py::array_t<Number> rows_of(const std::vector<Thing> &things, Function numbers_of) {
     std::vector<Number> numbers;
     for (const Thing &thing : things)
         for (const auto number : std::array<Number, columns>(numbers_of(thing)))
             numbers.push_back(number);
-    const auto count = static_cast<py::ssize_t>(things.size());
-    if (columns == 1)
-        return to_numpy(std::move(numbers), {count});
-    return to_numpy(std::move(numbers), {count, static_cast<py::ssize_t>(columns)});
+    return to_numpy(std::move(numbers), {static_cast<py::ssize_t>(things.size()), static_cast<py::ssize_t>(columns)});
 }
 
 using Index = std::int64_t;
 
-py::array_t<double> feet_of(const World &world) {
-    return rows_of<double, 4>(world.feet, [](const Foot &foot) -> std::array<double, 4> {
-        return {foot.x, foot.y, foot.load, foot.stiffness};
-    });
+template <class Number> py::array_t<Number> flat(std::vector<Number> numbers) {
+    const auto count = static_cast<py::ssize_t>(numbers.size());
+    return to_numpy(std::move(numbers), {count});
 }
 
 py::array_t<Index> first_foot_of(const World &world) {
     std::vector<Index> first{0};
     for (const Object &object : world.objects)
         first.push_back(object.last_foot);
-    const auto count = static_cast<py::ssize_t>(first.size());
-    return to_numpy(std::move(first), {count});
+    return flat(std::move(first));
 }
 
 py::array_t<double> loads_of(const World &world) {
@@ -160,12 +148,6 @@ py::array_t<double> center_of(const World &world) {
                               [](const Object &object) -> std::array<double, 2> { return {object.cx, object.cy}; });
 }
 
-py::array_t<double> corners_of(const World &world) {
-    return rows_of<double, 5>(world.corners, [](const Corner &corner) -> std::array<double, 5> {
-        return {corner.x, corner.y, corner.nx, corner.ny, corner.outer ? 1.0 : 0.0};
-    });
-}
-
 py::array_t<Index> parts_of(const World &world) {
     return rows_of<Index, 3>(world.pieces, [](const Piece &piece) -> std::array<Index, 3> {
         return {piece.body, piece.first, piece.last};
@@ -173,9 +155,10 @@ py::array_t<Index> parts_of(const World &world) {
 }
 
 py::array_t<double> circles_of(const World &world) {
-    return rows_of<double, 4>(world.pieces, [](const Piece &piece) -> std::array<double, 4> {
-        return {piece.cx, piece.cy, piece.radius, piece.rounding};
-    });
+    std::vector<Circle> circles;
+    for (const Piece &piece : world.pieces)
+        circles.push_back(piece.circle);
+    return to_table(circles);
 }
 
 py::array_t<Index> pairs_of(const World &world) {
@@ -184,16 +167,19 @@ py::array_t<Index> pairs_of(const World &world) {
 }
 
 py::array_t<double> friction_of(const World &world) {
-    return rows_of<double, 1>(world.pairs, [](const Pair &pair) -> std::array<double, 1> { return {pair.friction}; });
+    std::vector<double> friction;
+    for (const Pair &pair : world.pairs)
+        friction.push_back(pair.friction);
+    return flat(std::move(friction));
 }
 
 py::array_t<Index> order_of(const World &world) {
-    return rows_of<Index, 1>(world.order, [](int own) -> std::array<Index, 1> { return {own}; });
+    return flat(std::vector<Index>(world.order.begin(), world.order.end()));
 }
 
 py::tuple world_to_tuple(const World &world) {
-    return py::make_tuple(feet_of(world), first_foot_of(world), loads_of(world), center_of(world), corners_of(world),
-                          parts_of(world), circles_of(world), pairs_of(world), friction_of(world), world.length,
+    return py::make_tuple(to_table(world.feet), first_foot_of(world), loads_of(world), center_of(world),
+                          to_table(world.corners), parts_of(world), circles_of(world), pairs_of(world), friction_of(world), world.length,
                           order_of(world));
 }
 
@@ -203,76 +189,42 @@ std::shared_ptr<World> world_from_tuple(const py::tuple &t) {
                       t[8].cast<Numbers>(), t[9].cast<double>(), t[10].cast<Integers>());
 }
 
-std::vector<Pose> poses_of(Table<const double> rows, std::ptrdiff_t count) {
-    require(rows.rows == count && rows.columns == 3, "there is a pose x, y, theta for every body");
-    std::vector<Pose> poses;
-    for (std::ptrdiff_t i = 0; i < rows.rows; ++i)
-        poses.push_back({rows[i][0], rows[i][1], rows[i][2]});
-    return poses;
-}
-
 Simulation make_simulation(std::shared_ptr<World> world, const Numbers &object_poses, const Numbers &plate_pose) {
-    const auto plate = row(plate_pose);
-    require(plate.size == 3, "the pose of the plate is x, y, theta");
-    const auto objects = poses_of(table(object_poses), world->plate());
-    return Simulation(std::move(world), objects, {plate[0], plate[1], plate[2]});
+    const auto objects = to_rows<Pose>(object_poses, "poses of the objects");
+    require(static_cast<int>(objects.size()) == world->plate(), "there is a pose for every object");
+    return Simulation(std::move(world), objects, to_pose(plate_pose));
 }
 
 py::array_t<double> object_poses_of(const Simulation &simulation) {
-    const std::size_t n = simulation.world->objects.size();
-    std::vector<double> numbers(3 * n);
-    for (std::size_t i = 0; i < n; ++i) {
-        const Pose &pose = simulation.state.poses[i];
-        double *row = numbers.data() + 3 * simulation.world->order[i];
-        row[0] = pose.x;
-        row[1] = pose.y;
-        row[2] = pose.theta;
-    }
-    return to_numpy(std::move(numbers), {static_cast<py::ssize_t>(n), 3});
-}
-
-py::array_t<double> plate_pose_of(const Simulation &simulation) {
-    const Pose &pose = simulation.state.poses.back();
-    return to_numpy(std::vector<double>{pose.x, pose.y, pose.theta}, {3});
+    std::vector<Pose> poses(simulation.world->objects.size());
+    for (std::size_t i = 0; i < poses.size(); ++i)
+        poses[simulation.world->order[i]] = simulation.state.poses[i];
+    return to_table(poses);
 }
 
 py::tuple simulation_to_tuple(const Simulation &simulation) {
     const State &state = simulation.state;
-    const auto triple = [](double x, double y, double w) { return std::array<double, 3>{x, y, w}; };
-    return py::make_tuple(
-        simulation.world,
-        rows_of<double, 3>(state.poses, [&](const Pose &pose) { return triple(pose.x, pose.y, pose.theta); }),
-        rows_of<double, 3>(state.twists, [&](const Vector &u) { return triple(u.x, u.y, u.w); }),
-        rows_of<double, 2>(state.drag, [](const std::array<double, 2> &drag) { return drag; }),
-        rows_of<double, 4>(state.memory,
-                           [](const Memory &memory) -> std::array<double, 4> {
-                               return {memory.force[0], memory.force[1], memory.force[2], double(memory.points)};
-                           }),
-        state.steps);
+    const auto memory = rows_of<double, 4>(state.memory, [](const Memory &memory) -> std::array<double, 4> {
+        return {memory.force[0], memory.force[1], memory.force[2], double(memory.points)};
+    });
+    return py::make_tuple(simulation.world, to_table(state.poses), to_table(state.twists), to_table(state.drag),
+                          memory, state.steps);
 }
 
 Simulation simulation_from_tuple(const py::tuple &t) {
     auto world = t[0].cast<std::shared_ptr<World>>();
-    const auto n = world->plate();
-    const auto kept = t[1].cast<Numbers>(), twists = t[2].cast<Numbers>(), drag = t[3].cast<Numbers>(),
-               memory = t[4].cast<Numbers>();
-    const auto poses = poses_of(table(kept), n + 1), motions = poses_of(table(twists), n);
-    const auto drags = table(drag), memories = table(memory);
-    require(drags.rows == n && drags.columns == 2 && memories.columns == 4 &&
-                memories.rows == static_cast<std::ptrdiff_t>(world->pairs.size()),
-            "there is a drag for every object, and a memory for every pair");
-    Simulation simulation(world, poses, poses.back());
-    simulation.state.poses = poses;
-    for (int i = 0; i < n; ++i) {
-        simulation.state.twists[i] = {motions[i].x, motions[i].y, motions[i].theta};
-        simulation.state.drag[i] = {drags[i][0], drags[i][1]};
-    }
-    for (std::ptrdiff_t q = 0; q < memories.rows; ++q) {
-        const double *old = memories[q];
-        simulation.state.memory[q] = {{old[0], old[1], old[2]}, static_cast<int>(old[3])};
-    }
-    simulation.state.steps = t[5].cast<std::int64_t>();
-    return simulation;
+    State state;
+    state.poses = to_rows<Pose>(t[1].cast<Numbers>(), "poses");
+    state.twists = to_rows<Vector>(t[2].cast<Numbers>(), "twists");
+    state.drag = to_rows<std::array<double, 2>>(t[3].cast<Numbers>(), "drag");
+    for (const auto &old : to_rows<std::array<double, 4>>(t[4].cast<Numbers>(), "memory"))
+        state.memory.push_back({{old[0], old[1], old[2]}, static_cast<int>(old[3])});
+    state.steps = t[5].cast<std::int64_t>();
+    const std::size_t n = world->objects.size();
+    require(state.poses.size() == n + 1 && state.twists.size() == n && state.drag.size() == n &&
+                state.memory.size() == world->pairs.size(),
+            "there is a state of every body and pair");
+    return Simulation(std::move(world), std::move(state));
 }
 
 // A trace as arrays.
@@ -323,11 +275,11 @@ void bind_slip(py::module_ &parent) {
              py::arg("center"), py::arg("corners"), py::arg("parts"), py::arg("circles"), py::arg("pairs"),
              py::arg("friction"), py::arg("length"), py::arg("order"))
         .def("with_loads", &with_loads, py::arg("friction_loads"), py::arg("foot_loads"), py::arg("contact_frictions"))
-        .def_property_readonly("feet", &feet_of)
+        .def_property_readonly("feet", [](const World &world) { return to_table(world.feet); })
         .def_property_readonly("first_foot", &first_foot_of)
         .def_property_readonly("loads", &loads_of)
         .def_property_readonly("center", &center_of)
-        .def_property_readonly("corners", &corners_of)
+        .def_property_readonly("corners", [](const World &world) { return to_table(world.corners); })
         .def_property_readonly("parts", &parts_of)
         .def_property_readonly("circles", &circles_of)
         .def_property_readonly("pairs", &pairs_of)
@@ -353,7 +305,8 @@ void bind_slip(py::module_ &parent) {
         .def(py::init(&make_simulation), py::arg("world"), py::arg("object_poses"), py::arg("plate_pose"))
         .def_property_readonly("world", [](const Simulation &simulation) { return simulation.world; })
         .def_property_readonly("object_poses", &object_poses_of)
-        .def_property_readonly("plate_pose", &plate_pose_of)
+        .def_property_readonly(
+            "plate_pose", [](const Simulation &simulation) { return to_array(simulation.state.poses.back()); })
         .def("march", &march, py::arg("twists"))
         .def(py::pickle(&simulation_to_tuple, &simulation_from_tuple));
 }

@@ -6,16 +6,22 @@
 
 namespace pushplan::slip {
 
-Simulation::Simulation(std::shared_ptr<World> known, const std::vector<Pose> &objects, const Pose &plate)
-    : world(std::move(known)), work(*world) {
-    for (const int own : world->order)
+static State at_rest(const World &world, const std::vector<Pose> &objects, const Pose &plate) {
+    State state;
+    for (const int own : world.order)
         state.poses.push_back(objects[own]);
     state.poses.push_back(plate);
-    state.twists.resize(world->objects.size());
-    state.drag.resize(world->objects.size());
-    state.memory.resize(world->pairs.size());
-    poses = state.poses;
+    state.twists.resize(world.objects.size());
+    state.drag.resize(world.objects.size());
+    state.memory.resize(world.pairs.size());
+    return state;
 }
+
+Simulation::Simulation(std::shared_ptr<World> known, State begun)
+    : world(std::move(known)), state(std::move(begun)), work(*world), poses(state.poses) {}
+
+Simulation::Simulation(std::shared_ptr<World> known, const std::vector<Pose> &objects, const Pose &plate)
+    : Simulation(known, at_rest(*known, objects, plate)) {}
 
 // Move a body by the exact exponential of a share of its twist about the reference point.
 static Pose moved(const Pose &pose, const Pose &reference, const Vector &u, double share, double length) {
@@ -29,11 +35,11 @@ static Pose moved(const Pose &pose, const Pose &reference, const Vector &u, doub
     return {reference.x + c * dx - s * dy + vx, reference.y + s * dx + c * dy + vy, pose.theta + turn};
 }
 
-Solution Simulation::step(const Vector &twist) {
+Solution Simulation::step(const Twist &twist) {
     // Displacement of the plate with its turn as a length: eps, reach and gaps are shares of it, so that a push is the
     // same in steps of any size.
-    const double turn = world->length * twist.w;
-    const Scale scale{std::sqrt(twist.x * twist.x + twist.y * twist.y + turn * turn), world->friction()};
+    const double turn = world->length * twist.omega;
+    const Scale scale{std::sqrt(twist.vx * twist.vx + twist.vy * twist.vy + turn * turn), world->friction()};
     work.manifolds.clear();
     if (!(scale.size > 0.0))
         return {0.0, CONVERGED};
@@ -107,10 +113,10 @@ void Simulation::place_feet(int i) {
 // Set the displacement of the plate, and none of what stands still.
 //
 // A twist about a point that stands still, in the world's axes, is the same all through the step.
-void Simulation::command(const Vector &twist) {
+void Simulation::command(const Twist &twist) {
     Body &plate = work.bodies[world->plate()];
     const double c = plate.c, s = plate.s;
-    plate.u = {c * twist.x - s * twist.y, s * twist.x + c * twist.y, world->length * twist.w};
+    plate.u = {c * twist.vx - s * twist.vy, s * twist.vx + c * twist.vy, world->length * twist.omega};
     work.bodies[world->standing()].u = {};
 }
 
@@ -283,17 +289,12 @@ Trace Simulation::march(Table<const double> twists) {
     const std::size_t n = world->objects.size();
     Trace trace;
     for (std::ptrdiff_t m = 0; m < twists.rows; ++m) {
-        const Solution solution = step({twists[m][0], twists[m][1], twists[m][2]});
+        const Solution solution = step(twist_at(twists[m]));
         trace.residual.push_back(solution.residual / world->friction());
         trace.end.push_back(solution.end);
         trace.poses.resize(trace.poses.size() + 3 * n);
-        for (std::size_t i = 0; i < n; ++i) {
-            const Pose &pose = state.poses[i];
-            double *row = trace.poses.data() + trace.poses.size() - 3 * n + 3 * world->order[i];
-            row[0] = pose.x;
-            row[1] = pose.y;
-            row[2] = pose.theta;
-        }
+        for (std::size_t i = 0; i < n; ++i)
+            put(trace.poses.data() + trace.poses.size() - 3 * n + 3 * world->order[i], state.poses[i]);
         trace.modes.resize(trace.modes.size() + n, OPEN);
         trace.forces.resize(trace.forces.size() + 3 * n, 0.0);
         trace.others.resize(trace.others.size() + n, 0);

@@ -49,6 +49,8 @@ struct Trace {
 };
 
 struct Simulation {
+    Simulation(std::shared_ptr<World> world, State state);
+
     // Poses of the objects are in the caller's order; they have not moved yet.
     Simulation(std::shared_ptr<World> world, const std::vector<Pose> &objects, const Pose &plate);
 
@@ -56,7 +58,7 @@ struct Simulation {
     Trace march(Table<const double> twists);
 
     // Move the plate by a body twist times time and the objects with it; forces and modes stay in `work`.
-    Solution step(const Vector &twist);
+    Solution step(const Twist &twist);
 
     std::shared_ptr<World> world;
     State state;
@@ -65,7 +67,7 @@ struct Simulation {
   private:
     void place();
     void place_feet(int i);
-    void command(const Vector &twist);
+    void command(const Twist &twist);
     void predict(double size, bool rigid);
     void begin_drag(const Scale &scale);
     void keep_drag();

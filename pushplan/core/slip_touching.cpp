@@ -28,9 +28,10 @@ struct Touch {
 // Whether the circles around two pieces are farther apart than `reach`.
 bool apart(const Work &work, const Piece &a, const Piece &b, double reach) {
     const Body &one = work.bodies[a.body], &other = work.bodies[b.body];
-    const double dx = other.x + other.c * b.cx - other.s * b.cy - one.x - one.c * a.cx + one.s * a.cy;
-    const double dy = other.y + other.s * b.cx + other.c * b.cy - one.y - one.s * a.cx - one.c * a.cy;
-    const double most = a.radius + b.radius + reach;
+    const Circle &p = a.circle, &q = b.circle;
+    const double dx = other.x + other.c * q.x - other.s * q.y - one.x - one.c * p.x + one.s * p.y;
+    const double dy = other.y + other.s * q.x + other.c * q.y - one.y - one.s * p.x - one.c * p.y;
+    const double most = p.radius + q.radius + reach;
     return dx * dx + dy * dy > most * most;
 }
 
@@ -82,7 +83,7 @@ struct Search {
         if (piece.last - piece.first > 1)
             for (int m = piece.first; m < piece.last; ++m) {
                 const double along = work.corners[m].nx * face.nx + work.corners[m].ny * face.ny;
-                if (work.world->corners[m].outer && along < most) {
+                if (work.world->corners[m].outer != 0.0 && along < most) {
                     most = along;
                     one = m;
                 }
@@ -95,6 +96,7 @@ struct Search {
         const std::vector<PlacedCorner> &corners = work.corners;
         const int after = face + 1 < of.last ? face + 1 : of.first;
         const auto [x, y, nx, ny] = corners[face];
+        const double inset = of.circle.rounding;
         // Along the face s, from the right to the left end; away from it d; 1 and 2 are the edge's ends in the order
         // of s.
         const double tx = -ny, ty = nx;
@@ -111,9 +113,9 @@ struct Search {
         }
         // Wholly beside the face: corner meets corner, and the normal is the line between them.
         if (s2 < 0.0)
-            return corner_pair(face, one, of.rounding, touch);
+            return corner_pair(face, one, inset, touch);
         if (s1 > length)
-            return corner_pair(after, other, of.rounding, touch);
+            return corner_pair(after, other, inset, touch);
         // Gaps where the ends of face and edge lie opposite each other.
         const double slope = s2 > s1 ? (d2 - d1) / (s2 - s1) : 0.0;
         const double low = std::max(s1, 0.0), high = std::min(s2, length);
@@ -125,8 +127,8 @@ struct Search {
             return false;
         touch = {nx,
                  ny,
-                 {x + low * tx + of.rounding * nx, x + high * tx + of.rounding * nx},
-                 {y + low * ty + of.rounding * ny, y + high * ty + of.rounding * ny},
+                 {x + low * tx + inset * nx, x + high * tx + inset * nx},
+                 {y + low * ty + inset * ny, y + high * ty + inset * ny},
                  {has_low ? gap_low : INF, has_high ? gap_high : INF}};
         return true;
     }
@@ -136,15 +138,15 @@ bool touching(const Work &work, const Piece &a, const Piece &b, double reach, To
     // By this share of L the second piece's face has to part better to be the reference: parallel faces part alike,
     // and rounding would choose anew in every step.
     constexpr double SAME = 1e-9;
-    const Search search{work, reach, a.rounding + b.rounding};
+    const Search search{work, reach, a.circle.rounding + b.circle.rounding};
     const Face face_a = best_face(work.corners, a, b), face_b = best_face(work.corners, b, a);
     if (std::max(face_a.away, face_b.away) - search.rounding >= reach)
         return false;
     if (face_a.corner < 0 && face_b.corner < 0)
-        return search.corner_pair(a.first, b.first, a.rounding, touch);
+        return search.corner_pair(a.first, b.first, a.circle.rounding, touch);
     const bool second = face_b.away > face_a.away + SAME * work.world->length;
     // A face inside of the body, where two of its pieces meet: another piece has the contact.
-    if (!work.world->corners[second ? face_b.corner : face_a.corner].outer)
+    if (work.world->corners[second ? face_b.corner : face_a.corner].outer == 0.0)
         return false;
     if (!second)
         return search.clip(a, face_a.corner, b, touch);

@@ -4,6 +4,7 @@
 // (v_x, v_y, L w) about O; wrenches are (f_x, f_y, m / L).
 #pragma once
 
+#include "poses.hpp"
 #include "slip_world.hpp"
 
 #include <array>
@@ -22,10 +23,6 @@ struct Symmetric {
     Vector operator*(const Vector &v) const {
         return {xx * v.x + xy * v.y + xw * v.w, xy * v.x + yy * v.y + yw * v.w, xw * v.x + yw * v.y + ww * v.w};
     }
-};
-
-struct Pose {
-    double x = 0.0, y = 0.0, theta = 0.0;
 };
 
 // A body where it is in this step, and how it moves.

@@ -28,15 +28,19 @@ struct Object {
 // A corner of a piece, in its body's frame, with the outward normal of the edge that begins there.
 struct Corner {
     double x, y, nx, ny;
-    bool outer; // that edge is a piece of the outline; others only part two convex pieces
+    double outer; // 1 where that edge is a piece of the outline, 0 where it only parts two convex pieces
+};
+
+// A circle around a piece, in its body's frame, and the radius that the piece's corners are rounded by, m.
+struct Circle {
+    double x, y, radius, rounding;
 };
 
 // A convex piece of a body; one corner is a disc.
 struct Piece {
     int body;
-    int first, last;         // corners: first to one past the last
-    double cx, cy, radius;   // circle around the piece, in the body's frame
-    double rounding;         // radius that the corners are rounded by, m
+    int first, last; // corners: first to one past the last
+    Circle circle;
 };
 
 // Two pieces that may touch.

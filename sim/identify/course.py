@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 
+import pushplan.core.slip as slip
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE
 from pushplan.sim.identify.unknowns import Unknown, Unknowns
 from pushplan.sim.report import at_poses
 from pushplan.sim.slip.simulator import steps_of
-from pushplan.sim.slip.state import CONVERGED, FALLBACK, PackedWorld, make_state, make_trace, make_work
-from pushplan.sim.slip.step import march
 from pushplan.util.arrays import FloatArray, frozen
 from pushplan.util.names import PUSHER
 
@@ -138,11 +137,11 @@ class Comparison:
         gone = np.concatenate([[0.0], np.cumsum(way)])
         return cls(course, fine, ends[samples], samples, gone[samples] >= CLOSING)
 
-    def errors(self, packed: PackedWorld, shift: FloatArray) -> FloatArray:
+    def errors(self, packed: slip.World, shift: FloatArray) -> FloatArray:
         """Return by how much predicted poses, and wrenches where they were measured, are off the measured ones.
 
         Args:
-            packed: The arrays of a world.
+            packed: What is pushed.
             shift: (n, 3) by what the objects really stood off their first measured poses, in the plate's frame:
                 m, rad.
 
@@ -152,18 +151,19 @@ class Comparison:
         """
         plate = self.course.plate_poses
         first = se2.relative(plate[0], self.course.object_poses[0]) + shift
-        state = make_state(np.vstack([se2.compose(plate[0], first), plate[:1]]))
-        trace = make_trace(len(self.motions), len(first))
-        done = march(packed, make_work(packed), state, self.motions, trace)
-        if done and trace.end[done - 1] not in (CONVERGED, FALLBACK):
-            trace.poses[done - 1 :] = trace.poses[max(done - 2, 0)]  # a jam: nothing moves on
-        reached = np.concatenate([se2.compose(plate[0], first)[None], trace.poses])[self.marks]
+        begin = se2.compose(plate[0], first)
+        trace = slip.Simulation(packed, begin, plate[0]).march(self.motions)
+        # After a jam nothing moves on; in its step, the last of the trace, nothing has moved.
+        poses = np.concatenate([begin[None], trace.poses])
+        reached = poses[np.minimum(self.marks, len(trace.end))]
         there = plate[self.samples][:, None]
         off = se2.relative(there, reached) - se2.relative(there, self.course.object_poses[self.samples])
         off[..., 2] = se2.wrap_angle(off[..., 2])
         if self.course.wrenches is None:
             return np.asarray(off)
-        pushed = at_poses(trace.wrenches)[self.marks] - self.course.wrenches[self.samples]
+        wrenches = np.zeros((len(self.motions), 3))
+        wrenches[: len(trace.end)] = trace.wrenches
+        pushed = at_poses(wrenches)[self.marks] - self.course.wrenches[self.samples]
         pushed[~self.closed] = 0.0
         return np.concatenate([off, pushed[:, None]], axis=1)
 

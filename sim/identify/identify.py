@@ -10,11 +10,12 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
+import pushplan.core.slip as slip
 from pushplan.errors import PushplanError
 from pushplan.sim.identify.course import Comparison, Course, Identification
 from pushplan.sim.identify.posterior import sample_errors
 from pushplan.sim.identify.unknowns import Unknowns
-from pushplan.sim.slip.state import PackedWorld, half_extent
+from pushplan.sim.slip.packing import half_extent
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -93,7 +94,7 @@ def identify_courses(
     """
     _check(world, courses)
     problem = _Problem(world, courses, jobs or os.cpu_count() or 1)
-    # Threads, not processes: `march` is compiled and runs without the interpreter's lock.
+    # Threads, not processes: `march` runs without the interpreter's lock.
     with problem.pool:
         place = problem.best()
         errors, information, correlation = problem.linearised(place)
@@ -165,7 +166,7 @@ class _Problem:
         pairs = zip(self.comparisons, shifts, strict=True)
         return np.concatenate(list(self.pool.map(lambda pair: self._scaled(pair[0], packed, pair[1]), pairs)))
 
-    def _scaled(self, comparison: Comparison, packed: PackedWorld, shift: FloatArray) -> FloatArray:
+    def _scaled(self, comparison: Comparison, packed: slip.World, shift: FloatArray) -> FloatArray:
         errors = comparison.errors(packed, shift)
         return np.asarray((errors / self.scales[: errors.shape[1]]).reshape(-1))
 

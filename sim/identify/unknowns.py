@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
+import pushplan.core.slip as slip
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, Support, UniformSupport
 from pushplan.sim.feet import feet_of
-from pushplan.sim.slip.state import PackedWorld, pack_world
+from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -134,14 +135,14 @@ class Unknowns:
 
     Attributes:
         world: What is stated; its loads are known (some, where they are to be found).
-        packed: Its arrays, with room for any values.
+        packed: It as it is pushed.
         loads: One an object.
         each: All unknowns.
         absolute: Whether the first object's floor friction is one, the last: forces were measured.
     """
 
     world: World
-    packed: PackedWorld
+    packed: slip.World
     loads: tuple[Load, ...]
     each: tuple[Unknown, ...]
     absolute: bool
@@ -175,7 +176,7 @@ class Unknowns:
         ends = (RATIO[0] * first.floor_friction, RATIO[1] * first.floor_friction)
         scale = [Unknown("floor_friction", 0, f"floor friction of {first.name}", *ends, True)] * absolute
         each = (*frictions, *ratios, *of_loads, *scale)
-        return cls(world, pack_world(world, world.chain)[0], loads, each, absolute)
+        return cls(world, pack_world(world, world.chain), loads, each, absolute)
 
     def values(self, parts: FloatArray) -> FloatArray:
         """Return the values (..., p) at places (..., p) in the unit cube."""
@@ -194,18 +195,11 @@ class Unknowns:
         first = obj.friction_load * scale
         return np.concatenate([first, first * values[..., n : 2 * n - 1]], axis=-1)
 
-    def packed_for(self, values: FloatArray) -> PackedWorld:
-        """Return the arrays of the world that has these values (p,)."""
-        packed = self.packed
+    def packed_for(self, values: FloatArray) -> slip.World:
+        """Return the world that has these values (p,), as it is pushed."""
         weights, fractions = self.friction_loads(values), self.fractions(values)
-        feet, loads, friction = packed.feet.copy(), packed.loads.copy(), packed.friction.copy()
-        feet[:, 2] = np.concatenate([w * f for w, f in zip(weights, fractions, strict=True)])
-        # h mu goes with mu, and mu with the sum of mu N: the weight stays.
-        loads[:, 1] *= weights / loads[:, 0]
-        loads[:, 0] = weights
-        contact = packed.pairs[:, 2]
-        friction[contact >= 0] = values[contact[contact >= 0]]
-        return packed._replace(feet=feet, loads=loads, friction=friction)
+        feet = np.concatenate([w * f for w, f in zip(weights, fractions, strict=True)])
+        return self.packed.with_loads(weights, feet, values[: len(self.world.chain.contacts)])
 
     def world_for(self, values: FloatArray) -> World:
         """Return the world that has these values (p,)."""

@@ -6,14 +6,16 @@ Inertia is left out, as in all of the plan's mechanics without `contact: dynamic
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+import pushplan.core.slip as core
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.report import (
@@ -26,17 +28,7 @@ from pushplan.sim.report import (
     wanted_at_end,
     worst_at_goal,
 )
-from pushplan.sim.slip.state import (
-    CROWDED,
-    JAMMED,
-    UNSOLVED,
-    Trace,
-    make_state,
-    make_trace,
-    make_work,
-    pack_world,
-)
-from pushplan.sim.slip.step import march
+from pushplan.sim.slip.packing import Pair, Piece, cut, pack_bodies, pack_world
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, frozen
 from pushplan.util.names import APPROACH
@@ -95,7 +87,7 @@ class SlipSimulator:
         """
         self.world, self.settings = world, settings
         self.chain = world.chain if world.plate is None else None
-        self._packed, self._order = pack_world(world, self.chain)
+        self._packed = pack_world(world, self.chain)
         first = world.start if world.plate is None else world.plate
         self.place(world.object_poses, first if plate_pose is None else plate_pose)
 
@@ -103,7 +95,7 @@ class SlipSimulator:
         """Hold a chain, with objects and frictions as they are in the world, or nothing; the plate stays there."""
         objects, plate = self.object_poses, se2.compose(self.plate_pose, self.plate_in_frame)
         self.chain = chain
-        self._packed, self._order = pack_world(self.world, chain)
+        self._packed = pack_world(self.world, chain)
         self.place(objects, se2.compose(plate, se2.inverse(self.plate_in_frame)))
 
     @property
@@ -113,34 +105,34 @@ class SlipSimulator:
 
     def place(self, object_poses: ArrayLike, plate_pose: ArrayLike) -> None:
         """Put objects (n, 3) and plate (3,) somewhere else in the world, at rest and without contact forces."""
-        objects = frozen(object_poses, (len(self._order), 3), "poses of the objects")[self._order]
-        self._work = make_work(self._packed)
-        self._state = make_state(np.vstack([objects, frozen(plate_pose, (3,), "pose of the plate")]))
+        objects = frozen(object_poses, (len(self.world.objects), 3), "poses of the objects")
+        plate = frozen(plate_pose, (3,), "pose of the plate")
+        self._simulation = core.Simulation(self._packed, objects, plate)
         self.jammed = False
 
     @property
     def object_poses(self) -> FloatArray:
         """(n, 3) poses of the objects' own frames in the world."""
-        return np.array(self._state.poses[:-1][np.argsort(self._order)])
+        return self._simulation.object_poses
 
     @property
     def plate_pose(self) -> FloatArray:
         """(3,) pose in the world of the frame that the plate is moved in."""
-        return np.array(self._state.poses[-1])
+        return self._simulation.plate_pose
 
     @property
     def reach(self) -> float:
         """Distance of the farthest point of robot, plate and held objects from the frame's origin, m."""
         return self.world.chain.reach if self.chain is None else self.chain.reach
 
-    def move(self, twist: ArrayLike, duration: float) -> Trace:
+    def move(self, twist: ArrayLike, duration: float) -> core.Trace:
         """Move the plate with a constant body twist (3,), in steps as `settings` says."""
         motion = frozen(twist, (3,), "twist of the plate") * duration
         way = float(np.hypot(motion[0], motion[1])) + self.reach * abs(float(motion[2]))
         count = max(1, int(np.ceil(way / self.settings.step)))
         return self.follow(np.tile(motion / count, (count, 1)))
 
-    def follow(self, motions: FloatArray) -> Trace:
+    def follow(self, motions: FloatArray) -> core.Trace:
         """Move the plate by body twists times time (m, 3), one step each; after a jam what is left is not done.
 
         Returns:
@@ -149,20 +141,13 @@ class SlipSimulator:
         Raises:
             PushplanError: When more bodies touch at once than there is room for.
         """
-        trace = make_trace(0 if self.jammed else len(motions), len(self._packed.loads))
-        done = march(self._packed, self._work, self._state, motions[: len(trace.end)], trace)
-        if done and trace.end[done - 1] == CROWDED:
+        trace = self._simulation.march(motions[:0] if self.jammed else motions)
+        if (trace.end == core.CROWDED).any():
             raise PushplanError(
-                f"more than {len(self._work.who)} contacts at once: that is more than the simulator has room for"
+                f"more than {self._packed.room} contacts at once: that is more than the simulator has room for"
             )
-        self.jammed = self.jammed or bool(done and trace.end[done - 1] in (JAMMED, UNSOLVED))
-        own = np.argsort(self._order)
-        by_object = {
-            name: getattr(trace, name)[:done, own] for name in ("poses", "modes", "forces", "others")
-        }
-        return Trace(
-            **by_object, wrenches=trace.wrenches[:done], residual=trace.residual[:done], end=trace.end[:done]
-        )
+        self.jammed = self.jammed or bool(np.isin(trace.end, (core.JAMMED, core.UNSOLVED)).any())
+        return trace
 
 
 def simulate(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> ContactReport:
@@ -327,3 +312,51 @@ def step_times(trajectory: Trajectory, reach: float, step: float) -> FloatArray:
 def steps_of(poses: FloatArray) -> FloatArray:
     """Return the body twists times time (m, 3) between neighbours of poses (m + 1, 3)."""
     return se2.log(se2.relative(poses[:-1], poses[1:]))
+
+
+@dataclass(frozen=True, eq=False)
+class FingerPush:
+    """An object and the round fingers of a hand: how robots push in most measurements.
+
+    Attributes:
+        obj: The object; its `pose_chain` does not matter.
+        fingers: (k, 3) places x, y in the hand's frame, and radii, m.
+        friction: Coefficient between fingers and object.
+    """
+
+    obj: PushedObject
+    fingers: FloatArray
+    friction: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "fingers", frozen(self.fingers, (None, 3), "fingers"))
+
+    @cached_property
+    def packed(self) -> core.World:
+        """What is pushed."""
+        pieces = cut(0, self.obj.outline)
+        discs = [Piece(1, disc[None, :2], np.ones(1), float(disc[2])) for disc in self.fingers]
+        count = len(pieces)
+        pairs = [Pair(count + k, i, -1, self.friction) for k in range(len(discs)) for i in range(len(pieces))]
+        length = 0.5 * float(np.linalg.norm(np.ptp(self.obj.outline, axis=0)))
+        return pack_bodies([self.obj], [*pieces, *discs], pairs, length)
+
+    def push(self, object_pose: FloatArray, hand_poses: FloatArray) -> FloatArray:
+        """Move the hand through poses and return those of the object.
+
+        Args:
+            object_pose: (3,) where the object is at the beginning, in the world.
+            hand_poses: (m + 1, 3) poses of the hand in the world, one step between two.
+
+        Returns:
+            (m + 1, 3) poses of the object.
+
+        Raises:
+            PushplanError: When the object jams.
+        """
+        simulation = core.Simulation(self.packed, object_pose[None], hand_poses[0])
+        motions = steps_of(hand_poses)
+        trace = simulation.march(motions)
+        if not np.isin(trace.end, (core.CONVERGED, core.FALLBACK)).all():
+            raise PushplanError(f"{self.obj.name!r} jams in step {len(trace.end)} of {len(motions)}")
+        return np.concatenate([object_pose[None], trace.poses[:, 0]])

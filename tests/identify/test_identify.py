@@ -12,6 +12,7 @@ from conftest import ChainMaker
 from scipy.stats import kstest
 
 import pushplan
+import pushplan.core.slip as slip
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.geometry import se2
@@ -25,8 +26,8 @@ from pushplan.sim.identify.course import Course, Identification, piece_of, with_
 from pushplan.sim.identify.identify import identify_courses
 from pushplan.sim.identify.posterior import Near, sample, worth
 from pushplan.sim.identify.unknowns import PressedOutline, Unknowns
+from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.simulator import simulate_poses
-from pushplan.sim.slip.state import PackedWorld, pack_world
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -57,8 +58,8 @@ def pushed(
     return Course(report.poses, report.objects + off, wrenches=wrenches)
 
 
-def packed_of(world: World) -> PackedWorld:
-    return pack_world(world, world.chain)[0]
+def packed_of(world: World) -> slip.World:
+    return pack_world(world, world.chain)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import UniformSupport
-from pushplan.sim.slip.fingers import FingerPush
+from pushplan.sim.slip.simulator import FingerPush
 from pushplan.util.arrays import FloatArray
 
 SQUARE = 0.045 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])

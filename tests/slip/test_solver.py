@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from conftest import ChainMaker
 
+import pushplan.core.slip as slip
 from pushplan.geometry import se2
 from pushplan.mechanics.support import FeetSupport, UniformSupport
 from pushplan.sim.slip.simulator import SlipSimulator
-from pushplan.sim.slip.state import JAMMED, UNSOLVED
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
@@ -32,7 +32,7 @@ def test_every_step_of_random_pushes_is_solved(count: int) -> None:
         trace = simulator.follow(np.tile(1e-3 * twist / np.linalg.norm(twist), (100, 1)))
         assert np.isfinite(trace.poses).all()
         assert np.isfinite(trace.forces).all()
-        assert not np.isin(trace.end, (JAMMED, UNSOLVED)).any()
+        assert not np.isin(trace.end, (slip.JAMMED, slip.UNSOLVED)).any()
         assert trace.residual.max() <= 1e-7
         assert (trace.forces[:, :, :2] >= -1e-9).all()
         pressed = trace.forces[:, :, :2].sum(axis=2)

@@ -1,0 +1,211 @@
+"""From worlds and fingers to the bodies, convex pieces and pairs of pieces that `core.slip` pushes about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+import pushplan.core.slip as slip
+from pushplan.errors import SupportError
+from pushplan.geometry import se2
+from pushplan.mechanics.chain import Chain, PushedObject
+from pushplan.mechanics.support import Support
+from pushplan.planners.collision.scene import bounding_circle, convex_pieces
+from pushplan.scenario.parts import CircleObstacle
+from pushplan.sim.feet import Feet, feet_of
+from pushplan.sim.world import World
+from pushplan.util.arrays import FloatArray, IntArray
+
+QUADRATURE = 13
+"""Degree up to which the points under a polygon have the moments of its pressure: at most 105 points."""
+_ON_OUTLINE = 1e-9
+"""Distance (m) from the outline up to which the middle of a piece's edge is on it."""
+
+
+class Piece(NamedTuple):
+    """A convex piece of a body: its number, corners (k, 2) in its frame, whether edges are outline, rounding (m)."""
+
+    body: int
+    corners: FloatArray
+    outer: FloatArray
+    rounding: float = 0.0
+
+
+class Pair(NamedTuple):
+    """Two pieces that may touch: their numbers, the chain's contact that this is, or -1, coefficient of friction."""
+
+    a: int
+    b: int
+    contact: int
+    friction: float
+
+
+def pack_world(world: World, chain: Chain | None = None) -> slip.World:
+    """Return what can be pushed of a world, with objects in its order.
+
+    Args:
+        world: All objects, the pusher, and what stands still.
+        chain: What the plate holds: its contacts are told of, and the pusher is in its frame. None for nothing; the
+            pusher is in the plate frame then.
+
+    Raises:
+        SupportError: When the load under an object is not known, or it has no friction with the floor.
+    """
+    held = () if chain is None else chain.objects
+    names = [obj.name for obj in held]
+    objects = [*held, *(obj for obj in world.objects if obj.name not in names)]
+    order = np.array([world.names.index(obj.name) for obj in objects])
+    pusher = world.chain.pusher if chain is None else chain.pusher
+    plate = se2.inverse(pusher.plate_pose) if chain is None else np.zeros(3)
+    carried = [
+        se2.transform_points(plate, part) if plate.any() else part
+        for part in (pusher.outline, *pusher.footprint)
+    ]
+    n = len(objects)
+    pieces = [piece for i, obj in enumerate(objects) for piece in cut(i, obj.outline)]
+    pieces += [piece for outline in carried for piece in cut(n, outline)]
+    pieces += _standing(world, n + 1)
+    pairs = _pairs(world, chain, [obj.name for obj in objects], pieces)
+    length = half_extent(world.chain if chain is None else chain)
+    return pack_bodies(objects, pieces, pairs, length, pusher.contact_height, order)
+
+
+def pack_bodies(
+    objects: Sequence[PushedObject],
+    pieces: Sequence[Piece],
+    pairs: Sequence[Pair],
+    length: float,
+    height: float = 0.0,
+    order: IntArray | None = None,
+) -> slip.World:
+    """Return what is made of objects and of all pieces, theirs included.
+
+    Args:
+        objects: Whose feet stand on the floor; where they are does not matter.
+        pieces: Of objects, pusher and what stands still, numbered as in `slip.World`.
+        pairs: Which of them may touch.
+        length: Characteristic length, m.
+        height: Of the contact forces above the floor, m.
+        order: (n,) the numbers that the objects have outside; None for the same ones.
+
+    Raises:
+        SupportError: When the load under an object is not known, or it has no friction with the floor.
+    """
+    feet = [_feet(obj, height) for obj in objects]
+    return slip.World(
+        feet=np.concatenate([rows for rows, _, _ in feet]),
+        first_foot=np.cumsum([0, *(len(rows) for rows, _, _ in feet)]),
+        loads=np.array([load for _, load, _ in feet]),
+        center=np.array([center for _, _, center in feet]),
+        corners=np.concatenate([_corner_rows(piece) for piece in pieces]),
+        parts=_part_rows(pieces),
+        circles=np.array([_circle(piece) for piece in pieces]),
+        pairs=np.array([[pair.a, pair.b, pair.contact] for pair in pairs], dtype=np.int64),
+        friction=np.array([pair.friction for pair in pairs]),
+        length=length,
+        order=np.arange(len(objects)) if order is None else order,
+    )
+
+
+def half_extent(chain: Chain) -> float:
+    """Return half of the largest distance between two points of the objects, about, m: the unit of moments."""
+    points = np.concatenate([obj.outline_chain for obj in chain.objects])
+    return 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+@lru_cache(maxsize=256)
+def _quadrature(support: Support) -> Feet:
+    return feet_of(support, QUADRATURE)
+
+
+def _feet(obj: PushedObject, height: float) -> tuple[FloatArray, list[float], FloatArray]:
+    """Return feet, load and centre of an object; see `slip.World`."""
+    if not obj.floor_friction > 0.0:
+        raise SupportError(
+            f"{obj.name!r} has no friction with the floor: nothing would stop it; floor friction must be > 0"
+        )
+    if not obj.support.known:
+        raise SupportError(
+            f"the load under {obj.name!r} is unknown; simulating slip needs known loads: give load fractions or a "
+            f"pressure, or a world with a support (World.with_support)"
+        )
+    feet = _quadrature(obj.support)
+    center = feet.stiffness @ feet.positions
+    away = feet.positions - center
+    second = (away * feet.stiffness[:, None]).T @ away
+    shift = height * obj.floor_friction
+    rows = np.column_stack([feet.positions, obj.friction_load * feet.fractions, feet.stiffness])
+    return rows, [obj.friction_load, shift, second[0, 0], second[0, 1], second[1, 1]], center
+
+
+def _standing(world: World, body: int) -> list[Piece]:
+    """Return the pieces of obstacles and walls."""
+    found: list[Piece] = []
+    for obstacle in world.obstacles:
+        if isinstance(obstacle, CircleObstacle):
+            found.append(Piece(body, obstacle.center[None], np.ones(1), obstacle.radius))
+        else:
+            found += cut(body, obstacle.outline)
+    area = world.workspace
+    if area is not None:
+        x0, x1, y0, y1 = area.xmin, area.xmax, area.ymin, area.ymax
+        ends = np.array([[x0, y0], [x0, y1], [x1, y1], [x1, y0]])
+        sides = zip(ends, np.roll(ends, -1, axis=0), strict=True)
+        found += [Piece(body, np.array(side), np.array([1.0, 0.0])) for side in sides]
+    return found
+
+
+def cut(body: int, outline: FloatArray) -> list[Piece]:
+    """Return the convex pieces of an outline, and which of their edges lie on it."""
+    pieces = list(convex_pieces([outline]))
+    if len(pieces) == 1:
+        return [Piece(body, pieces[0], np.ones(len(pieces[0])))]
+    ring = shapely.LinearRing(outline)
+    shapely.prepare(ring)
+    found = []
+    for corners in pieces:
+        middles = 0.5 * (corners + np.roll(corners, -1, axis=0))
+        away = shapely.distance(shapely.points(middles), ring)
+        found.append(Piece(body, corners, np.where(away < _ON_OUTLINE, 1.0, 0.0)))
+    return found
+
+
+def _corner_rows(piece: Piece) -> FloatArray:
+    """Return x, y, outward normal of the edge that begins there, and whether that is outline (k, 5)."""
+    edge = np.roll(piece.corners, -1, axis=0) - piece.corners
+    length = np.maximum(np.linalg.norm(edge, axis=1), 1e-300)
+    return np.column_stack([piece.corners, edge[:, 1] / length, -edge[:, 0] / length, piece.outer])
+
+
+def _part_rows(pieces: Sequence[Piece]) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    starts = np.cumsum([0, *(len(piece.corners) for piece in pieces)])
+    return np.column_stack([[piece.body for piece in pieces], starts[:-1], starts[1:]]).astype(np.int64)
+
+
+def _circle(piece: Piece) -> FloatArray:
+    circle = np.append(piece.corners[0], 0.0) if len(piece.corners) == 1 else bounding_circle(piece.corners)
+    return np.append(circle + np.array([0.0, 0.0, piece.rounding]), piece.rounding)
+
+
+def _pairs(world: World, chain: Chain | None, names: Sequence[str], pieces: Sequence[Piece]) -> list[Pair]:
+    """Return which pieces may touch; those of the chain's contacts come first."""
+    n = len(names)
+    contacts = () if chain is None else chain.contacts
+    contact_of = {(c.pusher if c.pusher >= 0 else n, c.pushed): k for k, c in enumerate(contacts)}
+    found = []
+    for a, one in enumerate(pieces):
+        for b, other in enumerate(pieces):
+            if one.body < other.body < n or (one.body >= n and other.body < n):
+                known = contact_of.get((one.body, other.body), -1)
+                if known >= 0:
+                    friction = contacts[known].friction
+                elif one.body > n:
+                    friction = world.other_friction
+                else:
+                    friction = world.friction(None if one.body == n else names[one.body], names[other.body])
+                found.append(Pair(a, b, known, friction))
+    return sorted(found, key=lambda pair: pair.contact < 0)
