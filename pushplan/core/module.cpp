@@ -16,6 +16,10 @@ void bind_sequences(py::module_ &);
 void bind_slip(py::module_ &);
 void bind_timing(py::module_ &);
 void bind_transit(py::module_ &);
+void bind_boundary(py::module_ &);
+void bind_contacts(py::module_ &);
+void bind_robustness(py::module_ &);
+void bind_sphere(py::module_ &);
 void bind_uncertain(py::module_ &);
 } // namespace pushplan
 
@@ -37,5 +41,9 @@ PYBIND11_MODULE(core, m) {
     pushplan::bind_slip(m);
     pushplan::bind_timing(m);
     pushplan::bind_transit(m);
+    pushplan::bind_boundary(m);
+    pushplan::bind_contacts(m);
+    pushplan::bind_robustness(m);
+    pushplan::bind_sphere(m);
     pushplan::bind_uncertain(m);
 }

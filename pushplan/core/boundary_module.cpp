@@ -1,0 +1,204 @@
+// `pushplan.core.boundary`: the boundary of stable sets on and between meridians.
+#include "arrays.hpp"
+#include "boundary.hpp"
+
+#include <optional>
+#include <tuple>
+
+namespace pushplan::boundary {
+
+namespace {
+
+// A `meridians.Table`: longitudes (m,), counts (m,), ends (m, c, 2), bends (m, c, 2).
+using TableArrays = std::tuple<Numbers, Integers, Numbers, Numbers>;
+
+// Gaps (g,): meridians to the left and to the right, and longitudes between.
+using GapArrays = std::tuple<Integers, Integers, Numbers>;
+
+MeridianTable meridian_table(const TableArrays &arrays) {
+    const auto &[at, counts, ends, bend] = arrays;
+    require_shape(at, {-1}, "at");
+    const py::ssize_t m = at.shape(0);
+    require_shape(counts, {m}, "counts");
+    require_shape(ends, {m, -1, 2}, "ends");
+    require_shape(bend, {m, ends.shape(1), 2}, "bend");
+    const MeridianTable table{row(at), row(counts), ends.data(), bend.data(), ends.shape(1)};
+    for (const std::int64_t count : table.counts)
+        if (count < 0 || count > table.width)
+            throw std::invalid_argument("a meridian has more intervals than the table has room for");
+    return table;
+}
+
+Gaps gaps_in(const MeridianTable &table, const GapArrays &arrays) {
+    const Gaps gaps{row(std::get<0>(arrays)), row(std::get<1>(arrays)), row(std::get<2>(arrays))};
+    if (gaps.right.size != gaps.left.size || gaps.middle.size != gaps.left.size)
+        throw std::invalid_argument("meridians to both sides of gaps are not equally many");
+    for (std::ptrdiff_t g = 0; g < gaps.size(); ++g)
+        if (std::min(gaps[g].left, gaps[g].right) < 0 || std::max(gaps[g].left, gaps[g].right) >= table.at.size)
+            throw std::out_of_range("gap " + std::to_string(g) + " is not between meridians of the table");
+    return gaps;
+}
+
+Row<const std::int64_t> chosen_of(const Gaps &gaps, const Integers &chosen) {
+    const auto found = row(chosen);
+    for (const std::int64_t g : found)
+        if (g < 0 || g >= gaps.size())
+            throw std::out_of_range("there is no gap " + std::to_string(g));
+    return found;
+}
+
+Samples samples_of(const Numbers &samples) {
+    require_shape(samples, {-1, 3}, "samples");
+    static_assert(sizeof(Sample) == 3 * sizeof(double), "a row of a table");
+    return {reinterpret_cast<const Sample *>(samples.data()), samples.shape(0)};
+}
+
+py::tuple arrays_of(Questions &&questions) {
+    const auto n = static_cast<py::ssize_t>(questions.x.size());
+    return py::make_tuple(to_numpy(std::move(questions.member), {n}), to_numpy(std::move(questions.x), {n}));
+}
+
+py::tuple arrays_of(Intervals &&intervals) {
+    static_assert(sizeof(Ends) == 8 * sizeof(double), "brackets (2, 4)");
+    const auto n = static_cast<py::ssize_t>(intervals.member.size());
+    py::array_t<double> ends({n, py::ssize_t{2}, py::ssize_t{4}});
+    std::copy_n(reinterpret_cast<const double *>(intervals.ends.data()), 8 * n, ends.mutable_data());
+    return py::make_tuple(to_numpy(std::move(intervals.member), {n}), ends);
+}
+
+py::tuple bends_of(const TableArrays &arrays, const GapArrays &between, const TableArrays &middle) {
+    const MeridianTable table = meridian_table(arrays), found = meridian_table(middle);
+    const Gaps gaps = gaps_in(table, between);
+    if (found.at.size != gaps.size())
+        throw std::invalid_argument("there must be one meridian for every gap");
+    Bends known = bends(table, gaps, found);
+    py::array_t<bool> more(gaps.size());
+    std::copy(known.more.begin(), known.more.end(), more.mutable_data());
+    return py::make_tuple(to_numpy(std::move(known.bend), {gaps.size(), found.width, 2}), more);
+}
+
+template <class Search> void take(Search &search, const Numbers &values) {
+    require_shape(values, {static_cast<py::ssize_t>(search.questions().x.size())}, "table of values");
+    search.take(values.data());
+}
+
+template <class Search> void bind_questions(py::class_<Search> &bound) {
+    bound.def_property_readonly("member", [](const Search &search) {
+        const auto &member = search.questions().member;
+        return py::array_t<std::int64_t>(static_cast<py::ssize_t>(member.size()), member.data());
+    });
+    bound.def_property_readonly("x", [](const Search &search) {
+        const auto &x = search.questions().x;
+        return py::array_t<double>(static_cast<py::ssize_t>(x.size()), x.data());
+    });
+    bound.def("take", &take<Search>, py::arg("values"));
+    bound.def("__bool__", [](const Search &search) { return !search.questions().x.empty(); });
+}
+
+void bind_root_search(py::module_ &m) {
+    py::class_<RootSearch> bound(m, "RootSearch");
+    bound.def(py::init([](const Numbers &brackets) {
+                  require_shape(brackets, {-1, 4}, "brackets");
+                  static_assert(sizeof(Bracket) == 4 * sizeof(double), "a row of a table");
+                  const auto *first = reinterpret_cast<const Bracket *>(brackets.data());
+                  return RootSearch(std::vector<Bracket>(first, first + brackets.shape(0)));
+              }),
+              py::arg("brackets"));
+    bind_questions(bound);
+    bound.def_property_readonly("ends", [](const RootSearch &search) {
+        std::vector<double> ends(search.count());
+        for (std::size_t i = 0; i < ends.size(); ++i)
+            ends[i] = search.end(i);
+        return to_numpy(std::move(ends), {static_cast<py::ssize_t>(search.count())});
+    });
+}
+
+PeakSearch peak_search(const Numbers &low, const Numbers &high, double goal, int iterations,
+                       const std::optional<std::tuple<Numbers, Numbers>> &ends) {
+    const auto begin = row(low), end = row(high);
+    if (begin.size != end.size)
+        throw std::invalid_argument("the ends of searches are not equally many");
+    PeakSearch search({begin.begin(), begin.end()}, {end.begin(), end.end()}, goal, iterations);
+    if (ends) {
+        const auto at_low = row(std::get<0>(*ends)), at_high = row(std::get<1>(*ends));
+        if (at_low.size != begin.size || at_high.size != begin.size)
+            throw std::invalid_argument("values at the ends are not as many as these");
+        search.know_ends({at_low.begin(), at_low.end()}, {at_high.begin(), at_high.end()});
+    }
+    return search;
+}
+
+void bind_peak_search(py::module_ &m) {
+    py::class_<PeakSearch> bound(m, "PeakSearch");
+    bound.def(py::init(&peak_search), py::arg("low"), py::arg("high"), py::arg("goal"), py::arg("iterations"),
+              py::arg("ends") = py::none());
+    bind_questions(bound);
+    bound.def_property_readonly("best", [](const PeakSearch &search) {
+        std::vector<double> places, values;
+        for (const Section &section : search.sections()) {
+            places.push_back(section.fb >= section.fc ? section.b : section.c);
+            values.push_back(section.fb >= section.fc ? section.fb : section.fc);
+        }
+        const auto n = static_cast<py::ssize_t>(places.size());
+        return py::make_tuple(to_numpy(std::move(places), {n}), to_numpy(std::move(values), {n}));
+    });
+}
+
+void bind_functions(py::module_ &m) {
+    m.def(
+        "fans",
+        [](const TableArrays &arrays, const GapArrays &between, const Integers &chosen) {
+            const MeridianTable table = meridian_table(arrays);
+            const Gaps gaps = gaps_in(table, between);
+            return arrays_of(fans(table, gaps, chosen_of(gaps, chosen)));
+        },
+        py::arg("table"), py::arg("gaps"), py::arg("chosen"));
+    m.def(
+        "probes",
+        [](const TableArrays &arrays, const GapArrays &between, const Integers &chosen, double wider) {
+            const MeridianTable table = meridian_table(arrays);
+            const Gaps gaps = gaps_in(table, between);
+            return arrays_of(probes(table, gaps, chosen_of(gaps, chosen), wider));
+        },
+        py::arg("table"), py::arg("gaps"), py::arg("chosen"), py::arg("wider"));
+    m.def(
+        "followed",
+        [](const Numbers &x, const Numbers &value, const Integers &member) {
+            if (value.size() != x.size() || member.size() != x.size())
+                throw std::invalid_argument("latitudes, values and members are not equally many");
+            return arrays_of(followed(row(x), row(value), row(member)));
+        },
+        py::arg("x"), py::arg("value"), py::arg("member"));
+    m.def("bends", &bends_of, py::arg("table"), py::arg("gaps"), py::arg("found"));
+    m.def("between", [](const Numbers &samples) { return arrays_of(between(samples_of(samples))); },
+          py::arg("samples"));
+    m.def(
+        "extremes",
+        [](const Numbers &samples) {
+            auto at = extremes(samples_of(samples));
+            const auto n = static_cast<py::ssize_t>(at.size());
+            return to_numpy(std::move(at), {n});
+        },
+        py::arg("samples"));
+    m.def("runs", [](const Numbers &samples) { return arrays_of(runs(samples_of(samples))); },
+          py::arg("samples"));
+}
+
+} // namespace
+
+} // namespace pushplan::boundary
+
+namespace pushplan {
+
+void bind_boundary(py::module_ &core) {
+    using namespace boundary;
+    py::module_ m = core.def_submodule("boundary", "The boundary of stable sets on and between meridians.");
+    m.attr("TOLERANCE") = TOLERANCE;
+    m.attr("PROMISING") = PROMISING;
+    m.attr("FLATNESS") = FLATNESS;
+    bind_root_search(m);
+    bind_peak_search(m);
+    bind_functions(m);
+}
+
+} // namespace pushplan

@@ -1,0 +1,182 @@
+// `pushplan.core.robustness`: contact conditions of perturbed chains at the moments of a motion.
+#include "arrays.hpp"
+#include "inertia.hpp"
+
+#include <algorithm>
+#include <tuple>
+
+namespace pushplan::mechanics {
+
+namespace {
+
+using Bools = Kept<bool>::Array;
+using Series = Kept<std::complex<double>>::Array;
+
+// The arrays of `robustness.Variants` and `robustness.Moments`.
+using VariantArrays = std::tuple<Numbers, Numbers, Integers, Bools, Numbers, Numbers, Numbers, Bools>;
+using MomentArrays = std::tuple<Numbers, Numbers, Numbers, Integers>;
+
+// The numbers of every variant, or of all of them, where the first axis has length 1.
+struct PerVariant {
+    const double *data;
+    std::ptrdiff_t count, numbers, columns; // variants, numbers of one, and of a row
+
+    // `shape`: that of one variant's table.
+    PerVariant(const Numbers &array, std::ptrdiff_t variants, const std::vector<py::ssize_t> &shape, const char *name)
+        : data(array.data()) {
+        std::vector<py::ssize_t> wanted{-1};
+        wanted.insert(wanted.end(), shape.begin(), shape.end());
+        require_shape(array, wanted, name);
+        count = array.shape(0);
+        if (count < 1 || (count != 1 && count != variants))
+            throw std::invalid_argument(std::string(name) + " are not given for every variant");
+        numbers = array.size() / count;
+        columns = array.shape(1) > 0 ? numbers / array.shape(1) : 0;
+    }
+
+    Table<const double> operator[](std::ptrdiff_t a) const {
+        return {data + std::min(a, count - 1) * numbers, columns > 0 ? numbers / columns : 0, columns};
+    }
+};
+
+// q perturbed chains of n objects; their arrays are described in Python.
+struct Variants {
+    std::ptrdiff_t count, n;
+    PerVariant objects, parts;
+    Table<const std::complex<double>> series;
+    Table<const std::int64_t> links;
+    const bool *changed;
+    PerVariant poses, centers, facets;
+
+    Variants(const VariantArrays &arrays, const Series &coefficients)
+        : count(std::get<7>(arrays).size()), n(std::get<2>(arrays).ndim() > 0 ? std::get<2>(arrays).shape(0) : 0),
+          objects(std::get<0>(arrays), count, {n, OBJECT_COLUMNS}, "objects"),
+          parts(std::get<1>(arrays), count, {-1, PART_COLUMNS}, "parts"), series(table(coefficients)),
+          links(table(std::get<2>(arrays))), changed(std::get<3>(arrays).data()),
+          poses(std::get<4>(arrays), count, {n, 3}, "poses"), centers(std::get<5>(arrays), count, {n, 2}, "centers"),
+          facets(std::get<6>(arrays), count, {n, 4, 3}, "facets") {
+        if (series.rows != WEIGHTS * n || series.columns != TERMS || links.columns != LINK_COLUMNS ||
+            std::get<3>(arrays).size() != n)
+            throw std::invalid_argument("the arrays of perturbed chains do not fit together");
+        for (std::ptrdiff_t k = 0; k < n; ++k)
+            if (links[k][FIRST_PART] < 0 || links[k][FIRST_PART] >= links[k][PAST_LAST_PART] ||
+                links[k][PAST_LAST_PART] > std::get<1>(arrays).shape(1) || links[k][PUSHER] >= k)
+                throw std::invalid_argument("a link of perturbed chains leads out of them");
+    }
+
+    Supports supports(std::ptrdiff_t a) const { return {objects[a], parts[a], series, links}; }
+};
+
+struct Moments {
+    Table<const double> directions, twists, rates;
+    Row<const std::int64_t> group;
+
+    explicit Moments(const MomentArrays &arrays)
+        : directions(twist_table(std::get<0>(arrays))), twists(twist_table(std::get<1>(arrays))),
+          rates(twist_table(std::get<2>(arrays))), group(row(std::get<3>(arrays))) {
+        if (twists.rows != directions.rows || rates.rows != directions.rows || group.size != directions.rows)
+            throw std::invalid_argument("the arrays of moments do not fit together");
+    }
+    std::ptrdiff_t count() const { return twists.rows; }
+};
+
+// The wrench that moves object k against the floor from where a motion has put it: the twist is taken into the frame
+// that moved along, and the wrench back.
+Wrench moved_wrench(const Supports &supports, std::ptrdiff_t k, const Pose &pose, const Twist &twist) {
+    const double x = pose.x, y = pose.y, cos = std::cos(pose.theta), sin = std::sin(pose.theta);
+    const double vx = twist.vx - twist.omega * y, vy = twist.vy + twist.omega * x;
+    const Wrench w = carried_wrench(supports, k, {cos * vx + sin * vy, cos * vy - sin * vx, twist.omega});
+    const double fx = cos * w.x - sin * w.y, fy = sin * w.x + cos * w.y;
+    return {fx, fy, w.m + x * fy - y * fx};
+}
+
+py::array_t<double> floor_wrenches(const VariantArrays &arrays, const Series &series, const Numbers &directions) {
+    const Variants variants(arrays, series);
+    const auto twists = twist_table(directions);
+    const std::ptrdiff_t n = variants.n;
+    py::array_t<double> out({twists.rows, n, std::ptrdiff_t{3}});
+    auto *wrench = reinterpret_cast<Wrench *>(out.mutable_data());
+    py::gil_scoped_release free;
+    const Supports supports = variants.supports(0);
+    const Table<const double> poses = variants.poses[0];
+    for (std::ptrdiff_t s = 0; s < twists.rows; ++s)
+        for (std::ptrdiff_t k = 0; k < n; ++k)
+            *wrench++ = moved_wrench(supports, k, pose_at(poses[k]), twist_at(twists[s]));
+    return out;
+}
+
+// Masses and moments of inertia, (n,) each.
+struct Bodies {
+    Row<const double> mass, moment;
+};
+
+// Work out the facets' values (m, n, 4) of variant a.
+void fill_values(const Variants &variants, std::ptrdiff_t a, const Bodies &bodies, const Moments &moments,
+                 const Wrench *nominal, double *out) {
+    const std::ptrdiff_t n = variants.n;
+    const Supports supports = variants.supports(a);
+    const Table<const double> poses = variants.poses[a], centers = variants.centers[a], facets = variants.facets[a];
+    std::vector<std::array<double, 2>> center(n);
+    for (std::ptrdiff_t k = 0; k < n; ++k) {
+        const Pose pose = pose_at(poses[k]);
+        const double cos = std::cos(pose.theta), sin = std::sin(pose.theta);
+        center[k] = {pose.x + cos * centers[k][0] - sin * centers[k][1],
+                     pose.y + sin * centers[k][0] + cos * centers[k][1]};
+    }
+    std::vector<Wrench> floor(n, Wrench{0.0, 0.0, 0.0}), carried(n);
+    for (std::ptrdiff_t s = 0; s < moments.count(); ++s) {
+        const Twist v = twist_at(moments.twists[s]), dv = twist_at(moments.rates[s]);
+        const bool fresh = s == 0 || moments.group[s] != moments.group[s - 1];
+        for (std::ptrdiff_t k = 0; k < n; ++k) {
+            if (variants.changed[k] && fresh)
+                floor[k] = moved_wrench(supports, k, pose_at(poses[k]), twist_at(moments.directions[s]));
+            const Wrench &w = variants.changed[k] ? floor[k] : nominal[s * n + k];
+            const auto [x, y] = center[k];
+            const auto [fx, fy] = inertia_force(bodies.mass[k], x, y, v, dv);
+            carried[k] = {w.x + fx, w.y + fy, w.m + bodies.moment[k] * dv.omega + x * fy - y * fx};
+        }
+        for (std::ptrdiff_t k = n - 1; k >= 0; --k) {
+            const Wrench &w = carried[k];
+            const Facets own = read<Facets>(facets[k]);
+            for (int j = 0; j < 4; ++j)
+                out[(s * n + k) * 4 + j] = dot(own[j], w);
+            const std::int64_t pusher = variants.links[k][PUSHER];
+            if (pusher >= 0)
+                carried[pusher].x += w.x, carried[pusher].y += w.y, carried[pusher].m += w.m;
+        }
+    }
+}
+
+py::array_t<double> facet_values(const VariantArrays &arrays, const Series &series, const Numbers &mass,
+                                 const Numbers &moment, const MomentArrays &when, const Numbers &nominal) {
+    const Variants variants(arrays, series);
+    const Moments moments(when);
+    const std::ptrdiff_t n = variants.n, m = moments.count();
+    const Bodies bodies{row(mass), row(moment)};
+    if (bodies.mass.size != n || bodies.moment.size != n)
+        throw std::invalid_argument("masses and moments of inertia are not as many as objects");
+    require_shape(nominal, {m, n, 3}, "nominal");
+    const auto *wrenches = reinterpret_cast<const Wrench *>(nominal.data());
+    py::array_t<double> out({variants.count, m, n, std::ptrdiff_t{4}});
+    double *values = out.mutable_data();
+    py::gil_scoped_release free;
+    for (std::ptrdiff_t a = 0; a < variants.count; ++a)
+        fill_values(variants, a, bodies, moments, wrenches, values + a * m * n * 4);
+    return out;
+}
+
+} // namespace
+
+} // namespace pushplan::mechanics
+
+namespace pushplan {
+
+void bind_robustness(py::module_ &core) {
+    using namespace mechanics;
+    py::module_ m = core.def_submodule("robustness", "Contact conditions of perturbed chains.");
+    m.def("floor_wrenches", &floor_wrenches, py::arg("variants"), py::arg("series"), py::arg("directions"));
+    m.def("facet_values", &facet_values, py::arg("variants"), py::arg("series"), py::arg("mass"), py::arg("moment"),
+          py::arg("moments"), py::arg("nominal"));
+}
+
+} // namespace pushplan

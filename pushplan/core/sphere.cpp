@@ -1,0 +1,129 @@
+// `pushplan.core.sphere`: many places on the sphere of twist directions at once.
+#include "arrays.hpp"
+#include "poses.hpp"
+
+#include <algorithm>
+
+namespace pushplan {
+
+namespace {
+
+// Components, as shares of the largest one, of one direction differ by less. Rounding stays below 1e-13 in blended
+// trajectories, also where they come to rest.
+constexpr double SAME = 1e-12;
+
+// Neighbours that a climber looks at.
+constexpr std::ptrdiff_t SPOKES = 8;
+
+double largest(double x, double y, double z) {
+    return std::max(std::max(std::abs(x), std::abs(y)), std::abs(z));
+}
+
+py::tuple directions(const Numbers &twists, double length) {
+    const auto rows = twist_table(twists);
+    std::vector<std::int64_t> owner(rows.rows), first;
+    Twist direction{0.0, 0.0, 0.0};
+    for (std::ptrdiff_t i = 0; i < rows.rows; ++i) {
+        const double x = rows[i][0], y = rows[i][1], turn = length * rows[i][2];
+        const double size = largest(x, y, turn);
+        const Twist own{x / size, y / size, turn / size};
+        if (first.empty() ||
+            largest(own.vx - direction.vx, own.vy - direction.vy, own.omega - direction.omega) > SAME) {
+            direction = own;
+            first.push_back(i);
+        }
+        owner[i] = static_cast<std::int64_t>(first.size()) - 1;
+    }
+    const auto count = static_cast<py::ssize_t>(first.size());
+    return py::make_tuple(to_numpy(std::move(owner), {rows.rows}), to_numpy(std::move(first), {count}));
+}
+
+py::array_t<double> twists_on(const Numbers &east, const Numbers &north, double length, const Integers &member,
+                              const Numbers &latitude) {
+    const auto x = row(east), y = row(north), lat = row(latitude);
+    const auto who = row(member);
+    if (y.size != x.size || lat.size != who.size)
+        throw std::invalid_argument("east and north, or members and latitudes, are not equally many");
+    std::vector<double> out(3 * who.size);
+    for (std::ptrdiff_t j = 0; j < who.size; ++j) {
+        if (who[j] < 0 || who[j] >= x.size)
+            throw std::out_of_range("there is no meridian " + std::to_string(who[j]));
+        const double flat = std::cos(lat[j]);
+        out[3 * j] = flat * x[who[j]], out[3 * j + 1] = flat * y[who[j]];
+        out[3 * j + 2] = std::sin(lat[j]) / length;
+    }
+    return to_numpy(std::move(out), {who.size, 3});
+}
+
+// Throw std::invalid_argument unless `live` are places among `count`.
+void check_places(Row<const std::int64_t> live, std::ptrdiff_t count) {
+    for (const std::int64_t i : live)
+        if (i < 0 || i >= count)
+            throw std::out_of_range("there is no place " + std::to_string(i));
+}
+
+py::array_t<double> neighbours(const Numbers &at, const Numbers &step, const Integers &live, double turn) {
+    const auto place = twist_table(at);
+    const auto angle_to = row(step);
+    const auto who = row(live);
+    if (angle_to.size != place.rows)
+        throw std::invalid_argument("places and steps are not equally many");
+    check_places(who, place.rows);
+    std::vector<double> out(3 * SPOKES * who.size);
+    for (std::ptrdiff_t j = 0; j < SPOKES * who.size; ++j) {
+        const std::int64_t i = who[j / SPOKES];
+        const double angle = turn + 2.0 * PI * (j % SPOKES) / SPOKES;
+        const double x = place[i][0], y = place[i][1], z = place[i][2];
+        const bool flat = std::abs(z) < 0.7;
+        const double size = flat ? std::sqrt(x * x + y * y) : std::sqrt(y * y + z * z);
+        const double ex = flat ? -y / size : 0.0, ey = flat ? x / size : -z / size, ez = flat ? 0.0 : y / size;
+        const double east[3] = {ex, ey, ez};
+        const double north[3] = {y * ez - z * ey, z * ex - x * ez, x * ey - y * ex};
+        for (int axis = 0; axis < 3; ++axis) {
+            const double spoke = std::cos(angle) * east[axis] + std::sin(angle) * north[axis];
+            out[3 * j + axis] = std::cos(angle_to[i]) * place[i][axis] + std::sin(angle_to[i]) * spoke;
+        }
+    }
+    return to_numpy(std::move(out), {SPOKES * who.size, 3});
+}
+
+void move(Written &at, Written &values, Written &step, const Integers &live, const Numbers &around,
+          const Numbers &found) {
+    require_shape(at, {-1, 3}, "at");
+    auto place = written_table(at);
+    auto value = written_row(values), angle = written_row(step);
+    const auto who = row(live);
+    const auto next = twist_table(around);
+    const auto margin = row(found);
+    if (value.size != place.rows || angle.size != place.rows || next.rows != SPOKES * who.size ||
+        margin.size != next.rows)
+        throw std::invalid_argument("places, values and steps, or neighbours and margins, are not equally many");
+    check_places(who, place.rows);
+    for (std::ptrdiff_t j = 0; j < who.size; ++j) {
+        const std::int64_t i = who[j];
+        std::ptrdiff_t best = j * SPOKES;
+        for (std::ptrdiff_t k = best; k < (j + 1) * SPOKES; ++k)
+            if (margin[k] > margin[best])
+                best = k;
+        if (margin[best] > value[i]) {
+            value[i] = margin[best];
+            std::copy_n(next[best], 3, place[i]);
+        } else {
+            angle[i] *= 0.6;
+        }
+    }
+}
+
+} // namespace
+
+void bind_sphere(py::module_ &core) {
+    py::module_ m = core.def_submodule("sphere", "Many places on the sphere of twist directions at once.");
+    m.def("directions", &directions, py::arg("twists"), py::arg("length"));
+    m.def("twists_on", &twists_on, py::arg("east"), py::arg("north"), py::arg("length"), py::arg("member"),
+          py::arg("latitude"));
+    m.def("neighbours", &neighbours, py::arg("at"), py::arg("step"), py::arg("live"), py::arg("turn"));
+    m.def("move", &move, py::arg("at").noconvert(), py::arg("values").noconvert(), py::arg("step").noconvert(),
+          py::arg("live"), py::arg("around"), py::arg("found"));
+}
+
+} // namespace pushplan
