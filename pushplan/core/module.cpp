@@ -5,21 +5,20 @@
 #include "numpy.hpp"
 
 namespace pushplan {
+void bind_boundary(py::module_ &);
 void bind_collision(py::module_ &);
+void bind_contacts(py::module_ &);
 void bind_driving(py::module_ &);
 void bind_problem(py::module_ &);
-void bind_contacts(py::module_ &);
 void bind_pushes(py::module_ &);
+void bind_robustness(py::module_ &);
 void bind_samples(py::module_ &);
 void bind_search(py::module_ &);
 void bind_sequences(py::module_ &);
 void bind_slip(py::module_ &);
+void bind_sphere(py::module_ &);
 void bind_timing(py::module_ &);
 void bind_transit(py::module_ &);
-void bind_boundary(py::module_ &);
-void bind_contacts(py::module_ &);
-void bind_robustness(py::module_ &);
-void bind_sphere(py::module_ &);
 void bind_uncertain(py::module_ &);
 } // namespace pushplan
 
@@ -30,20 +29,19 @@ void bind_uncertain(py::module_ &);
 PYBIND11_MODULE(core, m) {
     m.attr("__doc__") = "Compiled inner loops: collision, steering, search, timing, mechanics, driving, slip.";
     m.attr("SOURCES") = PUSHPLAN_SOURCES;
+    pushplan::bind_boundary(m);
     pushplan::bind_collision(m);
+    pushplan::bind_contacts(m);
     pushplan::bind_driving(m);
     pushplan::bind_problem(m);
-    pushplan::bind_contacts(m);
     pushplan::bind_pushes(m);
+    pushplan::bind_robustness(m);
     pushplan::bind_samples(m);
     pushplan::bind_search(m);
     pushplan::bind_sequences(m);
     pushplan::bind_slip(m);
+    pushplan::bind_sphere(m);
     pushplan::bind_timing(m);
     pushplan::bind_transit(m);
-    pushplan::bind_boundary(m);
-    pushplan::bind_contacts(m);
-    pushplan::bind_robustness(m);
-    pushplan::bind_sphere(m);
     pushplan::bind_uncertain(m);
 }
