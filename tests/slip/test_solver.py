@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import pickle
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import ChainMaker
 
 import pushplan.core.slip as slip
+from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.support import FeetSupport, UniformSupport
+from pushplan.scenario.parts import CircleObstacle
+from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
 make = ChainMaker()
+COLUMNS = "feet first_foot loads center corners parts circles pairs friction length order"
 
 
 def four_feet(outline: FloatArray) -> FeetSupport:
@@ -88,3 +95,53 @@ def test_the_same_push_is_the_same_to_the_last_bit() -> None:
         simulator.move([0.1, 0.05, 0.3], 1.0)
         runs.append(simulator.object_poses)
     assert (runs[0] == runs[1]).all()
+
+
+def test_a_simulator_from_another_process_goes_on_as_the_one_that_stayed() -> None:
+    simulator = SlipSimulator(World.from_chain(make.boxes(3, contact_friction=0.2)))
+    simulator.move([0.1, 0.05, 0.3], 0.5)
+    copy = pickle.loads(pickle.dumps(simulator))
+    traces = [one.move([0.1, -0.02, 0.1], 0.5) for one in (simulator, copy)]
+    for name in ("poses", "modes", "forces", "wrenches", "others", "residual", "end"):
+        np.testing.assert_array_equal(getattr(traces[0], name), getattr(traces[1], name), err_msg=name)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(traces[0])).forces, traces[0].forces)
+
+
+def test_more_contacts_than_there_is_room_for_are_refused() -> None:
+    around = np.linspace(0.1, 1.4, 40)
+    # Around a corner: each pin touches along a line of its own.
+    places = [0.1, 0.05] + 2e-3 * np.column_stack([np.cos(around), np.sin(around)])
+    pins = tuple(CircleObstacle(place, 1e-3) for place in places)
+    simulator = SlipSimulator(replace(World.from_chain(make.boxes(1)), obstacles=pins))
+    with pytest.raises(PushplanError, match="more than 32 contacts at once"):
+        simulator.move([0.1, 0.0, 0.0], 0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"feet": np.zeros((3, 4))}, "every foot is of an object"),
+        ({"loads": np.zeros((1, 4))}, "loads have 5 columns"),
+        ({"first_foot": np.array([1, 4])}, "one object after another"),
+        ({"parts": np.array([[0, 0, 4], [1, 4, 99]])}, "a piece is of a body, and has corners"),
+        ({"pairs": np.array([[0, 7, 0]])}, "a pair is of two pieces"),
+        ({"pairs": np.array([[1, 0, 3]])}, "a contact is that of an object"),
+        ({"order": np.array([1])}, "names every object once"),
+    ],
+)
+def test_worlds_of_numbers_that_do_not_fit_are_refused(change: dict[str, FloatArray], message: str) -> None:
+    world = pack_world(box := World.from_chain(make.boxes(1, support=four_feet)), box.chain)
+    columns = {name: getattr(world, name) for name in COLUMNS.split()}
+    assert slip.World(**columns).room == world.room
+    with pytest.raises(ValueError, match=message):
+        slip.World(**(columns | change))
+
+
+def test_states_of_another_shape_are_refused() -> None:
+    world = pack_world(World.from_chain(make.boxes(2)))
+    with pytest.raises(ValueError, match="a pose for every object"):
+        slip.Simulation(world, np.zeros((3, 3)), np.zeros(3))
+    with pytest.raises(ValueError, match="twists are v_x, v_y, omega"):
+        slip.Simulation(world, np.zeros((2, 3)), np.zeros(3)).march(np.zeros((2, 2)))
+    with pytest.raises(ValueError, match="a load for every object"):
+        world.with_loads(np.ones(1), np.ones(8), np.ones(2))
