@@ -2,8 +2,6 @@
 
 #include "numpy.hpp"
 
-#include <algorithm>
-
 namespace pushplan {
 namespace {
 
@@ -16,13 +14,16 @@ template <class Number> struct ModesByNodes {
         : numbers(static_cast<std::size_t>(modes * nodes), value), nodes(nodes) {}
     Number *operator[](std::ptrdiff_t mode) { return numbers.data() + mode * nodes; }
     const Number *operator[](std::ptrdiff_t mode) const { return numbers.data() + mode * nodes; }
-    void fill(Number value) { std::fill(numbers.begin(), numbers.end(), value); }
 };
 
-// The sequences of one length more than those before.
+// What the cheapest sequences cost that have so many pushes.
 struct Round {
-    ModesByNodes<std::int64_t> came;   // by the mode of the last push and where it ends: where it began
-    ModesByNodes<std::int64_t> before; // by the mode of the next push and where it begins: the mode of the one before
+    ModesByNodes<double> ready;        // by the mode of the last push and where it begins: before that push
+    ModesByNodes<std::int64_t> before; // likewise: the mode of the push before it
+    ModesByNodes<double> done;         // by the mode of the last push and where it ends: with that push
+
+    Round(std::ptrdiff_t modes, std::ptrdiff_t nodes)
+        : ready(modes, nodes, INF), before(modes, nodes, 0), done(modes, nodes, INF) {}
 };
 
 // A last push: its round, node and mode.
@@ -31,42 +32,46 @@ struct Last {
     std::ptrdiff_t round = -1, node = -1, mode = -1;
 };
 
-// Add a push to the sequences that are `ready` for one, where they cost less than a whole plan does already: no cost is
-// negative.
-void add_push(const SequenceCosts &costs, const ModesByNodes<double> &ready, double below, ModesByNodes<double> &done,
-              Round &round) {
-    done.fill(INF);
+// Add a push where a sequence costs less than a whole plan does already: no cost is negative.
+void add_push(const SequenceCosts &costs, double below, Round &round) {
     for (std::ptrdiff_t m = 0; m < costs.modes; ++m) {
-        double *best = done[m];
-        std::int64_t *came = round.came[m];
+        double *done = round.done[m];
         for (std::ptrdiff_t u = 0; u < costs.nodes; ++u) {
-            const double sofar = ready[m][u];
+            const double sofar = round.ready[m][u];
             if (!(sofar < below))
                 continue;
+            // Where the best push comes from is looked up afterwards: least costs alone take less than half of the time.
             const double *push = costs.pushes_from(m, u);
             for (std::ptrdiff_t v = 0; v < costs.nodes; ++v) {
                 const double cost = sofar + push[v];
-                if (cost < best[v])
-                    best[v] = cost, came[v] = u;
+                done[v] = cost < done[v] ? cost : done[v];
             }
         }
     }
 }
 
-// Add a change of the mode to the sequences that are `done`. At a goal the sequence ends; at the start (node 0) no
-// contact has been made that could be changed.
-void add_change(const SequenceCosts &costs, const ModesByNodes<double> &done, std::ptrdiff_t goals, double below,
-                ModesByNodes<double> &ready, Round &next) {
-    ready.fill(INF);
+// Return where the last push by a mode to a node begins: the first node from which it costs what was found.
+std::ptrdiff_t begin_of(const SequenceCosts &costs, const Round &round, std::ptrdiff_t mode, std::ptrdiff_t node) {
+    const double *ready = round.ready[mode];
+    std::ptrdiff_t u = 0;
+    while (u + 1 < costs.nodes && ready[u] + costs.pushes_from(mode, u)[node] != round.done[mode][node])
+        ++u;
+    return u;
+}
+
+// Add a change of the mode to the sequences of a round. At a goal the sequence ends; at the start (node 0) no contact
+// has been made that could be changed.
+void add_change(const SequenceCosts &costs, const Round &round, std::ptrdiff_t goals, double below, Round &next) {
     for (std::ptrdiff_t v = goals + 1; v < costs.nodes; ++v) {
         for (std::ptrdiff_t m = 0; m < costs.modes; ++m) {
-            if (!(done[m][v] < below))
+            const double sofar = round.done[m][v];
+            if (!(sofar < below))
                 continue;
             const double *change = costs.changes_from(v, m);
             for (std::ptrdiff_t q = 0; q < costs.modes; ++q) {
-                const double cost = done[m][v] + change[q];
-                if (cost < ready[q][v])
-                    ready[q][v] = cost, next.before[q][v] = m;
+                const double cost = sofar + change[q];
+                if (cost < next.ready[q][v])
+                    next.ready[q][v] = cost, next.before[q][v] = m;
             }
         }
     }
@@ -75,27 +80,24 @@ void add_change(const SequenceCosts &costs, const ModesByNodes<double> &done, st
 } // namespace
 
 Sequence cheapest_sequence(const SequenceCosts &costs, std::ptrdiff_t goals, std::ptrdiff_t most) {
-    const std::ptrdiff_t modes = costs.modes, nodes = costs.nodes;
-    ModesByNodes<double> ready(modes, nodes, INF), done(modes, nodes, INF);
-    for (std::ptrdiff_t m = 0; m < modes; ++m)
-        ready[m][0] = costs.first[m];
-    const ModesByNodes<std::int64_t> none(modes, nodes, 0);
-    std::vector<Round> rounds(static_cast<std::size_t>(most), {none, none});
+    std::vector<Round> rounds(static_cast<std::size_t>(most), Round(costs.modes, costs.nodes));
+    for (std::ptrdiff_t m = 0; m < costs.modes; ++m)
+        rounds[0].ready[m][0] = costs.first[m];
     Last best;
     for (std::ptrdiff_t k = 0; k < most; ++k) {
-        add_push(costs, ready, best.cost, done, rounds[k]);
+        add_push(costs, best.cost, rounds[k]);
         for (std::ptrdiff_t v = 1; v <= goals; ++v) {
-            for (std::ptrdiff_t m = 0; m < modes; ++m) {
-                if (done[m][v] < best.cost)
-                    best = {done[m][v], k, v, m};
+            for (std::ptrdiff_t m = 0; m < costs.modes; ++m) {
+                if (rounds[k].done[m][v] < best.cost)
+                    best = {rounds[k].done[m][v], k, v, m};
             }
         }
         if (k + 1 < most)
-            add_change(costs, done, goals, best.cost, ready, rounds[k + 1]);
+            add_change(costs, rounds[k], goals, best.cost, rounds[k + 1]);
     }
     Sequence found{best.cost, std::vector<SequenceStep>(static_cast<std::size_t>(best.round + 1))};
     for (std::ptrdiff_t k = best.round, at = best.node, by = best.mode; k >= 0; --k) {
-        const std::ptrdiff_t u = rounds[k].came[by][at];
+        const std::ptrdiff_t u = begin_of(costs, rounds[k], by, at);
         found.steps[k] = {by, u, at};
         at = u, by = rounds[k].before[by][u];
     }
