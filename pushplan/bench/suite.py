@@ -63,8 +63,7 @@ class Problem:
     @classmethod
     def of(cls, scenario: Scenario, name: str, family: str, instance: int | None = None) -> Problem:
         """Return the problem that a scenario states."""
-        chain = scenario.chain
-        counts = chain.pusher.drive.kind, len(chain.objects), len(scenario.obstacles)
+        counts = scenario.pusher.drive.kind, len(scenario.poses), len(scenario.obstacles)
         attachments = dict(scenario.attachments)
         return cls(name, family, instance, scenario.source, attachments, scenario.stability.set, counts)
 

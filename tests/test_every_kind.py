@@ -1,0 +1,202 @@
+"""Everything after the search works for every kind of plan; what is read from files is in `store/test_exports.py`.
+
+Rows are uses, columns kinds. A cell looks at what comes out, against the execution or the plan. What cannot be done
+says so in a sentence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import image
+from planned_by_hand import MULTI, SWAP
+
+import pushplan
+from pushplan.bench.batch import Selection, run_suite
+from pushplan.bench.executor import local_engine
+from pushplan.bench.store import ResultsFolder, read_results
+from pushplan.bench.suite import suite_from_text
+from pushplan.closed_loop import ClosedLoopRun, run_closed_loop
+from pushplan.drawing.scene import Scene
+from pushplan.errors import PlanningError, RunLogError
+from pushplan.planners.validation.validator import Validator
+from pushplan.plans.plan import Plan
+from pushplan.plans.run import Execution
+from pushplan.scenario.model import Scenario
+from pushplan.sim.control.course import Kick
+from pushplan.sim.report import worst_at_goal
+from pushplan.sim.trials import TrialUncertainty
+from pushplan.trial import write_trial
+from pushplan.util.arrays import FloatArray
+from pushplan.view.answers import Answers
+from pushplan.view.draft import Draft
+
+KINDS = ("push", "multi-push", "rearrangement")
+EVERY = pytest.mark.parametrize("kind", KINDS)
+EXECUTED = pytest.mark.parametrize("kind", [*KINDS, "closed loop"])
+
+
+@dataclass(frozen=True)
+class Made:
+    scenario: Scenario
+    plan: Plan
+    execution: Execution
+    loop: ClosedLoopRun | None = None
+
+
+@cache
+def made(kind: str) -> Made:
+    if kind == "closed loop":
+        whole = made("push")
+        kick = Kick(0.5 * float(whole.execution.t[-1]), 1, 0.0, 0.003, 0.0)
+        loop = run_closed_loop(whole.scenario, kicks=[kick], plan=whole.plan)
+        assert loop.outcome == "arrived", loop.reason
+        return Made(whole.scenario, loop.plan, loop.execution, loop)
+    text = {"multi-push": MULTI, "rearrangement": SWAP}.get(kind)
+    scenario = pushplan.load_scenario("two-crates") if text is None else pushplan.scenario_from_text(text)
+    assert scenario.kind == kind
+    plan = pushplan.plan(scenario, seed=1, first=True, time_limit=60.0)
+    assert plan.solved, plan.reason
+    assert plan.execution is not None
+    return Made(scenario, plan, plan.execution)
+
+
+def at_goals(scenario: Scenario, objects: FloatArray) -> bool:
+    position, angle = worst_at_goal(scenario, objects)
+    return position < 0.02 and angle < 0.05
+
+
+@EVERY
+def test_a_plan_is_timed_executed_and_judged(kind: str) -> None:
+    one = made(kind)
+    trajectory = one.plan.trajectory
+    assert trajectory is not None
+    assert one.plan.times[-1] == pytest.approx(trajectory.duration) == pytest.approx(one.execution.t[-1])
+    for before, after in zip(one.plan.segments, one.plan.segments[1:], strict=False):
+        np.testing.assert_allclose(before.path.end[:2], after.path.start[:2], atol=1e-7)
+    np.testing.assert_allclose(one.execution.poses[-1, :2], trajectory.break_poses[-1, :2], atol=1e-6)
+    assert one.execution.loss is None
+    assert one.execution.goal_error[0] < 1e-6
+    assert at_goals(one.scenario, one.execution.objects[-1])
+    assert one.execution.min_margin is not None
+    assert one.execution.min_margin > 0.0
+    robustness = one.plan.robustness
+    assert robustness is not None
+    assert robustness.known
+    assert 0.0 < (robustness.contact_friction or 0.0) < 1.0
+
+
+@EVERY
+def test_the_validator_refuses_what_is_spoiled(kind: str) -> None:
+    one = made(kind)
+    judge, segments = Validator(one.scenario), one.plan.segments
+    assert judge.flaw(segments, one.execution) == ""
+    k = next(k for k, segment in enumerate(segments) if segment.pushes)
+    path = segments[k].path
+    longer = replace(path, lengths=np.append(path.lengths[:-1], path.lengths[-1] + 0.05))
+    spoiled = (*segments[:k], replace(segments[k], path=longer, trajectory=None), *segments[k + 1 :])
+    assert judge.flaw(spoiled, None) != ""
+
+
+@EVERY
+@pytest.mark.parametrize("engine", ["slip", "MuJoCo"])
+def test_simulators_keep_every_contact_and_end_at_the_goals(kind: str, engine: str) -> None:
+    one = made(kind)
+    if engine == "slip":
+        report = pushplan.simulate(one.plan, pushplan.World.from_scenario(one.scenario))
+    else:
+        pytest.importorskip("mujoco")
+        from pushplan.sim.physics.simulate import simulate_in_physics
+
+        report = simulate_in_physics(one.plan)
+    assert report.kept, report.sentences()
+    assert at_goals(one.scenario, report.objects[-1])
+    assert report.goal_errors(one.scenario).max() < 0.05
+    order = [report.names.index(name) for name in one.execution.names]
+    np.testing.assert_allclose(
+        report.objects[-1][order, :2], one.execution.objects[-1, :, :2], atol=5e-3, err_msg=engine
+    )
+
+
+@EXECUTED
+def test_a_picture_shows_the_path_and_where_everything_ends(kind: str, tmp_path: Path) -> None:
+    one = made(kind)
+    events = () if one.loop is None else one.loop.events
+    scene = Scene.of(one.scenario, one.plan, one.execution, events)
+    for name, pose in zip(one.execution.names, one.execution.objects[-1], strict=True):
+        place = next(k for k, body in enumerate(scene.bodies) if body.name == name)
+        np.testing.assert_allclose(scene.end[place], pose, atol=1e-12)
+    moved = {name for push in one.plan.pushes if push.load is not None for name in push.load.names}
+    assert {name for line in scene.lines for name in line.load} == moved
+    assert bool(scene.marks) == (kind == "closed loop")
+    pushplan.plot_plan(one.plan, tmp_path / "run.png", one.execution, events)
+    assert image.imread(tmp_path / "run.png").std() > 0.02
+
+
+@EVERY
+def test_the_window_plans_what_is_dragged(kind: str) -> None:
+    one = made(kind)
+    answer = Answers(one.scenario).timed(Draft.of(one.scenario))
+    assert answer.solved, answer.findings
+    assert answer.plan is not None
+    assert answer.plan.segments[-1].after.keys() == one.plan.segments[-1].after.keys()
+
+
+@EVERY
+def test_trials_arrive_in_a_world_as_planned_and_can_be_looked_at(kind: str, tmp_path: Path) -> None:
+    one = made(kind)
+    nominal = TrialUncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    trials = pushplan.trial(one.plan, 2, uncertainty=nominal)
+    assert trials.success == 1.0
+    write_trial(trials, 0, tmp_path / "trial.mcap")
+    read = pushplan.load_run(tmp_path / "trial.mcap")
+    assert read.execution is not None
+    np.testing.assert_allclose(read.execution.objects[-1, :, :2], trials.object_poses[0][:, :2], atol=1e-12)
+
+
+def test_a_closed_loop_is_a_run_that_trials_can_repeat() -> None:
+    loop = made("closed loop").loop
+    assert loop is not None
+    assert pushplan.trial(loop.plan, 2).samples == 2
+
+
+@pytest.mark.parametrize("kind", KINDS[1:])
+def test_a_closed_loop_of_other_kinds_says_that_it_cannot(kind: str) -> None:
+    with pytest.raises(PlanningError, match="single push"):
+        run_closed_loop(made(kind).scenario, plan=made(kind).plan)
+
+
+def test_what_was_pushed_is_learned_from(tmp_path: Path) -> None:
+    made_loop = made("closed loop").loop
+    assert made_loop is not None
+    made_loop.write(tmp_path / "loop.mcap")
+    found = pushplan.identify([tmp_path / "loop.mcap"], seed=1)
+    assert len(found.estimates) > 0
+    one = made("push")
+    pushplan.run(one.scenario, log=tmp_path / "rigid.mcap", seed=1, first=True)
+    with pytest.raises(RunLogError, match="nobody measured"):
+        pushplan.identify([tmp_path / "rigid.mcap"])
+
+
+@EVERY
+def test_a_batch_runs_it(kind: str, tmp_path: Path) -> None:
+    text = {"multi-push": MULTI, "rearrangement": SWAP}.get(kind)
+    if text is not None:
+        (tmp_path / "problem.yaml").write_text(text)
+    problem = "two-crates" if text is None else "problem.yaml"
+    suite = suite_from_text(
+        f"format: pushplan-suite/1\nproblems: [{problem}]\nplanners: [{{name: auto, first: true}}]\n"
+        "seeds: 1\nlimits: {time: 60 s}\n",
+        tmp_path / "suite.yaml",
+    )
+    folder = ResultsFolder(tmp_path / "results")
+    with folder.locked(), local_engine(1, folder.scratch) as engine:
+        run_suite(suite, folder, engine, Selection(), None, "test")
+    done = read_results(tmp_path / "results").done
+    assert len(done) == 1
+    assert done["outcome"].tolist() == ["ok"]
+    assert (done["solution_length"] > 0.1).all()
