@@ -10,14 +10,14 @@ from typing import Protocol
 import daqp
 import numpy as np
 
+from pushplan import core
 from pushplan.errors import TimingError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.blending.sweep import LengthRows, effects_on
 from pushplan.planners.timing.arc_limits import Bounds, contact_limits, contact_limits_of
 from pushplan.planners.timing.exact_timing import SAME, step_widths, time_run
-from pushplan.planners.timing.motion_bounds import ORDERS, bounds_use
-from pushplan.planners.timing.step_sum import Pieces, ordered_widths, step_sum
+from pushplan.planners.timing.pieces import ORDERS, Pieces, bounds_use
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray, IntArray, columns_of
@@ -138,7 +138,7 @@ class Section:
 
     def pieces(self, lengths: FloatArray) -> Pieces:
         """Return the twist over time."""
-        made = step_sum(self.levels / self.slower, *self._steps(lengths))
+        made = Pieces.through(self.levels / self.slower, *self._steps(lengths))
         return made._replace(level=self.arcs[np.clip(made.level - 1, 0, len(self.arcs) - 1)])
 
     def duration(self, lengths: FloatArray) -> float:
@@ -190,7 +190,7 @@ class Section:
     def _steps(self, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Centres (a + 1,) of the steps, s from the section's beginning, and their windows (a + 1, 2), s."""
         centers = np.concatenate([[0.0], np.cumsum(lengths[self.arcs] / self.speeds)])
-        widths = ordered_widths(centers, self.widths)
+        widths = core.timing.ordered_widths(centers, self.widths)
         return (centers + widths[0].sum() / 2.0) * self.slower, widths * self.slower
 
 

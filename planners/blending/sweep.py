@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pushplan import core
 from pushplan.compiled import compiled
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts import contact_margins_of
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.timing.arc_limits import Bounds
-from pushplan.planners.timing.motion_bounds import top_rates
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
@@ -61,7 +61,7 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
         trajectory: The motion.
         reach: Distance from the chain frame's origin to the body's farthest point, m.
     """
-    rates = top_rates(np.diff(trajectory.breaks), np.array(trajectory.coefficients), reach)
+    rates = core.timing.top_rates(np.diff(trajectory.breaks), trajectory.coefficients, reach)
     travel = np.concatenate([[0.0], np.cumsum(rates * np.diff(trajectory.breaks))])
     s = np.linspace(0.0, travel[-1], max(2, int(np.ceil(travel[-1] / COARSE)) + 1))
     gaps = _gaps(scene, trajectory, travel, s)

@@ -8,14 +8,13 @@ from plain import load_plain
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.blending.parts import step_windows
 from pushplan.planners.timing.arc_limits import Bounds
-from pushplan.planners.timing.motion_bounds import bounds_use
-from pushplan.planners.timing.step_sum import Pieces, step_sum
+from pushplan.planners.timing.pieces import Pieces, bounds_use
 
 
 def fast_blend(bounds: Bounds) -> Pieces:
     """From rest through a turn to a straight push and to rest, with steps that ask too much of the contacts."""
     levels = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.2], [0.3, 0.02, 0.0], [0.0, 0.0, 0.0]])
-    return step_sum(levels, np.array([1.0, 3.0, 5.0]), 0.1 * step_windows(levels, bounds.limits))
+    return Pieces.through(levels, np.array([1.0, 3.0, 5.0]), 0.1 * step_windows(levels, bounds.limits))
 
 
 def slower(pieces: Pieces, factor: np.ndarray) -> Pieces:

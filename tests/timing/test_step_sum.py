@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from pushplan import core
 from pushplan.geometry.se2 import chained
-from pushplan.planners.timing.step_sum import MOST_OF_PHASE, Pieces, ordered_widths, poses_after, step_sum
+from pushplan.planners.timing.pieces import Pieces
 from pushplan.plans.trajectory import Trajectory, advance
 from pushplan.util.arrays import FloatArray
 
@@ -29,7 +30,7 @@ def _random(seed: int, steps: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     centers = np.cumsum(rng.exponential(0.3, steps))
     long = rng.uniform(0.05, 0.6, steps)
     widths = np.column_stack([long, long * rng.uniform(0.1, 1.0, steps)])
-    return levels, centers, ordered_widths(centers, widths)
+    return levels, centers, core.timing.ordered_widths(centers, widths)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -37,7 +38,7 @@ def test_equal_windows_average_the_jumping_twist_twice(seed: int) -> None:
     """With the same windows for all steps the sum is the jumping twist, convolved with both."""
     levels, centers, _ = _random(seed, 6)
     long, short = 0.4, 0.1
-    pieces = step_sum(levels, centers, np.tile([long, short], (6, 1)))
+    pieces = Pieces.through(levels, centers, np.tile([long, short], (6, 1)))
     begin = centers[0] - (long + short) / 2.0
     share = (np.arange(400) + 0.5) / 400 - 0.5
     shifts = (long * share[:, None] + short * share[None, :]).ravel()
@@ -48,7 +49,7 @@ def test_equal_windows_average_the_jumping_twist_twice(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_the_sum_and_its_rate_are_continuous(seed: int) -> None:
-    pieces = step_sum(*_random(seed, 8))
+    pieces = Pieces.through(*_random(seed, 8))
     h = pieces.durations[:, None]
     c0, c1, c2 = (pieces.coefficients[:, j] for j in range(3))
     np.testing.assert_allclose((c0 + h * (c1 + h * c2))[:-1], c0[1:], atol=1e-9)
@@ -60,7 +61,7 @@ def test_the_sum_and_its_rate_are_continuous(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(10))
 def test_every_level_counts_for_the_time_between_its_centres(seed: int) -> None:
     levels, centers, widths = _random(seed, 8)
-    pieces = step_sum(levels, centers, widths)
+    pieces = Pieces.through(levels, centers, widths)
     powers = pieces.durations[:, None] ** np.arange(1, 4) / np.arange(1, 4)
     total = np.einsum("qj,qjd->d", powers, pieces.coefficients)
     np.testing.assert_allclose(total, np.diff(centers) @ levels[1:-1], atol=1e-9)
@@ -70,7 +71,7 @@ def test_every_level_counts_for_the_time_between_its_centres(seed: int) -> None:
 @given(st.integers(0, 10**6), st.integers(2, 12))
 def test_the_sum_stays_in_the_hull_of_its_levels(seed: int, steps: int) -> None:
     levels, centers, widths = _random(seed, steps)
-    pieces = step_sum(levels, centers, widths)
+    pieces = Pieces.through(levels, centers, widths)
     values = _at(pieces, np.linspace(0.0, float(pieces.durations.sum()), 400))
     directions = np.random.default_rng(seed).normal(size=(30, 3))
     assert ((values @ directions.T) <= (levels @ directions.T).max(axis=0) + 1e-9).all()
@@ -81,15 +82,18 @@ def test_without_ordered_widths_it_would_leave_the_hull() -> None:
     levels = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]])
     centers, widths = np.array([0.5, 0.6, 2.0]), np.array([[1.0, 0.1], [0.05, 0.05], [0.1, 0.1]])
     times = np.linspace(0.0, 1.5, 500)
-    assert _at(step_sum(levels, centers, widths), times).min() < -0.01
-    assert _at(step_sum(levels, centers, ordered_widths(centers, widths)), times).min() > -1e-12
+    assert _at(Pieces.through(levels, centers, widths), times).min() < -0.01
+    assert (
+        _at(Pieces.through(levels, centers, core.timing.ordered_widths(centers, widths)), times).min()
+        > -1e-12
+    )
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_ordered_widths_are_the_least_that_change_no_faster_than_the_centres(seed: int) -> None:
     rng = np.random.default_rng(seed)
     centers, widths = np.sort(rng.uniform(0.0, 3.0, 9)), rng.uniform(0.0, 1.0, (9, 2))
-    found = ordered_widths(centers, widths)
+    found = core.timing.ordered_widths(centers, widths)
     assert (found >= widths).all()
     apart = np.diff(centers)[:, None]
     assert (np.abs(np.diff(found, axis=0)) <= apart + 1e-12).all()
@@ -103,8 +107,8 @@ def test_ordered_widths_are_the_least_that_change_no_faster_than_the_centres(see
 def test_a_step_between_equal_levels_only_marks_a_time() -> None:
     levels = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, 0]])
     centers, widths = np.array([0.2, 1.0, 2.0]), np.full((3, 2), 0.2)
-    pieces = step_sum(levels, centers, widths)
-    plain = step_sum(levels[[0, 1, 3]], centers[[0, 2]], widths[[0, 2]])
+    pieces = Pieces.through(levels, centers, widths)
+    plain = Pieces.through(levels[[0, 1, 3]], centers[[0, 2]], widths[[0, 2]])
     times = np.linspace(0.0, 2.2, 100)
     np.testing.assert_allclose(_at(pieces, times), _at(plain, times), atol=1e-12)
     begins = np.concatenate([[0.0], np.cumsum(pieces.durations)])
@@ -113,7 +117,7 @@ def test_a_step_between_equal_levels_only_marks_a_time() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_motion_agrees_with_an_ode_solver(seed: int) -> None:
-    pieces = step_sum(*_random(seed, 5))
+    pieces = Pieces.through(*_random(seed, 5))
 
     def rate(t: float, pose: FloatArray) -> list[float]:
         vx, vy, omega = _at(pieces, np.array([t]))[0]
@@ -125,14 +129,14 @@ def test_the_motion_agrees_with_an_ode_solver(seed: int) -> None:
     np.testing.assert_allclose(pieces.motion, solved.y[:, -1], atol=2e-7)
 
 
-def test_where_a_motion_leads_is_the_same_compiled_and_not() -> None:
+def test_where_a_motion_leads_is_the_same_compiled_and_in_numpy() -> None:
     levels, centers, widths = _random(3, 7)
-    pieces = step_sum(levels, centers, widths)
+    pieces = Pieces.through(levels, centers, widths)
     breaks = np.concatenate([[0.0], np.cumsum(pieces.durations)])
     start = np.array([0.3, -0.2, 2.5])
     motion = Trajectory(start, breaks, pieces.coefficients, pieces.level.astype(np.float64))
     np.testing.assert_allclose(
-        motion.break_poses, poses_after(start, pieces.coefficients, pieces.durations), atol=1e-13
+        motion.break_poses, core.timing.poses_after(start, pieces.coefficients, pieces.durations), atol=1e-13
     )
 
 
@@ -140,8 +144,8 @@ def test_where_a_motion_leads_is_the_same_compiled_and_not() -> None:
 def test_slow_steps_have_few_pieces_and_are_as_exact(slower: float) -> None:
     """The same turns, a hundred times slower, in a tenth of the pieces: each is cut into ten and integrated again."""
     levels, centers, widths = _random(3, 6)
-    pieces = step_sum(levels / slower, centers * 10.0 * slower, widths * 10.0 * slower)
-    assert len(pieces.durations) <= 4 * 6 * MOST_OF_PHASE
+    pieces = Pieces.through(levels / slower, centers * 10.0 * slower, widths * 10.0 * slower)
+    assert len(pieces.durations) <= 4 * 6 * core.timing.MOST_OF_PHASE
     breaks = np.concatenate([[0.0], np.cumsum(pieces.durations)])
     whole = Trajectory(np.zeros(3), breaks, pieces.coefficients, pieces.level.astype(np.float64))
     tau = (np.arange(10) / 10.0 * pieces.durations[:, None]).ravel()
