@@ -187,6 +187,18 @@ py::tuple rings_of(const Numbers &corners, const Integers &origin, const Integer
                           to_numpy(std::move(rings.starts), {start_count}));
 }
 
+py::array_t<double> separations(const Scene &scene, const Numbers &poses, double enough) {
+    const auto rows = to_rows<Pose>(poses, "poses");
+    std::vector<double> gaps(rows.size());
+    {
+        py::gil_scoped_release free;
+        for (std::size_t i = 0; i < rows.size(); ++i)
+            gaps[i] = separation(scene, rows[i], enough);
+    }
+    const auto count = static_cast<py::ssize_t>(gaps.size());
+    return to_numpy(std::move(gaps), {count});
+}
+
 } // namespace
 
 void bind_collision(py::module_ &core) {
@@ -200,6 +212,7 @@ void bind_collision(py::module_ &core) {
     m.def("join_triangles", &rings_of, py::arg("corners"), py::arg("origin"), py::arg("twin"));
     m.def("separation", py::overload_cast<const Scene &, double, double, double, double>(&separation), py::arg("scene"),
           py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("enough"));
+    m.def("separations", &separations, py::arg("scene"), py::arg("poses"), py::arg("enough"));
     m.def(
         "step",
         [](double x, double y, double theta, double vx, double vy, double omega, double length) {

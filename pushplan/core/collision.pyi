@@ -117,6 +117,9 @@ def join_triangles(corners: FloatArray, origin: IntArray, twin: IntArray) -> tup
 def separation(scene: Scene, x: float, y: float, theta: float, enough: float) -> float:
     """Return a lower bound (m) on the distance of the body at a pose from everything, capped at `enough`."""
 
+def separations(scene: Scene, poses: FloatArray, enough: float) -> FloatArray:
+    """Return `separation` (m,) at poses (m, 3)."""
+
 def step(
     x: float, y: float, theta: float, vx: float, vy: float, omega: float, length: float
 ) -> tuple[float, float, float]:

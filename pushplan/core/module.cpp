@@ -9,6 +9,8 @@ void bind_boundary(py::module_ &);
 void bind_collision(py::module_ &);
 void bind_contacts(py::module_ &);
 void bind_driving(py::module_ &);
+void bind_improve(py::module_ &);
+void bind_infeasible(py::module_ &);
 void bind_problem(py::module_ &);
 void bind_pushes(py::module_ &);
 void bind_robustness(py::module_ &);
@@ -33,6 +35,8 @@ PYBIND11_MODULE(core, m) {
     pushplan::bind_collision(m);
     pushplan::bind_contacts(m);
     pushplan::bind_driving(m);
+    pushplan::bind_improve(m);
+    pushplan::bind_infeasible(m);
     pushplan::bind_problem(m);
     pushplan::bind_pushes(m);
     pushplan::bind_robustness(m);

@@ -1,0 +1,55 @@
+// Local changes of a path: one arc's twist or length, or an arc left out, and three lengths that close it.
+//
+// Joining poses by steering paths (`shortening.hpp`) finds a path's form; this finds the best twists and lengths of that
+// form.
+#pragma once
+
+#include "problem.hpp"
+
+#include <array>
+#include <vector>
+
+namespace pushplan {
+
+// Changes of paths in one problem, drawn at random. The problem has to outlive it.
+class LocalChanges {
+  public:
+    explicit LocalChanges(const Problem &problem);
+
+    // Change one arc of a path from `start` to the goal and close it by three others; the path stays as it is when that
+    // gains nothing. Return whether it has changed.
+    bool vary(const Pose &start, std::vector<Arc> &path, Random &random);
+
+  private:
+    // The arcs from the first to the last one are changed so that they end at the target, below a value.
+    struct Window {
+        int first;
+        int last;
+        Pose target;
+        double value;
+
+        bool is_too_small() const { return last - first < 2; }
+    };
+
+    // The segment that a twist lies on, or nearly, -1 for none; and the share of its second end.
+    struct Place {
+        int segment;
+        double share;
+    };
+
+    bool leave_out(const Pose &start, const std::vector<Arc> &path, int k, Random &random);
+    bool closes(const Window &window, Random &random);
+    bool close(const Window &window, const std::array<int, 3> &chosen);
+    bool is_free(const Window &window) const;
+    bool change_twist(Twist &twist, Random &random) const;
+    Place place_of(const Twist &twist) const;
+    double value_of(const std::vector<Arc> &path, int first, int last) const;
+    void find_poses(const std::vector<Arc> &path, int first, int last);
+
+    const Problem &problem_;
+    std::vector<std::array<double, 3>> normals_; // of the planes through the segments, zero for single twists
+    std::vector<Arc> trial_;                     // the changed path
+    std::vector<Pose> poses_;                    // before its first arc, and after each of some of its arcs
+};
+
+} // namespace pushplan
