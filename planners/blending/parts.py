@@ -10,7 +10,7 @@ from typing import Protocol
 import daqp
 import numpy as np
 
-from pushplan import core
+import pushplan.core.timing as timing
 from pushplan.errors import TimingError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Limits
@@ -190,7 +190,7 @@ class Section:
     def _steps(self, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Centres (a + 1,) of the steps, s from the section's beginning, and their windows (a + 1, 2), s."""
         centers = np.concatenate([[0.0], np.cumsum(lengths[self.arcs] / self.speeds)])
-        widths = core.timing.ordered_widths(centers, self.widths)
+        widths = timing.ordered_widths(centers, self.widths)
         return (centers + widths[0].sum() / 2.0) * self.slower, widths * self.slower
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan import core
+import pushplan.core.timing as timing
 from pushplan.compiled import compiled
 from pushplan.geometry import se2
 from pushplan.mechanics.contacts import contact_margins_of
@@ -61,7 +61,7 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
         trajectory: The motion.
         reach: Distance from the chain frame's origin to the body's farthest point, m.
     """
-    rates = core.timing.top_rates(np.diff(trajectory.breaks), trajectory.coefficients, reach)
+    rates = timing.top_rates(np.diff(trajectory.breaks), trajectory.coefficients, reach)
     travel = np.concatenate([[0.0], np.cumsum(rates * np.diff(trajectory.breaks))])
     s = np.linspace(0.0, travel[-1], max(2, int(np.ceil(travel[-1] / COARSE)) + 1))
     gaps = _gaps(scene, trajectory, travel, s)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan import core
+import pushplan.core.timing as timing
 from pushplan.mechanics.chain import LimitName, Limits
 from pushplan.planners.timing.arc_limits import ROOM, Bounds
 from pushplan.util.arrays import FloatArray, IntArray
@@ -28,12 +28,12 @@ class Pieces(NamedTuple):
     @classmethod
     def through(cls, levels: FloatArray, centers: FloatArray, widths: FloatArray) -> Pieces:
         """Return the twist through levels (m + 1, 3) by m smooth steps; see `core.timing.step_sum`."""
-        return cls(*core.timing.step_sum(levels, centers, widths))
+        return cls(*timing.step_sum(levels, centers, widths))
 
     @property
     def motion(self) -> FloatArray:
         """(3,) pose at the end, seen from the beginning."""
-        return np.asarray(core.timing.poses_after(np.zeros(3), self.coefficients, self.durations)[-1])
+        return np.asarray(timing.poses_after(np.zeros(3), self.coefficients, self.durations)[-1])
 
 
 ORDERS = np.array([1.0, 2.0, 3.0, 2.0])
@@ -61,12 +61,10 @@ def bounds_use(pieces: Pieces, bounds: Bounds) -> Use:
     pusher = limit_use(pieces, bounds.limits)
     held, slowing = np.zeros(len(pusher)), np.ones(len(pusher))
     if bounds.contacts is not None:
-        twists, rates, piece = core.timing.instants(pieces.durations, pieces.coefficients)
+        twists, rates, piece = timing.instants(pieces.durations, pieces.coefficients)
         floor, inertia = bounds.contacts.quasi_static(twists), bounds.contacts.inertia(twists, rates)
         steady = bounds.contacts.inertia(twists, np.zeros_like(rates))
-        held, slowing = core.timing.contact_use(
-            floor, inertia, steady, piece, len(pusher), bounds.margin, ROOM
-        )
+        held, slowing = timing.contact_use(floor, inertia, steady, piece, len(pusher), bounds.margin, ROOM)
     return Use(np.column_stack([pusher, held]), slowing)
 
 
@@ -77,4 +75,4 @@ def limit_use(pieces: Pieces, limits: Limits) -> FloatArray:
     """
     names: tuple[LimitName, ...] = ("speed", "acceleration", "angular_speed", "angular_acceleration")
     sides = np.array([limits.both(name) for name in names])
-    return core.timing.limit_use(*pieces[:2], sides, limits.jerk, limits.angular_jerk)
+    return timing.limit_use(*pieces[:2], sides, limits.jerk, limits.angular_jerk)

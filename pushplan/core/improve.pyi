@@ -12,8 +12,8 @@ def merged(arcs: FloatArray) -> FloatArray:
 def random_family(segments: FloatArray, state: RandomState) -> FloatArray:
     """Return (3, 3): a left turn, a straight push and a right turn drawn from the stable set.
 
-    Turns are drawn from the ends of the segments (k, 6), where they are tightest, as often as from within. A motion of
-    which the drawn segment has none is left at zero.
+    Turns are drawn from the ends of the segments (k, 6), where they are tightest, as often as from within. A motion
+    of which the drawn segment has none is left at zero.
     """
 
 def vary(

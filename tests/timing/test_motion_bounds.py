@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from pushplan import core
+import pushplan.core.timing as timing
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.timing.pieces import Pieces, limit_use
@@ -70,7 +70,7 @@ def test_no_point_of_the_body_is_faster_than_its_top_rate(seed: int) -> None:
     trajectory = Trajectory(np.zeros(3), np.array([0.0, duration]), coefficients, np.zeros(1))
     poses = trajectory.poses_at(np.linspace(0.0, duration, 3001))
     angle = rng.uniform(0.0, 2.0 * np.pi, 8)
-    bound = core.timing.top_rates(np.array([duration]), coefficients, reach)[0]
+    bound = timing.top_rates(np.array([duration]), coefficients, reach)[0]
     for point in reach * np.column_stack([np.cos(angle), np.sin(angle)]):
         path = np.array([transform_points(pose, point) for pose in poses])
         assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() / 1e-4 <= bound * (1.0 + 1e-6)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from pushplan import core
+import pushplan.core.timing as timing
 from pushplan.geometry.se2 import chained
 from pushplan.planners.timing.pieces import Pieces
 from pushplan.plans.trajectory import Trajectory, advance
@@ -30,7 +30,7 @@ def _random(seed: int, steps: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     centers = np.cumsum(rng.exponential(0.3, steps))
     long = rng.uniform(0.05, 0.6, steps)
     widths = np.column_stack([long, long * rng.uniform(0.1, 1.0, steps)])
-    return levels, centers, core.timing.ordered_widths(centers, widths)
+    return levels, centers, timing.ordered_widths(centers, widths)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -83,17 +83,14 @@ def test_without_ordered_widths_it_would_leave_the_hull() -> None:
     centers, widths = np.array([0.5, 0.6, 2.0]), np.array([[1.0, 0.1], [0.05, 0.05], [0.1, 0.1]])
     times = np.linspace(0.0, 1.5, 500)
     assert _at(Pieces.through(levels, centers, widths), times).min() < -0.01
-    assert (
-        _at(Pieces.through(levels, centers, core.timing.ordered_widths(centers, widths)), times).min()
-        > -1e-12
-    )
+    assert _at(Pieces.through(levels, centers, timing.ordered_widths(centers, widths)), times).min() > -1e-12
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_ordered_widths_are_the_least_that_change_no_faster_than_the_centres(seed: int) -> None:
     rng = np.random.default_rng(seed)
     centers, widths = np.sort(rng.uniform(0.0, 3.0, 9)), rng.uniform(0.0, 1.0, (9, 2))
-    found = core.timing.ordered_widths(centers, widths)
+    found = timing.ordered_widths(centers, widths)
     assert (found >= widths).all()
     apart = np.diff(centers)[:, None]
     assert (np.abs(np.diff(found, axis=0)) <= apart + 1e-12).all()
@@ -136,7 +133,7 @@ def test_where_a_motion_leads_is_the_same_compiled_and_in_numpy() -> None:
     start = np.array([0.3, -0.2, 2.5])
     motion = Trajectory(start, breaks, pieces.coefficients, pieces.level.astype(np.float64))
     np.testing.assert_allclose(
-        motion.break_poses, core.timing.poses_after(start, pieces.coefficients, pieces.durations), atol=1e-13
+        motion.break_poses, timing.poses_after(start, pieces.coefficients, pieces.durations), atol=1e-13
     )
 
 
@@ -145,7 +142,7 @@ def test_slow_steps_have_few_pieces_and_are_as_exact(slower: float) -> None:
     """The same turns, a hundred times slower, in a tenth of the pieces: each is cut into ten and integrated again."""
     levels, centers, widths = _random(3, 6)
     pieces = Pieces.through(levels / slower, centers * 10.0 * slower, widths * 10.0 * slower)
-    assert len(pieces.durations) <= 4 * 6 * core.timing.MOST_OF_PHASE
+    assert len(pieces.durations) <= 4 * 6 * timing.MOST_OF_PHASE
     breaks = np.concatenate([[0.0], np.cumsum(pieces.durations)])
     whole = Trajectory(np.zeros(3), breaks, pieces.coefficients, pieces.level.astype(np.float64))
     tau = (np.arange(10) / 10.0 * pieces.durations[:, None]).ravel()
