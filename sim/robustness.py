@@ -16,16 +16,14 @@ import numpy as np
 import shapely
 from scipy.optimize import brentq
 
-from pushplan.compiled import compiled, no_refcount
+from pushplan.core import contacts
+from pushplan.core import robustness as core
 from pushplan.geometry.polygon import SHORTEST_CONTACT
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.contacts import carried_objects
-from pushplan.mechanics.friction_kernel import carried_wrench
 from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.packed import (
-    ComplexArray,
-    PackedChain,
     contact_facets,
     pack_chain,
     pack_objects,
@@ -187,7 +185,7 @@ class Course:
     moments: Moments
 
     @cached_property
-    def packed(self) -> PackedChain:
+    def packed(self) -> contacts.PackedChain:
         """The chain as arrays."""
         return pack_chain(self.chain)
 
@@ -210,7 +208,7 @@ class Course:
     @cached_property
     def _floor(self) -> FloatArray:
         """(m, n, 3) wrenches that move each object against the floor."""
-        return floor_wrenches(self.itself, self.packed.series, self.moments.directions)
+        return core.floor_wrenches(self.itself, self.packed.series, self.moments.directions)
 
     @cached_property
     def nominal(self) -> FloatArray:
@@ -235,7 +233,7 @@ class Course:
             moments = Moments(directions[which], twists[which], rates[which], group[which])
             floor = floor[which]
         mass, _, moment = self.inertia
-        return facet_values(variants, self.packed.series, mass, moment, moments, floor)
+        return core.facet_values(variants, self.packed.series, mass, moment, moments, floor)
 
     def moving(self, motion: Callable[[Chain, int, FloatArray], Motion], index: int, sense: float) -> Change:
         """Return the change that moving an object in one sense (+1 or -1) is, `perturb.aside` or `perturb.turn`."""
@@ -371,91 +369,3 @@ class Course:
         """Return whether a contact is lost (q, k) at moments (k,)."""
         values = self._values(variants, which)
         return (values.reshape(*values.shape[:2], -1) <= 0.0).any(axis=2) | ~variants.exist[:, None]
-
-
-@no_refcount
-def _moved_wrench(
-    objects: FloatArray,
-    parts: FloatArray,
-    series: ComplexArray,
-    links: IntArray,
-    k: int,
-    pose: FloatArray,
-    twist: FloatArray,
-    out: FloatArray,
-) -> None:
-    """Fill `out` (3,) with the wrench that moves object k against the floor from where a motion (3,) has put it.
-
-    The twist is taken into the frame that moved along, and the wrench back.
-    """
-    x, y, cos, sin = pose[0], pose[1], np.cos(pose[2]), np.sin(pose[2])
-    vx, vy, omega = twist[0] - twist[2] * y, twist[1] + twist[2] * x, twist[2]
-    vx, vy = cos * vx + sin * vy, cos * vy - sin * vx
-    fx, fy, m = carried_wrench(objects, parts, series, links, k, vx, vy, omega)
-    out[0], out[1] = cos * fx - sin * fy, sin * fx + cos * fy
-    out[2] = m + x * out[1] - y * out[0]
-
-
-@compiled
-def floor_wrenches(variants: Variants, series: ComplexArray, directions: FloatArray) -> FloatArray:
-    """Return the wrenches (m, n, 3) that move each object of the first variant against the floor."""
-    out = np.empty((len(directions), len(variants.links), 3))
-    objects, parts, links, poses = variants.objects[0], variants.parts[0], variants.links, variants.poses[0]
-    for s in range(len(directions)):
-        for k in range(len(links)):
-            _moved_wrench(objects, parts, series, links, k, poses[k], directions[s], out[s, k])
-    return out
-
-
-@compiled
-def facet_values(
-    variants: Variants,
-    series: ComplexArray,
-    mass: FloatArray,
-    moment: FloatArray,
-    moments: Moments,
-    nominal: FloatArray,
-) -> FloatArray:
-    """Return the facets' values (q, m, n, 4) of the contacts of q variants at m moments, N and N m.
-
-    Args:
-        variants: The chains.
-        series: Of the `PackedChain`.
-        mass: (n,) kg.
-        moment: (n,) moments of inertia, kg m^2.
-        moments: When.
-        nominal: (m, n, 3) wrenches that move the objects against the floor where that is not `changed`.
-    """
-    objects, parts, links, changed, poses, centers, facets, exist = variants
-    n, center = len(links), np.empty((len(links), 2))
-    out = np.empty((len(exist), len(moments.twists), n, 4))
-    floor, carried = np.zeros((n, 3)), np.empty((n, 3))
-    for a in range(len(exist)):
-        o, p, h = min(a, len(objects) - 1), min(a, len(parts) - 1), min(a, len(poses) - 1)
-        c, g = min(a, len(centers) - 1), min(a, len(facets) - 1)
-        for k in range(n):
-            cos, sin = np.cos(poses[h, k, 2]), np.sin(poses[h, k, 2])
-            center[k, 0] = poses[h, k, 0] + cos * centers[c, k, 0] - sin * centers[c, k, 1]
-            center[k, 1] = poses[h, k, 1] + sin * centers[c, k, 0] + cos * centers[c, k, 1]
-        for s in range(len(moments.twists)):
-            v, dv = moments.twists[s], moments.rates[s]
-            fresh = s == 0 or moments.group[s] != moments.group[s - 1]
-            for k in range(n):
-                if changed[k] and fresh:
-                    d = moments.directions[s]
-                    _moved_wrench(objects[o], parts[p], series, links, k, poses[h, k], d, floor[k])
-                w = floor[k] if changed[k] else nominal[s, k]
-                x, y = center[k, 0], center[k, 1]  # Newton and Euler, see `mechanics.dynamics`
-                fx = mass[k] * (dv[0] - dv[2] * y - v[2] * v[1] - v[2] * v[2] * x)
-                fy = mass[k] * (dv[1] + dv[2] * x + v[2] * v[0] - v[2] * v[2] * y)
-                carried[k, 0], carried[k, 1] = w[0] + fx, w[1] + fy
-                carried[k, 2] = w[2] + moment[k] * dv[2] + x * fy - y * fx
-            for k in range(n - 1, -1, -1):
-                w, pusher = carried[k], links[k, 3]
-                for j in range(4):
-                    row = facets[g, k, j]
-                    out[a, s, k, j] = row[0] * w[0] + row[1] * w[1] + row[2] * w[2]
-                if pusher >= 0:
-                    for j in range(3):
-                        carried[pusher, j] += w[j]
-    return out

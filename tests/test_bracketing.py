@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from pushplan.core import boundary
 from pushplan.sets.boundary_following import find_intervals, sampled
-from pushplan.sets.meridians import TOLERANCE, inner_ends, maximise
+from pushplan.sets.meridians import inner_ends, maximise
 from pushplan.util.arrays import FloatArray, IntArray
 
 
 def test_ends_are_inside_and_within_tolerance_for_smooth_kinked_and_jumping_functions() -> None:
-    """Ten members of each kind with known ends; the last inside point lies at most TOLERANCE before the end."""
+    """Ten members of each kind with known ends; the last inside point lies at most the tolerance before the end."""
     ends = np.linspace(0.1, 0.9, 10)
     calls = 0
 
@@ -26,8 +27,8 @@ def test_ends_are_inside_and_within_tolerance_for_smooth_kinked_and_jumping_func
     found = inner_ends(family, brackets)
     short = np.tile(ends, 4) - found
     assert (short > 0.0).all()
-    assert (short[:30] <= TOLERANCE).all()
-    assert (short <= 2.0 * TOLERANCE).all()
+    assert (short[:30] <= boundary.TOLERANCE).all()
+    assert (short <= 2.0 * boundary.TOLERANCE).all()
     assert calls < 40 * 45
 
 
@@ -36,7 +37,7 @@ def test_brackets_may_run_backwards() -> None:
         return np.asarray(x + 0.25, dtype=np.float64)
 
     found = inner_ends(family, np.array([[1.0, -1.0, 1.25, -0.75]]))
-    assert -0.25 < found[0] <= -0.25 + TOLERANCE
+    assert -0.25 < found[0] <= -0.25 + boundary.TOLERANCE
 
 
 def test_maximum_is_found_and_search_stops_at_the_goal() -> None:

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from pushplan.core import contacts
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.contacts import contact_margins, contact_state, friction_wrench, margin
+from pushplan.mechanics.contacts import contact_state, friction_wrench
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.support import UnknownSupport
 from pushplan.sets.named import stable_set
@@ -91,16 +92,14 @@ def test_tree_margin_agrees_with_a_linear_program_where_two_stacks_are_stable(ma
     assert 10 < sum(stable) < 50
 
 
-def test_scalar_and_vectorised_margins_are_the_same(make_chain: ChainMaker) -> None:
+def test_a_margin_is_the_same_alone_and_among_others(make_chain: ChainMaker) -> None:
     chain = make_chain.random(3, 4)
     packed, stable = pack_chain(chain), stable_set(chain)
     twists = random_twists(chain, 0, 50)
-    out = np.empty(4)
     for twist, m, each in zip(twists, stable.margin(twists), stable.contact_margins(twists), strict=True):
-        vx, vy, omega = twist
-        contact_margins(packed, vx, vy, omega, out)
-        np.testing.assert_array_equal(out, each)
-        assert margin(packed, vx, vy, omega) == m == each.min()
+        wrenches = contacts.wrenches_of(packed, twist[None])
+        np.testing.assert_array_equal(contacts.contact_margins_of(packed, wrenches)[0], each)
+        assert contacts.margins_of(packed, twist[None]) == m == each.min()
 
 
 def test_contact_state_describes_the_same_forces(make_chain: ChainMaker) -> None:
@@ -193,7 +192,7 @@ def test_cor_on_the_cof_or_a_vertex_has_a_margin(make_chain: ChainMaker) -> None
 
 
 def test_margin_of_rest_is_zero_in_compiled_code(make_chain: ChainMaker) -> None:
-    assert margin(pack_chain(make_chain.boxes(2)), 0.0, 0.0, 0.0) == 0.0
+    assert contacts.margins_of(pack_chain(make_chain.boxes(2)), np.zeros((1, 3))) == 0.0
 
 
 def test_unknown_loads_are_refused_with_the_way_out(make_chain: ChainMaker) -> None:

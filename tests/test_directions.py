@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.mechanics.sphere import by_direction, directions
+from pushplan.core import sphere
+from pushplan.mechanics.sphere import by_direction
 from pushplan.util.arrays import FloatArray
 
 
@@ -14,14 +15,14 @@ def test_each_twist_has_the_direction_of_the_first_one_of_its_neighbours() -> No
     rays = rng.normal(size=(40, 3))
     rays[::4] *= [1.0, 1.0, 0.0]  # straight pushes as well
     twists = np.repeat(rays, counts, axis=0) * rng.uniform(1e-3, 2.0, (counts.sum(), 1))
-    owner, first = directions(twists, 0.3)
+    owner, first = sphere.directions(twists, 0.3)
     np.testing.assert_array_equal(owner, np.repeat(np.arange(40), counts))
     np.testing.assert_array_equal(first, np.cumsum(counts) - counts)
 
 
 def test_opposite_twists_and_slight_turns_are_other_directions() -> None:
     twists = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [-1.0, 0.0, 1e-9], [-1.0, 1e-9, 1e-9]])
-    assert len(directions(twists, 1.0)[1]) == len(twists)
+    assert len(sphere.directions(twists, 1.0)[1]) == len(twists)
 
 
 def test_values_are_asked_for_once_a_direction_and_are_those_of_all_twists() -> None:

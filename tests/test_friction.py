@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from scipy.integrate import quad_vec
 
 import pushplan
+from pushplan.core import contacts
 from pushplan.errors import PushplanError, SupportError, UndefinedEcofError
 from pushplan.geometry.se2 import inverse, transform_points
 from pushplan.mechanics.chain import GRAVITY, PushedObject
 from pushplan.mechanics.contacts import cof, ecof, friction_wrench
-from pushplan.mechanics.friction_kernel import carried_wrench
-from pushplan.mechanics.packed import REACH, pack_object
+from pushplan.mechanics.packed import pack_object
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.util.arrays import FloatArray
@@ -125,11 +125,9 @@ def test_series_and_closed_form_agree_where_they_meet(make_chain: ChainMaker, af
         packed = pack_object(random_object(make_chain, rng, affine))
         anchor, radius = packed.objects[0, 1:3], packed.objects[0, 3]
         heading = rng.uniform(-np.pi, np.pi)
-        ray = np.array([np.cos(heading), np.sin(heading)]) * radius / REACH
-        sides = [
-            carried_wrench(*packed[:4], 0, *twists_about(anchor + ray * (1.0 + e), +1))
-            for e in (-1e-12, 1e-12)
-        ]
+        ray = np.array([np.cos(heading), np.sin(heading)]) * radius / contacts.REACH
+        twists = [twists_about(anchor + ray * (1.0 + e), +1) for e in (-1e-12, 1e-12)]
+        sides = contacts.object_wrenches_of(packed, np.array(twists))
         scale = packed.objects[0, 0] * np.array([1.0, 1.0, radius + np.linalg.norm(anchor)])
         np.testing.assert_array_less(np.abs(np.subtract(sides[0], sides[1])) / scale, 5e-12)
 

@@ -7,17 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from pushplan.mechanics.friction_kernel import edge_log
-from pushplan.mechanics.packed import (
-    ORDER,
-    REACH,
-    TERMS,
-    WEIGHTS,
-    complex_moments,
-    in_reach,
-    series_coefficients,
-    series_pair,
-)
+from pushplan.core import contacts
+from pushplan.mechanics.packed import WEIGHTS, complex_moments, series_coefficients
 from pushplan.util.arrays import FloatArray
 
 ORDERS = 6
@@ -68,13 +59,13 @@ def test_the_series_is_the_integral_of_the_direction_of_motion(
     z, weights = grid(low, high)
     speed, radius = 0.7, float(np.hypot(*high))
     series = series_coefficients(rectangle(low, high), radius)
-    assert series.shape == (len(WEIGHTS), TERMS)
+    assert series.shape == (len(WEIGHTS), contacts.TERMS)
     for heading in (0.0, 0.5, 2.0, -1.2):
         v0 = speed * np.exp(1j * heading)
-        spin = sense * far * REACH * speed
+        spin = sense * far * contacts.REACH * speed
         velocity = v0 + 1j * spin / radius * z
         for row in range(len(WEIGHTS) - 1):
-            found = series_pair(series, row, v0.real, v0.imag, spin)
+            found = contacts.series_pair(series, row, v0.real, v0.imag, spin)
             for value, (a, b) in zip(found, WEIGHTS[row : row + 2], strict=True):
                 factor = z**a * z.conj() ** b
                 exact = (weights * velocity / np.abs(velocity) * factor).sum()
@@ -83,13 +74,13 @@ def test_the_series_is_the_integral_of_the_direction_of_motion(
 
 def test_centres_are_far_from_a_multiple_of_the_radius_on() -> None:
     for speed, radius in ((0.3, 0.1), (2.0, 5.0)):
-        omega = REACH * speed / radius
+        omega = contacts.REACH * speed / radius
         for sign in (1.0, -1.0):
-            assert in_reach(speed, sign * omega * 0.999, radius)
-            assert not in_reach(speed, sign * omega * 1.001, radius)
-    assert not in_reach(0.0, 1.0, 0.1)
-    assert not in_reach(0.0, 0.0, 0.1)
-    assert REACH ** (ORDER + 1) < 1e-14
+            assert contacts.in_reach(speed, sign * omega * 0.999, radius)
+            assert not contacts.in_reach(speed, sign * omega * 1.001, radius)
+    assert not contacts.in_reach(0.0, 1.0, 0.1)
+    assert not contacts.in_reach(0.0, 0.0, 0.1)
+    assert contacts.REACH ** (contacts.ORDER + 1) < 1e-14
 
 
 @pytest.mark.parametrize("d", [1e-3, 0.01, -0.3, 20.0])
@@ -98,7 +89,7 @@ def test_the_logarithm_of_an_edge_is_a_difference_of_inverse_hyperbolic_sines(
     d: float, s: float, length: float
 ) -> None:
     rho_sum = math.hypot(s, d) + math.hypot(s + length, d)
-    found = edge_log(d, length, rho_sum)
+    found = contacts.edge_log(d, length, rho_sum)
     sines = math.asinh((s + length) / abs(d)) - math.asinh(s / abs(d))
     assert found == pytest.approx(d * d * sines, rel=1e-9, abs=0.0)
     assert found == pytest.approx(2.0 * d * d * math.atanh(length / rho_sum), rel=1e-9, abs=0.0)
@@ -106,9 +97,9 @@ def test_the_logarithm_of_an_edge_is_a_difference_of_inverse_hyperbolic_sines(
 
 @pytest.mark.parametrize("share", [1e-3, 0.03, 0.0999999, 0.1000001, 0.3, 0.9])
 def test_the_logarithm_is_exact_for_edges_near_and_far(share: float) -> None:
-    assert edge_log(0.5, share, 1.0) == pytest.approx(0.5 * math.atanh(share), rel=2e-15, abs=0.0)
+    assert contacts.edge_log(0.5, share, 1.0) == pytest.approx(0.5 * math.atanh(share), rel=2e-15, abs=0.0)
 
 
 def test_on_the_line_of_an_edge_the_logarithm_adds_nothing() -> None:
     for rho_sum in (1.0, 1.0 - 1e-16, 0.5):
-        assert edge_log(0.0, 1.0, rho_sum) == 0.0
+        assert contacts.edge_log(0.0, 1.0, rho_sum) == 0.0

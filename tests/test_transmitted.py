@@ -9,16 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.mechanics.contacts import (
-    carried_objects,
-    contact_margins,
-    contact_state,
-    contact_wrenches,
-    ecof,
-    friction_wrench,
-    margin_down_to,
-    object_wrenches_of,
-)
+from pushplan.core import contacts
+from pushplan.mechanics.contacts import carried_objects, contact_state, ecof, friction_wrench
 from pushplan.mechanics.packed import pack_chain, pack_object
 from pushplan.mechanics.support import UniformSupport
 from pushplan.sets.named import stable_set
@@ -72,7 +64,9 @@ def test_speed_does_not_matter_at_any_size(make_chain: ChainMaker) -> None:
     packed = pack_object(obj, 0.0)
     for factor in (1e-6, 1e6):
         np.testing.assert_allclose(
-            object_wrenches_of(packed, TWISTS * factor), object_wrenches_of(packed, TWISTS), atol=1e-9
+            contacts.object_wrenches_of(packed, TWISTS * factor),
+            contacts.object_wrenches_of(packed, TWISTS),
+            atol=1e-9,
         )
 
 
@@ -113,25 +107,24 @@ def test_a_chain_that_is_packed_already_is_taken_as_it_is(make_chain: ChainMaker
 def test_a_margin_is_exact_above_the_floor_asked_for(make_chain: ChainMaker) -> None:
     chain = make_chain.random(3, 4, tree=True)
     packed, exact = pack_chain(chain), stable_set(chain).margin(TWISTS)
-    for (vx, vy, omega), margin in zip(TWISTS, exact, strict=True):
-        assert margin_down_to(packed, vx, vy, omega, -2.0) == pytest.approx(margin, abs=1e-12)
-        assert margin_down_to(packed, vx, vy, omega, margin - 0.01) == pytest.approx(margin, abs=1e-12)
-        assert margin_down_to(packed, vx, vy, omega, margin + 0.01) <= margin + 0.01
+    for twist, margin in zip(TWISTS[:, None], exact, strict=True):
+        assert contacts.margins_of(packed, twist, -2.0) == pytest.approx(margin, abs=1e-12)
+        assert contacts.margins_of(packed, twist, margin - 0.01) == pytest.approx(margin, abs=1e-12)
+        assert contacts.margins_of(packed, twist, margin + 0.01) <= margin + 0.01
 
 
 def test_the_first_margin_at_the_floor_asked_for_is_returned(make_chain: ChainMaker) -> None:
     """From the last contact to the first, though others may be lower."""
-    packed, margins, lower = pack_chain(make_chain.random(3, 4, tree=True)), np.empty(4), 0
-    for vx, vy, omega in TWISTS:
-        contact_margins(packed, vx, vy, omega, margins)
+    packed, lower = pack_chain(make_chain.random(3, 4, tree=True)), 0
+    every = contacts.contact_margins_of(packed, contacts.wrenches_of(packed, TWISTS))
+    for twist, margins in zip(TWISTS[:, None], every, strict=True):
         for k in range(4):
             last = margins[k:].min()
-            assert margin_down_to(packed, vx, vy, omega, last) == last
+            assert contacts.margins_of(packed, twist, last) == last
             lower += margins.min() < last
     assert lower > 10
 
 
 def test_rest_transmits_nothing(make_chain: ChainMaker) -> None:
-    wrenches = np.full((3, 3), np.nan)
-    contact_wrenches(pack_chain(make_chain.boxes(3)), 0.0, 0.0, 0.0, wrenches)
-    np.testing.assert_array_equal(wrenches, np.zeros((3, 3)))
+    wrenches = contacts.wrenches_of(pack_chain(make_chain.boxes(3)), np.zeros((1, 3)))
+    np.testing.assert_array_equal(wrenches, np.zeros((1, 3, 3)))

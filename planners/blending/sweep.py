@@ -8,8 +8,8 @@ import numpy as np
 
 import pushplan.core.timing as timing
 from pushplan.compiled import compiled
+from pushplan.core import contacts
 from pushplan.geometry import se2
-from pushplan.mechanics.contacts import contact_margins_of
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.validation.clearance import find_collision
@@ -171,15 +171,15 @@ def unstable_times(
     twists = trajectory.twists_at(times)
     moving = np.abs(columns_of(twists)).max(axis=0) > RESTING
     times, twists = times[moving], twists[moving]
-    contacts, floor = bounds.contacts, None
-    if contacts is not None and isinstance(stable, EcofSet) and stable.chain is contacts.chain:
-        floor = contacts.floor_wrenches(twists)  # those that the set asks for
-        margins = columns_of(contact_margins_of(stable.packed, floor)).min(axis=0)
+    dynamics, floor = bounds.contacts, None
+    if dynamics is not None and isinstance(stable, EcofSet) and stable.chain is dynamics.chain:
+        floor = dynamics.floor_wrenches(twists)  # those that the set asks for
+        margins = columns_of(contacts.contact_margins_of(stable.packed, floor)).min(axis=0)
     else:
         margins = stable.margin(twists)
     spare = margins - scenario.required_margin
-    if contacts is not None:
-        with_inertia = contacts.margins(twists, trajectory.rates_at(times), floor)
+    if dynamics is not None:
+        with_inertia = dynamics.margins(twists, trajectory.rates_at(times), floor)
         spare = np.minimum(spare, columns_of(with_inertia).min(axis=0) - bounds.margin)
     worst = np.argsort(spare, kind="stable")
     return np.asarray(times[worst][spare[worst] <= 0.0])

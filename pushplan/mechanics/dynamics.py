@@ -9,15 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pushplan.core import contacts, sphere, uncertain
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.contacts import contact_margins_of, facet_rows, wrenches_of
-from pushplan.mechanics.inertia import InertiaTable, inertia_per_object, inertia_table, sum_over_carried
+from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.intervals import IntervalChain
-from pushplan.mechanics.packed import PackedChain, pack_chain
-from pushplan.mechanics.sphere import WORTHWHILE, by_direction, checked_twists, directions
+from pushplan.mechanics.packed import pack_chain
+from pushplan.mechanics.sphere import WORTHWHILE, by_direction, checked_twists
 from pushplan.mechanics.uncertain import IntervalInertia, contact_facets, pack_centred, pack_intervals
-from pushplan.mechanics.uncertain_kernel import PackedLoads, rows_of
 from pushplan.util.arrays import FloatArray, IntArray, frozen
 
 
@@ -92,7 +91,7 @@ class ContactDynamics:
         _ = self.packed if self._exact else self._uncertain  # raise where loads are not known or tip
 
     @cached_property
-    def packed(self) -> PackedChain:
+    def packed(self) -> contacts.PackedChain:
         """The chain as arrays; the loads have to be known."""
         return pack_chain(self.chain)
 
@@ -112,7 +111,7 @@ class ContactDynamics:
         return contact_facets(self.chain)
 
     @cached_property
-    def _uncertain(self) -> PackedLoads:
+    def _uncertain(self) -> uncertain.PackedLoads:
         """The chain as arrays of what its loads may be."""
         if self.worst_case or self.interval is None:
             return pack_centred(self.chain, self.interval)
@@ -152,20 +151,20 @@ class ContactDynamics:
 
     def quasi_static(self, twists: FloatArray) -> Wrenches:
         """Return what the contacts transmit without inertia at body twists (m, 3), none of them zero."""
-        owner, first = directions(twists, self.chain.characteristic_length)
+        owner, first = sphere.directions(twists, self.chain.characteristic_length)
         if len(first) > WORTHWHILE * len(twists):
             return self._quasi_static(twists)
         return Wrenches(*(values[owner] for values in self._quasi_static(twists[first])))
 
     def _quasi_static(self, twists: FloatArray) -> Wrenches:
         if self._exact:
-            return self._exactly(wrenches_of(self.packed, twists))
-        return Wrenches(*rows_of(self._uncertain, np.ascontiguousarray(twists)))
+            return self._exactly(contacts.wrenches_of(self.packed, twists))
+        return Wrenches(*uncertain.rows_of(self._uncertain, twists))
 
     def floor_wrenches(self, twists: FloatArray) -> FloatArray:
         """Return what the contacts transmit without inertia (m, n, 3) at twists (m, 3) where loads are known."""
         length = self.chain.characteristic_length
-        return by_direction(lambda v: wrenches_of(self.packed, v), twists, length)
+        return by_direction(lambda v: contacts.wrenches_of(self.packed, v), twists, length)
 
     def inertia(self, twists: FloatArray, rates: FloatArray) -> Wrenches:
         """Return what inertia adds to the contacts' wrenches; see `inertia_wrenches`."""
@@ -180,13 +179,13 @@ class ContactDynamics:
             twists: (m, 3) body twists V.
             rates: (m, 3) their time derivatives dV/dt.
         """
-        wrenches = inertia_per_object(self.table, twists, rates)
-        sum_over_carried(wrenches, self._pushers)
+        wrenches = contacts.inertia_per_object(self.table, twists, rates)
+        contacts.sum_over_carried(wrenches, self._pushers)
         return wrenches
 
     def _exactly(self, wrenches: FloatArray) -> Wrenches:
         """Facet values G . w of transmitted wrenches (m, n, 3), and their sizes."""
-        return Wrenches(*facet_rows(self.facets, wrenches, self.chain.characteristic_length))
+        return Wrenches(*contacts.facet_rows(self.facets, wrenches, self.chain.characteristic_length))
 
     def margins(self, twists: ArrayLike, rates: ArrayLike, floor: FloatArray | None = None) -> FloatArray:
         """Return the margin (m, n) of each contact while the chain moves and accelerates; see `dynamic_margins`.
@@ -206,7 +205,7 @@ class ContactDynamics:
             )
         if self._exact:
             wrenches = self.floor_wrenches(v) if floor is None else floor
-            return contact_margins_of(self.packed, wrenches + self.inertia_wrenches(v, dv))
+            return contacts.contact_margins_of(self.packed, wrenches + self.inertia_wrenches(v, dv))
         static, inertia = self.quasi_static(v), self.inertia(v, dv)
         size = static.size + inertia.size
         least = (static.rows + inertia.rows).min(axis=2)

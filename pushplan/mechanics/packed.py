@@ -1,37 +1,24 @@
-"""A chain as arrays for compiled code: loads, contacts, and series of the floor's wrench far from a body."""
+"""A chain as arrays for the core: loads, contacts, and series of the floor's wrench far from a body."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pushplan.compiled import no_refcount
+from pushplan.core import contacts
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject
 from pushplan.mechanics.support import UniformSupport
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import ComplexArray, FloatArray
 
-EDGE_COLUMNS = 5
-"""Columns of an edge: t_x, t_y, n . p, t . p and length, p being its first vertex about the anchor point."""
-
-
-ComplexArray = NDArray[np.complex128]
-
-ORDER = 10
-"""Highest power of u kept."""
-REACH = 0.05
-"""Largest |omega| radius / |v0| at which the series is used: REACH^(ORDER + 1) is below rounding."""
-NEGLIGIBLE = 1e-17
-"""Powers of |omega| radius / |v0| below this are left out, for pushes that are straight or nearly so."""
+ORDER = contacts.ORDER
+"""Highest power kept of the series."""
 _PAIRS = [(m, h) for m in range(ORDER + 1) for h in reversed(range((ORDER - m) // 2 + 1))]
 """Powers m of the direction e, and h of r^2, in the order in which they are added up."""
-TERMS = 2 * len(_PAIRS)
 WEIGHTS = ((0, 0), (0, 1), (1, 0), (0, 2), (1, 1))
 """Powers (of z, of conj z) of the factors that the integrals of v / |v| are taken with."""
 
@@ -74,7 +61,7 @@ _P, _Q, _P_BACK, _Q_BACK = _M + _H + _A, _H + _B, _H + _A, _M + _H + _B
 
 
 def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
-    """Return the coefficients (5, TERMS) of (kappa radius)^p conj(kappa radius)^q, kappa = i omega / v0.
+    """Return the coefficients (5, contacts.TERMS) of (kappa radius)^p conj(kappa radius)^q, kappa = i omega / v0.
 
     Row w holds the series of the integral of v / |v| times z^a conj(z)^b with (a, b) = WEIGHTS[w], for v0 > 0; for
     each of _PAIRS two columns, sum and difference of the coefficients with p - q = m and p - q = -m. `outline` is
@@ -83,86 +70,11 @@ def series_coefficients(outline: FloatArray, radius: float) -> ComplexArray:
     moments = complex_moments(outline / radius, ORDER + 2) * radius**2
     scale = np.array([radius ** (a + b) for a, b in WEIGHTS])[:, None]
     ahead, back = scale * _AHEAD * moments[_P, _Q], scale * _BACK * moments[_P_BACK, _Q_BACK]
-    return np.asarray(np.stack([ahead + back, ahead - back], axis=-1).reshape(len(WEIGHTS), TERMS))
-
-
-@no_refcount
-def series_pair(series: ComplexArray, row: int, vx: float, vy: float, spin: float) -> tuple[complex, complex]:
-    """Return the integrals of rows `row` and `row` + 1 of `series`.
-
-    Args:
-        series: Coefficients of all objects.
-        row: Index of the first of the two.
-        vx: Velocity v0 of the anchor, like `vy` and `spin` in any common unit, not both zero.
-        vy: See `vx`.
-        spin: omega times the radius.
-    """
-    speed = math.sqrt(vx * vx + vy * vy)
-    ux, uy = vx / speed, vy / speed
-    size = math.fabs(spin) / speed
-    square, turned = size * size, math.copysign(size, spin)
-    zx, zy = uy * turned, ux * turned  # kappa radius
-    top = 1 if square < NEGLIGIBLE else 4 if square * square * size < NEGLIGIBLE else ORDER
-    x = y = u = w = 0.0
-    px, py, end = 1.0, 0.0, 0
-    for m in range(top + 1):
-        end += 2 * ((ORDER - m) // 2 + 1)
-        ar = ai = br = bi = cr = ci = dr = di = 0.0  # sum and difference, of either row
-        for k in range(end - 2 * ((top - m) // 2 + 1), end, 2):
-            a, b, c, d = series[row, k], series[row, k + 1], series[row + 1, k], series[row + 1, k + 1]
-            ar, ai, br, bi = (
-                ar * square + a.real,
-                ai * square + a.imag,
-                br * square + b.real,
-                bi * square + b.imag,
-            )
-            cr, ci, dr, di = (
-                cr * square + c.real,
-                ci * square + c.imag,
-                dr * square + d.real,
-                di * square + d.imag,
-            )
-        x, y = x + px * ar - py * bi, y + px * ai + py * br
-        u, w = u + px * cr - py * di, w + px * ci + py * dr
-        px, py = px * zx - py * zy, px * zy + py * zx
-    return complex(x * ux - y * uy, x * uy + y * ux), complex(u * ux - w * uy, u * uy + w * ux)
-
-
-@no_refcount
-def in_reach(speed: float, omega: float, radius: float) -> bool:
-    """Return whether the COR is so far away that the series applies."""
-    return math.fabs(omega) * radius < REACH * speed
-
-
-UNIFORM, AFFINE, POINTS = 0, 1, 2
-"""Kinds of support that the kernels tell apart."""
-
-
-class PackedChain(NamedTuple):
-    """Objects and contacts in the chain frame, for compiled code.
-
-    Attributes:
-        objects: (n, 11) friction load mu N (N), anchor x, y, radius (m), density a and gradient b (2) of
-            the base pressure of a unit weight, h mu (m), stiffness moments S_xx, S_xy, S_yy. The anchor is
-            the centroid of a polygon, the stiffness centre of points.
-        parts: (e, 5) polygon edges (see `friction_closed_form`) or points about the anchor: x, y, fraction
-            of the weight, stiffness, 0.
-        series: (5 n, TERMS) power series of the polygons (see `friction_series`); zero for points.
-        links: (n, 4) kind, first part, one past the last part, pushing object or -1.
-        rows: (n, 4, 3) unit facets g of the contacts, g . (f_x, f_y, m / length) > 0.
-        length: Characteristic length of the chain, m.
-    """
-
-    objects: FloatArray
-    parts: FloatArray
-    series: ComplexArray
-    links: IntArray
-    rows: FloatArray
-    length: float
+    return np.asarray(np.stack([ahead + back, ahead - back], axis=-1).reshape(len(WEIGHTS), contacts.TERMS))
 
 
 @lru_cache(maxsize=8)
-def pack_chain(chain: Chain) -> PackedChain:
+def pack_chain(chain: Chain) -> contacts.PackedChain:
     """Return the arrays of `chain`; every set and judge of a plan asks for the same.
 
     Raises:
@@ -175,12 +87,12 @@ def pack_chain(chain: Chain) -> PackedChain:
     return _pack(chain.objects, pushers, chain.pusher.contact_height, rows, length)
 
 
-def pack_object(obj: PushedObject, contact_height: float = 0.0) -> PackedChain:
+def pack_object(obj: PushedObject, contact_height: float = 0.0) -> contacts.PackedChain:
     """Return the arrays of one object without contacts; see `pack_chain`."""
     return pack_objects([obj], contact_height)
 
 
-def pack_objects(objects: Sequence[PushedObject], contact_height: float = 0.0) -> PackedChain:
+def pack_objects(objects: Sequence[PushedObject], contact_height: float = 0.0) -> contacts.PackedChain:
     """Return the arrays of objects without contacts; see `pack_chain`."""
     return _pack(objects, [PLATE] * len(objects), contact_height, np.zeros((0, 4, 3)), 1.0)
 
@@ -223,14 +135,14 @@ def _pack(
     contact_height: float,
     rows: FloatArray,
     length: float,
-) -> PackedChain:
+) -> contacts.PackedChain:
     packers = [_pack_support(obj, contact_height) for obj in objects]
     stops = np.cumsum([len(part) for _, _, part, _ in packers])
     links = [
         [kind, stop - len(part), stop, pusher]
         for (kind, _, part, _), stop, pusher in zip(packers, stops, pushers, strict=True)
     ]
-    return PackedChain(
+    return contacts.PackedChain(
         objects=np.array([row for _, row, _, _ in packers]),
         parts=np.concatenate([part for _, _, part, _ in packers]),
         series=np.concatenate([series for _, _, _, series in packers]),
@@ -253,7 +165,7 @@ def _pack_support(obj: PushedObject, height: float) -> tuple[int, list[float], F
             rotate(turn, support.gradient),
         )
         row = [obj.friction_load, *anchor, radius, 1.0 / support.moments.area, *gradient, *last]
-        kind = AFFINE if shift > 0.0 or gradient.any() else UNIFORM
+        kind = contacts.AFFINE if shift > 0.0 or gradient.any() else contacts.UNIFORM
         return kind, row, _edges(spread.offsets), series_coefficients(spread.offsets, radius)
     positions, fractions, stiffness = support.point_loads
     row = [
@@ -266,7 +178,7 @@ def _pack_support(obj: PushedObject, height: float) -> tuple[int, list[float], F
         *last,
     ]
     parts = np.column_stack([spread.offsets, fractions, stiffness, np.zeros(len(positions))])
-    return POINTS, row, parts, np.zeros((len(WEIGHTS), TERMS), dtype=np.complex128)
+    return contacts.POINTS, row, parts, np.zeros((len(WEIGHTS), contacts.TERMS), dtype=np.complex128)
 
 
 class _Spread(NamedTuple):
@@ -328,16 +240,17 @@ def push_room(obj: PushedObject, height: float) -> float:
 
 
 def _edges(corners: FloatArray) -> FloatArray:
-    """Return the edges (e, 5) of a counter-clockwise polygon about the anchor, those of length 0 left out."""
+    """Return the edges (e, 5) of a counter-clockwise polygon about the anchor, those of length 0 left out.
+
+    Their columns are t_x, t_y, n . p, t . p and length, p being an edge's first vertex.
+    """
     step = np.roll(corners, -1, axis=0) - corners
     length = np.hypot(step[:, 0], step[:, 1])
     kept = length > 0.0
     corners, length, tangent = corners[kept], length[kept], step[kept] / length[kept, None]
     n_p = tangent[:, 1] * corners[:, 0] - tangent[:, 0] * corners[:, 1]
     t_p = (tangent * corners).sum(axis=1)
-    edges = np.column_stack([tangent, n_p, t_p, length])
-    assert edges.shape[1] == EDGE_COLUMNS
-    return edges
+    return np.column_stack([tangent, n_p, t_p, length])
 
 
 def _require_pressed(obj: PushedObject, spread: _Spread, height: float) -> None:

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.compiled import compiled
+from pushplan.core import sphere
 from pushplan.errors import PushplanError
-from pushplan.util.arrays import FloatArray, IntArray, columns_of, frozen
+from pushplan.util.arrays import FloatArray, columns_of, frozen
 
 POLE = np.pi / 2.0
 """Latitude of a counter-clockwise turn about the chain frame's origin."""
@@ -79,12 +79,12 @@ def twists_about(cors: ArrayLike, sense: int) -> FloatArray:
 
 
 def checked_twists(twists: ArrayLike) -> FloatArray:
-    """Return `twists` as a (k, 3) float array, contiguous and not read-only: what compiled functions know.
+    """Return `twists` as a contiguous (k, 3) float array.
 
     Raises:
         PushplanError: On another shape, a number that is not finite, or a zero twist.
     """
-    v = np.require(twists, np.float64, ["C", "W"])
+    v = np.ascontiguousarray(twists, dtype=np.float64)
     if v.ndim != 2 or v.shape[1] != 3:
         raise PushplanError(f"twists have shape {v.shape}; it must be (k, 3): vx, vy, omega")
     if not np.isfinite(v).all():
@@ -95,13 +95,6 @@ def checked_twists(twists: ArrayLike) -> FloatArray:
             f"twist {int(resting.argmax())} is zero; only the direction of a motion is stable or not"
         )
     return v
-
-
-SAME = 1e-12
-"""Components, as shares of the largest one, of one direction differ by less.
-
-Rounding stays below 1e-13 in blended trajectories, also where they come to rest.
-"""
 
 
 WORTHWHILE = 0.7
@@ -116,24 +109,7 @@ def by_direction(values: Callable[[FloatArray], FloatArray], twists: FloatArray,
         twists: None of them zero.
         length: By which angular velocities are multiplied to be compared with the others, m.
     """
-    owner, first = directions(twists, length)
+    owner, first = sphere.directions(twists, length)
     if len(first) > WORTHWHILE * len(twists):
         return values(twists)
     return np.asarray(values(twists[first])[owner])
-
-
-@compiled
-def directions(twists: FloatArray, length: float) -> tuple[IntArray, IntArray]:
-    """Return the number of the direction that each twist (m, 3) has, (m,), and the first twist of each (d,)."""
-    owner, first, count = np.empty(len(twists), np.int64), np.empty(len(twists), np.int64), 0
-    x = y = turn = 0.0
-    for i in range(len(twists)):
-        vx, vy, omega = twists[i, 0], twists[i, 1], length * twists[i, 2]
-        size = max(abs(vx), abs(vy), abs(omega))
-        vx, vy, omega = vx / size, vy / size, omega / size
-        if count == 0 or max(abs(vx - x), abs(vy - y), abs(omega - turn)) > SAME:
-            x, y, turn = vx, vy, omega
-            first[count] = i
-            count += 1
-        owner[i] = count - 1
-    return owner, first[:count]

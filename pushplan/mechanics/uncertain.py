@@ -1,4 +1,4 @@
-"""Chains whose loads and frictions are only known within bounds, as the arrays that `uncertain_kernel` works on.
+"""Chains whose loads and frictions are only known within bounds, as the arrays that the core works on.
 
 What adding inertia asks for is linear in the masses in the same way: the mass of an object whose load is uncertain is
 taken to lie where its load is.
@@ -12,16 +12,16 @@ from functools import lru_cache
 
 import numpy as np
 
+from pushplan.core import contacts, uncertain
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
 from pushplan.mechanics.contacts import carried_objects
-from pushplan.mechanics.inertia import InertiaTable, inertia_per_object, inertia_table
+from pushplan.mechanics.inertia import InertiaTable, inertia_table
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.packed import contact_rows, pack_objects
 from pushplan.mechanics.perturb import with_objects
 from pushplan.mechanics.support import FeetSupport
-from pushplan.mechanics.uncertain_kernel import PackedLoads, inertia_rows_of
 from pushplan.util.arrays import FloatArray, IntArray, frozen
 
 CELLS_MISS = (0.03, 0.012)
@@ -100,7 +100,7 @@ def _room(hull: FloatArray, center: FloatArray) -> float:
 
 
 @lru_cache(maxsize=16)  # sets, judges and limits of one plan all ask for the same
-def pack_intervals(interval: IntervalChain) -> PackedLoads:
+def pack_intervals(interval: IntervalChain) -> uncertain.PackedLoads:
     """Return a chain with intervals as arrays: feet, cells of pressures that may be off, and known loads.
 
     Raises:
@@ -109,7 +109,7 @@ def pack_intervals(interval: IntervalChain) -> PackedLoads:
     return _pack(interval.chain, interval.loads, interval, [])
 
 
-def pack_centred(chain: Chain, interval: IntervalChain | None = None) -> PackedLoads:
+def pack_centred(chain: Chain, interval: IntervalChain | None = None) -> uncertain.PackedLoads:
     """Return a chain as arrays, of every load the centre alone; loads on feet in intervals stay what they are.
 
     Raises:
@@ -126,7 +126,7 @@ def pack_centred(chain: Chain, interval: IntervalChain | None = None) -> PackedL
 
 def _pack(
     chain: Chain, loads: FloatArray, interval: IntervalChain | None, areas: Sequence[LoadArea | None]
-) -> PackedLoads:
+) -> uncertain.PackedLoads:
     """Return the arrays; objects with an area count by its centre alone."""
     n = len(chain.objects)
     known: list[PushedObject] = []
@@ -152,7 +152,7 @@ def _pack(
         np.zeros((0, 2)) if area is None else area.points - area.center for area in areas or [None] * n
     ]
     units = pack_objects(known or [_nothing()], chain.pusher.contact_height if known else 0.0)
-    return PackedLoads(
+    return uncertain.PackedLoads(
         units=units,
         unit=unit,
         points=np.concatenate(points),
@@ -199,7 +199,7 @@ def _unit(obj: PushedObject) -> PushedObject:
 
 
 def _nothing() -> PushedObject:
-    """Return an object that stands for none: compiled code takes no empty chain."""
+    """Return an object that stands for none: the core takes no empty chain."""
     foot = np.zeros((1, 2))
     return PushedObject("nothing", foot, 1.0, 1.0 / GRAVITY, FeetSupport(foot, np.ones(1)), np.zeros(3))
 
@@ -213,7 +213,7 @@ class IntervalInertia:
 
     def __init__(self, interval: IntervalChain) -> None:
         packed = pack_intervals(interval)
-        self._packed = packed._replace(miss=np.zeros_like(packed.miss))
+        self._packed = packed.without_miss()
         self._masses = interval.mass
         self._known = inertia_table(with_objects(interval.chain, None, mass=1.0))
         moments = [np.zeros(0)] * len(interval.chain.objects)
@@ -237,8 +237,8 @@ class IntervalInertia:
         step = max(_AT_ONCE // (3 * max(len(self._points.mass), 1)), 1)
         found = []
         for i in range(0, max(len(twists), 1), step):
-            v, dv = np.ascontiguousarray(twists[i : i + step]), np.ascontiguousarray(rates[i : i + step])
-            known = inertia_per_object(self._known, v, dv)
-            pulls = inertia_per_object(self._points, v, dv)
-            found.append(inertia_rows_of(self._packed, self._masses, known, pulls))
+            v, dv = twists[i : i + step], rates[i : i + step]
+            known = contacts.inertia_per_object(self._known, v, dv)
+            pulls = contacts.inertia_per_object(self._points, v, dv)
+            found.append(uncertain.inertia_rows_of(self._packed, self._masses, known, pulls))
         return np.concatenate([rows for rows, _ in found]), np.concatenate([size for _, size in found])

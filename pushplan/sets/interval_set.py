@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from pushplan.core import uncertain
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.uncertain import load_areas, pack_intervals
-from pushplan.mechanics.uncertain_kernel import contact_margins_of, margins_of
 from pushplan.sets.known_load_sets import TranslationSet
 from pushplan.sets.robust_set import RobustSet
 from pushplan.sets.stable_set import StableSet
@@ -24,7 +24,7 @@ class IntervalEcofSet(StableSet):
         |sum F_i w_i at the intervals' middles| + sum of half their widths times |w_i|:
 
     at most the margin for any of the values, and equal to it where all intervals are points. The set is exact but for
-    pressures, where it errs on the safe side (see `uncertain_kernel`).
+    pressures, where it errs on the safe side (see `core/uncertain.hpp`).
 
     Raises:
         SupportError: See `EcofSet`.
@@ -43,18 +43,18 @@ class IntervalEcofSet(StableSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
-        return contact_margins_of(self._packed, twists)
+        return uncertain.contact_margins_of(self._packed, twists)
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
-        return margins_of(self._packed, twists, float(floor))
+        return uncertain.margins_of(self._packed, twists, float(floor))
 
 
 def stable_set_over(interval: IntervalChain, name: str = "ecof") -> StableSet:
     """Return a set of twists that are stable for all values in the intervals.
 
     Exact for `ecof`, `translation` and `robust`, but on the safe side for pressures that may be off (see
-    `uncertain_kernel`); for `stable`, the rule for a centre of friction anywhere in the region that the loads allow.
+    `core/uncertain.hpp`); for `stable`, the rule for a centre of friction anywhere in the region the loads allow.
     The set `cof` has no such form: its centre moves with the loads, and its conditions are not linear in them.
 
     Raises:

@@ -6,15 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pushplan.core import contacts
 from pushplan.mechanics.chain import PLATE, Chain
-from pushplan.mechanics.contacts import (
-    carried_objects,
-    cof,
-    common_centers,
-    contact_margins_of,
-    margins_of,
-    wrenches_of,
-)
+from pushplan.mechanics.contacts import carried_objects, cof, common_centers
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.sphere import Meridians, twists_at
 from pushplan.sets.boundary_following import SMALLEST_GAP, RefinedMeridians
@@ -98,7 +92,7 @@ class EcofSet(StableSet):
     """Twists whose exact friction wrenches every contact can transmit.
 
     Attributes:
-        packed: The chain as arrays, for `contact_kernel.margin` in compiled code.
+        packed: The chain as arrays for the core.
 
     Raises:
         SupportError: When a load is not known, or a push at the contact height could lift a part of an
@@ -113,11 +107,11 @@ class EcofSet(StableSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
-        return contact_margins_of(self.packed, wrenches_of(self.packed, twists))
+        return contacts.contact_margins_of(self.packed, contacts.wrenches_of(self.packed, twists))
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
-        return margins_of(self.packed, twists, floor)
+        return contacts.margins_of(self.packed, twists, floor)
 
 
 class CofSet(StableSet):
@@ -147,7 +141,7 @@ class CofSet(StableSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
-        return contact_margins_of(self._packed, self._wrenches(twists))
+        return contacts.contact_margins_of(self._packed, self._wrenches(twists))
 
     def cor_region(self, sense: int = +1, window: Window | None = None) -> BaseGeometry:
         """Return the stable centres of rotation of one sense, an exact convex polygon; see `StableSet`."""

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.compiled import compiled, inlined
+from pushplan.core import boundary, sphere
 from pushplan.mechanics.sphere import POLE, Meridians, twists_at
 from pushplan.util.arrays import FloatArray, IntArray
 
 MarginFunction = Callable[[FloatArray, float], FloatArray]
 """margin(twists (k, 3), floor) -> (k,); values at or below the floor need not be exact, only not above it."""
-
-PROMISING = 0.35
-"""Where margins fall short of the one asked for by more than this, no interval is hoped for between samples."""
 
 
 class Asked(NamedTuple):
@@ -35,28 +31,16 @@ class Asked(NamedTuple):
     def excess(self, longitude: FloatArray) -> Family:
         """Return f(i, latitude): by how much the margin exceeds the minimum on the meridian at `longitude[i]`.
 
-        Values at or below -PROMISING need not be exact.
+        Values at or below -`boundary.PROMISING` need not be exact.
         """
         east, north = np.cos(longitude), np.sin(longitude)
 
         def of(member: IntArray, latitude: FloatArray) -> FloatArray:
-            twists = _twists(east, north, self.length, member, latitude)
-            values = self.margin(twists, self.minimum - PROMISING)
+            twists = sphere.twists_on(east, north, self.length, member, latitude)
+            values = self.margin(twists, self.minimum - boundary.PROMISING)
             return np.subtract(values, self.minimum, dtype=np.float64)
 
         return of
-
-
-@compiled
-def _twists(
-    east: FloatArray, north: FloatArray, length: float, member: IntArray, latitude: FloatArray
-) -> FloatArray:
-    """Return the unit twists (k, 3) at latitudes (k,) of meridians; see `twists_at`."""
-    out = np.empty((len(member), 3))
-    for j in range(len(member)):
-        i, flat = member[j], math.cos(latitude[j])
-        out[j, 0], out[j, 1], out[j, 2] = flat * east[i], flat * north[i], math.sin(latitude[j]) / length
-    return out
 
 
 class Table(NamedTuple):
@@ -121,64 +105,18 @@ class Table(NamedTuple):
 Family = Callable[[IntArray, FloatArray], FloatArray]
 """f(i, x): value of member i (m,) of a family of functions at x (m,)."""
 
-TOLERANCE = 1e-12
-"""Width of the bracket in which a root is enclosed."""
-_PUSH = 1e-3
-_DOUBT = 4.0
-_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-
 
 def inner_ends(f: Family, brackets: FloatArray) -> FloatArray:
     """Return the last points (m,) with f > 0 on the way from the inside (f > 0) to the outside (f <= 0).
-
-    ITP method (Oliveira & Takahashi 2020): superlinear on smooth functions, never worse than bisection by
-    more than a few steps, jumps included.
 
     Args:
         f: Known by its values.
         brackets: (m, 4) places inside and outside, and the values there.
     """
-    state = np.zeros((len(brackets), 6))
-    state[:, :4] = brackets
-    live, x, value = np.arange(len(state)), state[:, 0].copy(), state[:, 2].copy()
-    while n := _enclose(state, live, x, value):
-        value = f(live[:n], x[:n])
-    return state[:, 0]
-
-
-@compiled
-def _enclose(state: FloatArray, live: IntArray, x: FloatArray, value: FloatArray) -> int:
-    """Take the values (n,) at the first n of `x`, and put there where to look next; return how many are open.
-
-    Args:
-        state: (m, 6) ends inside and outside, values there, steps left and kappa (0: not begun) of every bracket.
-        live: The open brackets, at the front.
-        x: Where they are looked at.
-        value: What was found there.
-    """
-    n = 0
-    for j in range(len(value)):
-        i = live[j]
-        side = 0 if value[j] > 0.0 else 1
-        state[i, side], state[i, 2 + side] = x[j], value[j]
-        a, b, fa, fb, steps, kappa = state[i]
-        half, gap = 0.5 * (a + b), abs(b - a)
-        if kappa == 0.0:
-            width = max(gap, TOLERANCE)
-            steps, kappa = math.ceil(math.log2(width / TOLERANCE)) + 3.0, _PUSH / width
-        steps -= 1.0
-        state[i, 4], state[i, 5] = steps, kappa
-        if not (gap > TOLERANCE and half != a):
-            continue
-        falsi = (fb * a - fa * b) / (fb - fa)
-        delta = max(kappa * gap * gap, 0.4 * TOLERANCE)
-        towards = 1.0 if half > falsi else -1.0
-        point = falsi + towards * delta if delta <= abs(half - falsi) else half
-        reach = max(0.5 * TOLERANCE * 2.0 ** max(steps, 0.0) - 0.5 * gap, 0.0)
-        if abs(point - half) > reach:
-            point = half - towards * reach
-        live[n], x[n], n = i, point, n + 1
-    return n
+    search = boundary.RootSearch(brackets)
+    while search:
+        search.take(f(search.member, search.x))
+    return search.ends
 
 
 def maximise(
@@ -197,55 +135,12 @@ def maximise(
         high: (m,) where to end.
         goal: Value that is enough.
         iterations: Most values asked for after the first two.
-        ends: (m,) values at `low` and `high`. With them, a search is given up where a rise by `_DOUBT` times what a
-            concave function could still have would not reach the goal.
+        ends: (m,) values at `low` and `high`. With them, hopeless searches are given up; see `boundary.PeakSearch`.
     """
-    first, x, live = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low), np.arange(len(low))
-    state = np.empty((len(low), 9))
-    state[:, 0], state[:, 1], state[:, 2], state[:, 3] = low, first, x, high
-    if ends is not None:
-        state[:, 4], state[:, 7] = ends
-    state[:, 5], value = f(np.concatenate([live, live]), np.concatenate([first, x])).reshape(2, -1)
-    state[:, 8] = iterations
-    while n := _narrow(state, live, x, value, goal, ends is not None):
-        value = f(live[:n], x[:n])
-    better = state[:, 5] >= state[:, 6]
-    return np.where(better, state[:, 1], state[:, 2]), np.where(better, state[:, 5], state[:, 6])
-
-
-@compiled
-def _narrow(
-    state: FloatArray, live: IntArray, x: FloatArray, value: FloatArray, goal: float, concave: bool
-) -> int:
-    """Do for `maximise` what `_enclose` does; a row of `state` is four places, the values there, and steps left."""
-    n = 0
-    for j in range(len(value)):
-        i = live[j]
-        row = state[i]
-        row[6 if x[j] == row[2] else 5] = value[j]
-        row[8] -= 1.0
-        best = max(row[5], row[6])
-        if best > goal or row[8] < -0.5 or (concave and best + _DOUBT * (_highest(row) - best) <= goal):
-            continue
-        if row[5] < row[6]:
-            row[0], row[1], row[4], row[5] = row[1], row[2], row[5], row[6]
-            row[2] = row[0] + _GOLDEN * (row[3] - row[0])
-            x[n] = row[2]
-        else:
-            row[3], row[2], row[7], row[6] = row[2], row[1], row[6], row[5]
-            row[1] = row[3] - _GOLDEN * (row[3] - row[0])
-            x[n] = row[1]
-        live[n], n = i, n + 1
-    return n
-
-
-@inlined
-def _highest(row: FloatArray) -> float:
-    """Return the largest value that a concave function with four known ones may have."""
-    a, b, c, d, fa, fb, fc, fd, _ = row
-    rise, slope, fall = (fb - fa) / (b - a), (fc - fb) / (c - b), (fd - fc) / (d - c)
-    crossing = min(max((fc - fb - fall * (c - b)) / (rise - fall), 0.0), c - b)
-    return float(max(fb + rise * crossing, fb - slope * (b - a), fc + slope * (d - c)))
+    search = boundary.PeakSearch(low, high, goal, iterations, ends)
+    while search:
+        search.take(f(search.member, search.x))
+    return search.best
 
 
 FLOOR = -0.8
@@ -253,7 +148,6 @@ _SHAPE = (96, 49)
 _STEPS = 48
 _STEEPEST = 1e3
 """Slope of a margin, 1/rad, above which no peak is hoped for."""
-_SPOKES = 8
 _TURN = np.pi * (3.0 - np.sqrt(5.0))
 
 
@@ -320,45 +214,5 @@ def climb(
         live = np.flatnonzero((values <= goal) & (values > goal - _STEEPEST * step) | np.isinf(goal))
         if len(live) == 0:
             break
-        around = _neighbours(at, step, live, k * _TURN)
-        _move(at, values, step, live, around, margin(around / [1.0, 1.0, length], -2.0))
-
-
-@compiled
-def _neighbours(at: FloatArray, step: FloatArray, live: IntArray, turn: float) -> FloatArray:
-    """Return unit vectors (8 m, 3) at angles `step` around m of the unit vectors."""
-    out, spoke = np.empty((len(live) * _SPOKES, 3)), np.empty(3)
-    for j in range(len(out)):
-        i, angle = live[j // _SPOKES], turn + 2.0 * math.pi * (j % _SPOKES) / _SPOKES
-        x, y, z = at[i]
-        flat = abs(z) < 0.7
-        size = math.sqrt(x * x + y * y) if flat else math.sqrt(y * y + z * z)
-        ex, ey, ez = (-y / size, x / size, 0.0) if flat else (0.0, -z / size, y / size)
-        north = y * ez - z * ey, z * ex - x * ez, x * ey - y * ex
-        spoke[0], spoke[1], spoke[2] = ex, ey, ez
-        for axis in range(3):
-            spoke[axis] = math.cos(angle) * spoke[axis] + math.sin(angle) * north[axis]
-            out[j, axis] = math.cos(step[i]) * at[i, axis] + math.sin(step[i]) * spoke[axis]
-    return out
-
-
-@compiled
-def _move(
-    at: FloatArray,
-    values: FloatArray,
-    step: FloatArray,
-    live: IntArray,
-    around: FloatArray,
-    found: FloatArray,
-) -> None:
-    """Go to the highest of the neighbours, or look closer."""
-    for j in range(len(live)):
-        i, best = live[j], j * _SPOKES
-        for k in range(best, best + _SPOKES):
-            best = k if found[k] > found[best] else best
-        if found[best] > values[i]:
-            values[i] = found[best]
-            for axis in range(3):
-                at[i, axis] = around[best, axis]
-        else:
-            step[i] *= 0.6
+        around = sphere.neighbours(at, step, live, k * _TURN)
+        sphere.move(at, values, step, live, around, margin(around / [1.0, 1.0, length], -2.0))

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pushplan.core import uncertain
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.sphere import checked_twists
 from pushplan.mechanics.uncertain import pack_centred
-from pushplan.mechanics.uncertain_kernel import contact_margins_of, margins_of, worst_spreads
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, frozen
 
@@ -44,7 +44,7 @@ class RobustSet(StableSet):
 
     Feet carry any loads that balance; any other support counts as its convex hull, with any pressure. A load
     that is known counts by its centre alone, load fractions in intervals as what they are. Margins err on the safe
-    side, by at most `uncertain_kernel.MISS`.
+    side, by at most `MISS` (`core/centred.hpp`).
 
     Args:
         chain: Objects and contacts.
@@ -68,11 +68,11 @@ class RobustSet(StableSet):
 
     def contact_margin_values(self, twists: FloatArray) -> FloatArray:
         """Return the margin (k, n) of each contact at checked twists (k, 3)."""
-        return contact_margins_of(self._packed, twists)
+        return uncertain.contact_margins_of(self._packed, twists)
 
     def margin_values(self, twists: FloatArray, floor: float = -2.0) -> FloatArray:
         """Return the margins (k,) of checked twists (k, 3); any number up to `floor` for smaller ones."""
-        return margins_of(self._packed, twists, float(floor))
+        return uncertain.margins_of(self._packed, twists, float(floor))
 
     def worst_case(self, twist: ArrayLike) -> WorstCase:
         """Return the pressure that determines the margin at a body twist (3,) in the chain frame.
@@ -83,7 +83,7 @@ class RobustSet(StableSet):
         v = checked_twists(np.asarray(twist, dtype=np.float64)[None])
         margins = self.contact_margin_values(v)[0]
         k = int(margins.argmin())
-        found = [worst_spreads(self._packed, v[0], k, j) for j in range(len(CONDITIONS))]
+        found = [uncertain.worst_spreads(self._packed, v[0], k, j) for j in range(len(CONDITIONS))]
         j = int(np.argmin([values.sum() for values, _ in found]))
         carried = np.flatnonzero(self._packed.carried[k] & (self._packed.free > 0))
         spreads = {int(i): found[j][1][i] for i in carried}

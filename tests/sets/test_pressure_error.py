@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pushplan.core import uncertain
 from pushplan.errors import SupportError
 from pushplan.mechanics import support as supports
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
@@ -17,7 +18,6 @@ from pushplan.mechanics.support import (
     UnknownSupport,
 )
 from pushplan.mechanics.uncertain import pack_intervals
-from pushplan.mechanics.uncertain_kernel import rows_of
 from pushplan.util.arrays import FloatArray
 
 SHARE = 0.1
@@ -70,9 +70,9 @@ def test_no_pressure_within_the_share_takes_more_and_the_worst_takes_about_as_mu
     cors = np.concatenate([near, rng.normal(size=(60, 2))])
     twists = np.column_stack([cors[:, 1], -cors[:, 0], np.ones(120)]) * rng.choice([-1.0, 1.0], (120, 1))
     load = chain.objects[0].friction_load
-    known, _ = rows_of(pack_intervals(IntervalChain.from_ranges(chain)), twists)
+    known, _ = uncertain.rows_of(pack_intervals(IntervalChain.from_ranges(chain)), twists)
     packed = pack_intervals(IntervalChain.from_ranges(chain, pressures={"box": SHARE}))
-    counted = (known - rows_of(packed, twists)[0])[:, 0] / load
+    counted = (known - uncertain.rows_of(packed, twists)[0])[:, 0] / load
     monkeypatch.setattr(supports, "CELLS", 3000)
     places, parts = chain.objects[0].support.cells()
     places = places @ np.array([[c, s], [-s, c]]) + [0.3, 0.1]
@@ -106,7 +106,7 @@ def test_translations_lose_force_nowhere_but_for_what_cells_may_miss() -> None:
     """The floor pulls in one direction everywhere: where the load rests does not matter for the force."""
     chain, twist = chain_on(UniformSupport(SQUARE), SQUARE), np.array([[1.0, 0.3, 0.0]])
     packed = pack_intervals(IntervalChain.from_ranges(chain, pressures={"box": SHARE}))
-    known, _ = rows_of(pack_intervals(IntervalChain.from_ranges(chain)), twist)
-    loss = (known - rows_of(packed, twist)[0])[0, 0] / chain.objects[0].friction_load
+    known, _ = uncertain.rows_of(pack_intervals(IntervalChain.from_ranges(chain)), twist)
+    loss = (known - uncertain.rows_of(packed, twist)[0])[0, 0] / chain.objects[0].friction_load
     assert loss[:2] == pytest.approx(packed.miss[0, 1], abs=1e-8)
     assert (loss[2:] > packed.miss[0, 1]).all()

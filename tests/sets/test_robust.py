@@ -12,6 +12,7 @@ import shapely
 import shapely.affinity
 from scipy.optimize import linprog
 
+from pushplan.core import uncertain
 from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import GRAVITY, Chain, Contact, PushedObject, Pusher
@@ -19,7 +20,6 @@ from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.sphere import twists_at
 from pushplan.mechanics.support import FeetSupport, Support, UnknownSupport
 from pushplan.mechanics.uncertain import LoadArea, pack_centred
-from pushplan.mechanics.uncertain_kernel import rows_of
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
 from pushplan.sets.robust_set import CONDITIONS, RobustSet
@@ -89,7 +89,7 @@ def test_least_rows_agree_with_a_linear_program(solid: bool, high: bool) -> None
         area = random_area(rng, solid, high)
         chain, twist = placed_on(area, rng), random_twist(rng, area)
         packed = pack_centred(chain)
-        least, _ = rows_of(packed, twist[None])
+        least, _ = uncertain.rows_of(packed, twist[None])
         for found, (gx, gy, gm) in zip(least[0, 0], packed.facets[0], strict=True):
             row = np.array([gx, gy, gm / packed.length])
             coarse, fine = (least_by_program(area, twist, row, count) for count in (60, 240))
