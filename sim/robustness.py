@@ -16,8 +16,8 @@ import numpy as np
 import shapely
 from scipy.optimize import brentq
 
-from pushplan.core import contacts
-from pushplan.core import robustness as core
+import pushplan.core.contacts as contacts
+import pushplan.core.robustness as core
 from pushplan.geometry.polygon import SHORTEST_CONTACT
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import Chain, PushedObject

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.core import boundary
+import pushplan.core.boundary as boundary
 from pushplan.sets.boundary_following import find_intervals, sampled
 from pushplan.sets.meridians import inner_ends, maximise
 from pushplan.util.arrays import FloatArray, IntArray

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from pushplan.core import contacts
+import pushplan.core.contacts as contacts
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts import contact_state, friction_wrench

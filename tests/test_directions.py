@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pushplan.core import sphere
+import pushplan.core.sphere as sphere
 from pushplan.mechanics.sphere import by_direction
 from pushplan.util.arrays import FloatArray
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad_vec
 
 import pushplan
-from pushplan.core import contacts
+import pushplan.core.contacts as contacts
 from pushplan.errors import PushplanError, SupportError, UndefinedEcofError
 from pushplan.geometry.se2 import inverse, transform_points
 from pushplan.mechanics.chain import GRAVITY, PushedObject

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from pushplan.core import contacts
+import pushplan.core.contacts as contacts
 from pushplan.mechanics.packed import WEIGHTS, complex_moments, series_coefficients
 from pushplan.util.arrays import FloatArray
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from pushplan.core import contacts
+import pushplan.core.contacts as contacts
 from pushplan.mechanics.contacts import carried_objects, contact_state, ecof, friction_wrench
 from pushplan.mechanics.packed import pack_chain, pack_object
 from pushplan.mechanics.support import UniformSupport

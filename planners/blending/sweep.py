@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+import pushplan.core.contacts as contacts
 import pushplan.core.timing as timing
 from pushplan.compiled import compiled
-from pushplan.core import contacts
 from pushplan.geometry import se2
 from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.timing.arc_limits import Bounds

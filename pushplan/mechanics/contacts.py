@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.core import contacts, sphere
+import pushplan.core.contacts as contacts
+import pushplan.core.sphere as sphere
 from pushplan.errors import UndefinedEcofError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.geometry.se2 import transform_points

@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.core import contacts, sphere, uncertain
+import pushplan.core.contacts as contacts
+import pushplan.core.sphere as sphere
+import pushplan.core.uncertain as uncertain
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.inertia import InertiaTable, inertia_table

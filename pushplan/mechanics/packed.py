@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.core import contacts
+import pushplan.core.contacts as contacts
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import rotate, transform_points
 from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.core import sphere
+import pushplan.core.sphere as sphere
 from pushplan.errors import PushplanError
 from pushplan.util.arrays import FloatArray, columns_of, frozen
 

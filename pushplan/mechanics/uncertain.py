@@ -12,7 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from pushplan.core import contacts, uncertain
+import pushplan.core.contacts as contacts
+import pushplan.core.uncertain as uncertain
 from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.core import boundary
+import pushplan.core.boundary as boundary
 from pushplan.mechanics.sphere import Meridians
 from pushplan.sets.meridians import (
     Asked,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pushplan.core import uncertain
+import pushplan.core.uncertain as uncertain
 from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.uncertain import load_areas, pack_intervals

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pushplan.core import contacts
+import pushplan.core.contacts as contacts
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.contacts import carried_objects, cof, common_centers
 from pushplan.mechanics.packed import pack_chain

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pushplan.core import boundary, sphere
+import pushplan.core.boundary as boundary
+import pushplan.core.sphere as sphere
 from pushplan.mechanics.sphere import POLE, Meridians, twists_at
 from pushplan.util.arrays import FloatArray, IntArray
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.core import uncertain
+import pushplan.core.uncertain as uncertain
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.sphere import checked_twists

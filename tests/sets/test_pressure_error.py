@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.core import uncertain
+import pushplan.core.uncertain as uncertain
 from pushplan.errors import SupportError
 from pushplan.mechanics import support as supports
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher

@@ -12,7 +12,7 @@ import shapely
 import shapely.affinity
 from scipy.optimize import linprog
 
-from pushplan.core import uncertain
+import pushplan.core.uncertain as uncertain
 from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import GRAVITY, Chain, Contact, PushedObject, Pusher
