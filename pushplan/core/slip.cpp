@@ -120,7 +120,8 @@ py::array_t<Number> rows_of(const std::vector<Thing> &things, Function numbers_o
     for (const Thing &thing : things)
         for (const auto number : std::array<Number, columns>(numbers_of(thing)))
             numbers.push_back(number);
-    return to_numpy(std::move(numbers), {static_cast<py::ssize_t>(things.size()), static_cast<py::ssize_t>(columns)});
+    const auto count = static_cast<py::ssize_t>(things.size());
+    return to_numpy(std::move(numbers), {count, static_cast<py::ssize_t>(columns)});
 }
 
 using Index = std::int64_t;
