@@ -180,8 +180,8 @@ py::array_t<Index> order_of(const World &world) {
 
 py::tuple world_to_tuple(const World &world) {
     return py::make_tuple(to_table(world.feet), first_foot_of(world), loads_of(world), center_of(world),
-                          to_table(world.corners), parts_of(world), circles_of(world), pairs_of(world), friction_of(world), world.length,
-                          order_of(world));
+                          to_table(world.corners), parts_of(world), circles_of(world), pairs_of(world),
+                          friction_of(world), world.length, order_of(world));
 }
 
 std::shared_ptr<World> world_from_tuple(const py::tuple &t) {
