@@ -6,6 +6,9 @@ namespace pushplan::mechanics {
 
 namespace {
 
+// Columns of `points`: looked up by number where a branch would be taken at random.
+constexpr int LOW = 2, HIGH = 3;
+
 Range range_at(Table<const double> ranges, std::ptrdiff_t i) { return read<Range>(ranges[i]); }
 
 // Throw std::invalid_argument unless `firsts` (n + 1,) begin at 0, never fall, and end at `size`.
@@ -91,10 +94,10 @@ double LeastRows::least_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double to
             best = std::max(best, dual_sum(first, stop, total, values_[p]));
         return best;
     }
+    const Table<const double> parts = packed_.points.table();
     double mean = 0.0, spread = 0.0, weight = 0.0;
     for (std::ptrdiff_t p = first; p < stop; ++p) {
-        const Part point = packed_.part(p);
-        const double part = point.high - point.low;
+        const double part = parts[p][HIGH] - parts[p][LOW];
         mean = mean + part * values_[p], spread = spread + part * values_[p] * values_[p], weight = weight + part;
     }
     mean /= weight;
@@ -103,10 +106,8 @@ double LeastRows::least_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double to
     for (int halving = 0; halving < HALVINGS; ++halving) {
         const double c = 0.5 * (low + high);
         double filled = 0.0;
-        for (std::ptrdiff_t p = first; p < stop; ++p) {
-            const Part point = packed_.part(p);
-            filled += values_[p] < c ? point.high : point.low;
-        }
+        for (std::ptrdiff_t p = first; p < stop; ++p)
+            filled += parts[p][values_[p] < c ? HIGH : LOW];
         (filled > total ? high : low) = c;
     }
     return dual_sum(first, stop, total, 0.5 * (low + high));
@@ -114,11 +115,11 @@ double LeastRows::least_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double to
 
 // c total + sum over p of min(low (v - c), high (v - c)).
 double LeastRows::dual_sum(std::ptrdiff_t first, std::ptrdiff_t stop, double total, double c) const {
+    const Table<const double> parts = packed_.points.table();
     double least = c * total;
     for (std::ptrdiff_t p = first; p < stop; ++p) {
-        const Part point = packed_.part(p);
         const double over = values_[p] - c;
-        least += (over > 0.0 ? point.low : point.high) * over;
+        least += parts[p][over > 0.0 ? LOW : HIGH] * over;
     }
     return least;
 }
