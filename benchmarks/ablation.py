@@ -23,13 +23,14 @@ from dense_scenes import HARD, NUMBERS
 from dense_scenes import scenes as dense_scenes
 
 from pushplan.bench.machine import Machine
+from pushplan.core.problem import Problem
 from pushplan.kernels import warm_up
 from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.ompl import auto
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.search import search
 from pushplan.planners.problem.controls import margins_to_try
-from pushplan.planners.problem.problem import Problem, body_reach, build_problem, sampling_box
+from pushplan.planners.problem.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search import lattice_rounds
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario

@@ -17,14 +17,14 @@ import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
 
+from pushplan.core.collision import separation
+from pushplan.core.problem import LEFT, RIGHT, STRAIGHT, TRIES, connect
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
-from pushplan.planners.collision.separation import separation
 from pushplan.planners.improve.session import Session
 from pushplan.planners.ompl.auto import AnytimePlanner
 from pushplan.planners.ompl.form import PushInformation, bounds, state_at
-from pushplan.planners.problem.problem import TRIES, Box
-from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT, connect
+from pushplan.planners.problem.problem import Box
 from pushplan.util.arrays import FloatArray, IntArray
 
 _INSTEAD = "choose a planner that needs none, such as auto"
@@ -105,9 +105,9 @@ class SweptWords(ob.MotionValidator):  # type: ignore[misc]
 
     def word(self, begin: FloatArray, end: FloatArray) -> FloatArray | None:
         """Return the arcs (3, 4) from one pose of the chain frame to another, None if they are blocked."""
-        problem, arcs = self._session.problem, np.zeros((3, 4))
-        cost, _ = connect(problem.scene, self._car.family[None], begin, end, np.inf, TRIES, arcs)
-        return arcs if cost < np.inf else None
+        scene = self._session.problem.scene
+        _, _, arcs = connect(scene, self._car.family[None], begin, end, tries=TRIES)
+        return arcs
 
 
 class OverDubins(AnytimePlanner):
@@ -217,7 +217,7 @@ def _space(session: Session, box: Box, car: Car) -> tuple[Any, SweptWords]:
 
     def valid(state: Any) -> bool:
         x, y, theta = car.chain_at(state).tolist()
-        return bool(separation(scene, x, y, theta, 2.0 * scene.clearance) >= scene.clearance)
+        return separation(scene, x, y, theta, 2.0 * scene.clearance) >= scene.clearance
 
     words = SweptWords(information, session, car)
     information.setStateValidityChecker(valid)

@@ -23,10 +23,11 @@ from ompl import control as oc
 from ompl import util as ou
 
 from pushplan.bench.machine import Machine
+from pushplan.core.problem import Problem
 from pushplan.kernels import warm_up
 from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.ompl.form import pose_problem
-from pushplan.planners.problem.problem import Problem, body_reach, build_problem, sampling_box
+from pushplan.planners.problem.problem import body_reach, build_problem, sampling_box
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
 
@@ -107,7 +108,7 @@ def improvements(
 
 
 def ours(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tuple[float, float]:
-    """CPU seconds per extension of OMPL's RRT with the compiled propagator, and the share of arcs kept."""
+    """CPU seconds per extension of OMPL's RRT with the propagator from the core, and the share of arcs kept."""
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed)
     session = Session(problem, scenario.start, Budget(math.inf, stall=10**12), seed)
@@ -118,9 +119,8 @@ def ours(problem: Problem, scenario: Scenario, extensions: int, seed: int) -> tu
     planner.setup()
     began = time.process_time()
     planner.solve(ob.PlannerTerminationCondition(lambda: session.extensions >= extensions))
-    return (time.process_time() - began) / session.extensions, (
-        information.propagator.count - 1
-    ) / session.extensions
+    kept = len(information.propagator.tree) - 1
+    return (time.process_time() - began) / session.extensions, kept / session.extensions
 
 
 def compare(name: str, extensions: int, repeats: int) -> str:

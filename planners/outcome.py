@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pushplan.planners.collision.separation import Scene
+from pushplan.core.collision import Scene
 from pushplan.plans.plan import Diagnosis, Improvement, Nearest, Segment
 from pushplan.plans.settings import Observer
 from pushplan.util.arrays import FloatArray

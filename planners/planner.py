@@ -10,20 +10,19 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pushplan.compiled.announcement import announced
+from pushplan.core.collision import Scene
+from pushplan.core.problem import reach as costs_of_words
 from pushplan.errors import PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error, relative
 from pushplan.kernels import warm_up
 from pushplan.planners.blending.blending import blend_path
-from pushplan.planners.collision.separation import Scene
 from pushplan.planners.multi.multi_push import MultiPushSearch
 from pushplan.planners.multi.rearrangement import RearrangementSearch
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.outcome import Outcome, Segments
 from pushplan.planners.problem.controls import MERIDIANS
 from pushplan.planners.problem.problem import Posing, open_scene
-from pushplan.planners.problem.reach import reach as costs_of_words
-from pushplan.planners.problem.reach import rejoin
+from pushplan.planners.problem.rejoin import rejoin
 from pushplan.planners.push_search import PushSearch
 from pushplan.planners.timing.arc_limits import Bounds, motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
@@ -228,10 +227,7 @@ class Planner:
         asked = self.scenario.with_margin(search.margins[0])
         scene = search.posing.scene(asked)
         families = search.posing.controls(asked, search.stable).families
-        with announced(
-            self.settings.observer.message
-        ):  # plans do without: it is compiled by the first who asks
-            return np.asarray(costs_of_words(scene, families, *both, self.scenario.clearance))
+        return costs_of_words(scene, families, *both, self.scenario.clearance)
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Planner:
         """Return a planner among other obstacles; stable sets and contacts are kept."""
@@ -419,16 +415,15 @@ class Planner:
         """Return the arcs of a way onto an earlier path and along its rest, None where none is free and stable."""
         stable, least = search.stable, search.margins[0]
         posed = self.scenario.with_margin(least)
-        with announced(self.settings.observer.message):  # like `reach`
-            return rejoin(
-                search.posing.scene(posed),
-                search.posing.controls(posed, stable).families,
-                asked.clearance,
-                lambda twists: stable.margin(twists) > least,
-                previous,
-                asked.start,
-                asked.goal.pose_chain,
-            )
+        return rejoin(
+            search.posing.scene(posed),
+            search.posing.controls(posed, stable).families,
+            asked.clearance,
+            lambda twists: stable.margin(twists) > least,
+            previous,
+            asked.start,
+            asked.goal.pose_chain,
+        )
 
 
 def _bound(outcome: Outcome, found: Segments) -> float | Callable[[], float | None] | None:

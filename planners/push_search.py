@@ -258,12 +258,10 @@ class _Searches:
         if before is None or known is None:
             problem = posing(scenario, stable, self.began + budget.time_limit)
             if self.known is not None:  # its twists need not lie on a segment
-                problem = problem._replace(
-                    segments=np.vstack([problem.segments, np.tile(self.known[:, :3], 2)])
-                )
+                problem = problem.with_segments(np.vstack([problem.segments, np.tile(self.known[:, :3], 2)]))
         else:
             objective = make_objective(scenario, stable, before.problem.segments)
-            problem = before.problem._replace(objective=objective)
+            problem = before.problem.with_objective(objective)
         monitor = InfeasibilityMonitor(scenario, stable, problem, budget.time_limit)
 
         def improved(path: PushPath, cost: float, iterations: int, seconds: float) -> None:

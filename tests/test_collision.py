@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import shapely
 
+from pushplan.core.collision import Scene, separation, step, sweep_is_free
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry import se2
 from pushplan.planners.collision.scene import convex_pieces, scene_of
-from pushplan.planners.collision.separation import Scene, separation, step, sweep_is_free
 from pushplan.util.arrays import FloatArray
 
 INFINITE = np.array([-np.inf, -np.inf, np.inf, np.inf])

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from plain import ARC_PRICE, load_plain
 
+from pushplan.core.problem import Objective, arc_value, rest_to_rest_time
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.improve.shortening import objective_value
 from pushplan.planners.planner import plan
-from pushplan.planners.problem.objective import Objective, arc_value, make_objective, rest_to_rest_time
+from pushplan.planners.problem.objective import make_objective
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.timing.arc_limits import ArcLimits, arc_limits
 from pushplan.planners.timing.exact_timing import rest_to_rest

@@ -62,7 +62,7 @@ def faults(scenario: Scenario) -> list[Diagnosis]:
 def diagnosed(scenario: Scenario, segments: FloatArray) -> tuple[Diagnosis, ...]:
     """What is said of a scenario whose pushes are `segments` (k, 6)."""
     stable = stable_set(scenario.chain)
-    problem = build_problem(scenario, stable)._replace(segments=segments)
+    problem = build_problem(scenario, stable).with_segments(segments)
     return diagnose(InfeasibilityMonitor(scenario, stable, problem), 1234, (0.25, 0.5))
 
 

@@ -13,10 +13,10 @@ import shapely
 from pushplan.bench.validation import clearance
 from pushplan.cli.check import room
 from pushplan.cli.main import main
+from pushplan.core.collision import sweep_is_free
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.planners.collision.scene import build_scene
-from pushplan.planners.collision.separation import sweep_is_free
 from pushplan.planners.planner import plan
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.validation.clearance import find_collision

@@ -11,20 +11,12 @@ from plain import load_plain, plain
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
+from pushplan.core.collision import sweep_is_free
+from pushplan.core.problem import Problem, poses_along
+from pushplan.core.search import Lattice
 from pushplan.geometry import se2
-from pushplan.planners.collision.separation import sweep_is_free
 from pushplan.planners.improve.session import Budget, Session, path_from
-from pushplan.planners.ompl.form import poses_along
-from pushplan.planners.problem.problem import Problem, build_problem, sampling_box
-from pushplan.planners.search.lattice_kernel import (
-    NODES,
-    OPEN,
-    PARTNER,
-    TRIED,
-    Lattice,
-    expand_best,
-    path_of,
-)
+from pushplan.planners.problem.problem import build_problem, sampling_box
 from pushplan.planners.search.lattice_rounds import LatticeRounds, distances_to, middle_of
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
@@ -59,20 +51,18 @@ def _session(problem: Problem, scenario: Scenario, seed: int = 1) -> Session:
 
 def _searched(
     problem: Problem, scenario: Scenario, back: int, bound: float = math.inf
-) -> tuple[Lattice, FloatArray, float]:
-    """Return a search that is over, the last word of its path, and its bound then."""
+) -> tuple[Lattice, float]:
+    """Return a search that is over, and its bound then."""
     session = _session(problem, scenario)
-    lattice = LatticeRounds(session, sampling_box(scenario)).planted(2, back)
-    word, over = np.zeros((3, 4)), False
+    lattice, over = LatticeRounds(session, sampling_box(scenario)).planted(2, back), False
     while not over:
-        bound, over = expand_best(problem, lattice, bound, 500, word)
-    return lattice, word, bound
+        bound, over = lattice.expand(session.random, bound, 500)
+    return lattice, bound
 
 
 @pytest.mark.parametrize("back", [0, 1])
 def test_every_branch_is_a_free_stable_arc(problem: Problem, scenario: Scenario, back: int) -> None:
-    lattice, _, _ = _searched(problem, scenario, back)
-    nodes = lattice.nodes[: lattice.counts[NODES]].copy()
+    nodes = _searched(problem, scenario, back)[0].nodes
     assert len(nodes) > 100
     for node in nodes[1:]:
         parent = nodes[int(node[4])]
@@ -89,45 +79,40 @@ def test_every_branch_is_a_free_stable_arc(problem: Problem, scenario: Scenario,
 def test_a_path_leads_free_from_start_to_goal_at_the_cost_that_is_said(
     problem: Problem, scenario: Scenario, back: int
 ) -> None:
-    lattice, word, bound = _searched(problem, scenario, back)
-    assert lattice.counts[PARTNER] >= 0
-    path = np.empty((lattice.counts[NODES] + 3, 4))
-    arcs = path[: path_of(lattice, word, path)]
-    poses, free = poses_along(problem, scenario.start, arcs)
+    lattice, bound = _searched(problem, scenario, back)
+    arcs = lattice.path
+    assert arcs is not None
+    poses, free = poses_along(problem.scene, scenario.start, arcs)
     assert free == len(arcs)
     np.testing.assert_allclose(se2.relative(poses[-1], problem.goal), 0.0, atol=1e-9)
     assert arcs[:, 3].sum() == pytest.approx(bound, abs=1e-9)
 
 
 def test_a_cell_remembers_its_cheapest_node(problem: Problem, scenario: Scenario) -> None:
-    lattice, _, _ = _searched(problem, scenario, 0)
-    nodes = lattice.nodes[1 : lattice.counts[NODES]]
-    side, angle = lattice.sizes[:2]
-    cells = np.column_stack(
-        [np.floor((nodes[:, :2] - lattice.box[:2]) / side), np.floor(nodes[:, 2] % (2.0 * np.pi) / angle)]
-    )
+    lattice, _ = _searched(problem, scenario, 0)
+    nodes = lattice.nodes[1:]
+    xy, headings = nodes[:, :2] - lattice.box[:2], nodes[:, 2] % (2.0 * np.pi)
+    cells = np.column_stack([np.floor(xy / lattice.side), np.floor(headings / lattice.angle)])
     found, owner = np.unique(cells, axis=0, return_inverse=True)
     cheapest = np.full(len(found), np.inf)
     np.minimum.at(cheapest, owner, nodes[:, 3])
-    kept = np.sort(lattice.costs[lattice.keys > 0])
-    np.testing.assert_array_equal(kept, np.sort(cheapest))
+    np.testing.assert_array_equal(np.sort(lattice.cell_costs), np.sort(cheapest))
 
 
 def test_no_path_above_the_bound_is_found(problem: Problem, scenario: Scenario) -> None:
-    _, _, best = _searched(problem, scenario, 0)
-    lattice, _, bound = _searched(problem, scenario, 0, 0.5 * best)
-    assert lattice.counts[PARTNER] < 0
+    _, best = _searched(problem, scenario, 0)
+    lattice, bound = _searched(problem, scenario, 0, 0.5 * best)
+    assert lattice.path is None
     assert bound == 0.5 * best
 
 
 def test_the_most_promising_comes_first(problem: Problem, scenario: Scenario) -> None:
     session = _session(problem, scenario)
     lattice = LatticeRounds(session, sampling_box(scenario)).planted(2, 0)
-    word = np.zeros((3, 4))
-    while lattice.counts[TRIED] < 400:
-        _, over = expand_best(problem, lattice, math.inf, 4, word)
+    while lattice.tried < 400:
+        _, over = lattice.expand(session.random, math.inf, 4)
         assert not over
-        queue = lattice.queue[: lattice.counts[OPEN], 0]
+        queue = lattice.open
         parents = (np.arange(1, len(queue)) - 1) // 2
         assert (queue[parents] <= queue[1:]).all()
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.planners.collision import scene as tree_module
-from pushplan.planners.collision.scene import LEAF, obstacle_tree, scene_of
-from pushplan.planners.collision.separation import Scene, separation, sweep_is_free
+from pushplan.core.collision import LEAF, Scene, Shapes, obstacle_tree, separation, sweep_is_free
+from pushplan.planners.collision.scene import scene_of
 from pushplan.util.arrays import FloatArray
 
 SQUARE = 0.5 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -24,22 +23,20 @@ def _world(rng: np.random.Generator, count: int) -> tuple[list[FloatArray], Floa
     return polygons, np.column_stack([places[n:], 0.5 * sizes[n:, 0]])
 
 
-def _both(
-    monkeypatch: pytest.MonkeyPatch, polygons: list[FloatArray], circles: FloatArray
-) -> tuple[Scene, Scene]:
+def _both(polygons: list[FloatArray], circles: FloatArray) -> tuple[Scene, Scene]:
     """Return the scene with its tree, and with all obstacles in one leaf."""
-    found = scene_of(BODY, polygons, circles, WALLS, 5e-4)
-    with monkeypatch.context() as patch:
-        patch.setattr(tree_module, "LEAF", 10**9)
-        one_leaf = scene_of(BODY, polygons, circles, WALLS, 5e-4)
-    assert len(one_leaf.tree) == 1
-    return found, one_leaf
+    scene = scene_of(BODY, polygons, circles, WALLS, 5e-4)
+    return scene, scene.with_obstacles(scene.obstacles, scene.circles, _one_leaf(scene), WALLS)
+
+
+def _one_leaf(scene: Scene) -> FloatArray:
+    return np.array([[*scene.tree[0, :4], 1, 0, len(scene.obstacles.bounds), 0, len(scene.circles)]])
 
 
 @pytest.mark.parametrize("count", [2, 9, 40, 1000])
-def test_the_tree_changes_no_answer(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+def test_the_tree_changes_no_answer(count: int) -> None:
     rng = np.random.default_rng(count)
-    scene, brute = _both(monkeypatch, *_world(rng, count))
+    scene, brute = _both(*_world(rng, count))
     free = blocked = 0
     for _ in range(3000):
         x, y, theta = rng.uniform(0.3, 19.7, 3)
@@ -99,8 +96,10 @@ def _looked_at(tree: FloatArray, x: float, y: float, reach: float) -> tuple[int,
     return boxes, polygons, circles
 
 
-def _gathered(scene: Scene, place: FloatArray, polygons: list[int], circles: list[int]) -> Scene:
-    """Return the scene with all obstacles but these moved to a place, and its tree as it was."""
+def _gathered(
+    scene: Scene, place: FloatArray, polygons: list[int], circles: list[int], tree: FloatArray
+) -> Scene:
+    """Return the scene with all obstacles but these moved to a place, and a tree that knows nothing of it."""
     corners, bounds, starts = (
         scene.obstacles.corners.copy(),
         scene.obstacles.bounds.copy(),
@@ -111,20 +110,22 @@ def _gathered(scene: Scene, place: FloatArray, polygons: list[int], circles: lis
         corners[starts[o] : starts[o + 1], :2] += place - bounds[o, :2]
         bounds[o, :2] = place
     discs[np.setdiff1d(np.arange(len(discs)), circles), :2] = place
-    return scene._replace(obstacles=scene.obstacles._replace(corners=corners, bounds=bounds), circles=discs)
+    return scene.with_obstacles(Shapes(corners, starts, bounds), discs, tree, WALLS)
 
 
-def test_of_a_thousand_obstacles_few_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_a_thousand_obstacles_few_are_looked_at() -> None:
     """The others may be anywhere, in the body even: the answer stays."""
     rng = np.random.default_rng(1)
-    scene, brute = _both(monkeypatch, *_world(rng, 1000))
+    scene = scene_of(BODY, *_world(rng, 1000), WALLS, 5e-4)
     counts, enough = [], 0.5
     for x, y, theta in rng.uniform(0.3, 19.7, (200, 3)).tolist():
         c, s, bound = np.cos(theta), np.sin(theta), scene.body_bound
         middle = np.array([x + c * bound[0] - s * bound[1], y + s * bound[0] + c * bound[1]])
         boxes, polygons, circles = _looked_at(scene.tree, middle[0], middle[1], bound[2] + enough)
         counts.append(boxes + len(polygons) + len(circles))
-        moved = _gathered(scene, middle, polygons, circles)
+        moved, in_one_leaf = (
+            _gathered(scene, middle, polygons, circles, tree) for tree in (scene.tree, _one_leaf(scene))
+        )
         assert separation(moved, x, y, theta, enough) == separation(scene, x, y, theta, enough)
-        assert separation(moved._replace(tree=brute.tree), x, y, theta, enough) <= 0.0
+        assert separation(in_one_leaf, x, y, theta, enough) <= 0.0
     assert np.mean(counts) < 60

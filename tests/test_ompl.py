@@ -13,14 +13,14 @@ from ompl import control as oc
 from ompl import util as ou
 
 import pushplan
+from pushplan.core.problem import Problem, arcs_at, controls_of
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.ompl import pose, push_path
 from pushplan.planners.improve.shortening import random_family
 from pushplan.planners.ompl.factories import PLANNERS as PLACES
 from pushplan.planners.ompl.factories import planner_named
-from pushplan.planners.ompl.form import arcs_at, controls_of, leave_path, pose_of, state_at
-from pushplan.planners.problem.problem import Problem
+from pushplan.planners.ompl.form import leave_path, pose_of, state_at
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario

@@ -83,38 +83,6 @@ def test_reach_is_the_cost_of_the_free_word_of_each_pair(planner: Planner, clutt
     assert found > 5
 
 
-@pytest.mark.parametrize("kernel", ["costs_of_words", "rejoin"])
-def test_what_plans_do_without_is_compiled_with_a_word(
-    kernel: str, clutter: Scenario, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A cache has it, as a rule; on a new machine it takes seconds."""
-    monkeypatch.setattr("pushplan.compiled.announcement.PATIENCE", 0.0)
-    told: list[str] = []
-    heard = Event()
-
-    def tell(sentence: str) -> None:
-        told.append(sentence)
-        heard.set()
-
-    def compiled_now(*_: object) -> None:
-        with trigger_event("numba:compile"):
-            assert heard.wait(60.0)
-        raise InterruptedError
-
-    planner = Planner(clutter, observer=Observer(message=tell)).with_obstacles([])
-    path = planner.plan(START, GOAL, timed=False).path
-    told.clear()
-    heard.clear()
-    monkeypatch.setattr(f"pushplan.planners.planner.{kernel}", compiled_now)
-    asked: dict[str, Callable[[], object]] = {
-        "costs_of_words": lambda: planner.reach([START], [GOAL]),
-        "rejoin": lambda: planner.plan(START, GOAL, previous=path),
-    }
-    with pytest.raises(InterruptedError):
-        asked[kernel]()
-    assert told == [ANNOUNCEMENT]
-
-
 def test_other_obstacles_change_the_room_and_nothing_else(planner: Planner) -> None:
     free = planner.with_obstacles([])
     assert np.isfinite(free.reach([START], [GOAL])).all()

@@ -11,6 +11,7 @@ from plain import load_plain, plain
 
 from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters
+from pushplan.core.problem import Problem
 from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at
 from pushplan.planners.infeasible import pockets as pocket
@@ -29,7 +30,7 @@ from pushplan.planners.infeasible.pockets import (
     reached,
 )
 from pushplan.planners.problem.controls import segment_ends
-from pushplan.planners.problem.problem import Problem, build_problem
+from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.scenario.file import example_names, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
@@ -192,7 +193,7 @@ def test_without_a_common_direction_nothing_is_proven() -> None:
     assert scenario.chain.pusher.drive.axle is not None
     assert _found(scenario, stable, problem) is not None
     backwards = np.array([[1.0, 0.0, 0.0, -0.5, 1.0, 0.0]])
-    assert [*find_pocket(scenario, stable, problem._replace(segments=backwards))] == []
+    assert [*find_pocket(scenario, stable, problem.with_segments(backwards))] == []
 
 
 def test_a_search_ends_near_the_other_pose_or_without_room() -> None:

@@ -10,12 +10,13 @@ import pytest
 import scipy.optimize
 from plain import load_plain
 
+from pushplan.core.problem import Problem
 from pushplan.geometry import se2
 from pushplan.planners.improve.local_changes import normals_of, vary
 from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.improve.shortening import objective_value, shorten
 from pushplan.planners.problem.objective import travel_objective
-from pushplan.planners.problem.problem import Problem, build_problem
+from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
@@ -73,7 +74,7 @@ def test_changed_paths_reach_the_goal_free_stable_and_never_dearer(name: str) ->
 def test_arcs_that_are_not_needed_are_left_out_and_the_path_stays_exact_free_and_stable(name: str) -> None:
     """Every arc of a path is cut in three; where arcs are dear, changes take the cuts out again."""
     scenario, problem = _posed(name)
-    problem = problem._replace(objective=travel_objective(0.05))
+    problem = problem.with_objective(travel_objective(0.05))
     path, state, normals = _first_path(scenario, problem, 3), _random(5), normals_of(problem.segments)
     cut = np.repeat(path, 3, axis=0) * [1.0, 1.0, 1.0, 1.0 / 3.0]
     now = cut

@@ -7,30 +7,20 @@ import pytest
 from ompl import base as ob
 from plain import load_plain
 
+from pushplan.core.collision import sweep_is_free
+from pushplan.core.problem import Problem
+from pushplan.core.search import SparseTree
 from pushplan.geometry import se2
-from pushplan.planners.collision.separation import sweep_is_free
 from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.ompl.form import pose_problem
 from pushplan.planners.ompl.search import search
-from pushplan.planners.problem.problem import NODE, Problem, body_reach, build_problem, sampling_box
-from pushplan.planners.search.sst import (
-    ACTIVE,
-    CHILDREN,
-    NODES,
-    TO_GO,
-    UNUSED,
-    WITNESSES,
-    SparseTree,
-    StableSparseRRT,
-    doubled,
-    grow_sparse,
-    planted,
-)
+from pushplan.planners.problem.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.search.sst import StableSparseRRT
 from pushplan.sets.named import stable_set
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import FloatArray, IntArray
 
 HEADING_LENGTH = 0.4
-RADII = np.array([HEADING_LENGTH, 0.5, 0.25])
+RADII = (HEADING_LENGTH, 0.5, 0.25)
 
 
 @pytest.fixture(scope="module")
@@ -49,19 +39,15 @@ def tree(problem: Problem) -> SparseTree:
     """Return a tree grown with 4,000 extensions, its connections to the goal left unused."""
     session = _session(problem, 1)
     box = sampling_box(load_plain("three-boxes-clutter"))
-    tree = planted(session, np.array(box), RADII)
-    while len(tree.nodes) < 4000:
-        tree = doubled(tree)
-    path = np.empty((len(tree.nodes) + 3, 4))
+    tree = SparseTree(session.start, problem.goal, np.array(box), *RADII)
     done = 0
     while done < 4000:
-        done += grow_sparse(problem, tree, np.inf, 4000 - done, path)[0]
+        done += tree.grow(problem, session.random, np.inf, 4000 - done)[0]
     return tree
 
 
-def _rows(tree: SparseTree) -> FloatArray:
-    unused = tree.unused[: tree.counts[UNUSED]]
-    return np.setdiff1d(np.arange(tree.counts[NODES]), unused)
+def _rows(tree: SparseTree) -> IntArray:
+    return np.setdiff1d(np.arange(len(tree.nodes)), tree.unused)
 
 
 def _distance(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -72,23 +58,24 @@ def _distance(a: FloatArray, b: FloatArray) -> FloatArray:
 def test_every_branch_is_a_free_arc_with_the_right_cost(problem: Problem, tree: SparseTree) -> None:
     rows = _rows(tree)
     assert len(rows) > 100
+    nodes, to_go = tree.nodes, tree.to_go
     for row in rows[1:]:
-        node, parent = tree.nodes[row], tree.nodes[int(tree.nodes[row, 4])]
+        node, parent = nodes[row], nodes[int(nodes[row, 4])]
         end = se2.compose(parent[:3], se2.exp(node[5:8] * node[8]))
         np.testing.assert_allclose(node[:3], end, atol=1e-12)
         assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-12)
         assert sweep_is_free(problem.scene, *parent[:3], *node[5:9])
-        assert node[TO_GO] <= np.hypot(*(problem.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
+        assert to_go[row] <= np.hypot(*(problem.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
 
 
 def test_witnesses_are_apart_and_each_keeps_one_near_node(tree: SparseTree) -> None:
-    witnesses = tree.witnesses[: tree.counts[WITNESSES]]
+    witnesses = tree.witnesses
     apart = _distance(witnesses[:, None, :3], witnesses[None, :, :3])
     np.fill_diagonal(apart, np.inf)
     assert apart.min() >= RADII[2]
     standing = witnesses[:, 3].astype(int)
     assert len(np.unique(standing)) == len(standing)
-    np.testing.assert_array_equal(np.sort(standing), _rows(tree)[tree.roles[_rows(tree), ACTIVE] == 1])
+    np.testing.assert_array_equal(np.sort(standing), _rows(tree)[tree.active[_rows(tree)]])
     assert _distance(witnesses[:, :3], tree.nodes[standing, :3]).max() < RADII[2]
 
 
@@ -97,10 +84,10 @@ def test_nothing_is_kept_that_leads_nowhere(tree: SparseTree) -> None:
     parents = tree.nodes[rows[1:], 4].astype(int)
     assert np.isin(parents, rows).all()
     children = np.bincount(parents, minlength=len(tree.nodes))
-    np.testing.assert_array_equal(tree.roles[rows, CHILDREN], children[rows])
-    idle = (tree.roles[rows, ACTIVE] == 0) & (children[rows] == 0)
+    np.testing.assert_array_equal(tree.children[rows], children[rows])
+    idle = ~tree.active[rows] & (children[rows] == 0)
     assert not idle.any()
-    witnesses = tree.witnesses[: tree.counts[WITNESSES]]
+    witnesses = tree.witnesses
     replaced = (tree.nodes[witnesses[:, 3].astype(int), :3] != witnesses[:, :3]).any(axis=1)
     assert replaced.sum() > 50
 
@@ -142,4 +129,3 @@ def test_no_time_is_a_timeout(problem: Problem) -> None:
     status = planner.solve(ob.PlannerTerminationCondition(session.settled))
     assert status.getStatus() == ob.PlannerStatus.TIMEOUT
     assert not definition.hasSolution()
-    assert NODE == TO_GO

@@ -6,17 +6,9 @@ import numpy as np
 import pytest
 from ompl import base as ob
 
+from pushplan.core.problem import LEFT, MOST_FAMILIES, RIGHT, STRAIGHT, connect, find_words
 from pushplan.geometry import se2
 from pushplan.planners.collision.scene import scene_of
-from pushplan.planners.problem.steering import (
-    LEFT,
-    MAX_WORDS,
-    MOST_FAMILIES,
-    RIGHT,
-    STRAIGHT,
-    connect,
-    find_words,
-)
 from pushplan.plans.path import cost_rate
 from pushplan.util.arrays import FloatArray
 
@@ -33,11 +25,6 @@ def _end(family: FloatArray, word: FloatArray, start: FloatArray) -> FloatArray:
     return pose
 
 
-def _words(family: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
-    words = np.empty((MAX_WORDS, 7))
-    return words[: find_words(family, start, goal, words)]
-
-
 @pytest.mark.parametrize("lean", [0.0, 0.3])
 def test_every_word_ends_on_the_goal(lean: float) -> None:
     rng = np.random.default_rng(4)
@@ -47,7 +34,7 @@ def test_every_word_ends_on_the_goal(lean: float) -> None:
         right = (rng.uniform(-0.2, 0.1), rng.uniform(-1.0, -0.2))
         family = np.array([_turning(left, 1.0), [np.cos(lean), np.sin(lean), 0.0], _turning(right, -1.0)])
         start, goal = rng.uniform(-2.0, 2.0, (2, 3))
-        for word in _words(family, start, goal):
+        for word in find_words(family, start, goal):
             end = _end(family, word, start)
             assert np.abs(end[:2] - goal[:2]).max() < 1e-9
             assert abs(se2.wrap_angle(end[2] - goal[2])) < 1e-9
@@ -74,7 +61,7 @@ def test_the_shortest_word_of_a_symmetric_car_is_that_of_dubins() -> None:
             state.setX(pose[0])
             state.setY(pose[1])
             state.setYaw(float(se2.wrap_angle(pose[2])))
-        words = _words(family, start, goal)
+        words = find_words(family, start, goal)
         shortest = min(word[4:7] @ travel[word[1:4].astype(int)] for word in words)
         assert shortest == pytest.approx(space.distance(a, b), abs=1e-7)
 
@@ -84,7 +71,7 @@ def test_turning_one_way_is_enough(missing: int, letters: set[int]) -> None:
     family = np.array([_turning((0.0, 0.5), 1.0), [1.0, 0.0, 0.0], _turning((0.0, -0.4), -1.0)])
     family[missing] = 0.0
     start, goal = np.array([0.0, 0.0, 0.0]), np.array([1.0, -0.7, 1.0])
-    words = _words(family, start, goal)
+    words = find_words(family, start, goal)
     assert len(words) == 1
     assert set(words[0, 1:4].astype(int)) <= letters
     np.testing.assert_allclose(_end(family, words[0], start)[:2], goal[:2], atol=1e-12)
@@ -94,15 +81,16 @@ def test_a_straight_goal_costs_no_needless_turn() -> None:
     family = np.array([_turning((0.0, 0.5), 1.0), [1.0, 0.0, 0.0], _turning((0.0, -0.4), -1.0)])
     start = np.array([0.3, 0.2, 0.7])
     goal = se2.compose(start, np.array([1.5, 0.0, 0.0]))
-    assert _words(family, start, goal)[:, 0].min() == pytest.approx(1.5, abs=1e-9)
+    assert find_words(family, start, goal)[:, 0].min() == pytest.approx(1.5, abs=1e-9)
 
 
 def test_there_is_room_for_so_many_families_and_no_more() -> None:
     scene = scene_of([0.1 * np.eye(3, 2)], [], np.zeros((0, 3)), np.array([-9.0, -9.0, 9.0, 9.0]), 5e-4)
     family = np.stack([_turning((0.0, 0.2), 1.0), np.array([1.0, 0.0, 0.0]), _turning((0.0, -0.2), -1.0)])
-    arcs, goal = np.zeros((3, 4)), np.array([1.0, 0.5, 1.0])
+    goal = np.array([1.0, 0.5, 1.0])
     full = np.repeat(family[None], MOST_FAMILIES, axis=0)
-    cost, promise = connect(scene, full, np.zeros(3), goal, np.inf, 2, arcs)
+    cost, promise, arcs = connect(scene, full, np.zeros(3), goal)
+    assert arcs is not None
     assert cost == promise == pytest.approx(arcs[:, 3].sum())
     with pytest.raises(ValueError, match="more families"):
-        connect(scene, np.concatenate([full, family[None]]), np.zeros(3), goal, np.inf, 2, arcs)
+        connect(scene, np.concatenate([full, family[None]]), np.zeros(3), goal)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from plain import load_plain
 
+from pushplan.core.problem import find_words
 from pushplan.geometry import se2
 from pushplan.planners.infeasible.bounds import turn_bound
 from pushplan.planners.planner import plan
 from pushplan.planners.problem.controls import control_segments, steering_families
-from pushplan.planners.problem.steering import MAX_WORDS, find_words
 from pushplan.plans.path import TURN_WEIGHT, PushPath
 from pushplan.scenario.file import example_names
 from pushplan.scenario.model import Scenario
@@ -55,11 +55,10 @@ def test_no_path_of_stable_twists_beats_the_bound(name: str) -> None:
 
 def test_no_word_of_a_car_beats_the_bound_and_some_reach_it() -> None:
     """Dubins' car: the cheapest word is the best path, or near it, as turns cost something, too."""
-    rng, family, words = np.random.default_rng(3), steering_families(CAR)[0], np.empty((MAX_WORDS, 7))
+    rng, family = np.random.default_rng(3), steering_families(CAR)[0]
     shares = []
     for goal in rng.uniform([-3.0, -3.0, -math.pi], [3.0, 3.0, math.pi], (300, 3)):
-        count = find_words(family, ORIGIN, goal, words)
-        best = float(words[:count, 0].min())
+        best = float(find_words(family, ORIGIN, goal)[:, 0].min())
         shares.append(turn_bound(ORIGIN, goal, CAR) / best)
     assert max(shares) <= 1.0 + 1e-9
     assert np.quantile(shares, 0.5) > 0.97

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pushplan.core.collision import Scene
 from pushplan.planners.blending.inset import inset_path
 from pushplan.planners.blending.parts import (
     NoFitError,
@@ -39,7 +40,6 @@ from pushplan.planners.blending.sweep import (
     off_chords,
     unstable_times,
 )
-from pushplan.planners.collision.separation import Scene
 from pushplan.planners.problem.problem import body_reach, scenario_scene
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path

@@ -1,4 +1,4 @@
-"""What moves and what stands in a room, for compiled code: convex pieces, their tree, and the scene made of them."""
+"""What moves and what stands in a room: convex pieces of outlines, and the scene made of them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from pushplan.compiled import compiled, no_refcount
+from pushplan.core.collision import Scene, Shapes, join_triangles, obstacle_tree
 from pushplan.errors import OutOfTimeError
 from pushplan.mechanics.chain import Chain
-from pushplan.planners.collision.separation import Scene, Shapes
 from pushplan.util.arrays import BoolArray, FloatArray, IntArray
 
 STRAIGHT = 1e-12
@@ -67,7 +66,7 @@ def _cut(outline: FloatArray) -> list[FloatArray]:
     points, origin = np.unique(rings.reshape(-1, 2).copy().view(np.complex128), return_inverse=True)
     corners = np.column_stack([points.real, points.imag])
     origin = origin.reshape(-1).astype(np.int64)
-    ring, starts = _joined(corners, origin, _twins(origin, len(corners)))
+    ring, starts = join_triangles(corners, origin, _twins(origin, len(corners)))
     return np.split(corners[ring], starts[1:-1])
 
 
@@ -78,105 +77,6 @@ def _twins(origin: IntArray, corners: int) -> IntArray:
     order = np.argsort(key)
     found = order[np.minimum(np.searchsorted(key[order], reverse), len(key) - 1)]
     return np.asarray(np.where(key[found] == reverse, found, -1))
-
-
-@compiled
-def _joined(corners: FloatArray, origin: IntArray, twin: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the corners (k,) of convex pieces, piece after piece, and where each begins (p + 1,).
-
-    Taking an edge away leaves every corner as it is but the edge's two ends; so each edge is looked at once.
-    """
-    edges = np.arange(len(origin))
-    after, before = edges - edges % 3 + (edges + 1) % 3, edges - edges % 3 + (edges + 2) % 3
-    gone = twin == edges  # none is
-    for h in range(len(origin)):
-        t = twin[h]
-        if h >= t or not _is_convex(corners, origin, before[h], after[t], after):
-            continue
-        if _is_convex(corners, origin, before[t], after[h], after):
-            for one, other in ((h, t), (t, h)):
-                after[before[one]], before[after[other]] = after[other], before[one]
-                gone[one] = True
-    ring, starts, k = np.empty(len(origin), dtype=np.int64), [0], 0
-    for h in range(len(origin)):
-        i = h
-        while not gone[i]:
-            ring[k], gone[i], k, i = origin[i], True, k + 1, after[i]
-        if k > starts[-1]:
-            starts.append(k)
-    return ring[:k], np.array(starts)
-
-
-@no_refcount
-def _is_convex(corners: FloatArray, origin: IntArray, into: int, out: int, after: IntArray) -> bool:
-    """Return whether the way from an edge `into` a corner on to an edge `out` of it does not turn right."""
-    a, b, c = corners[origin[into]], corners[origin[out]], corners[origin[after[out]]]
-    return bool((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) >= 0.0)
-
-
-LEAF = 4
-"""Obstacles in a leaf, at most."""
-
-
-def obstacle_tree(boxes: FloatArray, polygons: int) -> tuple[FloatArray, IntArray]:
-    """Return the tree over obstacles, halved at the median along the longer side of their centres' extent.
-
-    Args:
-        boxes: (n, 4) xmin, ymin, xmax, ymax of each obstacle.
-        polygons: So many of them, the first ones, are polygons; the others are circles.
-
-    Returns:
-        (t, 9) nodes in preorder: box, row of the next node that is not below it, and for leaves first and
-        last + 1 of its polygons and of its circles, empty ranges for other nodes; and (n,) the order that polygons
-        and circles have to be brought into for these ranges.
-    """
-    tree, order, counts = np.zeros((2 * len(boxes), 9)), np.arange(len(boxes)), np.zeros(2, dtype=np.int64)
-    rows = _add(boxes, polygons, LEAF, order, tree, 0, counts) if len(boxes) else 0
-    return tree[:rows].copy(), order
-
-
-@compiled
-def _add(
-    boxes: FloatArray,
-    polygons: int,
-    leaf: int,
-    members: IntArray,
-    tree: FloatArray,
-    row: int,
-    counts: IntArray,
-) -> int:
-    """Write the nodes above some obstacles from `row` on, bring them into order, and return the next free row."""
-    node, last = tree[row], row + 1
-    node[:2], node[2:4] = np.inf, -np.inf
-    for i in members:
-        for axis in range(2):
-            node[axis] = min(node[axis], boxes[i, axis])
-            node[2 + axis] = max(node[2 + axis], boxes[i, 2 + axis])
-    if len(members) <= leaf:
-        # Leaves are met in the order of rows, so that polygons and circles get consecutive numbers in it.
-        for i in members:
-            counts[0 if i < polygons else 1] += 1
-        node[6], node[8] = counts
-        node[5], node[7] = counts[0] - (members < polygons).sum(), counts[1] - (members >= polygons).sum()
-    else:
-        _sort(boxes, members)
-        half = len(members) // 2
-        last = _add(boxes, polygons, leaf, members[:half], tree, last, counts)
-        last = _add(boxes, polygons, leaf, members[half:], tree, last, counts)
-    node[4] = last
-    return last
-
-
-@compiled
-def _sort(boxes: FloatArray, members: IntArray) -> None:
-    """Sort obstacles by their centres along the longer side of these centres' extent."""
-    centers = np.empty((2, len(members)))
-    for k in range(len(members)):
-        for axis in range(2):
-            # Twice the centre: only the order counts.
-            centers[axis, k] = boxes[members[k], axis] + boxes[members[k], 2 + axis]
-    axis = 0 if np.ptp(centers[0]) >= np.ptp(centers[1]) else 1
-    members[:] = members[np.argsort(centers[axis], kind="mergesort")]
 
 
 def flatten(polygons: Sequence[FloatArray]) -> Shapes:
@@ -217,7 +117,7 @@ def build_scene(
     kept: float | None = None,
     until: float = math.inf,
 ) -> Scene:
-    """Return the compiled scene.
+    """Return the scene.
 
     Args:
         chain: What moves, pusher and robot included.
@@ -245,7 +145,7 @@ def scene_of(
     clearance: float,
     kept: float | None = None,
 ) -> Scene:
-    """Return the compiled scene of convex pieces, its obstacles in the order of their tree."""
+    """Return the scene of convex pieces, its obstacles in the order of their tree."""
     radius = circles[:, 2:]
     boxes = np.hstack([circles[:, :2] - radius, circles[:, :2] + radius])
     if polygons:

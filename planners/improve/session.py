@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pushplan.core.problem import GAIN, Objective, Problem, remaining
 from pushplan.geometry import se2
 from pushplan.planners.improve.shortening import cut_short, merged, objective_value, shorten
-from pushplan.planners.problem.objective import GAIN, Objective
-from pushplan.planners.problem.problem import Problem, remaining
 from pushplan.plans.path import TURN_WEIGHT, PushPath
 from pushplan.util.arrays import FloatArray, IntArray
 

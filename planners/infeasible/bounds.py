@@ -11,11 +11,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from pushplan.core.problem import remaining
 from pushplan.geometry import se2
 from pushplan.mechanics.body import SEAM, as_one
 from pushplan.mechanics.chain import Chain
 from pushplan.planners.infeasible.turning import Turns, turns_of
-from pushplan.planners.problem.problem import remaining
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.model import CircleObstacle, Obstacle, Scenario
 from pushplan.util.arrays import FloatArray

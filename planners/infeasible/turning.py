@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pushplan.core.problem import find_words
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import TurningRadii
 from pushplan.planners.problem.controls import control_segments, segment_ends, steering_families
-from pushplan.planners.problem.steering import MAX_WORDS, find_words
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
@@ -196,10 +196,8 @@ def _a_word_fits(scenario: Scenario, segments: FloatArray) -> bool:
     area = scenario.workspace
     assert area is not None
     corners = np.concatenate([moving.outline for moving in scenario.chain.bodies])
-    words = np.empty((MAX_WORDS, 7))
     for family in steering_families(segments):
-        count = find_words(family, scenario.start, scenario.goal.pose_chain, words)
-        for word in words[:count]:
+        for word in find_words(family, scenario.start, scenario.goal.pose_chain):
             path = PushPath(scenario.start, family[word[1:4].astype(int)], word[4:])
             poses = path.sampled(0.1)[:, None]
             across, upward = np.moveaxis(poses[..., :2] + se2.rotate(poses[..., 2], corners), -1, 0)

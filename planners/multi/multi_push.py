@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from pushplan.core.collision import SLACK, separation
 from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
-from pushplan.planners.collision.separation import separation
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import Contact, PushRoom, Question, joined, robot_at
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Improvements, Outcome, Segments
-from pushplan.planners.problem.problem import SLACK
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Nearest, Poses, Segment
 from pushplan.plans.settings import PlanSettings

@@ -1,4 +1,4 @@
-"""The project's own planner, auto: an OMPL planner whose inner loops are compiled."""
+"""The project's own planner, auto: an OMPL planner whose inner loops are in the core."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from ompl import base as ob
+from pushplan.core.search import Forest
 from pushplan.planners.improve.session import CHUNK, Session
 from pushplan.planners.ompl.form import PushInformation, information_of, leave_path
 from pushplan.planners.problem.problem import Box
 from pushplan.planners.search.lattice_rounds import LatticeRounds
-from pushplan.planners.search.trees import NODE, Forest, grow_both, plant
 from pushplan.util.arrays import FloatArray
 
 
 class AnytimePlanner(ob.Planner):  # type: ignore[misc]
-    """A planner with a compiled core, as OMPL sees it: its solution is the best path of the search.
+    """A planner with a search of its own, as OMPL sees it: its solution is the best path of the search.
 
     Attributes:
         name: What OMPL calls it.
@@ -68,7 +68,7 @@ class Auto(AnytimePlanner):
     def improve(self, information: PushInformation) -> None:
         """Run rounds until the search is over."""
         session, box, heading_length = information.session, information.box, information.heading_length
-        forest = _forest(session, box, heading_length)
+        forest = _forest(box, heading_length)
         lattice = LatticeRounds(session, box)
         extensions = 0
         for number in count(1):
@@ -88,32 +88,23 @@ def _length(number: int, solved: bool) -> int:
     return ROUND if solved else ROUND << min((number & -number).bit_length() - 1, DOUBLINGS)
 
 
-def _forest(session: Session, box: Box, heading_length: float) -> Forest:
-    start_tree, goal_tree = np.zeros((2, (ROUND << DOUBLINGS) + CHUNK, NODE))
-    return Forest(
-        start_tree=start_tree,
-        goal_tree=goal_tree,
-        counts=np.ones(2, dtype=np.int64),
-        box=np.array(box, dtype=np.float64),
-        heading_length=heading_length,
-        reach=0.15 * math.hypot(box[2] - box[0], box[3] - box[1]),
-        state=session.random,
-    )
+def _forest(box: Box, heading_length: float) -> Forest:
+    return Forest(np.array(box), heading_length, reach=0.15 * math.hypot(box[2] - box[0], box[3] - box[1]))
 
 
 def _round(session: Session, forest: Forest, excess: float, extensions: int) -> int:
     """Grow fresh trees until they join or have used up their extensions; return what counts as used."""
-    plant(forest, session.start, session.problem.goal)
-    path = np.empty((3 * (len(forest.start_tree) + len(forest.goal_tree)) + 3, 4))
-    used, arcs = 0, 0
-    while used < extensions and not arcs and not session.finished:
-        done, arcs = grow_both(session.problem, forest, excess * session.best.horizon, CHUNK, path)
+    forest.plant(session.start, session.problem.goal)
+    used, path = 0, None
+    while used < extensions and path is None and not session.finished:
+        bound = excess * session.best.horizon
+        done, path = forest.grow(session.problem, session.random, bound, CHUNK)
         used += done
         session.spent(done)
-    start_tree, goal_tree = forest.start_tree[: forest.counts[0]], forest.goal_tree[: forest.counts[1]]
-    session.branches.offer_nodes(start_tree, goal_tree)
-    if arcs:
-        session.offer(path[:arcs])
+    start_tree = forest.start_tree
+    session.branches.offer_nodes(start_tree, forest.goal_tree)
+    if path is not None:
+        session.offer(path)
     else:
         session.note_nearest(start_tree[:, :3], lambda node: _way_to(start_tree, node))
     return extensions

@@ -10,96 +10,16 @@ import numpy as np
 
 from ompl import base as ob
 from ompl import control as oc
-from pushplan.compiled import compiled, inlined, no_refcount
+from pushplan.core.collision import ROUNDING, Scene
+from pushplan.core.problem import arcs_at, connect, controls_of, poses_along
+from pushplan.core.search import Tree, branch
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
-from pushplan.planners.collision.separation import step, sweep_is_free
 from pushplan.planners.improve.session import Session, path_from
-from pushplan.planners.ompl.grow import make_handle, ready
-from pushplan.planners.problem.problem import (
-    END_SHARE,
-    LETTER_SHARE,
-    NODE,
-    ROUNDING,
-    Box,
-    Problem,
-    branch,
-    choose_twist,
-    remaining,
-)
-from pushplan.planners.problem.steering import MAX_WORDS, connect
+from pushplan.planners.problem.problem import Box
 from pushplan.plans.path import PushPath
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM
-
-
-@compiled
-def arcs_at(problem: Problem, controls: FloatArray) -> FloatArray:
-    """Return the arcs (k, 4), twists and lengths, of controls (k, 4): coordinates, and units that they go on for."""
-    arcs = np.empty((controls.shape[0], 4))
-    for i in range(controls.shape[0]):
-        arcs[i, 0], arcs[i, 1], arcs[i, 2] = choose_twist(problem, controls[i, 0], controls[i, 1])
-        arcs[i, 3] = controls[i, 2] * controls[i, 3] * problem.longest
-    return arcs
-
-
-@compiled
-def controls_of(problem: Problem, arcs: FloatArray) -> FloatArray:
-    """Return controls (k, 4) of arcs (k, 4), with whole units; not finite where a twist is on no segment."""
-    controls = np.empty((arcs.shape[0], 4))
-    for i in range(arcs.shape[0]):
-        segment, share = _place(problem.segments, arcs[i, 0], arcs[i, 1], arcs[i, 2])
-        units = max(1.0, math.ceil(arcs[i, 3] / problem.longest))
-        controls[i, 0] = LETTER_SHARE + (1.0 - LETTER_SHARE) * (segment + 0.5) / problem.segments.shape[0]
-        controls[i, 1] = END_SHARE + (1.0 - 2.0 * END_SHARE) * share
-        controls[i, 2] = arcs[i, 3] / (units * problem.longest)
-        controls[i, 3] = units
-    return controls
-
-
-@no_refcount
-def _place(segments: FloatArray, tx: float, ty: float, tz: float) -> tuple[int, float]:
-    """Return the segment that a twist t lies on, and the share b of its second end; b is no number if there is none.
-
-    Up to a factor, t = (1 - b) a + b c: with t in the plane of the ends a and c, b = |a x t| / (|a x t| + |t x c|).
-    """
-    # Farther from every segment than 1e-9 of its size, a twist is not in the set.
-    nearest, found, share = 1e-18 * (tx * tx + ty * ty + tz * tz), 0, np.nan
-    for i in range(segments.shape[0]):
-        ax, ay, az = segments[i, 0], segments[i, 1], segments[i, 2]
-        cx, cy, cz = segments[i, 3], segments[i, 4], segments[i, 5]
-        before = _span(ax, ay, az, tx, ty, tz)
-        behind = _span(tx, ty, tz, cx, cy, cz)
-        b = before / (before + behind) if before + behind > 0.0 else 0.0
-        mx, my, mz = ax + b * (cx - ax), ay + b * (cy - ay), az + b * (cz - az)
-        factor = (mx * tx + my * ty + mz * tz) / (mx * mx + my * my + mz * mz)
-        dx, dy, dz = factor * mx - tx, factor * my - ty, factor * mz - tz
-        away = dx * dx + dy * dy + dz * dz
-        if factor > 0.0 and away < nearest:
-            nearest, found, share = away, i, b
-    return found, share
-
-
-@inlined
-def _span(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> float:
-    """Size of the cross product of two vectors."""
-    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    return math.sqrt(x * x + y * y + z * z)
-
-
-@compiled
-def poses_along(problem: Problem, start: FloatArray, arcs: FloatArray) -> tuple[FloatArray, int]:
-    """Return the poses (k + 1, 3) at the ends of arcs (k, 4), and how many arcs come before one that is not free."""
-    poses, free = np.empty((arcs.shape[0] + 1, 3)), arcs.shape[0]
-    poses[0] = start
-    for i in range(arcs.shape[0]):
-        x, y, theta = poses[i, 0], poses[i, 1], poses[i, 2]
-        vx, vy, omega, length = arcs[i, 0], arcs[i, 1], arcs[i, 2], arcs[i, 3]
-        if free > i and length > 0.0 and not sweep_is_free(problem.scene, x, y, theta, vx, vy, omega, length):
-            free = i
-        poses[i + 1, 0], poses[i + 1, 1], poses[i + 1, 2] = step(x, y, theta, vx, vy, omega, length)
-    return poses, free
-
 
 OUTSIDE = 1e9
 """First coordinate, m, that marks a state as invalid."""
@@ -113,47 +33,38 @@ class Propagator:
 
     Attributes:
         bound: Cost that a whole path must stay below: arcs that cannot lead to one count as blocked, m.
-        nodes: (capacity, search.NODE) the tree; the first `count` rows are in use.
+        tree: What has been propagated from the start.
     """
 
     def __init__(self, session: Session) -> None:
         self._session, self.bound = session, math.inf
-        self._word = np.zeros((3, 4))
-        self.nodes = np.zeros((1024, NODE))  # doubled when full
-        self.take_problem()
-        self._grow, self._room_at = ready(self._handle)
+        self.tree = Tree(session.problem, session.start)
         self.clear()
 
     def take_problem(self) -> None:
-        """Hand the session's problem and the tree over to compiled code."""
-        self._handle = make_handle(self._session.problem, self.nodes, self._word)
+        """Go on with the session's problem."""
+        self.tree.take(self._session.problem)
 
     def clear(self) -> None:
         """Forget the tree but for its root, the start."""
         start = self._session.start
-        self.nodes[0] = 0.0
-        self.nodes[0, :3] = start
-        self.nodes[0, 4] = -1.0
-        self.count = 1
+        self.tree.clear(start)
         self._rows = {(float(start[0]), float(start[1]), wrapped(float(start[2]))): 0}
         self._last: tuple[float, float, float] | None = None
         self._distance = math.inf
 
     def propagate(self, state: Any, control: Any, duration: float, result: Any) -> None:
         """Go on from a state along the arc that the coordinates of a control stand for, for so many units of time."""
-        session, node = self._session, self.count
-        if node + 1 >= len(self.nodes):
-            self.nodes = np.concatenate([self.nodes, np.zeros_like(self.nodes)])
-            self.take_problem()
-        parent = self._rows.get((state.getX(), state.getY(), state.getYaw()), -1)
-        known = parent >= 0
-        if not known:
-            parent, node = self._enter(state), node + 1
+        session, tree = self._session, self.tree
+        place = (state.getX(), state.getY(), state.getYaw())
+        parent, node = self._rows.get(place, -1), len(tree)
         session.extensions += 1
         session.iterations += 1
-        kept, cost, to_go, x, y, theta = self._grow(
-            self._handle, node, parent, control[0], control[1], control[2] * duration, self.bound
-        )
+        controls = (control[0], control[1], control[2] * duration)
+        if parent >= 0:
+            kept, cost, to_go, x, y, theta = tree.extend(parent, *controls, self.bound)
+        else:
+            kept, cost, to_go, x, y, theta = tree.extend_from(*place, *controls, self.bound)
         if not kept:
             result.setX(OUTSIDE)
             return
@@ -161,28 +72,18 @@ class Propagator:
             theta = wrapped(theta)
         self._last = pose = (x, y, theta)
         self._distance = 0.0 if cost < self.bound else to_go
-        if known:
+        if parent >= 0:
             self._rows[pose] = node
-            self.count = node + 1
         result.setX(x)
         result.setY(y)
         result.setYaw(theta)
-
-    def _enter(self, state: Any) -> int:
-        """Write a pose that no arc from the start led to into the first unused row, where it is not kept."""
-        session, node = self._session, self.nodes[self.count]
-        node[:3] = state.getX(), state.getY(), state.getYaw()
-        start = session.start
-        node[3] = remaining(start[0], start[1], start[2], node[:3])
-        node[4] = -1.0
-        return self.count
 
     def free(self, state: Any) -> bool:
         """Return whether the body keeps clear of everything at a state; of an arc's end that is known already."""
         x, y, theta = state.getX(), state.getY(), state.getYaw()
         if x >= OUTSIDE:
             return False
-        return (x, y, theta) == self._last or self._room_at(self._handle, x, y, theta) >= 0.0
+        return (x, y, theta) == self._last or self.tree.room_at(x, y, theta) >= 0.0
 
     def distance_to_goal(self, state: Any) -> float:
         """Return 0 where a free word leads to the goal and makes the best path so far, else the cheapest word's cost.
@@ -192,15 +93,13 @@ class Propagator:
         pose = (state.getX(), state.getY(), state.getYaw())
         if pose == self._last:
             return self._distance
-        row = self._rows.get(pose, -1)
-        if row < 0:
-            row = self._enter(state)
-        _, cost, to_go, *_ = self._grow(self._handle, row, -1, 0.0, 0.0, 0.0, self.bound)
+        row, tree = self._rows.get(pose, -1), self.tree
+        cost, to_go = tree.connect(row, self.bound) if row >= 0 else tree.connect_from(*pose, self.bound)
         return 0.0 if cost < self.bound else to_go
 
     def note(self) -> None:
         """Hand the branches of the tree to the session, and the way to its node nearest to the goal."""
-        session, nodes = self._session, self.nodes[: self.count]
+        session, nodes = self._session, self.tree.nodes
         session.branches.offer_nodes(nodes)
         session.note_nearest(nodes[:, :3], lambda node: branch(nodes, node))
 
@@ -226,7 +125,7 @@ def path_control(information: PushInformation, arcs: FloatArray) -> Any:
     controls = controls_of(problem, arcs)
     if not np.isfinite(controls).all():
         raise PlanningError("a twist of the path is on no segment of the stable set")
-    poses, _ = poses_along(problem, information.session.start, arcs)
+    poses, _ = poses_along(problem.scene, information.session.start, arcs)
     control = information.allocControl()
     for pose, (u0, u1, u2, units) in zip(poses[:-1], controls.tolist(), strict=True):
         control[0], control[1], control[2] = u0, u1, u2
@@ -245,7 +144,7 @@ def arcs_to_goal(definition: Any) -> FloatArray:
     if not definition.hasExactSolution():
         raise PlanningError("the problem has no exact solution")
     arcs = controlled_arcs(session, definition.getSolutionPath())
-    poses, free = poses_along(_proven(session.problem), session.start, arcs)
+    poses, free = poses_along(_proven(session.problem.scene), session.start, arcs)
     if free < len(arcs):
         raise PlanningError(f"the planner left a path whose arc {free + 1} of {len(arcs)} is not free")
     end = poses[-1]
@@ -257,16 +156,13 @@ def arcs_to_goal(definition: Any) -> FloatArray:
     return np.concatenate([arcs, word])
 
 
-def _proven(problem: Problem) -> Problem:
-    """Return the problem with the clearance that a search proves for every pose of its arcs.
+def _proven(scene: Scene) -> Scene:
+    """Return the scene with the clearance that a search proves for every pose of its arcs.
 
     A search looks at poses with more clearance than it proves between them. Where neighbours of the same motion have
     been made one arc, other poses are looked at.
     """
-    kept = problem.scene.kept
-    return problem._replace(
-        scene=problem.scene._replace(clearance=kept - ROUNDING, kept=kept - CLEARANCE_ROOM)
-    )
+    return scene.with_distances(scene.kept - ROUNDING, scene.kept - CLEARANCE_ROOM)
 
 
 def push_path(definition: Any) -> PushPath:
@@ -283,7 +179,7 @@ def controlled_arcs(session: Session, path: Any) -> FloatArray:
         )
     units = path.getControlDurations()
     controls = [[u[0], u[1], u[2], unit] for u, unit in zip(path.getControls(), units, strict=True)]
-    return np.asarray(arcs_at(session.problem, np.array(controls).reshape(-1, 4)))
+    return arcs_at(session.problem, np.array(controls).reshape(-1, 4))
 
 
 class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
@@ -321,7 +217,7 @@ class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
         """Take a stable twist (3,) that may lie between the segments into the chart, as a segment of its own."""
         problem = self.session.problem
         segments = np.vstack([problem.segments, np.tile(twist, 2)])
-        self.session.problem = problem._replace(segments=segments)
+        self.session.problem = problem.with_segments(segments)
         self.propagator.take_problem()
 
 
@@ -380,9 +276,9 @@ def pose_problem(session: Session, box: Box, heading_length: float) -> tuple[Pus
 
 def free_word(session: Session, begin: FloatArray, end: FloatArray) -> FloatArray | None:
     """Return the arcs (3, 4) of the cheapest free word between two poses (3,), None where all are blocked."""
-    problem, arcs = session.problem, np.zeros((3, 4))
-    cost, _ = connect(problem.scene, problem.families, begin, end, math.inf, MAX_WORDS, arcs)
-    return arcs if cost < math.inf else None
+    problem = session.problem
+    _, _, arcs = connect(problem.scene, problem.families, begin, end)
+    return arcs
 
 
 def information_of(definition: Any) -> PushInformation:

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from pushplan.core.problem import LEFT, RIGHT, STRAIGHT
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import twists_at
-from pushplan.planners.problem.steering import LEFT, RIGHT, STRAIGHT
 from pushplan.plans.path import cost_rate
 from pushplan.scenario.model import Scenario
 from pushplan.sets.known_load_sets import HELP, contact_words, emptiness, weakest_contact

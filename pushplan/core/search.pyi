@@ -201,6 +201,18 @@ class Lattice:
         """The best path (k, 4), None while there is none."""
 
     @property
+    def box(self) -> FloatArray:
+        """What the cells cover (4,), m."""
+
+    @property
+    def side(self) -> float:
+        """Side of a cell, m."""
+
+    @property
+    def angle(self) -> float:
+        """Angle of a cell, rad."""
+
+    @property
     def tried(self) -> int:
         """Arcs tried."""
 

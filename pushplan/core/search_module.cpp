@@ -216,6 +216,9 @@ void bind_lattice(py::module_ &m) {
             },
             py::arg("state"), py::arg("bound"), py::arg("arcs"))
         .def_property_readonly("path", [](const Lattice &self) { return path_or_none(self.path()); })
+        .def_property_readonly("box", [](const Lattice &self) { return py::array_t<double>(4, &self.area().xmin); })
+        .def_property_readonly("side", [](const Lattice &self) { return self.sizes().side; })
+        .def_property_readonly("angle", [](const Lattice &self) { return self.sizes().angle; })
         .def_property_readonly("tried", &Lattice::tried)
         .def_property_readonly("nodes", [](const Lattice &self) { return to_table(self.nodes()); })
         .def_property_readonly("open",
