@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from threading import Event
 
 import numpy as np
 import pytest
-from numba.core.event import trigger_event
 
 from pushplan import Scenario
-from pushplan.compiled.announcement import ANNOUNCEMENT
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
 from pushplan.planners.improve.session import Budget, Session
@@ -19,7 +15,6 @@ from pushplan.planners.ompl.form import free_word
 from pushplan.planners.planner import Planner, plan
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.validation.clearance import find_collision
-from pushplan.plans.settings import Observer
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Goal, PolygonObstacle
 
