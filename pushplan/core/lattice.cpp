@@ -84,8 +84,8 @@ std::int64_t Lattice::key_of(const Pose &pose) const {
 
 // What is left to the target at least, m: by the floor's distances, and by the cheapest word.
 //
-// The floor's distances know nothing of turns, words nothing of obstacles: the larger one tells more. Neither is a lower
-// bound (words of one family, ways from cell to cell), so what is found is good, not proven to be best.
+// The floor's distances know nothing of turns, words nothing of obstacles: the larger one tells more. Neither is a
+// lower bound (words of one family, ways from cell to cell), so what is found is good, not proven to be best.
 double Lattice::left(const Pose &pose) const {
     const double c = std::cos(pose.theta), s = std::sin(pose.theta);
     const double px = pose.x + c * middle_[0] - s * middle_[1];

@@ -46,7 +46,7 @@ using Words = WordList<MAX_WORDS>;
 // Return every word of a family from one pose to another.
 Words find_words(const Family &family, const Pose &start, const Pose &goal);
 
-// The cheapest of a range of items with a `cost` that costs less than a bound, the first one of equals; null without any.
+// The cheapest of a range of items with a `cost` that costs less than a bound, the first one of equals; null without.
 template <class Item> Item *cheapest(Item *first, Item *last, double bound) {
     Item *best = nullptr;
     for (; first != last; ++first)
