@@ -9,22 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from pushplan.compiled import compiled
+from pushplan.core.pushes import approaches_are_free, find_push, settles, word_costs
+from pushplan.core.sequences import cheapest_sequence
+from pushplan.core.transit import find_transit, shortened, transit_is_free
 from pushplan.geometry import se2
-from pushplan.planners.multi.room import (
-    ARCS,
-    PushRoom,
-    Question,
-    approaches_are_free,
-    push,
-    robot_at,
-    settles,
-    word_costs,
-)
-from pushplan.planners.multi.transit import MOST_ARCS, find_transit, shortened, transit_is_free
+from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.problem.problem import sampling_box
 from pushplan.plans.path import TURN_WEIGHT
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,65 +71,6 @@ def _bounds(starts: FloatArray, goals: FloatArray, middle: FloatArray, faster: f
     return np.asarray(np.maximum(away, turn))
 
 
-@compiled
-def cheapest_sequence(
-    pushes: FloatArray, changes: FloatArray, first: FloatArray, goals: int, most: int
-) -> tuple[float, IntArray]:
-    """Find the cheapest sequence of pushes from node 0 to one of nodes 1 to `goals`.
-
-    By the number of pushes, cheapest first, as in the recursion of Bellman and Ford.
-
-    Args:
-        pushes: (m, v, v) cost of a push by mode from node to node.
-        changes: (v, m, m) cost of a change at a node from mode to mode.
-        first: (m,) cost of what comes before a first push.
-        goals: How many nodes are goals.
-        most: Pushes, at most.
-
-    Returns:
-        The cost, infinite where there is none, and (k, 3) mode, first and last node of each push.
-    """
-    modes, nodes = pushes.shape[0], pushes.shape[1]
-    ready = np.full((nodes, modes), np.inf)
-    ready[0] = first
-    came = np.zeros((most, nodes, modes), dtype=np.int64)
-    before = np.zeros((most, nodes, modes), dtype=np.int64)
-    best, last, at, by = np.inf, -1, -1, -1
-    for k in range(most):
-        done = np.full((nodes, modes), np.inf)
-        for m in range(modes):
-            for u in range(nodes):
-                # What costs as much as a whole plan already leads to none that is cheaper: no cost is negative.
-                if ready[u, m] < best:
-                    for v in range(nodes):
-                        cost = ready[u, m] + pushes[m, u, v]
-                        if cost < done[v, m]:
-                            done[v, m] = cost
-                            came[k, v, m] = u
-        for v in range(1, goals + 1):
-            for m in range(modes):
-                if done[v, m] < best:
-                    best, last, at, by = done[v, m], k, v, m
-        if k + 1 == most:
-            break
-        ready[:] = np.inf
-        # At a goal the sequence ends; at the start (node 0) no contact has been made that could be changed.
-        for v in range(goals + 1, nodes):
-            for m in range(modes):
-                if done[v, m] < best:
-                    for q in range(modes):
-                        cost = done[v, m] + changes[v, m, q]
-                        if cost < ready[v, q]:
-                            ready[v, q] = cost
-                            before[k + 1, v, q] = m
-    steps = np.zeros((last + 1, 3), dtype=np.int64)
-    for k in range(last, -1, -1):
-        u = came[k, at, by]
-        steps[k, 0], steps[k, 1], steps[k, 2] = by, u, at
-        at, by = u, before[k, u, by]
-    return best, steps
-
-
 EFFORT = (30, 200, 1000)
 """Poses drawn in search of a way of the robot: a way that is not found is looked for again, with more, later on."""
 
@@ -164,7 +97,7 @@ class Graph:
         assert room.scenario.pushes is not None
         self._room, self._question, self._pushes = room, question, room.scenario.pushes
         self._state = np.array([seed], dtype=np.uint64)
-        self._box = np.array(sampling_box(room.scenario))
+        self._box = sampling_box(room.scenario)
         self.goals = len(question.goals)
         self.contacts = len(room.contacts)
         self.poses = np.zeros((0, 3))
@@ -180,7 +113,7 @@ class Graph:
         modes = [contact.packed for contact in room.contacts]
         start, goals = question.load[None], question.goals
         self.begins = np.array([approaches_are_free(room.robot, mode, start, False)[0] for mode in modes])
-        self.leaves = np.array([bool(settles(c.scene, c.packed, question.load)) for c in room.contacts])
+        self.leaves = np.array([settles(c.scene, c.packed, question.load) for c in room.contacts])
         self.ends = np.array([approaches_are_free(room.robot, mode, goals, True) for mode in modes])
         self.changes = self._changed(room.shortest)
         self.add(np.concatenate([start, goals]), np.inf)
@@ -189,7 +122,7 @@ class Graph:
 
     def _assumed(self, taken: int) -> float:
         """The least that the way to a first push can cost: as the crow flies."""
-        goal = robot_at(self._room.contacts[taken].packed, self.poses[0], self._pushes.approach)
+        goal = self._room.contacts[taken].packed.robot_at(self.poses[0], self._pushes.approach)
         return self._weighed(float(np.hypot(*(goal - self._question.robot)[:2])) + self._pushes.approach)
 
     def _weighed(self, way: float) -> float:
@@ -271,11 +204,9 @@ class Graph:
         """Return a plan with shorter ways of the robot."""
         found = []
         for step in best.steps:
-            arcs, n = np.zeros((MOST_ARCS, 4)), len(step.transit)
-            arcs[:n] = step.transit
             around = self._room.around(step.before)
-            n = shortened(around, self._room.wheels, step.start, arcs, n, self._state, 200)
-            found.append(replace(step, transit=arcs[:n].copy()))
+            way = shortened(around, self._room.wheels, step.start, step.transit, self._state, 200)
+            found.append(replace(step, transit=way))
         saved = sum(
             float(old.transit[:, 3].sum() - new.transit[:, 3].sum())
             for old, new in zip(best.steps, found, strict=True)
@@ -297,8 +228,8 @@ class Graph:
         """Find a push; return whether it costs what was assumed."""
         m, u, v = row
         assumed = self._push[m, u, v]
-        contact, arcs = self._room.contacts[m], np.zeros((ARCS, 4))
-        self._push[m, u, v] = push(contact.scene, contact.packed, self.poses[u], self.poses[v], arcs)
+        contact = self._room.contacts[m]
+        self._push[m, u, v], arcs = find_push(contact.scene, contact.packed, self.poses[u], self.poses[v])
         self._known_pushes[row] = arcs
         self.looked_at += 1
         return bool(self._push[m, u, v] <= assumed + SAME)
@@ -341,18 +272,16 @@ class Graph:
         v, left, taken = change
         load, second = self.poses[v], self._room.contacts[taken].packed
         around = self._room.around(load)
-        goal = robot_at(second, load, second.approach)
+        goal = second.robot_at(load, second.approach)
         start = self._transit_start(change)
         if left != FIRST:
             known = self._room.transit_around(left, taken)
             if known is not None and transit_is_free(around, start, known):
                 return known
-        arcs = np.zeros((MOST_ARCS, 4))
         reach = 1.0 + self._room.scenario.chain.reach  # m: how far from the ends poses are drawn
-        n = find_transit(
-            around, self._room.wheels, start, goal, self._box, reach, self._state, EFFORT[level], arcs
+        return find_transit(
+            around, self._room.wheels, start, goal, self._box, reach, self._state, EFFORT[level]
         )
-        return None if n < 0 else arcs[:n].copy()
 
     def _transit_start(self, change: Change) -> FloatArray:
         """Return where the robot's frame (3,) is before it drives to a contact."""
@@ -360,7 +289,7 @@ class Graph:
         if left == FIRST:
             return self._question.robot
         first = self._room.contacts[left].packed
-        return robot_at(first, self.poses[v], first.retreat)
+        return first.robot_at(self.poses[v], first.retreat)
 
     def _steps(self, rows: list[tuple[int, int, int]]) -> list[Step]:
         """Return the pushes that rows come to: those of one contact that follow one another are one push."""

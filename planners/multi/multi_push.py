@@ -12,7 +12,7 @@ from pushplan.errors import EmptyStableSetError, PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
 from pushplan.planners.multi.graph import PushSequence
-from pushplan.planners.multi.room import Contact, PushRoom, Question, joined, robot_at
+from pushplan.planners.multi.room import Contact, PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.path import PushPath
@@ -274,7 +274,7 @@ def _reasons(room: PushRoom, question: Question, found: Found) -> Iterator[Diagn
 
 def _ends_in_something(contact: Contact, question: Question) -> bool:
     mode = contact.packed
-    x, y, theta = (float(value) for value in joined(question.load, mode.contact))
+    x, y, theta = (float(value) for value in se2.compose(question.load, mode.contact))
     c, s = np.cos(theta), np.sin(theta)
     dx, dy = mode.settle * mode.settling[:2]
     return bool(separation(contact.scene, x + c * dx - s * dy, y + s * dx + c * dy, theta, 1.0) <= 0.0)
@@ -282,5 +282,5 @@ def _ends_in_something(contact: Contact, question: Question) -> bool:
 
 def _all_taken(room: PushRoom, loads: FloatArray) -> bool:
     """Tell whether the robot would overlap something at every contact, with the load at any of the poses (k, 3)."""
-    poses = [robot_at(contact.packed, load, 0.0) for contact in room.contacts for load in loads]
+    poses = [contact.packed.robot_at(load, 0.0) for contact in room.contacts for load in loads]
     return all(separation(room.robot, p[0], p[1], p[2], 1.0) < room.scenario.clearance for p in poses)

@@ -21,7 +21,7 @@ from shapely.geometry.base import BaseGeometry
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.multi.multi_push import MultiPushSearch, backed_off, free_goals, plan_cost
-from pushplan.planners.multi.room import PushRoom, Question, robot_at
+from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.search import Found, Limits, search
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.plans.plan import Diagnosis, Nearest, Poses
@@ -142,7 +142,7 @@ class Transfer:
         """(3,) pose of the plate frame after the last retreat."""
         assert self.found.best is not None
         mode = self.room.contacts[self.found.best.steps[-1].contact].packed
-        robot = robot_at(mode, self.end, mode.retreat)
+        robot = mode.robot_at(self.end, mode.retreat)
         return se2.compose(robot, self.search.scenario.chain.pusher.plate_pose)
 
     def segments(self, before: Poses) -> Segments:

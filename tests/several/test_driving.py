@@ -9,35 +9,18 @@ import pytest
 from ompl import base
 from several.conftest import Problem
 
+from pushplan.core.driving import Surroundings, WheelKind, Wheels, find_drives, find_reeds_shepp
+from pushplan.core.transit import find_transit
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
-from pushplan.planners.multi import driving
-from pushplan.planners.multi.driving import (
-    CAR,
-    DIFFERENTIAL,
-    LETTERS,
-    MOST_WORDS,
-    OMNIDIRECTIONAL,
-    Surroundings,
-    Wheels,
-    find_reeds_shepp,
-)
-from pushplan.planners.multi.room import _scenes
-from pushplan.planners.multi.transit import MOST_ARCS, find_transit
+from pushplan.planners.multi.room import _scenes, wheels_of
 from pushplan.planners.validation.clearance import Motion, Room, collision_along
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 
 AXLE = np.array([-0.3, 0.02, 0.1])
-KINDS = pytest.mark.parametrize("kind", [OMNIDIRECTIONAL, DIFFERENTIAL, CAR])
-
-
-def words_between(wheels: Wheels, start: FloatArray, goal: FloatArray) -> list[FloatArray]:
-    """Return the arcs (k, 4) of every word."""
-    words = np.empty((MOST_WORDS, driving.WORD))
-    n = driving.find_drives(wheels, start, goal, words)
-    return [word[2 : 2 + 4 * int(word[1])].reshape(-1, 4) for word in words[:n]]
+KINDS = pytest.mark.parametrize("kind", list(WheelKind.__members__.values()))
 
 
 def driven(start: FloatArray, arcs: FloatArray) -> FloatArray:
@@ -48,10 +31,7 @@ def driven(start: FloatArray, arcs: FloatArray) -> FloatArray:
 
 def shortest_reeds_shepp(x: float, y: float, phi: float) -> float:
     """Return the length of the shortest way to a pose, in turning radii."""
-    counts = np.zeros(MOST_WORDS)
-    letters, lengths = np.zeros((2, MOST_WORDS, LETTERS))
-    n = find_reeds_shepp(x, y, phi, counts, letters, lengths)
-    return float(min(sum(abs(lengths[i, : int(counts[i])])) for i in range(n)))
+    return float(min(np.abs(lengths).sum() for _, lengths in find_reeds_shepp(x, y, phi)))
 
 
 def test_the_shortest_word_of_a_car_is_as_long_as_that_of_ompl() -> None:
@@ -67,10 +47,10 @@ def test_the_shortest_word_of_a_car_is_as_long_as_that_of_ompl() -> None:
 
 
 @KINDS
-def test_every_word_leads_to_the_goal(kind: int) -> None:
+def test_every_word_leads_to_the_goal(kind: WheelKind) -> None:
     wheels, random = Wheels(kind, AXLE, 1.0), np.random.default_rng(2)
     for start, goal in random.uniform(-3.0, 3.0, (100, 2, 3)):
-        words = words_between(wheels, start, goal)
+        words = find_drives(wheels, start, goal)
         assert words
         for arcs in words:
             assert max(se2.pose_error(driven(start, arcs), goal)) < 1e-9
@@ -78,23 +58,23 @@ def test_every_word_leads_to_the_goal(kind: int) -> None:
 
 
 @KINDS
-def test_words_exist_where_start_and_goal_differ_in_one_thing_or_in_nothing(kind: int) -> None:
+def test_words_exist_where_start_and_goal_differ_in_one_thing_or_in_nothing(kind: WheelKind) -> None:
     wheels = Wheels(kind, AXLE, 1.0)
     for step in ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.5, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, -math.pi]):
         start = np.array([0.3, -0.2, 0.7])
         goal = se2.compose(start, step)
-        words = words_between(wheels, start, goal)
+        words = find_drives(wheels, start, goal)
         assert min(max(se2.pose_error(driven(start, arcs), goal)) for arcs in words) < 1e-9
 
 
-@pytest.mark.parametrize("kind", [DIFFERENTIAL, CAR])
-def test_an_axle_never_moves_sideways_and_a_car_turns_no_tighter_than_it_can(kind: int) -> None:
+@pytest.mark.parametrize("kind", [WheelKind.DIFFERENTIAL, WheelKind.CAR])
+def test_an_axle_never_moves_sideways_and_a_car_turns_no_tighter_than_it_can(kind: WheelKind) -> None:
     wheels, random = Wheels(kind, AXLE, 0.8), np.random.default_rng(3)
     for start, goal in random.uniform(-3.0, 3.0, (50, 2, 3)):
-        for arcs in words_between(wheels, start, goal):
+        for arcs in find_drives(wheels, start, goal):
             turned = se2.rotate(-AXLE[2], arcs[:, :2] + arcs[:, 2:3] * np.array([-AXLE[1], AXLE[0]]))
             np.testing.assert_allclose(turned[:, 1], 0.0, atol=1e-12)
-            if kind == CAR:
+            if kind == WheelKind.CAR:
                 assert (np.abs(arcs[:, 2]) * 0.8 <= np.abs(turned[:, 0]) + 1e-12).all()
 
 
@@ -111,13 +91,14 @@ def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, 
     standing = [{"box": [0.3, 1.5], "pose": [0.6, 0.0, 0.0]}, {"circle": 0.2, "center": [-0.6, 0.8]}]
     scenario = problem(drive, obstacles=standing, start=[3.0, 3.0, 0.0], robot={"start": [0.0, 0.0, 0.0]})
     robot, load = _scenes(scenario)
-    wheels = driving.wheels_of(scenario.chain.pusher.drive, np.array([-0.2, 0.0]))
-    around = Surroundings(robot, load, scenario.start.copy())  # writable, as in searches: else compiled anew
+    wheels = wheels_of(scenario.chain.pusher.drive, np.array([-0.2, 0.0]))
+    around = Surroundings(robot, load, scenario.start)
     start, goal = np.zeros(3), np.array([1.4, 0.1, 2.0])
-    arcs, state = np.zeros((MOST_ARCS, 4)), np.array([1], dtype=np.uint64)
-    n = find_transit(around, wheels, start, goal, np.array([-2.0, -2.0, 4.0, 4.0]), 1.0, state, 2000, arcs)
-    assert n > 1
-    path = PushPath(start, arcs[:n, :3], arcs[:n, 3])
+    state = np.array([1], dtype=np.uint64)
+    arcs = find_transit(around, wheels, start, goal, (-2.0, -2.0, 4.0, 4.0), 1.0, state, 2000)
+    assert arcs is not None
+    assert len(arcs) > 1
+    path = PushPath(start, arcs[:, :3], arcs[:, 3])
     assert max(se2.pose_error(path.end, goal)) < 1e-9
     motion = Motion.along(path, scenario.chain.reach)
     assert collision_along(scenario, motion, robot_alone(scenario)) is None
@@ -134,8 +115,8 @@ def test_there_is_no_way_out_of_a_closed_yard(problem: Problem) -> None:
         "omnidirectional", obstacles=yard, start=[3.0, 3.0, 0.0], robot={"start": [0.0, 0.0, 0.0]}
     )
     robot, load = _scenes(scenario)
-    around = Surroundings(robot, load, scenario.start.copy())
-    wheels = driving.wheels_of(scenario.chain.pusher.drive, np.array([-0.2, 0.0]))
-    arcs, state = np.zeros((MOST_ARCS, 4)), np.array([1], dtype=np.uint64)
-    goal, box = np.array([2.0, 0.0, 0.0]), np.array([-2.0, -2.0, 4.0, 4.0])
-    assert find_transit(around, wheels, np.zeros(3), goal, box, 1.0, state, 300, arcs) == -1
+    around = Surroundings(robot, load, scenario.start)
+    wheels = wheels_of(scenario.chain.pusher.drive, np.array([-0.2, 0.0]))
+    state = np.array([1], dtype=np.uint64)
+    goal, box = np.array([2.0, 0.0, 0.0]), (-2.0, -2.0, 4.0, 4.0)
+    assert find_transit(around, wheels, np.zeros(3), goal, box, 1.0, state, 300) is None

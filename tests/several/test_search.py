@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from several.conftest import Problem, problem_document
 
+from pushplan.core.pushes import ARCS, approaches_are_free
+from pushplan.core.samples import descend
+from pushplan.core.sequences import cheapest_sequence
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
 from pushplan.planners.multi.contact_modes import ContactMode, find_modes
-from pushplan.planners.multi.graph import PushSequence, cheapest_sequence, lower_bounds
+from pushplan.planners.multi.graph import PushSequence, lower_bounds
 from pushplan.planners.multi.multi_push import MultiPushSearch
-from pushplan.planners.multi.room import ARCS, Question, approaches_are_free
-from pushplan.planners.multi.samples import descend, pack_modes
+from pushplan.planners.multi.room import Question
 from pushplan.planners.multi.search import Limits, search
 from pushplan.planners.planner import plan
 from pushplan.plans.settings import PlanSettings
@@ -160,7 +162,7 @@ def question_of(prepared: MultiPushSearch) -> Question:
 
 def test_a_descent_never_climbs_and_ends_below_where_it_began(problem: Problem) -> None:
     room = prepared_of(problem("omnidirectional")).room(0)
-    modes = pack_modes([contact.packed for contact in room.contacts])
+    modes = [contact.packed for contact in room.contacts]
     ends = np.array([[0.0, 0.0, 0.0], [0.3, 0.2, 0.4]])
     sequence, state = np.array([0, 1, 2]), np.array([3], dtype=np.uint64)
     poses = np.array([[0.5, -0.5, 1.0], [-0.4, 0.6, -1.0]])
