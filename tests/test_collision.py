@@ -1,4 +1,4 @@
-"""The compiled collision check against shapely: distances, overlaps, sweeps."""
+"""The collision check against shapely: distances, overlaps, sweeps."""
 
 from __future__ import annotations
 

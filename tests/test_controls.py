@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pushplan.core.improve import random_family
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
-from pushplan.planners.improve.shortening import random_family
 from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.plans.path import cost_rate
 from pushplan.sets.named import stable_set
@@ -73,10 +73,9 @@ def test_families_turn_both_ways_and_are_stable(stable: StableSet, drive: Drive)
 def test_drawn_families_are_stable_and_drivable(stable: StableSet, drive: Drive) -> None:
     segments = control_segments(stable, drive, 0.02)
     state = np.array([3], dtype=np.uint64)
-    drawn = np.zeros((3, 3))
     letters = np.zeros(3, dtype=int)
     for _ in range(500):
-        random_family(segments, state, drawn)
+        drawn = random_family(segments, state)
         present = cost_rate(drawn) > 0.0
         letters += present
         if present.any():

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from plain import ARC_PRICE, load_plain
 
+from pushplan.core.improve import objective_value
 from pushplan.core.problem import Objective, arc_value, rest_to_rest_time
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.improve.shortening import objective_value
 from pushplan.planners.planner import plan
 from pushplan.planners.problem.objective import make_objective
 from pushplan.planners.problem.problem import build_problem

@@ -13,11 +13,11 @@ from ompl import control as oc
 from ompl import util as ou
 
 import pushplan
+from pushplan.core.improve import random_family
 from pushplan.core.problem import Problem, arcs_at, controls_of
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.ompl import pose, push_path
-from pushplan.planners.improve.shortening import random_family
 from pushplan.planners.ompl.factories import PLANNERS as PLACES
 from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.ompl.form import leave_path, pose_of, state_at
@@ -50,11 +50,10 @@ def _solved(scenario: Scenario, planner: str, seconds: float = 60.0) -> tuple[An
 
 def _drawn_arcs(problem: Problem, count: int) -> FloatArray:
     """Return arcs of the families that polishing draws, and of random controls; some are longer than the longest."""
-    rng, state, family = np.random.default_rng(0), np.array([7], dtype=np.uint64), np.zeros((3, 3))
+    rng, state = np.random.default_rng(0), np.array([7], dtype=np.uint64)
     twists = []
     for _ in range(count):
-        random_family(problem.segments, state, family)
-        twists += [twist.copy() for twist in family if twist.any()]
+        twists += [twist for twist in random_family(problem.segments, state) if twist.any()]
     controls = np.column_stack([rng.uniform(0.0, 1.0, (count, 3)), np.ones(count)])
     twists += list(arcs_at(problem, controls)[:, :3])
     return np.column_stack([twists, rng.uniform(1e-6, 4.0 * problem.longest, len(twists))])

@@ -11,19 +11,15 @@ from plain import load_plain, plain
 
 from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters
+from pushplan.core.infeasible import CLOSED, MET, OPEN, ORIGIN, Steps
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.infeasible.pockets import (
-    CLOSED,
     LEVELS,
-    MET,
-    OPEN,
-    ORIGIN,
     Pocket,
-    Steps,
     find_pocket,
     make_steps,
     push_hull,

@@ -10,11 +10,10 @@ import pytest
 import scipy.optimize
 from plain import load_plain
 
+from pushplan.core.improve import objective_value, shorten, vary
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
-from pushplan.planners.improve.local_changes import normals_of, vary
 from pushplan.planners.improve.session import Budget, Session
-from pushplan.planners.improve.shortening import objective_value, shorten
 from pushplan.planners.problem.objective import travel_objective
 from pushplan.planners.problem.problem import build_problem
 from pushplan.planners.validation.clearance import find_collision
@@ -43,9 +42,6 @@ def _first_path(scenario: Scenario, problem: Problem, seed: int) -> FloatArray:
     return session.best.arcs
 
 
-# Kernels get copies of the start, as from a session: for read-only arrays they would all be compiled anew.
-
-
 def _random(seed: int) -> np.ndarray:
     return np.array([seed], dtype=np.uint64)
 
@@ -53,10 +49,10 @@ def _random(seed: int) -> np.ndarray:
 @pytest.mark.parametrize("name", NAMES)
 def test_changed_paths_reach_the_goal_free_stable_and_never_dearer(name: str) -> None:
     scenario, problem = _posed(name)
-    path, state, normals = _first_path(scenario, problem, 3), _random(5), normals_of(problem.segments)
+    path, state = _first_path(scenario, problem, 3), _random(5)
     before, kept = objective_value(problem.objective, path), 0
     for _ in range(2000):
-        new = vary(problem, normals, np.array(scenario.start), path, state)
+        new = vary(problem, scenario.start, path, state)
         now = objective_value(problem.objective, new)
         assert now <= before
         kept += now < before
@@ -75,12 +71,12 @@ def test_arcs_that_are_not_needed_are_left_out_and_the_path_stays_exact_free_and
     """Every arc of a path is cut in three; where arcs are dear, changes take the cuts out again."""
     scenario, problem = _posed(name)
     problem = problem.with_objective(travel_objective(0.05))
-    path, state, normals = _first_path(scenario, problem, 3), _random(5), normals_of(problem.segments)
+    path, state = _first_path(scenario, problem, 3), _random(5)
     cut = np.repeat(path, 3, axis=0) * [1.0, 1.0, 1.0, 1.0 / 3.0]
     now = cut
     left_out = 0
     for _ in range(3000):
-        new = vary(problem, normals, np.array(scenario.start), now, state)
+        new = vary(problem, scenario.start, now, state)
         assert len(new) >= len(now) - 1
         if len(new) < len(now):
             left_out += 1
@@ -100,9 +96,7 @@ def test_arcs_that_are_not_needed_are_left_out_and_the_path_stays_exact_free_and
 def test_shortening_finds_the_optimum_of_the_free_space() -> None:
     scenario, problem = _posed("free-space")
     costs = [
-        shorten(
-            problem, np.array(scenario.start), _first_path(scenario, problem, seed), _random(seed), 40_000
-        )
+        shorten(problem, scenario.start, _first_path(scenario, problem, seed), _random(seed), 40_000)
         for seed in (1, 2, 3)
     ]
     values = [objective_value(problem.objective, path) for path in costs]

@@ -181,7 +181,7 @@ class BlendSearch:
         kept = scene.kept + off_chords(trajectory, self.reach)
         if kept > scene.kept + OFF_CHORDS * (scene.clearance - scene.kept):
             return scene, False
-        return scene._replace(kept=kept), True
+        return scene.with_distances(scene.clearance, kept), True
 
     def _stop(self, corners: frozenset[int]) -> None:
         """Stop at more corners, and see anew what is touched then."""

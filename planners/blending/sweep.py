@@ -8,9 +8,8 @@ import numpy as np
 
 import pushplan.core.contacts as contacts
 import pushplan.core.timing as timing
-from pushplan.compiled import compiled
+from pushplan.core.collision import Scene, separations
 from pushplan.geometry import se2
-from pushplan.planners.collision.separation import Scene, separation
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.path import PushPath
@@ -25,15 +24,6 @@ COARSE = 0.02
 
 FINE = 0.002
 """Travel (m) down to which the neighbourhood of a touch is looked at."""
-
-
-@compiled
-def separations(scene: Scene, poses: FloatArray, enough: float) -> FloatArray:
-    """Return a lower bound (m,) on the distance of the body at poses (m, 3) from everything, capped at `enough`."""
-    out = np.empty(len(poses))
-    for i in range(len(poses)):
-        out[i] = separation(scene, poses[i, 0], poses[i, 1], poses[i, 2], enough)
-    return out
 
 
 def least_gap(scene: Scene) -> float:
@@ -86,7 +76,7 @@ def find_touches(scene: Scene, trajectory: Trajectory, reach: float) -> Touches:
 def _gaps(scene: Scene, trajectory: Trajectory, travel: FloatArray, s: FloatArray) -> FloatArray:
     """Separations (m,) at the body's travels (m,)."""
     poses = trajectory.poses_at(np.interp(s, travel, trajectory.breaks))
-    return np.asarray(separations(scene, poses, 2.0 * (COARSE + scene.clearance)))
+    return separations(scene, poses, 2.0 * (COARSE + scene.clearance))
 
 
 APART = 0.2

@@ -1,1 +1,1 @@
-"""The chain against the obstacles: separation, swept arcs, and the scene they are asked in."""
+"""The scene that the chain moves in: convex pieces of what moves and what stands."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import pushplan.core.improve as improve
 from pushplan.core.problem import GAIN, Objective, Problem, remaining
 from pushplan.geometry import se2
-from pushplan.planners.improve.shortening import cut_short, merged, objective_value, shorten
 from pushplan.plans.path import TURN_WEIGHT, PushPath
 from pushplan.util.arrays import FloatArray, IntArray
 
@@ -133,7 +133,7 @@ class Incumbent:
 
     def value_of(self, arcs: FloatArray) -> float:
         """Return the value of a path (k, 4)."""
-        return float(objective_value(self._objective, arcs))
+        return improve.objective_value(self._objective, arcs)
 
     def take(self, arcs: FloatArray) -> bool:
         """Keep a path (k, 4) if it is better; return whether it is."""
@@ -158,7 +158,7 @@ class NearestApproach:
 
     def __init__(self, start: FloatArray, goal: FloatArray) -> None:
         self._goal = goal
-        self.arcs, self.left = np.zeros((0, 4)), float(remaining(start[0], start[1], start[2], goal))
+        self.arcs, self.left = np.zeros((0, 4)), remaining(start[0], start[1], start[2], goal)
 
     def nearer(self, poses: FloatArray) -> int:
         """Return which of the poses (n, 3) is nearest to the goal, -1 where none is nearer than the path's end."""
@@ -170,7 +170,7 @@ class NearestApproach:
 
     def take(self, arcs: FloatArray, end: FloatArray) -> None:
         """Take over a free path (k, 4) that ends at a nearer pose (3,)."""
-        self.arcs, self.left = merged(arcs), float(self._left(end[None])[0])
+        self.arcs, self.left = improve.merged(arcs), float(self._left(end[None])[0])
 
     def _left(self, poses: FloatArray) -> FloatArray:
         """Straight travel and the smallest turn from poses (n, 3) to the goal, (n,) m."""
@@ -269,7 +269,7 @@ class Session:
     def lower_bound(self) -> float:
         """Cost that no path can beat, m: straight travel and the smallest turn, or a higher one that is known."""
         x, y, theta = self.start
-        return max(self._lower_bound, float(remaining(x, y, theta, self.problem.goal)))
+        return max(self._lower_bound, remaining(x, y, theta, self.problem.goal))
 
     def raise_lower_bound(self, cost: float) -> None:
         """Take over a cost (m) that no path can beat."""
@@ -341,10 +341,10 @@ class Session:
         A first path that is all that is wanted is only cut short: that takes less time than its needless arcs do
         when they are timed.
         """
-        arcs = merged(arcs)
+        arcs = improve.merged(arcs)
         self.take(arcs)
         if self.budget.first:
-            self.take(cut_short(self.problem, self.start, arcs, self.problem.objective.per_arc))
+            self.take(improve.cut_short(self.problem, self.start, arcs, self.problem.objective.per_arc))
             return
         before = self.best.value_of(arcs)
         for _ in range(8):
@@ -371,8 +371,8 @@ class Session:
             if self.finished:
                 break
             self.iterations += chunk
-            arcs = shorten(self.problem, self.start, arcs, self.random, chunk)
-        return np.asarray(arcs)
+            arcs = improve.shorten(self.problem, self.start, arcs, self.random, chunk)
+        return arcs
 
     def take(self, arcs: FloatArray) -> None:
         """Keep a path (k, 4) to the goal, free and without empty arcs, if it is better than the best one."""

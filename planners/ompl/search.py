@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import pushplan.core.improve as improve
 from ompl import base as ob
 from ompl import util as ou
 from pushplan.errors import PlanningError, PushplanError
 from pushplan.planners.improve.session import Session
-from pushplan.planners.improve.shortening import merged
 from pushplan.planners.ompl.form import (
     PushInformation,
     arcs_to_goal,
@@ -88,7 +88,7 @@ def _run(planner: Any, definition: Any, information: PushInformation) -> None:
     if getattr(planner, "optimizing", False):
         planner.solve(ob.PlannerTerminationCondition(session.settled))
         if definition.hasExactSolution():
-            session.take(merged(arcs_to_goal(definition)))
+            session.take(improve.merged(arcs_to_goal(definition)))
         propagator.note()
         return
     target = allowance

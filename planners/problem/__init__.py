@@ -1,1 +1,1 @@
-"""The problem as arrays for compiled code: controls, exact connections, and what paths cost."""
+"""What a search plans: controls, the problem, what paths cost, and the rest of an earlier path."""

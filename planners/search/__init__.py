@@ -1,1 +1,1 @@
-"""The compiled searches: trees from both ends, sparse trees, best-first search over cells of poses."""
+"""Searches in rounds: sparse trees, and best-first search over cells of poses."""
