@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from ompl import base
 from several.conftest import Problem
 
 from pushplan.core.driving import Surroundings, WheelKind, Wheels, find_drives, find_reeds_shepp
-from pushplan.core.transit import find_transit
+from pushplan.core.transit import find_transit, shortened, transit_is_free
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.planners.multi.room import _scenes, wheels_of
@@ -102,6 +103,19 @@ def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, 
     assert max(se2.pose_error(path.end, goal)) < 1e-9
     motion = Motion.along(path, scenario.chain.reach)
     assert collision_along(scenario, motion, robot_alone(scenario)) is None
+    assert transit_is_free(around, start, arcs)
+    assert not transit_is_free(Surroundings(robot, load, path.end), start, arcs)
+    shorter = shortened(around, wheels, start, arcs, state, 100)
+    assert shorter[:, 3].sum() <= arcs[:, 3].sum()
+    assert max(se2.pose_error(driven(start, shorter), goal)) < 1e-9
+    assert transit_is_free(around, start, shorter)
+
+
+@KINDS
+def test_wheels_are_pickled_whole(kind: WheelKind) -> None:
+    wheels = pickle.loads(pickle.dumps(Wheels(kind, AXLE, 0.8)))
+    assert (wheels.kind, wheels.radius) == (kind, 0.8)
+    np.testing.assert_array_equal(wheels.axle, AXLE)
 
 
 def test_there_is_no_way_out_of_a_closed_yard(problem: Problem) -> None:

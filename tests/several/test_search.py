@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 from itertools import pairwise, product
 
@@ -9,8 +10,8 @@ import numpy as np
 import pytest
 from several.conftest import Problem, problem_document
 
-from pushplan.core.pushes import ARCS, approaches_are_free
-from pushplan.core.samples import descend
+from pushplan.core.pushes import ARCS, approaches_are_free, find_push, word_costs
+from pushplan.core.samples import descend, random_descent, straight_crossings
 from pushplan.core.sequences import cheapest_sequence
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
@@ -169,6 +170,63 @@ def test_a_descent_never_climbs_and_ends_below_where_it_began(problem: Problem) 
     before = [descend(modes, sequence, ends, poses, 0.3, n, state) for n in (0, 50, 50, 200)]
     assert all(later <= earlier for earlier, later in pairwise(before))
     assert before[-1] < 0.7 * before[0]
+
+
+def test_a_random_descent_ends_where_its_pushes_cost_less_than_asked(problem: Problem) -> None:
+    room = prepared_of(problem("omnidirectional")).room(0)
+    modes, every = [contact.packed for contact in room.contacts], np.arange(len(room.contacts))
+    changes, state = np.full((len(modes), len(modes)), 0.1), np.array([1], dtype=np.uint64)
+    start, goals = np.zeros(3), np.array([[0.3, 0.2, 0.4]])
+    drawn = [
+        random_descent(modes, start, goals, every, every, 4, changes, below, state)
+        for below in (0.5, 2.0, np.inf)
+        for _ in range(50)
+    ]
+    counts = np.array([len(poses) for poses in drawn]).reshape(3, 50)
+    assert not counts[0].any()
+    assert 0 < np.count_nonzero(counts[1]) < np.count_nonzero(counts[2])
+    assert counts.max() == 3
+
+
+def test_a_push_without_anything_in_the_way_costs_what_its_word_does(problem: Problem) -> None:
+    contact = prepared_of(problem("omnidirectional", workspace=None)).room(0).contacts[0]
+    random = np.random.default_rng(4)
+    for start, goal in random.uniform(-2.0, 0.0, (20, 2, 3)) - [2.0, 2.0, 0.0]:
+        words = word_costs(contact.packed, start[None], goal[None], np.zeros(1), np.zeros(1), np.inf)
+        cost, arcs = find_push(contact.scene, contact.packed, start, goal)
+        assert cost == words[0, 0] == pytest.approx(arcs[:, 3].sum())
+        end = se2.compose(start, contact.packed.contact)
+        for arc in arcs:
+            end = se2.compose(end, se2.exp(arc[:3] * arc[3]))
+        assert max(se2.pose_error(end, se2.compose(goal, contact.packed.contact))) < 1e-9
+
+
+def test_a_contact_is_pickled_whole(problem: Problem) -> None:
+    packed = prepared_of(problem("car")).room(0).contacts[0].packed
+    again = pickle.loads(pickle.dumps(packed))
+    for name in ("families", "contact", "robot", "settling"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(packed, name))
+    for name in ("settle", "approach", "retreat", "clearance", "faster"):
+        assert getattr(again, name) == getattr(packed, name)
+
+
+def test_what_does_not_fit_together_is_refused(problem: Problem) -> None:
+    modes = [contact.packed for contact in prepared_of(problem()).room(0).contacts]
+    poses, state, one = np.zeros((2, 3)), np.array([1], dtype=np.uint64), np.zeros(1)
+    with pytest.raises(ValueError, match="costs are"):
+        cheapest_sequence(np.zeros((2, 3, 3)), np.zeros((2, 2, 2)), np.zeros(2), 1, 2)
+    with pytest.raises(ValueError, match="one goal or more"):
+        cheapest_sequence(np.zeros((2, 3, 3)), np.zeros((3, 2, 2)), np.zeros(2), 3, 2)
+    with pytest.raises(ValueError, match="a cost is needed"):
+        word_costs(modes[0], poses, poses, one, np.zeros(2), np.inf)
+    with pytest.raises(ValueError, match="a descent has"):
+        descend(modes, np.array([0, 1]), poses, poses, 0.1, 1, state)
+    with pytest.raises(ValueError, match="there is no contact 9"):
+        descend(modes, np.array([0, 9]), poses, poses[:1], 0.1, 1, state)
+    with pytest.raises(ValueError, match="what changes"):
+        random_descent(modes, poses[0], poses, np.arange(2), np.arange(2), 1, np.zeros((4, 4)), 1.0, state)
+    with pytest.raises(ValueError, match="two columns"):
+        straight_crossings(poses[0], poses, np.zeros((2, 3)))
 
 
 @pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])
