@@ -202,3 +202,12 @@ def test_a_search_ends_near_the_other_pose_or_without_room() -> None:
     outcome, cells = reached(problem.scene, scenario.start, np.array([9.0, 0.0, 0.0]), steps, 64)
     assert outcome == OPEN
     assert len(cells) <= 32
+
+
+def test_the_table_of_cells_has_a_power_of_two_of_slots() -> None:
+    scenario = load_plain("free-space")
+    problem = build_problem(scenario, scenario.stable_set())
+    hull = push_hull(segment_ends(problem.segments), problem.scene.body_bound[:2])
+    steps = make_steps(problem.scene, hull, LEVELS[0], 0.0, back=False)
+    with pytest.raises(ValueError, match="a power of two, not 48"):
+        reached(problem.scene, scenario.start, scenario.goal.pose_chain, steps, 48)

@@ -149,3 +149,20 @@ def test_slow_steps_have_few_pieces_and_are_as_exact(slower: float) -> None:
     piece = np.repeat(np.arange(len(pieces.durations)), 10)
     steps = advance(whole.columns.take(piece, axis=2), tau, tau + pieces.durations[piece] / 10.0)
     np.testing.assert_allclose(chained(np.zeros(3), steps)[-1], pieces.motion, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("levels", "centers", "widths", "message"),
+    [
+        (np.zeros((1, 3)), np.zeros(0), np.zeros((0, 2)), "at least one"),
+        (np.zeros((3, 3)), np.zeros(3), np.ones((3, 2)), r"levels must be \(m \+ 1, 3\)"),
+        (np.zeros((4, 2)), np.zeros(3), np.ones((3, 2)), r"levels must be \(m \+ 1, 3\)"),
+        (np.zeros((4, 3)), np.zeros(3), np.ones((2, 2)), r"widths must be \(m, 2\)"),
+        (np.zeros((4, 3)), np.zeros((3, 1)), np.ones((3, 2)), "one dimension"),
+    ],
+)
+def test_levels_steps_and_widths_belong_together(
+    levels: FloatArray, centers: FloatArray, widths: FloatArray, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        Pieces.through(levels, centers, widths)
