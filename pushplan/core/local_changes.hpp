@@ -1,7 +1,7 @@
 // Local changes of a path: one arc's twist or length, or an arc left out, and three lengths that close it.
 //
-// Joining poses by steering paths (`shortening.hpp`) finds a path's form; this finds the best twists and lengths of that
-// form.
+// Joining poses by steering paths (`shortening.hpp`) finds a path's form; this finds the best twists and lengths of
+// that form.
 #pragma once
 
 #include "problem.hpp"

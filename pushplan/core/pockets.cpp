@@ -67,7 +67,8 @@ std::int64_t wrapped(std::int64_t heading, std::int64_t headings) {
 class Spreader {
   public:
     Spreader(const Scene &scene, const Pose &begin, const Steps &steps, std::size_t slots)
-        : scene_(scene), begin_(begin), steps_(steps), most_(slots / 2), left_(LOOKS * static_cast<std::int64_t>(slots)),
+        : scene_(scene), begin_(begin), steps_(steps), most_(slots / 2),
+          left_(LOOKS * static_cast<std::int64_t>(slots)),
           // `separation` may stop at a distance it is told: a little more than what is compared with decides as well.
           near_(std::max(steps.touching, 0.0) + steps.side) {
         known_.clear(slots);
