@@ -23,10 +23,9 @@ from pushplan.sim.report import (
     Mode,
     Part,
     first_closed,
-    judged,
     report_of,
     wanted_at_end,
-    worst_at_goal,
+    with_margins,
 )
 from pushplan.sim.slip.packing import Pair, Piece, cut, pack_bodies, pack_world
 from pushplan.sim.world import World
@@ -165,15 +164,7 @@ def simulate(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> Con
             is room for.
         SupportError: When the load under an object is not known, or it has no friction with the floor.
     """
-    report = slip(plan, world, settings)
-    loads = [segment.load if segment.pushes else None for segment in plan.segments]
-    judge, margins = judged(loads, plan.stable_set, report.names, report.segment, report.twists)
-    loss = report.loss
-    if loss is not None:
-        at = int(np.searchsorted(report.t, loss.time))
-        loss = replace(loss, margin=float(margins[at, report.names.index(loss.object)]))
-    off = worst_at_goal(plan.scenario, report.objects[-1])
-    return replace(report, judge=judge, margins=margins, loss=loss, goal_error=off)
+    return with_margins(slip(plan, world, settings), plan)
 
 
 def slip(plan: Plan, world: World, settings: SlipSettings = DEFAULTS) -> ContactReport:
