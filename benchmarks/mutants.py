@@ -1,137 +1,157 @@
-"""Mutation testing of the mechanics: do the tests notice when a formula is changed?
+"""Mutation testing of the core: do the tests notice when a formula in C++ is changed?
 
-Run `python benchmarks/mutants.py [--modules chain,contacts/friction] [--jobs 1] [--keep FOLDER]`.
-mutmut changes one operator,
-number, name or argument at a time in a copy of the checkout and runs the tests that reach it, fastest first. mutmut
-leaves decorated functions alone, so in the copy numba's decorators are taken out, its kernels run as plain Python,
-and properties are made of plain functions. Texts and types of numbers stay as they are. Prints a line for each module
-and the difference for each survivor.
+Run `python benchmarks/mutants.py [--files friction.cpp,contacts.cpp] [--count 40] [--seed 1] [--jobs 2]`.
+In a copy of the checkout one operator, comparison or number is changed at a time, the core is built again as far as it
+depends on the file, and the tests run until one fails. Prints a line for each change and the share that was noticed.
+Needs the development environment and g++.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import random
 import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
-from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import pybind11
+
 ROOT = Path(__file__).parents[1]
-MODULES = (
-    "chain",
-    "contacts/carried",
-    "contacts/contact_kernel",
-    "contacts/contact_state",
-    "contacts/friction",
-    "dynamics/admissible_speeds",
-    "dynamics/contact_dynamics",
-    "friction/closed_form",
-    "friction/kernel",
-    "friction/packed",
-    "friction/series",
-    "inertia",
-    "sphere",
-    "support",
-    "support_csv",
-    "uncertain",
-    "uncertain_kernel",
-)
-"""Modules of `pushplan.mechanics` that the quasi-static and dynamic conditions rest on."""
+sys.path.insert(0, str(ROOT))
+from building import FLAGS  # noqa: E402
 
+CORE = Path("pushplan/core")
+FILES = "friction.cpp,contacts.cpp,inertia.hpp,sphere.cpp,uncertain.cpp,centred.cpp,scene.cpp,steering.cpp"
 TESTS = (
-    "tests/test_support.py",
-    "tests/test_contacts.py",
-    "tests/test_feet.py",
-    "tests/test_friction.py",
-    "tests/test_friction_series.py",
-    "tests/test_dynamics.py",
-    "tests/test_carried.py",
-    "tests/test_chain.py",
-    "tests/test_load_area.py",
-    "tests/test_sphere.py",
-    "tests/test_transmitted.py",
+    "tests/test_contacts.py tests/test_friction.py tests/test_friction_series.py tests/test_feet.py "
+    "tests/test_dynamics.py tests/test_sphere.py tests/sets tests/test_collision.py tests/test_steering.py tests/golden"
 )
-"""Tests of these modules that are quick without compiled code."""
+CHANGES = (
+    (r" \+ ", (" - ",)),
+    (r" - ", (" + ",)),
+    (r" \* ", (" / ",)),
+    (r" / ", (" * ",)),
+    (r" < ", (" <= ", " > ")),
+    (r" > ", (" >= ", " < ")),
+    (r" <= ", (" < ", " > ")),
+    (r" >= ", (" > ", " < ")),
+    (r" && ", (" || ",)),
+    (r" \|\| ", (" && ",)),
+    (r"\b0\.5\b", ("0.6",)),
+    (r"\b1\.0\b", ("1.1",)),
+    (r"\b2\.0\b", ("2.1",)),
+    (r"std::min\(", ("std::max(",)),
+    (r"std::max\(", ("std::min(",)),
+)
+"""What is looked for in a line, and what takes its place."""
 
-CONFIGURATION = """
-[tool.mutmut]
-source_paths = ["pushplan"]
-only_mutate = [{modules}]
-also_copy = ["planners", "sim", "logging", "tests", "benchmarks", "examples", "README.md"]
-pytest_add_cli_args = ["--import-mode=importlib", "-p", "no:cacheprovider", "-p", "no:randomly"]
-pytest_add_cli_args_test_selection = [{tests}]
-timeout_multiplier = 2.0
-timeout_constant = 5.0
-do_not_mutate_patterns = ['raise \\w+', 'f?"[^"]*"', 'dtype=np.\\w+', 'strict=True']
-"""
-DECORATORS = re.compile(r"^@(njit\(.*\)|compiled|no_refcount|inlined)\n", re.MULTILINE)
-PROPERTIES = re.compile(
-    r"^    @(property|cached_property)\n(    def (\w+)\(.*\n(?:\n?(?: {5,}.*)\n)*)", re.MULTILINE
-)
-LEFT_ALONE = re.compile(r'(?<=[(,]) ?(f?"(?!"")[^"\n]+"|dtype=np\.\w+|strict=True)')
-"""Words in brackets that mutmut is told to leave alone; it leaves the whole line, so each gets a line of its own."""
+
+class Checkout:
+    """A copy of the checkout whose core is built file by file."""
+
+    def __init__(self, folder: Path, jobs: int) -> None:
+        self.folder, self.jobs = folder, jobs
+        leave = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "*.so")
+        shutil.copytree(ROOT, folder, symlinks=True, ignore=leave)
+        self.objects = folder / "objects"
+        self.objects.mkdir()
+        self.sources = sorted((folder / CORE).glob("*.cpp"))
+        include = [f"-I{pybind11.get_include()}", f"-I{sysconfig.get_path('include')}"]
+        self._compile = ["g++", *FLAGS, "-fPIC", "-MMD", *include, "-c"]
+
+    def build(self, sources: list[Path]) -> bool:
+        """Compile some sources and link; return whether that went well."""
+
+        def compiled(source: Path) -> int:
+            target = self.objects / f"{source.stem}.o"
+            return subprocess.run(
+                [*self._compile, str(source), "-o", str(target)], stderr=subprocess.DEVNULL
+            ).returncode
+
+        with ThreadPoolExecutor(self.jobs) as pool:
+            if any(pool.map(compiled, sources)):
+                return False
+        library = self.folder / "pushplan" / f"core{sysconfig.get_config_var('EXT_SUFFIX')}"
+        parts = [str(self.objects / f"{source.stem}.o") for source in self.sources]
+        return subprocess.run(["g++", "-shared", "-o", str(library), *parts]).returncode == 0
+
+    def depending_on(self, name: str) -> list[Path]:
+        """Return the sources that include a file, or are it."""
+        word = re.compile(rf"/{re.escape(name)}\b")
+        return [
+            source
+            for source in self.sources
+            if word.search((self.objects / f"{source.stem}.d").read_text("utf-8"))
+        ]
+
+    def notices(self, tests: list[str]) -> bool:
+        """Return whether a test fails."""
+        environment = {**os.environ, "PYTHONPATH": str(self.folder)}
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider", *tests]
+        try:
+            done = subprocess.run(
+                command, cwd=self.folder, env=environment, capture_output=True, timeout=600.0
+            )
+        except subprocess.TimeoutExpired:
+            return True
+        return done.returncode != 0
+
+
+def mutants(text: str) -> list[tuple[int, str, str]]:
+    """Return line number, line and changed line of every change of a source; comments stay as they are."""
+    found: list[tuple[int, str, str]] = []
+    for number, line in enumerate(text.splitlines()):
+        code = line.partition("//")[0]
+        if "#include" in code or "template" in code or '"' in code:
+            continue
+        for pattern, others in CHANGES:
+            for match in re.finditer(pattern, code):
+                begin, end = line[: match.start()], line[match.end() :]
+                found += [(number, line, begin + other + end) for other in others]
+    return found
 
 
 def main() -> int:
-    """Make the copy, run mutmut on it and print what survived."""
-    options = _options()
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(options.keep or temporary) / "checkout"
-        if not folder.exists():
-            _copy(folder, options.modules.split(","))
-        environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-        command = [sys.executable, "-m", "mutmut", "run", "--max-children", str(options.jobs)]
-        code = subprocess.run(command, cwd=folder, env=environment).returncode
-        _report(folder)
-    return code
-
-
-def _options() -> argparse.Namespace:
+    """Try the changes and print which of them nobody noticed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--modules", default=",".join(MODULES), help="of pushplan.mechanics, with commas")
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument(
-        "--keep", metavar="FOLDER", help="work there; a second run goes on where the first ended"
-    )
-    return parser.parse_args()
-
-
-def _copy(folder: Path, modules: list[str]) -> None:
-    """Copy the checkout, in the modules without decorators and with a line for each word left alone."""
-    leave = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "docs")
-    shutil.copytree(ROOT, folder, symlinks=True, ignore=leave)
-    paths = [f"pushplan/mechanics/{module}.py" for module in modules]
-    for path in paths:
-        source = folder / path
-        text = DECORATORS.sub("", source.read_text("utf-8"))
-        text = PROPERTIES.sub(r"\2\n    \3 = \1(\3)\n", text)
-        source.write_text(LEFT_ALONE.sub(r"\n\1\n", text), "utf-8")
-    quoted = [", ".join(f'"{word}"' for word in words) for words in (paths, TESTS)]
-    with (folder / "pyproject.toml").open("a", encoding="utf-8") as project:
-        project.write(CONFIGURATION.format(modules=quoted[0], tests=quoted[1]))
-
-
-def _report(folder: Path) -> None:
-    """Print the counts by module, and what each survivor changes."""
-    results = _mutmut(folder, "results", "--all", "true").splitlines()
-    verdicts = dict(line.strip().split(": ") for line in results if ": " in line)
-    counts = Counter((".".join(name.split(".")[2:-1]), verdict) for name, verdict in verdicts.items())
-    for module in sorted({module for module, _ in counts}):
-        row = {verdict: number for (name, verdict), number in sorted(counts.items()) if name == module}
-        sys.stdout.write(f"{module}: {sum(row.values())} mutants, {row}\n")
-    sys.stdout.write(f"all: {len(verdicts)} mutants, {dict(Counter(verdicts.values()))}\n")
-    for name, verdict in sorted(verdicts.items()):
-        if verdict not in ("killed", "timeout", "caught by type check"):
-            sys.stdout.write(f"\n{verdict}: {_mutmut(folder, 'show', name)}")
-
-
-def _mutmut(folder: Path, *words: str) -> str:
-    command = [sys.executable, "-m", "mutmut", *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout
+    parser.add_argument("--files", default=FILES, help="of the core, with commas")
+    parser.add_argument("--count", type=int, default=40, help="changes that are tried, drawn by the seed")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2, help="compilers at a time")
+    parser.add_argument("--tests", default=TESTS)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        copy = Checkout(Path(temporary) / "checkout", options.jobs)
+        if not copy.build(copy.sources) or copy.notices(options.tests.split()):
+            sys.stdout.write("the core does not build, or tests fail without any change\n")
+            return 1
+        every = [
+            (name, *one)
+            for name in options.files.split(",")
+            for one in mutants((copy.folder / CORE / name).read_text("utf-8"))
+        ]
+        chosen = random.Random(options.seed).sample(every, min(options.count, len(every)))
+        noticed = 0
+        for name, number, line, changed in chosen:
+            path, before = copy.folder / CORE / name, (copy.folder / CORE / name).read_text("utf-8")
+            lines = before.splitlines()
+            lines[number] = changed
+            path.write_text("\n".join(lines) + "\n", "utf-8")
+            seen = not copy.build(copy.depending_on(name)) or copy.notices(options.tests.split())
+            noticed += seen
+            path.write_text(before, "utf-8")
+            copy.build(copy.depending_on(name))
+            word = "noticed" if seen else "SURVIVED"
+            sys.stdout.write(f"{word} {name}:{number + 1}\n  {line.strip()}\n  {changed.strip()}\n")
+            sys.stdout.flush()
+        sys.stdout.write(f"{noticed} of {len(chosen)} noticed, of {len(every)} possible changes\n")
+    return 0
 
 
 if __name__ == "__main__":
