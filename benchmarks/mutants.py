@@ -1,8 +1,8 @@
 """Mutation testing of the core: do the tests notice when a formula in C++ is changed?
 
 Run `python benchmarks/mutants.py [--files friction.cpp,contacts.cpp] [--count 40] [--seed 1] [--jobs 2]`.
-In a copy of the checkout one operator, comparison or number is changed at a time, the core is built again as far as it
-depends on the file, and the tests run until one fails. Prints a line for each change and the share that was noticed.
+In a copy of the checkout one operator, comparison or number is changed at a time, the core is built again as far as
+it depends on the file, and the tests run until one fails. Prints a line for each change and the share that was noticed.
 Needs the development environment and g++.
 """
 
@@ -30,7 +30,8 @@ CORE = Path("pushplan/core")
 FILES = "friction.cpp,contacts.cpp,inertia.hpp,sphere.cpp,uncertain.cpp,centred.cpp,scene.cpp,steering.cpp"
 TESTS = (
     "tests/test_contacts.py tests/test_friction.py tests/test_friction_series.py tests/test_feet.py "
-    "tests/test_dynamics.py tests/test_sphere.py tests/sets tests/test_collision.py tests/test_steering.py tests/golden"
+    "tests/test_dynamics.py tests/test_sphere.py tests/sets tests/test_collision.py "
+    "tests/test_steering.py tests/golden"
 )
 CHANGES = (
     (r" \+ ", (" - ",)),
