@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+import runpy
 from pathlib import Path
 
 from pybind11 import get_include
@@ -13,12 +13,8 @@ FLAGS = ["-std=c++17", "-O3", "-fvisibility=hidden", "-ffp-contract=off", "-fno-
 """No -march and no contraction to multiply-add: equal seeds give equal plans on every machine."""
 
 
-def digest_of(folder: Path) -> str:
-    """Return the digest of the C++ sources in a folder."""
-    digest = hashlib.sha256()
-    for path in sorted([*folder.glob("*.cpp"), *folder.glob("*.hpp")]):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]
+CORE = Path(__file__).parent / "pushplan" / "core"
+DIGEST_OF = runpy.run_path(str(CORE.parent / "util" / "checkout.py"))["digest_of"]
 
 
 class BuildCore(build_ext):
@@ -26,7 +22,7 @@ class BuildCore(build_ext):
 
     def build_extensions(self) -> None:
         """Build; without a compiler, say what is missing in one sentence."""
-        sources = digest_of(Path(__file__).parent / "pushplan" / "core")
+        sources = DIGEST_OF(CORE)
         for extension in self.extensions:
             extension.include_dirs.append(get_include())
             extension.extra_compile_args += [*FLAGS, f'-DPUSHPLAN_SOURCES="{sources}"']

@@ -24,7 +24,6 @@ from dense_scenes import scenes as dense_scenes
 
 from pushplan.bench.machine import Machine
 from pushplan.core.problem import Problem
-from pushplan.kernels import warm_up
 from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.ompl import auto
 from pushplan.planners.ompl.factories import planner_named
@@ -128,7 +127,6 @@ def main() -> int:
     parser.add_argument("--scenes", type=int, default=30, help="number of generated scenes")
     parser.add_argument("--hard", action="store_true", help="scenes in which a path is hard to find")
     arguments = parser.parse_args()
-    warm_up("auto")
     time.perf_counter = time.process_time  # searches then count CPU time, whatever else the machine does
     print(f"{Machine.this().words}, {arguments.seeds} seeds, {arguments.seconds:g} s of CPU each")
     every: dict[str, list[Run]] = {part: [] for part in arguments.parts}

@@ -42,7 +42,6 @@ from output_options import OPTIONS, words  # noqa: E402 (in tests, where the pat
 from store.test_hostile import FILES  # noqa: E402
 
 from pushplan.errors import PushplanError, RunLogError  # noqa: E402
-from pushplan.kernels import warm_up  # noqa: E402
 from pushplan.logging.reader import load_run  # noqa: E402
 from pushplan.logging.recorded import RecordedRun  # noqa: E402
 from pushplan.plans.plan import Improvement  # noqa: E402
@@ -267,7 +266,7 @@ def _attack_reader(folder: Path, key: str, make: Callable[[], bytes]) -> Row:
 
 def _kills(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Callable[[], Row]]]:
     for name in SCENARIOS if count else ():
-        warm_up(load_scenario(name).planner.name)
+        load_scenario(name)
         run(load_scenario(name), log=False, time_limit=0.3)
     for k in range(count):
         yield f"{seed}-{k}", lambda k=k: _kill(folder, Random(f"{seed}-{k}"))

@@ -24,7 +24,6 @@ from ompl import util as ou
 
 from pushplan.bench.machine import Machine
 from pushplan.core.problem import Problem
-from pushplan.kernels import warm_up
 from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.ompl.form import pose_problem
 from pushplan.planners.problem.problem import body_reach, build_problem, sampling_box
@@ -129,7 +128,6 @@ def compare(name: str, extensions: int, repeats: int) -> str:
     if missing is not None:
         return f"C++ comparison skipped: {missing}"
     scenario = load_scenario(name)
-    warm_up("rrt")
     problem = build_problem(scenario, scenario.stable_set())
     mine, theirs = [], []
     with tempfile.TemporaryDirectory() as folder:

@@ -36,7 +36,6 @@ from pushplan.bench.random_problems import DRIVES, generate
 from pushplan.bench.schema import ProblemParameters
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
-from pushplan.kernels import warm_up
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.perturb import (
     shifted_places,
@@ -214,7 +213,7 @@ def run_all(arguments: argparse.Namespace) -> list[Document]:
     open_ = [task for task in wanted if (task[0], task[2], task[3]) not in known]
     began = time.perf_counter()
     with (
-        ProcessPoolExecutor(arguments.jobs, get_context("spawn"), warm_up, ("auto",)) as pool,
+        ProcessPoolExecutor(arguments.jobs, get_context("spawn")) as pool,
         path.open("a") as file,
     ):
         running = [pool.submit(attempt, *task) for task in open_]

@@ -34,7 +34,6 @@ import numpy as np
 from pushplan.bench.random_problems import scenario_yaml
 from pushplan.errors import PlanningError, ScenarioError
 from pushplan.geometry import se2
-from pushplan.kernels import warm_up
 from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.multi_push import MultiPushSearch, free_goals
 from pushplan.planners.multi.room import Question
@@ -185,7 +184,6 @@ def main() -> None:
             for k, instance in enumerate(instances, start=1):
                 write_scenarios(instance, f"{name}-{k}", args.walls, args.scenarios)
         return
-    warm_up("auto", print, "ecof", intervals=False, multi_push=True)
     prepared = _prepared(args.walls, {})
     light = _prepared(args.walls, {"switch_cost": 0.05, "transit_weight": 0.01})
     for name in args.files:

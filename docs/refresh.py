@@ -29,7 +29,8 @@ SEEDS = range(1, 21)
 NUMBER = """\
 The first path is there after **{median:.2g} ms** (median over seeds 1 to {count}; the slowest: {worst:.2g} ms): three
 boxes through fifteen obstacles in 4 m by 4 m (`three-boxes-clutter`), the goal reached exactly, on {cores} shared
-cores of a virtual machine. From a clone, a C++ compiler is needed once (`apt install g++ python3-dev`); nothing is compiled later.
+cores of a virtual machine. Setting it up from a clone takes a C++ compiler
+(`apt install g++ python3-dev`); nothing is compiled later.
 """
 
 

@@ -37,7 +37,7 @@ Digest = Any  # hashlib publishes no type of its own for it
 
 _NONE = "none"
 
-_DEPENDENCIES = ("numpy", "numba", "scipy", "shapely", "ompl", "ruckig", "mcap", "protobuf")
+_DEPENDENCIES = ("numpy", "scipy", "shapely", "ompl", "ruckig", "mcap", "protobuf")
 
 
 def run_words(scenario: Scenario, settings: Mapping[str, object]) -> dict[str, str]:

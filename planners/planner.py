@@ -14,7 +14,6 @@ from pushplan.core.collision import Scene
 from pushplan.core.problem import reach as costs_of_words
 from pushplan.errors import PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error, relative
-from pushplan.kernels import warm_up
 from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.multi.multi_push import MultiPushSearch
 from pushplan.planners.multi.rearrangement import RearrangementSearch
@@ -106,13 +105,6 @@ class Planner:
         if scenario.kind != "push":
             _require_own_search(self.scenario, name)
         with (watch or Stopwatch())("preparing"):
-            warm_up(
-                name,
-                self.settings.observer.message,
-                set_name,
-                scenario.has_intervals,
-                scenario.kind != "push",
-            )
             self.began = time.perf_counter()
             with no_collection():
                 self._search = self._prepared(meridians)

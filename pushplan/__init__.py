@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -122,3 +123,9 @@ class _Package(ModuleType):
 
 
 sys.modules[__name__].__class__ = _Package
+
+_CORE = Path(__file__).with_name("core")
+if (_CORE / "module.cpp").is_file():  # a checkout, whose sources may be newer than what was built of them
+    from pushplan.util.checkout import require_present_core
+
+    require_present_core(_CORE)

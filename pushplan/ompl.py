@@ -12,7 +12,6 @@ import math
 from typing import Any
 
 from pushplan.errors import PlanningError
-from pushplan.kernels import warm_up
 from pushplan.planners.improve.session import Budget, Session
 from pushplan.planners.ompl.form import information_of, pose_problem
 from pushplan.planners.ompl.form import push_path as path_of
@@ -42,7 +41,6 @@ def pose(scenario: Scenario, stable: str | type[StableSet] | StableSet | None = 
         PushplanError: When there is no such set.
         EmptyStableSetError: When no pusher twist keeps every contact.
     """
-    warm_up("rrt")
     if not isinstance(stable, StableSet):
         stable = planning_set(scenario, None if stable is None else add_set(stable))
     scenario = scenario.with_margin(margins_to_try(scenario, stable)[0])

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 # Its threads spin while they wait; on these small matrices that took up to six times the work.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -34,15 +32,6 @@ settings.load_profile("patient")
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """Run three files on two processors: in many tests the processes that they start work, or sleep."""
     return max(1, 3 * (os.cpu_count() or 1) // 2)
-
-
-def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile before workers begin: else each of them compiles the same code at the same time."""
-    if getattr(session.config.option, "numprocesses", None):
-        script = str(Path(__file__).with_name("compile_first.py"))
-        started = [subprocess.Popen([sys.executable, script, what]) for what in ("plan", "sets")]
-        for process in started:
-            process.wait()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

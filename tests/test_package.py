@@ -13,7 +13,7 @@ import pytest
 
 import pushplan
 
-HEAVY = ("numba", "ompl", "matplotlib", "mcap", "shapely", "pydantic", "scipy", "ruckig", "numpy")
+HEAVY = ("ompl", "matplotlib", "mcap", "shapely", "pydantic", "scipy", "ruckig", "numpy")
 ROOT = Path(__file__).parents[1]
 PUBLIC: list[str] = vars(pushplan)["__all__"]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pushplan.logging.metadata import git_commit
 
-_SOFTWARE = ("pushplan", "numpy", "numba", "scipy", "shapely", "ompl", "ruckig", "mcap")
+_SOFTWARE = ("pushplan", "numpy", "scipy", "shapely", "ompl", "ruckig", "mcap")
 
 
 @dataclass(frozen=True)

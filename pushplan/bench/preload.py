@@ -1,4 +1,4 @@
-"""Imported by the fork server once: loads and compiles all that runs need, so that their processes start with it.
+"""Imported by the fork server once: loads all that runs need, so that their processes start with it.
 
 Whatever fails here fails again in each run that needs it, and is reported there.
 """
@@ -22,15 +22,11 @@ atexit.register(os._exit, 0)  # without the clean-up in which OMPL's bindings li
 
 
 def load() -> None:
-    """Do a small run with every planner, and ask every stable set."""
+    """Do a small run, and ask every stable set."""
     from pushplan.bench.outcome import perform
     from pushplan.bench.suite import suite_from_text
-    from pushplan.kernels import warm_up
-    from pushplan.util.names import PLANNERS, STABLE_SETS
+    from pushplan.util.names import STABLE_SETS
 
-    for name in PLANNERS:
-        with contextlib.suppress(Exception):
-            warm_up(name)
     suite = suite_from_text(
         "format: pushplan-suite/1\nproblems: [two-crates]\nplanners: [{name: auto, first: true}]\nseeds: 1\n"
     )
@@ -38,7 +34,6 @@ def load() -> None:
     for name in STABLE_SETS:
         with contextlib.suppress(Exception):
             scenario.stable_set(name).margin([[1.0, 0.0, 0.0]])
-            warm_up("auto", stable=name, intervals=True)
     with tempfile.TemporaryDirectory() as folder:
         perform(next(suite.runs("")), Path(folder))
 

@@ -160,7 +160,7 @@ def _bench(
     folder = ResultsFolder(output)
     with folder.locked(), ExitStack() as stack:
         try:
-            with console.working("preparing, which compiles the first time"):
+            with console.working("preparing"):
                 from pushplan.bench.executor import cluster_engine, local_engine
 
                 engine = stack.enter_context(

@@ -40,13 +40,13 @@ def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | 
         console.table(rows(stated))
         from pushplan.cli.stable_set import describe, set_document, set_rows
 
-        with console.computing("computing the stable set"):
+        with console.working("computing the stable set"):
             require_pushable(stated)
             described = describe(stated, stated.stability.set)
     console.say((f"stable set {stated.stability.set}", "bold"))
     console.table(set_rows(described))
     if plot is not None:
-        with console.computing(f"drawing {plot}"):
+        with console.working(f"drawing {plot}"):
             from pushplan.drawing.plans import plot_scenario
 
             plot_scenario(stated, plot, described.stable)
@@ -318,7 +318,7 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
     first = next(iter(alone.values()))
     rows, found = [("file", str(first.path))], []
     for name, one in alone.items():
-        with console.computing(f"looking at the contacts of {name}"):
+        with console.working(f"looking at the contacts of {name}"):
             require_pushable(one)
             modes = find_modes(one, PlanSettings().completed(one))
             faces = list(dict.fromkeys(mode.place.face for mode in modes))
@@ -333,7 +333,7 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
         ("workspace", workspace_text(first)),
     ]
     if plot is not None:
-        with console.computing(f"drawing {plot}"):
+        with console.working(f"drawing {plot}"):
             from pushplan.drawing.plans import plot_scenario
 
             plot_scenario(scenario, plot)

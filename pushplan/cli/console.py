@@ -139,15 +139,6 @@ class Console:
         with Progress(what) as progress:
             yield progress
 
-    @contextmanager
-    def computing(self, what: str) -> Iterator[Progress]:
-        """Show the same of work with stable sets, and tell when their code is being compiled."""
-        with self.working(what) as progress:
-            from pushplan.compiled.announcement import announced
-
-            with announced(progress.announce, progress.tell):
-                yield progress
-
     def _print(self, what: Text | Table) -> None:
         stream = sys.stderr if self.json else sys.stdout
         buffer = io.StringIO()

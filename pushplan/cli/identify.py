@@ -44,7 +44,7 @@ def identify(
 
         target = load_scenario(into)  # before the work, which is lost if it cannot be read
     p.check_outputs([*names, *([into] if into else [])], None, output)
-    with console.computing(f"learning from {len(logs)} logs") as progress:
+    with console.working(f"learning from {len(logs)} logs") as progress:
         from pushplan.identify import identify as learn
 
         found = learn(names, seed=seed, jobs=jobs, progress=progress.tell_share)

@@ -148,17 +148,14 @@ def _prepare(scenario: Scenario, search: dict[str, Any], physics: bool, console:
         from pushplan.cli.physics import require_executable
 
         require_executable(scenario)
-    with console.computing("loading the planner"):
+    with console.working("loading the planner"):
         import pushplan.run
         from pushplan.cli.check import require_pushable
-        from pushplan.kernels import warm_up
         from pushplan.scenario.parts import StabilitySettings
         from pushplan.sets.named import add_set
 
         del pushplan
         chosen = add_set(search["stable_set"] or scenario.stability.set)
-        planner = search["planner"] or scenario.planner.name
-        warm_up(planner, None, chosen, scenario.has_intervals, scenario.kind != "push")
         kept = scenario.stability.margin if search["margin"] is None else search["margin"]
         for one in [scenario.alone(name) for name in scenario.bodies] or [scenario]:
             require_pushable(replace(one, stability=StabilitySettings(chosen, kept)))
@@ -198,7 +195,7 @@ def _run(
 
 def draw(plan: Plan, execution: Execution | None, path: Path, console: Console) -> None:
     """Draw a plan and its execution into a file."""
-    with console.computing(f"drawing {path}"):
+    with console.working(f"drawing {path}"):
         from pushplan.drawing.plans import plot_plan
 
         plot_plan(plan, path, execution)

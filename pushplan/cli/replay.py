@@ -184,7 +184,7 @@ def _best(run: RecordedRun) -> str:
 
 def _verified(run: RecordedRun, console: Console) -> VerifyReport:
     """Execute the recorded plan again, compare, and tell what differs."""
-    with console.computing("executing the recorded plan again"):
+    with console.working("executing the recorded plan again"):
         from pushplan.verification import verify_run
 
         report = verify_run(run)

@@ -118,7 +118,7 @@ def simulate(
     if html is not None:
         from pushplan.logging.page import write_html
 
-        with console.computing(f"writing {html}"):
+        with console.working(f"writing {html}"):
             write_html(done.recorded, html)
     _tell(done, log, console)
     return DONE if done.outcome == "arrived" else MISMATCH
@@ -163,7 +163,7 @@ def _simulated(
     seed: int,
     console: Console,
 ) -> ClosedLoopRun:
-    with console.computing("planning and pushing") as progress:
+    with console.working("planning and pushing") as progress:
         import numpy as np
 
         from pushplan.closed_loop import run_closed_loop, run_open_loop

@@ -60,7 +60,7 @@ def stable_set(
     from pushplan.scenario.file import load_scenario
 
     p.check_outputs([scenario], plot)
-    with p.code_of(scenario, console.note, no_code), console.computing("computing stable sets"):
+    with p.code_of(scenario, console.note, no_code), console.working("computing stable sets"):
         from pushplan.sets.cor_window import default_window
         from pushplan.sets.named import add_set
 
@@ -69,7 +69,7 @@ def stable_set(
         found = {name: describe(stated, name) for name in names}
         window = default_window(stated.chain, [each.stable for each in found.values()])
     if plot is not None:
-        with console.computing(f"drawing {plot}"):
+        with console.working(f"drawing {plot}"):
             from pushplan.drawing.sets import plot_stable_sets
 
             plot_stable_sets(stated.chain, [each.stable for each in found.values()], plot, window)

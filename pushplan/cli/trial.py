@@ -86,7 +86,7 @@ def trial(
         console.say(f"{scenario.name}: there is no plan to try: {why}")
         console.emit({"scenario": scenario.name, "solved": False, "reason": why})
         return NO_PLAN
-    with console.computing(f"executing {samples} trials") as progress:
+    with console.working(f"executing {samples} trials") as progress:
         from pushplan.sim.trials import execute_trials
         from pushplan.trial import simulator_named
 
@@ -104,7 +104,7 @@ def trial(
     console.say((scenario.name, "bold"), f": {rate} ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
     console.table(_rows(trials))
     if plot is not None:
-        with console.computing(f"drawing {plot}"):
+        with console.working(f"drawing {plot}"):
             from pushplan.drawing.trials import plot_trials
 
             plot_trials(trials, plot)
@@ -133,7 +133,7 @@ def _planned(source: str, console: Console) -> tuple[Scenario, Plan | None]:
     from pushplan.scenario.file import load_scenario
 
     scenario = load_scenario(source)
-    with console.computing(f"planning, up to {scenario.planner.time_limit:g} s"):
+    with console.working(f"planning, up to {scenario.planner.time_limit:g} s"):
         from pushplan.planners.planner import plan
 
         return scenario, plan(scenario)

@@ -26,7 +26,7 @@ def view(
 
     with p.code_of(scenario, console.note, no_code):
         stated = load_scenario(scenario, maps)
-        with console.computing("opening the window"):
+        with console.working("opening the window"):
             from pushplan.view.window import Window
 
             window = Window(stated, port, console.note)
