@@ -29,5 +29,5 @@ def require_present_core(folder: Path) -> None:
         from pushplan import core
     except ImportError as error:
         raise ImportError(f"pushplan's C++ core is not there: {AGAIN} ({error})") from None
-    if core.SOURCES != digest_of(folder):
+    if digest_of(folder) != core.SOURCES:
         raise ImportError(f"pushplan's C++ core was built from other sources than those in {folder}: {AGAIN}")
