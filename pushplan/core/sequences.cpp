@@ -40,7 +40,7 @@ void add_push(const SequenceCosts &costs, double below, Round &round) {
             const double sofar = round.ready[m][u];
             if (!(sofar < below))
                 continue;
-            // Where the best push comes from is looked up afterwards: least costs alone take less than half of the time.
+            // Where the best push comes from is looked up afterwards: least costs alone take half of the time.
             const double *push = costs.pushes_from(m, u);
             for (std::ptrdiff_t v = 0; v < costs.nodes; ++v) {
                 const double cost = sofar + push[v];
