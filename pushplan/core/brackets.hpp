@@ -56,8 +56,8 @@ struct Section {
     double steps; // left
 };
 
-// Golden-section searches; each stops once above a goal, or, with values at both ends given, where a rise by DOUBT times
-// what a concave function could still have would not reach it.
+// Golden-section searches; each stops once above a goal, or, with values at both ends given, where a rise by DOUBT
+// times what a concave function could still have would not reach it.
 class PeakSearch {
   public:
     PeakSearch(const std::vector<double> &low, const std::vector<double> &high, double goal, int iterations);

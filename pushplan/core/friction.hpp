@@ -9,8 +9,8 @@
 // is omega / |omega| times integrals of J (r - c) / |r - c|, which are sums over edges. Where the COR is far away they
 // cancel, and a power series in omega / |v| takes their place.
 //
-// A push at a height shifts the load by its friction f: the pressure gains stiffness times b . r, with S b = h f for the
-// second moments S of the stiffness and h the height times mu.
+// A push at a height shifts the load by its friction f: the pressure gains stiffness times b . r, with S b = h f for
+// the second moments S of the stiffness and h the height times mu.
 #pragma once
 
 #include "poses.hpp"

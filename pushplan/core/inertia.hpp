@@ -9,7 +9,7 @@ namespace pushplan::mechanics {
 //
 //     a(c) = dv/dt + domega/dt J c + omega J (v + omega J c).
 //
-// Its moment about the origin is c x m a(c), and that about the centre of mass is the moment of inertia times domega/dt.
+// Its moment about the origin is c x m a(c); that about the centre of mass is the moment of inertia times domega/dt.
 struct Force {
     double x, y;
 };

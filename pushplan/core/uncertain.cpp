@@ -49,8 +49,8 @@ LeastRows::LeastRows(const PackedLoads &packed)
 }
 
 void LeastRows::set_twist(const Twist &twist) {
-    const double size = std::max(std::max(std::abs(twist.vx), std::abs(twist.vy)), std::abs(twist.omega) * packed_.length);
-    const double scale = 1.0 / size;
+    const double speed = std::max(std::abs(twist.vx), std::abs(twist.vy));
+    const double scale = 1.0 / std::max(speed, std::abs(twist.omega) * packed_.length);
     const double vx = twist.vx * scale, vy = twist.vy * scale, omega = twist.omega * scale;
     const Supports supports = packed_.units.supports();
     for (std::ptrdiff_t i = 0; i < packed_.count(); ++i) {

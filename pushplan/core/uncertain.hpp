@@ -8,8 +8,8 @@
 // A spread is one of
 //
 // - known: e = g . w, w in closed form;
-// - parts p_j of points x_j with l_j <= p_j <= u_j and sum p_j = t: feet with intervals (t = 1), and cells of a pressure
-//   that is off by a share (t = 0, beside the known w). A fractional knapsack; its dual has one variable,
+// - parts p_j of points x_j with l_j <= p_j <= u_j and sum p_j = t: feet with intervals (t = 1), and cells of a
+//   pressure that is off by a share (t = 0, beside the known w). A fractional knapsack; its dual has one variable,
 //   e = max over c of t c + sum_j min(l_j (q_j - c), u_j (q_j - c)): any c gives a lower bound, the best the least;
 // - any with the centre g_0; see `centred.hpp`.
 //
