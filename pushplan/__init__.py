@@ -126,6 +126,4 @@ sys.modules[__name__].__class__ = _Package
 
 _CORE = Path(__file__).with_name("core")
 if (_CORE / "module.cpp").is_file():  # a checkout, whose sources may be newer than what was built of them
-    from pushplan.util.checkout import require_present_core
-
-    require_present_core(_CORE)
+    import_module("pushplan.util.checkout").require_present_core(_CORE)

@@ -20,7 +20,7 @@ def modules() -> dict[str, Path]:
     homes = [(ROOT / "pushplan", ROOT / "pushplan"), *((folder, ROOT) for folder in folders)]
     found = {}
     for folder, home in homes:
-        for file in folder.rglob("*.py"):
+        for file in [*folder.rglob("*.py"), *folder.rglob("*.pyi")]:  # the core has stubs only
             name = ".".join(file.relative_to(home).with_suffix("").parts).removesuffix(".__init__")
             found[name] = file
     del found["__init__"]  # loads the public names when they are first used
