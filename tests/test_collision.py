@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 import shapely
 
+from pushplan.core import collision, problem
 from pushplan.core.collision import Scene, separation, step, sweep_is_free
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry import se2
 from pushplan.planners.collision.scene import convex_pieces, scene_of
+from pushplan.plans.path import TURN_WEIGHT
 from pushplan.util.arrays import FloatArray
+from pushplan.util.names import CLEARANCE_ROOM
 
 INFINITE = np.array([-np.inf, -np.inf, np.inf, np.inf])
 
@@ -65,6 +68,11 @@ def test_separation_is_a_lower_bound_and_exact_when_near() -> None:
             overlaps += 1
     assert near > 20
     assert overlaps > 200
+
+
+def test_the_core_counts_as_the_rest_does() -> None:
+    assert collision.CLEARANCE_ROOM == CLEARANCE_ROOM
+    assert problem.TURN_WEIGHT == TURN_WEIGHT
 
 
 def test_walls_bound_the_body() -> None:

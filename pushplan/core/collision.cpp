@@ -208,23 +208,31 @@ void bind_collision(py::module_ &core) {
     m.attr("LEAF") = LEAF;
     m.attr("SLACK") = SLACK;
     m.attr("ROUNDING") = ROUNDING;
+    m.attr("CLEARANCE_ROOM") = CLEARANCE_ROOM;
     m.def("obstacle_tree", &tree_of, py::arg("boxes"), py::arg("polygons"));
     m.def("join_triangles", &rings_of, py::arg("corners"), py::arg("origin"), py::arg("twin"));
-    m.def("separation", py::overload_cast<const Scene &, double, double, double, double>(&separation), py::arg("scene"),
-          py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("enough"));
+    m.def(
+        "separation",
+        [](const Scene &scene, double x, double y, double theta, double enough) {
+            return separation(scene, {x, y, theta}, enough);
+        },
+        py::arg("scene"), py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("enough"));
     m.def("separations", &separations, py::arg("scene"), py::arg("poses"), py::arg("enough"));
     m.def(
         "step",
         [](double x, double y, double theta, double vx, double vy, double omega, double length) {
-            step(x, y, theta, vx, vy, omega, length);
-            return py::make_tuple(x, y, theta);
+            const Pose pose = step({x, y, theta}, {vx, vy, omega}, length);
+            return py::make_tuple(pose.x, pose.y, pose.theta);
         },
         py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("vx"), py::arg("vy"), py::arg("omega"),
         py::arg("length"));
-    m.def("sweep_is_free",
-          py::overload_cast<const Scene &, double, double, double, double, double, double, double>(&sweep_is_free),
-          py::arg("scene"), py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("vx"), py::arg("vy"),
-          py::arg("omega"), py::arg("length"));
+    m.def(
+        "sweep_is_free",
+        [](const Scene &scene, double x, double y, double theta, double vx, double vy, double omega, double length) {
+            return sweep_is_free(scene, {x, y, theta}, {vx, vy, omega}, length);
+        },
+        py::arg("scene"), py::arg("x"), py::arg("y"), py::arg("theta"), py::arg("vx"), py::arg("vy"), py::arg("omega"),
+        py::arg("length"));
 }
 
 } // namespace pushplan

@@ -12,6 +12,8 @@ SLACK: float
 """Distance beyond the clearance, m, that the poses looked at have, so that those between can be proven to keep it."""
 ROUNDING: float
 """Start and goal may fail by rounding to have the distance they have, m."""
+CLEARANCE_ROOM: float
+"""What is proven between poses is less than the clearance by so much at most, m."""
 
 class Shapes:
     """Convex polygons, flattened.

@@ -35,7 +35,7 @@ std::vector<double> floor_distances(const Scene &point, const Grid &grid, double
             const double px = grid.x + (static_cast<double>(i) + 0.5) * grid.side;
             const double py = grid.y + (static_cast<double>(j) + 0.5) * grid.side;
             // Half a diagonal is added, so that a cell counts as free when any place in it is.
-            free[i * ny + j] = separation(point, px, py, 0.0, least) + 0.71 * grid.side >= least;
+            free[i * ny + j] = separation(point, {px, py, 0.0}, least) + 0.71 * grid.side >= least;
         }
     std::vector<double> away(free.size(), INF);
     away[grid.cell(x, y)] = 0.0;

@@ -26,7 +26,7 @@ bool may_hold(const Scene &scene, const Pose &begin, const Steps &steps, const C
     const double c = std::cos(middle.theta), s = std::sin(middle.theta);
     const Circle &bound = scene.body->bound;
     const double x = middle.x - c * bound.x + s * bound.y, y = middle.y - s * bound.x - c * bound.y;
-    return separation(scene, x, y, middle.theta, near) >= steps.touching;
+    return separation(scene, {x, y, middle.theta}, near) >= steps.touching;
 }
 
 // Columns and rows from the first to the last ones.

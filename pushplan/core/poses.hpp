@@ -52,20 +52,14 @@ inline void put(double *row, const Arc &arc) {
     row[0] = arc.twist.vx, row[1] = arc.twist.vy, row[2] = arc.twist.omega, row[3] = arc.length;
 }
 
-// Move along a constant body twist for `length` (exact exponential).
-inline void step(double &x, double &y, double &theta, double vx, double vy, double omega, double length) {
+// Return the pose after moving along a constant body twist for `length` (exact exponential).
+inline Pose step(const Pose &pose, const Twist &twist, double length) {
+    const auto &[vx, vy, omega] = twist;
     const double half = 0.5 * omega * length;
     // On a circle, the chord of an arc of angle 2 half points along half: |chord| = length sin(half) / half.
     const double chord = std::abs(half) < 1e-8 ? length : length * std::sin(half) / half;
-    const double c = chord * std::cos(theta + half), s = chord * std::sin(theta + half);
-    x = x + c * vx - s * vy;
-    y = y + s * vx + c * vy;
-    theta = theta + 2.0 * half;
-}
-
-inline Pose step(Pose pose, const Twist &twist, double length) {
-    step(pose.x, pose.y, pose.theta, twist.vx, twist.vy, twist.omega, length);
-    return pose;
+    const double c = chord * std::cos(pose.theta + half), s = chord * std::sin(pose.theta + half);
+    return {pose.x + c * vx - s * vy, pose.y + s * vx + c * vy, pose.theta + 2.0 * half};
 }
 
 // Return the pose in the world of what is at `inner` in a frame that is at `place`.

@@ -16,6 +16,8 @@ LETTER_SHARE: float
 """Share of the sampled controls that are the twists of a steering family: turns and straight pushes."""
 END_SHARE: float
 """Share of the other controls that lie on either end of their segment, the boundary of the stable set."""
+TURN_WEIGHT: float
+"""What a radian of turning costs beside a metre of travel, m."""
 LEFT: int
 STRAIGHT: int
 RIGHT: int

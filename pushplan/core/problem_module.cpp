@@ -73,6 +73,7 @@ void bind_problem_class(py::module_ &m) {
     m.attr("NODE") = NODE;
     m.attr("LETTER_SHARE") = LETTER_SHARE;
     m.attr("END_SHARE") = END_SHARE;
+    m.attr("TURN_WEIGHT") = TURN_WEIGHT;
     py::class_<Problem, std::shared_ptr<Problem>>(m, "Problem")
         .def(py::init(&to_problem), py::arg("scene"), py::arg("segments"), py::arg("families"), py::arg("goal"),
              py::arg("longest"), py::arg("objective"))

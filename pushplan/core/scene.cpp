@@ -159,10 +159,10 @@ double body_to_disc(const Placed &body, const Circle &disc, double enough) {
 }
 
 // Largest speed of any point of the body under a body twist; convex, so found at a corner.
-double top_speed(const Shapes &body, double vx, double vy, double omega) {
+double top_speed(const Shapes &body, const Twist &twist) {
     double best = 0.0;
     for (const Corner &p : body.corners) {
-        const double px = vx - omega * p.y, py = vy + omega * p.x;
+        const double px = twist.vx - twist.omega * p.y, py = twist.vy + twist.omega * p.x;
         best = most(best, px * px + py * py);
     }
     return std::sqrt(best);
@@ -170,8 +170,8 @@ double top_speed(const Shapes &body, double vx, double vy, double omega) {
 
 } // namespace
 
-double separation(const Scene &scene, double x, double y, double theta, double enough) {
-    const Frame pose{std::cos(theta), std::sin(theta), x, y};
+double separation(const Scene &scene, const Pose &at, double enough) {
+    const Frame pose{std::cos(at.theta), std::sin(at.theta), at.x, at.y};
     const Circle &bound = scene.body->bound;
     const Obstacles &room = *scene.obstacles;
     const Placed body{*scene.body->pieces, pose, pose.x_of(bound.x, bound.y), pose.y_of(bound.x, bound.y),
@@ -198,22 +198,20 @@ double separation(const Scene &scene, double x, double y, double theta, double e
     return best;
 }
 
-bool sweep_is_free(const Scene &scene, double x, double y, double theta, double vx, double vy, double omega,
-                   double length) {
+bool sweep_is_free(const Scene &scene, const Pose &pose, const Twist &twist, double length) {
     struct Interval {
         double begin, end;
     };
-    const double top = top_speed(*scene.body->pieces, vx, vy, omega);
+    const double top = top_speed(*scene.body->pieces, twist);
     std::array<Interval, DEPTH> left;
     left[0] = {0.0, length};
     int n = 1;
     while (n > 0) {
         const auto [begin, end] = left[--n];
         const double middle = 0.5 * (begin + end);
-        double px = x, py = y, pt = theta;
-        step(px, py, pt, vx, vy, omega, middle);
         // More than it takes to cover the whole interval need not be known.
-        const double gap = separation(scene, px, py, pt, 0.5 * (end - begin) * top + 2.0 * scene.clearance);
+        const double enough = 0.5 * (end - begin) * top + 2.0 * scene.clearance;
+        const double gap = separation(scene, step(pose, twist, middle), enough);
         if (gap < scene.clearance)
             return false;
         const double covered = (gap - scene.kept) / top;

@@ -62,23 +62,14 @@ struct Scene {
 };
 
 // Return a lower bound (m) on the distance of the body at a pose from everything, capped at `enough`.
-double separation(const Scene &scene, double x, double y, double theta, double enough);
-
-inline double separation(const Scene &scene, const Pose &pose, double enough) {
-    return separation(scene, pose.x, pose.y, pose.theta, enough);
-}
+double separation(const Scene &scene, const Pose &pose, double enough);
 
 // Return whether the body keeps clear of everything along an arc: proven, never merely sampled.
 //
 // Every pose looked at has `scene.clearance`, every one between has `scene.kept` at least: a separation d at s covers
 // all s' with |s' - s| <= (d - kept) / (top speed of the body). Intervals are looked at in the middle first, where a
 // collision shows soonest. An arc that comes closer than `scene.clearance` may be refused.
-bool sweep_is_free(const Scene &scene, double x, double y, double theta, double vx, double vy, double omega,
-                   double length);
-
-inline bool sweep_is_free(const Scene &scene, const Pose &pose, const Twist &twist, double length) {
-    return sweep_is_free(scene, pose.x, pose.y, pose.theta, twist.vx, twist.vy, twist.omega, length);
-}
+bool sweep_is_free(const Scene &scene, const Pose &pose, const Twist &twist, double length);
 
 // Distance beyond the clearance, m, that the poses looked at have, so that those between can be proven to keep it.
 constexpr double SLACK = 2e-4;
