@@ -24,13 +24,12 @@ from dense_scenes import scenes as dense_scenes
 
 from pushplan.bench.machine import Machine
 from pushplan.core.problem import Problem
-from pushplan.planners.improve.session import Budget, Session
-from pushplan.planners.ompl import auto
-from pushplan.planners.ompl.factories import planner_named
-from pushplan.planners.ompl.search import search
-from pushplan.planners.problem.controls import margins_to_try
-from pushplan.planners.problem.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.search import lattice_rounds
+from pushplan.planners.controls import margins_to_try
+from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.search import planners
+from pushplan.planners.search.planners import planner_named
+from pushplan.planners.search.search import search
+from pushplan.planners.search.session import Budget, Session
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 
@@ -81,10 +80,10 @@ def _forward(self: Any, arcs: float) -> None:
 
 PARTS: dict[str, Callable[[], Any]] = {
     "nothing": nullcontext,
-    "lattice": lambda: mock.patch.object(lattice_rounds.LatticeRounds, "run", _nothing),
-    "lattice back from the goal": lambda: mock.patch.object(lattice_rounds.LatticeRounds, "run", _forward),
-    "trees after the first": lambda: mock.patch.object(auto, "LATTICE_RATIO", 1e9),
-    "room for polishing": lambda: mock.patch.object(lattice_rounds, "EXCESS", (1.0, 1.0)),
+    "lattice": lambda: mock.patch.object(planners.LatticeRounds, "run", _nothing),
+    "lattice back from the goal": lambda: mock.patch.object(planners.LatticeRounds, "run", _forward),
+    "trees after the first": lambda: mock.patch.object(planners, "LATTICE_RATIO", 1e9),
+    "room for polishing": lambda: mock.patch.object(planners, "EXCESS", (1.0, 1.0)),
     "refining": lambda: mock.patch.object(Session, "refine", _nothing),
 }
 """What is left out, and how."""

@@ -21,10 +21,10 @@ from pushplan.core.collision import separation
 from pushplan.core.problem import LEFT, RIGHT, STRAIGHT, TRIES, connect
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
-from pushplan.planners.improve.session import Session
-from pushplan.planners.ompl.auto import AnytimePlanner
-from pushplan.planners.ompl.form import PushInformation, bounds, state_at
-from pushplan.planners.problem.problem import Box
+from pushplan.planners.problem import Box
+from pushplan.planners.search.form import PushInformation, bounds, state_at
+from pushplan.planners.search.planners import AnytimePlanner
+from pushplan.planners.search.session import Session
 from pushplan.util.arrays import FloatArray, IntArray
 
 _INSTEAD = "choose a planner that needs none, such as auto"

@@ -24,9 +24,9 @@ from ompl import util as ou
 
 from pushplan.bench.machine import Machine
 from pushplan.core.problem import Problem
-from pushplan.planners.improve.session import Budget, Session
-from pushplan.planners.ompl.form import pose_problem
-from pushplan.planners.problem.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.search.form import pose_problem
+from pushplan.planners.search.session import Budget, Session
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario
 

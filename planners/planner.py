@@ -14,18 +14,17 @@ from pushplan.core.collision import Scene
 from pushplan.core.problem import reach as costs_of_words
 from pushplan.errors import PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error, relative
-from pushplan.planners.blending.blending import blend_path
+from pushplan.planners.controls import MERIDIANS
 from pushplan.planners.multi.multi_push import MultiPushSearch
 from pushplan.planners.multi.rearrangement import RearrangementSearch
-from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.outcome import Outcome, Segments
-from pushplan.planners.problem.controls import MERIDIANS
-from pushplan.planners.problem.problem import Posing, open_scene
-from pushplan.planners.problem.rejoin import rejoin
+from pushplan.planners.problem import Posing, open_scene, rejoin
 from pushplan.planners.push_search import PushSearch
+from pushplan.planners.search.planners import planner_named
 from pushplan.planners.timing.arc_limits import Bounds, motion_bounds
+from pushplan.planners.timing.blending import blend_path
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.planners.validation.validator import EXACT, Validator
+from pushplan.planners.validator import EXACT, Validator
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Load, Nearest, Plan, Segment
 from pushplan.plans.settings import Observer, PlanOptions, PlanSettings

@@ -11,16 +11,15 @@ import numpy as np
 
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry.se2 import pose_error
-from pushplan.planners.improve.session import Budget, Session
+from pushplan.planners.controls import margins_to_try
 from pushplan.planners.infeasible.bounds import lower_bound
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
-from pushplan.planners.ompl.factories import planner_named
-from pushplan.planners.ompl.search import Factory, search
 from pushplan.planners.outcome import Improvements, Outcome, Segments
-from pushplan.planners.problem.controls import margins_to_try
-from pushplan.planners.problem.objective import make_objective
-from pushplan.planners.problem.problem import Posing, body_reach, sampling_box
-from pushplan.planners.validation.validator import Validator
+from pushplan.planners.problem import Posing, body_reach, make_objective, sampling_box
+from pushplan.planners.search.planners import planner_named
+from pushplan.planners.search.search import Factory, search
+from pushplan.planners.search.session import Budget, Session
+from pushplan.planners.validator import Validator
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Load, Nearest, Segment
 from pushplan.plans.settings import PlanSettings

@@ -12,11 +12,11 @@ import math
 from typing import Any
 
 from pushplan.errors import PlanningError
-from pushplan.planners.improve.session import Budget, Session
-from pushplan.planners.ompl.form import information_of, pose_problem
-from pushplan.planners.ompl.form import push_path as path_of
-from pushplan.planners.problem.controls import margins_to_try
-from pushplan.planners.problem.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.controls import margins_to_try
+from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.search.form import information_of, pose_problem
+from pushplan.planners.search.form import push_path as path_of
+from pushplan.planners.search.session import Budget, Session
 from pushplan.plans.judge import planning_set
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Unpack
 
 from pushplan.logging.recording import Recording, Where
-from pushplan.planners.ompl.factories import planner_named
 from pushplan.planners.planner import plan
+from pushplan.planners.search.planners import planner_named
 from pushplan.plans.plan import Improvement, Plan
 from pushplan.plans.run import Run
 from pushplan.plans.settings import Observer, PlanOptions, PlanSettings

@@ -7,7 +7,7 @@ import pytest
 from plain import load_plain
 
 import pushplan
-from pushplan.planners.improve.session import MOST_BRANCHES, Branches
+from pushplan.planners.search.session import MOST_BRANCHES, Branches
 from pushplan.scenario.file import scenario_from_text
 from pushplan.util.names import PLANNERS
 

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from pushplan.geometry import se2
-from pushplan.planners.validation.clearance import SPACING, Motion, Room, densify, find_collision
+from pushplan.planners.clearance import SPACING, Motion, Room, densify, find_collision
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.util.names import CLEARANCE_ROOM

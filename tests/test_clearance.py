@@ -12,7 +12,7 @@ from pushplan.core.collision import SLACK
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.planner import plan
-from pushplan.planners.problem.problem import scenario_scene
+from pushplan.planners.problem import scenario_scene
 from pushplan.scenario.file import load_scenario, scenario_from_text
 from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario
 from pushplan.util.names import CLEARANCE_ROOM

@@ -13,7 +13,7 @@ from pushplan.core import collision, problem
 from pushplan.core.collision import Scene, separation, step, sweep_is_free
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry import se2
-from pushplan.planners.collision.scene import convex_pieces, scene_of
+from pushplan.planners.scene import convex_pieces, scene_of
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM

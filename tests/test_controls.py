@@ -10,7 +10,7 @@ import pytest
 from pushplan.core.improve import random_family
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
-from pushplan.planners.problem.controls import control_segments, steering_families
+from pushplan.planners.controls import control_segments, steering_families
 from pushplan.plans.path import cost_rate
 from pushplan.sets.named import stable_set
 from pushplan.sets.stable_set import StableSet

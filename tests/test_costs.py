@@ -14,8 +14,7 @@ from pushplan.core.problem import Objective, arc_value, rest_to_rest_time
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.planner import plan
-from pushplan.planners.problem.objective import make_objective
-from pushplan.planners.problem.problem import build_problem
+from pushplan.planners.problem import build_problem, make_objective
 from pushplan.planners.timing.arc_limits import ArcLimits, arc_limits
 from pushplan.planners.timing.exact_timing import rest_to_rest
 from pushplan.plans.path import PushPath

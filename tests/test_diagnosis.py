@@ -15,14 +15,14 @@ from pushplan.cli.main import main
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry.se2 import pose_error
 from pushplan.logging.reader import load_run
+from pushplan.planners.clearance import find_collision
+from pushplan.planners.controls import straight_pushes
 from pushplan.planners.infeasible import diagnosis
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.infeasible.passage import passage_faults
 from pushplan.planners.planner import plan
-from pushplan.planners.problem.controls import straight_pushes
-from pushplan.planners.problem.problem import build_problem
-from pushplan.planners.validation.clearance import find_collision
+from pushplan.planners.problem import build_problem
 from pushplan.plans.plan import CAUSES, Diagnosis, Plan
 from pushplan.run import run
 from pushplan.scenario.file import example_names, example_text, scenario_from_text

@@ -23,7 +23,7 @@ from pushplan.bench.suite import suite_from_text
 from pushplan.closed_loop import ClosedLoopRun, run_closed_loop
 from pushplan.drawing.scene import Scene
 from pushplan.errors import PlanningError, RunLogError
-from pushplan.planners.validation.validator import Validator
+from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario

@@ -16,10 +16,10 @@ from pushplan.cli.main import main
 from pushplan.core.collision import sweep_is_free
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
-from pushplan.planners.collision.scene import build_scene
+from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import plan
-from pushplan.planners.problem.problem import build_problem
-from pushplan.planners.validation.clearance import find_collision
+from pushplan.planners.problem import build_problem
+from pushplan.planners.scene import build_scene
 from pushplan.plans.path import cost_rate
 from pushplan.plans.run import Execution
 from pushplan.scenario.file import load_scenario, scenario_from_text

@@ -10,7 +10,7 @@ import pytest
 
 from pushplan.bench.validation import validation_error
 from pushplan.planners.planner import plan
-from pushplan.planners.validation.validator import Validator
+from pushplan.planners.validator import Validator
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan, Segment
 from pushplan.plans.run import Execution, StabilityLoss

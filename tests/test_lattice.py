@@ -15,9 +15,9 @@ from pushplan.core.collision import sweep_is_free
 from pushplan.core.problem import Problem, poses_along
 from pushplan.core.search import Lattice
 from pushplan.geometry import se2
-from pushplan.planners.improve.session import Budget, Session, path_from
-from pushplan.planners.problem.problem import build_problem, sampling_box
-from pushplan.planners.search.lattice_rounds import LatticeRounds, distances_to, middle_of
+from pushplan.planners.problem import build_problem, sampling_box
+from pushplan.planners.search.planners import LatticeRounds, distances_to, middle_of
+from pushplan.planners.search.session import Budget, Session, path_from
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

@@ -12,7 +12,7 @@ from plain import load_plain
 from pushplan.mechanics.body import as_one
 from pushplan.planners.infeasible.bounds import disc_at, largest_disc, lower_bound
 from pushplan.planners.planner import plan
-from pushplan.planners.problem.problem import Posing
+from pushplan.planners.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.scenario.file import example_names, scenario_from_text
 from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Scenario

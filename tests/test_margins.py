@@ -16,8 +16,8 @@ from plain import load_plain
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Chain, Drive
+from pushplan.planners.controls import HALVINGS, MOST_MARGIN, automatic_margin, margins_to_try
 from pushplan.planners.planner import plan
-from pushplan.planners.problem.controls import HALVINGS, MOST_MARGIN, automatic_margin, margins_to_try
 from pushplan.plans.plan import Plan
 from pushplan.scenario.builders import box, build_scenario, plate
 from pushplan.scenario.file import load_scenario

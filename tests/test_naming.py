@@ -15,7 +15,7 @@ import pushplan
 from pushplan.bench.suite import suite_from_text
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError, PushplanError
-from pushplan.planners.ompl.factories import planner_named
+from pushplan.planners.search.planners import planner_named
 from pushplan.sets.known_load_sets import EcofSet
 from pushplan.sets.named import add_set, stable_set
 from pushplan.util import naming

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pushplan.core.collision import LEAF, Scene, Shapes, obstacle_tree, separation, sweep_is_free
-from pushplan.planners.collision.scene import scene_of
+from pushplan.planners.scene import scene_of
 from pushplan.util.arrays import FloatArray
 
 SQUARE = 0.5 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

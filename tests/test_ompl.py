@@ -18,10 +18,10 @@ from pushplan.core.problem import Problem, arcs_at, controls_of
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.ompl import pose, push_path
-from pushplan.planners.ompl.factories import PLANNERS as PLACES
-from pushplan.planners.ompl.factories import planner_named
-from pushplan.planners.ompl.form import leave_path, pose_of, state_at
-from pushplan.planners.validation.clearance import find_collision
+from pushplan.planners.clearance import find_collision
+from pushplan.planners.search.form import leave_path, pose_of, state_at
+from pushplan.planners.search.planners import PLANNERS as PLACES
+from pushplan.planners.search.planners import planner_named
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

@@ -10,8 +10,8 @@ from plain import load_plain
 
 from pushplan.errors import PlanningError, ScenarioError
 from pushplan.geometry import se2
+from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import plan
-from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.plan import Plan
 from pushplan.plans.settings import Observer
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text

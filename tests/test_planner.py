@@ -10,11 +10,11 @@ import pytest
 from pushplan import Scenario
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
-from pushplan.planners.improve.session import Budget, Session
-from pushplan.planners.ompl.form import free_word
+from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import Planner, plan
-from pushplan.planners.problem.problem import build_problem
-from pushplan.planners.validation.clearance import find_collision
+from pushplan.planners.problem import build_problem
+from pushplan.planners.search.form import free_word
+from pushplan.planners.search.session import Budget, Session
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Goal, PolygonObstacle
 

@@ -15,6 +15,8 @@ from pushplan.core.infeasible import CLOSED, MET, OPEN, ORIGIN, Steps
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at
+from pushplan.planners.clearance import find_collision
+from pushplan.planners.controls import segment_ends
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.infeasible.pockets import (
@@ -25,9 +27,7 @@ from pushplan.planners.infeasible.pockets import (
     push_hull,
     reached,
 )
-from pushplan.planners.problem.controls import segment_ends
-from pushplan.planners.problem.problem import build_problem
-from pushplan.planners.validation.clearance import find_collision
+from pushplan.planners.problem import build_problem
 from pushplan.scenario.file import example_names, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.sets.stable_set import StableSet

@@ -13,10 +13,9 @@ from plain import load_plain
 from pushplan.core.improve import merged, objective_value, shorten, vary
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
-from pushplan.planners.improve.session import Budget, Session
-from pushplan.planners.problem.objective import travel_objective
-from pushplan.planners.problem.problem import build_problem
-from pushplan.planners.validation.clearance import find_collision
+from pushplan.planners.clearance import find_collision
+from pushplan.planners.problem import build_problem, travel_objective
+from pushplan.planners.search.session import Budget, Session
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
@@ -31,9 +30,9 @@ def _posed(name: str) -> tuple[Scenario, Problem]:
 
 
 def _first_path(scenario: Scenario, problem: Problem, seed: int) -> FloatArray:
-    from pushplan.planners.ompl.auto import Auto
-    from pushplan.planners.ompl.search import search
-    from pushplan.planners.problem.problem import body_reach, sampling_box
+    from pushplan.planners.problem import body_reach, sampling_box
+    from pushplan.planners.search.planners import Auto
+    from pushplan.planners.search.search import search
 
     session = Session(problem, scenario.start, Budget(60.0, first=True), seed)
     if not session.finished:

@@ -11,11 +11,11 @@ from pushplan.core.collision import sweep_is_free
 from pushplan.core.problem import Problem
 from pushplan.core.search import SparseTree
 from pushplan.geometry import se2
-from pushplan.planners.improve.session import Budget, Session
-from pushplan.planners.ompl.form import pose_problem
-from pushplan.planners.ompl.search import search
-from pushplan.planners.problem.problem import body_reach, build_problem, sampling_box
-from pushplan.planners.search.sst import StableSparseRRT
+from pushplan.planners.problem import body_reach, build_problem, sampling_box
+from pushplan.planners.search.form import pose_problem
+from pushplan.planners.search.planners import StableSparseRRT
+from pushplan.planners.search.search import search
+from pushplan.planners.search.session import Budget, Session
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray, IntArray
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from plain import load_plain
 
-from pushplan.planners.improve.session import DOUBT, DOUBTFUL, MOST_DOUBT, Budget, Session
-from pushplan.planners.problem.problem import build_problem
+from pushplan.planners.problem import build_problem
+from pushplan.planners.search.session import DOUBT, DOUBTFUL, MOST_DOUBT, Budget, Session
 
 STALL = 1_000
 FORWARD = np.array([[1.0, 0.0, 0.0, 100.0]])

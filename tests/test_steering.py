@@ -8,7 +8,7 @@ from ompl import base as ob
 
 from pushplan.core.problem import LEFT, MOST_FAMILIES, RIGHT, STRAIGHT, connect, find_words
 from pushplan.geometry import se2
-from pushplan.planners.collision.scene import scene_of
+from pushplan.planners.scene import scene_of
 from pushplan.plans.path import cost_rate
 from pushplan.util.arrays import FloatArray
 

@@ -11,9 +11,9 @@ from plain import load_plain
 
 from pushplan.core.problem import find_words
 from pushplan.geometry import se2
+from pushplan.planners.controls import control_segments, steering_families
 from pushplan.planners.infeasible.bounds import turn_bound
 from pushplan.planners.planner import plan
-from pushplan.planners.problem.controls import control_segments, steering_families
 from pushplan.plans.path import TURN_WEIGHT, PushPath
 from pushplan.scenario.file import example_names
 from pushplan.scenario.model import Scenario

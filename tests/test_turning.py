@@ -11,8 +11,8 @@ import pytest
 from pushplan.cli.main import main
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
+from pushplan.planners.controls import MARGIN_FLOOR, control_segments
 from pushplan.planners.infeasible.turning import drive_radii, turning_faults
-from pushplan.planners.problem.controls import MARGIN_FLOOR, control_segments
 from pushplan.scenario.file import load_scenario
 from pushplan.scenario.model import Scenario, StabilitySettings
 from pushplan.sets.named import stable_set

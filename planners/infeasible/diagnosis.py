@@ -11,10 +11,10 @@ import time
 from collections.abc import Iterator
 
 from pushplan.core.problem import Problem
+from pushplan.planners.controls import straight_pushes
 from pushplan.planners.infeasible.passage import passage_faults
 from pushplan.planners.infeasible.pockets import boxed_in_faults
 from pushplan.planners.infeasible.turning import turning_faults
-from pushplan.planners.problem.controls import straight_pushes
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.stable_set import StableSet

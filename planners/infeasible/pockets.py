@@ -13,8 +13,8 @@ from pushplan.core.collision import Scene, sweep_is_free
 from pushplan.core.infeasible import CLOSED, MET, ORIGIN, Steps, spread
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
+from pushplan.planners.controls import control_segments, segment_ends
 from pushplan.planners.infeasible.turning import tightest_turn
-from pushplan.planners.problem.controls import control_segments, segment_ends
 from pushplan.plans.path import cost_rate
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario

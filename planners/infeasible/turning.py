@@ -13,7 +13,7 @@ from pushplan.errors import EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.mechanics.sphere import TurningRadii
-from pushplan.planners.problem.controls import control_segments, segment_ends, steering_families
+from pushplan.planners.controls import control_segments, segment_ends, steering_families
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario

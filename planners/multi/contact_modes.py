@@ -9,8 +9,8 @@ import numpy as np
 from pushplan.errors import ChainError, EmptyStableSetError
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import Place, places, pushed_from
-from pushplan.planners.problem.controls import margins_to_try, straight_pushes
-from pushplan.planners.problem.problem import Controls, Posing
+from pushplan.planners.controls import margins_to_try, straight_pushes
+from pushplan.planners.problem import Controls, Posing
 from pushplan.plans.plan import Load
 from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.model import Scenario

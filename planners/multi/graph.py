@@ -14,7 +14,7 @@ from pushplan.core.sequences import cheapest_sequence
 from pushplan.core.transit import find_transit, shortened, transit_is_free
 from pushplan.geometry import se2
 from pushplan.planners.multi.room import PushRoom, Question
-from pushplan.planners.problem.problem import sampling_box
+from pushplan.planners.problem import sampling_box
 from pushplan.plans.path import TURN_WEIGHT
 from pushplan.util.arrays import FloatArray
 

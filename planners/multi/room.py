@@ -14,10 +14,10 @@ from pushplan.core.pushes import PackedMode
 from pushplan.core.transit import find_transit, shortened
 from pushplan.errors import EmptyStableSetError
 from pushplan.mechanics.chain import Drive
-from pushplan.planners.collision.scene import bounding_circle, convex_pieces, flatten, scene_of
+from pushplan.planners.controls import MARGIN_FLOOR
 from pushplan.planners.multi.contact_modes import ContactMode
-from pushplan.planners.problem.controls import MARGIN_FLOOR
-from pushplan.planners.problem.problem import open_scene
+from pushplan.planners.problem import open_scene
+from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of
 from pushplan.plans.path import TURN_WEIGHT, cost_rate
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

@@ -12,7 +12,7 @@ from pushplan.core.samples import descend, pushed_at_random, random_descent, str
 from pushplan.geometry import se2
 from pushplan.planners.multi.graph import PushSequence
 from pushplan.planners.multi.room import PushRoom, Question
-from pushplan.planners.problem.problem import sampling_box
+from pushplan.planners.problem import sampling_box
 from pushplan.util.arrays import BoolArray, FloatArray
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 
 from pushplan.geometry.se2 import compose, inverse, rotate
-from pushplan.planners.validation.clearance import densify
-from pushplan.planners.validation.validator import Validator
+from pushplan.planners.clearance import densify
+from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution
 from pushplan.scenario.model import CircleObstacle, Scenario

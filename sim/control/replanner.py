@@ -13,8 +13,8 @@ from pushplan.geometry.se2 import compose, inverse, pose_error, wrap_angle
 from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.perturb import slid, with_contact_friction
+from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import Planner, plan
-from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.events import Replan
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Plan

@@ -14,7 +14,7 @@ from pushplan.errors import SupportError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import Support
-from pushplan.planners.collision.scene import bounding_circle, convex_pieces
+from pushplan.planners.scene import bounding_circle, convex_pieces
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.feet import Feet, feet_of
 from pushplan.sim.world import World

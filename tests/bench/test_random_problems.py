@@ -16,7 +16,7 @@ from pushplan.bench.random_problems import (
 )
 from pushplan.bench.schema import ProblemParameters
 from pushplan.geometry.se2 import compose
-from pushplan.planners.validation.clearance import find_collision
+from pushplan.planners.clearance import find_collision
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.named import stable_set

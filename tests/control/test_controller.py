@@ -12,7 +12,7 @@ from pushplan.closed_loop import run_closed_loop
 from pushplan.errors import PlanningError, PushplanError, SupportError
 from pushplan.geometry.se2 import compose
 from pushplan.mechanics.support import UnknownSupport
-from pushplan.planners.validation.clearance import find_collision
+from pushplan.planners.clearance import find_collision
 from pushplan.plans.plan import Load, Plan
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.control.controller import Controller, Phase

@@ -9,9 +9,9 @@ import pushplan
 from pushplan.errors import ChainError, PushplanError
 from pushplan.geometry.se2 import compose, exp, relative
 from pushplan.mechanics.perturb import slid
+from pushplan.planners.clearance import excess
 from pushplan.planners.planner import Planner
 from pushplan.planners.planner import plan as plan_in
-from pushplan.planners.validation.clearance import excess
 from pushplan.plans.path import cost_rate
 from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory

@@ -14,8 +14,8 @@ from pushplan.core.driving import Surroundings, WheelKind, Wheels, find_drives, 
 from pushplan.core.transit import find_transit, shortened, transit_is_free
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
+from pushplan.planners.clearance import Motion, Room, collision_along
 from pushplan.planners.multi.room import _scenes, wheels_of
-from pushplan.planners.validation.clearance import Motion, Room, collision_along
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray

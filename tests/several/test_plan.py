@@ -14,7 +14,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.faces import pushed_at
 from pushplan.planners.multi.multi_push import plan_cost
 from pushplan.planners.planner import Planner, plan
-from pushplan.planners.validation.validator import Validator
+from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Load, Plan, Segment
 from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import CircleObstacle

@@ -11,7 +11,7 @@ from several.conftest import problem_document
 
 from pushplan.errors import PlanningError
 from pushplan.planners.planner import Planner, plan
-from pushplan.planners.validation.validator import Validator
+from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import goal_error
 from pushplan.scenario.file import scenario_from_document

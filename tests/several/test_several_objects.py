@@ -15,7 +15,7 @@ import pytest
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError, ScenarioError
 from pushplan.logging.reader import load_run
-from pushplan.planners.validation.validator import Validator
+from pushplan.planners.validator import Validator
 from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
 from pushplan.scenario.json_schema import scenario_schema
 from pushplan.scenario.source import Source

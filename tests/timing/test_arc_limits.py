@@ -12,9 +12,9 @@ from pushplan.errors import TimingError
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics, SpeedWindow, admissible_speeds
 from pushplan.mechanics.sphere import twists_at
-from pushplan.planners.blending.parts import PASSED, passing_speeds
 from pushplan.planners.timing.arc_limits import ROOM, ArcLimits, Bounds, arc_limits, contact_limits
 from pushplan.planners.timing.exact_timing import rest_to_rest, time_path
+from pushplan.planners.timing.parts import PASSED, passing_speeds
 from pushplan.plans.judge import contact_dynamics
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.file import load_scenario

@@ -10,9 +10,9 @@ import pytest
 import pushplan
 from pushplan.errors import ScenarioError
 from pushplan.mechanics.chain import Limits
+from pushplan.planners.clearance import excess
 from pushplan.planners.timing.arc_limits import Bounds, arc_limits
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.planners.validation.clearance import excess
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario

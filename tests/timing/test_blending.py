@@ -16,12 +16,12 @@ from plans_of import push_of
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.planners.blending.blending import Blend, blend_path
-from pushplan.planners.blending.parts import corners_of
+from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import plan
 from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, arc_limits, contact_limits
+from pushplan.planners.timing.blending import Blend, blend_path
 from pushplan.planners.timing.exact_timing import rest_to_rest, time_path
-from pushplan.planners.validation.clearance import find_collision
+from pushplan.planners.timing.parts import corners_of
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import example_names, load_scenario

@@ -6,9 +6,9 @@ import numpy as np
 from plain import load_plain
 
 from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.planners.blending.parts import step_windows
 from pushplan.planners.timing.arc_limits import Bounds
-from pushplan.planners.timing.pieces import Pieces, bounds_use
+from pushplan.planners.timing.exact_timing import Pieces, bounds_use
+from pushplan.planners.timing.parts import step_windows
 
 
 def fast_blend(bounds: Bounds) -> Pieces:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pushplan.geometry import se2
-from pushplan.planners.blending.parts import NoFitError, fit_lengths
-from pushplan.planners.blending.sweep import LengthRows, effects_on, no_rows
+from pushplan.planners.timing.parts import NoFitError, fit_lengths
+from pushplan.planners.timing.sweep import LengthRows, effects_on, no_rows
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.util.arrays import FloatArray
 

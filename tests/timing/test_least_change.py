@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
 
-from pushplan.planners.blending.parts import least_change
+from pushplan.planners.timing.parts import least_change
 from pushplan.util.arrays import FloatArray
 
 

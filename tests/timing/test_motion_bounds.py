@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 import pushplan.core.timing as timing
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.timing.pieces import Pieces, limit_use
+from pushplan.planners.timing.exact_timing import Pieces, limit_use
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray
 

@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from pushplan.geometry import se2
-from pushplan.planners.blending.sweep import off_chords
 from pushplan.planners.planner import plan
+from pushplan.planners.timing.sweep import off_chords
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import load_scenario
 

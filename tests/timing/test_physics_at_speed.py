@@ -11,8 +11,8 @@ import pytest
 
 from pushplan.mechanics.chain import Chain, Limits
 from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.timing.arc_limits import Bounds
+from pushplan.planners.timing.blending import blend_path
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.model import Scenario

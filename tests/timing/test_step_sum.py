@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import pushplan.core.timing as timing
 from pushplan.geometry.se2 import chained
-from pushplan.planners.timing.pieces import Pieces
+from pushplan.planners.timing.exact_timing import Pieces
 from pushplan.plans.trajectory import Trajectory, advance
 from pushplan.util.arrays import FloatArray
 

@@ -10,10 +10,10 @@ import shapely
 
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, Limits
-from pushplan.planners.blending.sweep import Touches, find_touches, nudges
-from pushplan.planners.collision.scene import build_scene
+from pushplan.planners.scene import build_scene
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
+from pushplan.planners.timing.sweep import Touches, find_touches, nudges
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray

@@ -11,9 +11,9 @@ from plans_of import timed
 
 from pushplan.errors import TimingError
 from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.planners.blending.blending import blend_path
 from pushplan.planners.planner import plan
 from pushplan.planners.timing.arc_limits import Bounds
+from pushplan.planners.timing.blending import blend_path
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.judge import contact_dynamics
 from pushplan.plans.path import PushPath

@@ -1,20 +1,92 @@
-"""How a push problem is made from a scenario and a stable set."""
+"""How a push problem is made from a scenario and a stable set, and what makes one path better than another."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from pushplan.core.collision import SLACK, Scene, separation
-from pushplan.core.problem import Problem
-from pushplan.planners.collision.scene import build_scene
-from pushplan.planners.problem.controls import MARGIN_FLOOR, MERIDIANS, control_segments, steering_families
-from pushplan.planners.problem.objective import make_objective
+from pushplan.core.problem import (
+    MARGIN,
+    PASSING,
+    REST_TO_REST,
+    TRAVEL,
+    Objective,
+    Problem,
+    connect,
+    poses_along,
+    reach,
+)
+from pushplan.geometry.se2 import compose, relative
+from pushplan.mechanics.sphere import angles_of, twists_at
+from pushplan.planners.controls import MARGIN_FLOOR, MERIDIANS, control_segments, steering_families
+from pushplan.planners.scene import build_scene
+from pushplan.planners.timing.arc_limits import Bounds, arc_limits, contact_limits_of, motion_bounds
+from pushplan.plans.path import PushPath, cost_rate
 from pushplan.scenario.model import CircleObstacle, Scenario
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import BoolArray, FloatArray
+
+GRIDS = {"margin": 129, "time": 33}
+"""Longitudes and latitudes of the table; fewer where an entry takes longer."""
+
+
+def travel_objective(per_arc: float) -> Objective:
+    """Return the objective of travel: length counts, and `per_arc` (m) for each arc."""
+    return Objective(TRAVEL, per_arc, 1.0, 1.0, np.array([0.0, 1.0, 0.0, 1.0]), np.zeros((2, 2, 3)))
+
+
+def make_objective(scenario: Scenario, stable: StableSet, segments: FloatArray) -> Objective:
+    """Return the objective that a scenario asks for.
+
+    Args:
+        scenario: States `planner.cost`, `planner.weight` and how the path will be timed.
+        stable: The set of the plan.
+        segments: (k, 6) controls; the table covers them.
+    """
+    cost = scenario.planner.cost
+    if cost == "travel":
+        return travel_objective(scenario.planner.arc_price)
+    length = scenario.chain.characteristic_length
+    box, twists = _grid(segments, length, GRIDS[cost])
+    table = np.zeros((*twists.shape[:2], 3))
+    if cost == "margin":
+        margins = stable.margin(twists.reshape(-1, 3)).reshape(twists.shape[:2])
+        table[..., 0] = 1.0 + scenario.planner.weight * (1.0 - margins / margins.max())
+        per_arc = scenario.planner.arc_price * (1.0 + scenario.planner.weight)
+        return Objective(MARGIN, per_arc, float(table[..., 0].min()), length, box, table)
+    bounds = motion_bounds(scenario, stable)
+    table[:] = _speeds(twists.reshape(-1, 3), bounds).reshape(table.shape)
+    blended = scenario.trajectory == "blended"
+    per_arc = scenario.planner.arc_price / scenario.chain.pusher.limits.both("speed")[1]
+    return Objective(
+        PASSING if blended else REST_TO_REST, per_arc, 1.0 / float(table[..., 0].max()), length, box, table
+    )
+
+
+def _grid(segments: FloatArray, length: float, count: int) -> tuple[FloatArray, FloatArray]:
+    """Angles (4,) around all controls, and twists (n, n, 3) between them, scaled to a cost rate of 1."""
+    longitude, latitude = angles_of(segments.reshape(-1, 3), length)
+    pad = 1e-3
+    box = np.array([longitude.min() - pad, longitude.max() + pad, latitude.min() - pad, latitude.max() + pad])
+    longitudes, latitudes = (np.linspace(low, high, count) for low, high in box.reshape(2, 2))
+    twists = twists_at(longitudes[:, None], latitudes, length)
+    return box, twists / cost_rate(twists)[..., None]
+
+
+def _speeds(twists: FloatArray, bounds: Bounds) -> FloatArray:
+    """Largest s', s'' and s''' (k, 3) along twists (k, 3)."""
+    length = np.full(len(twists), 0.3)  # of a typical arc, m
+    found, able = contact_limits_of(twists, length, bounds)
+    free = arc_limits(twists, bounds.limits)
+    # Where the contacts leave no room for inertia, a hundredth of what the pusher can do.
+    speed = np.where(able, found.speed, 0.01 * free.speed)
+    slower = np.minimum(found.acceleration, found.deceleration)
+    return np.stack([speed, np.where(able, slower, 0.01 * free.acceleration), found.jerk], axis=1)
+
 
 Box = tuple[float, float, float, float]
 
@@ -150,3 +222,51 @@ def sampling_box(scenario: Scenario) -> Box:
 def body_reach(scenario: Scenario) -> float:
     """Return the distance from the chain frame's origin to the farthest point of all that moves, m."""
     return scenario.chain.reach
+
+
+def rejoin(
+    scene: Scene,
+    families: FloatArray,
+    clearance: float,
+    stable: Callable[[FloatArray], BoolArray],
+    path: PushPath,
+    start: FloatArray,
+    goal: FloatArray,
+) -> FloatArray | None:
+    """Return the arcs (k, 4) of the cheapest way onto an earlier path and along its rest; None where none is free.
+
+    The rest is moved rigidly so that it ends at the goal, which need not be where the path ended.
+
+    Args:
+        scene: An `open_scene`.
+        families: (f, 3, 3) left, straight and right twists.
+        clearance: Distance that is kept, m.
+        stable: Tells which of twists (k, 3) have the margin that is asked for.
+        path: The earlier one.
+        start: (3,) pose of the chain frame in the world.
+        goal: Likewise.
+    """
+    s = np.unique(np.append(np.linspace(0.0, path.cost, 24), np.cumsum(path.lengths)))
+    onto = compose(goal, relative(path.end, path.poses_at(s)))
+    words = reach(scene, families, start[None], onto, clearance)[0]
+    between = scene_between(scene, clearance, start, goal)
+    for k in np.argsort(words + path.cost - s)[:4]:  # so few are swept, cheapest first
+        if words[k] == math.inf:
+            break
+        rest = _rest(path, float(s[k]))
+        if len(rest) and not (
+            stable(rest[:, :3]).all() and poses_along(between, onto[k], rest)[1] == len(rest)
+        ):
+            continue
+        _, _, word = connect(between, families, start, onto[k])
+        if word is not None:
+            return np.concatenate([word, rest])
+    return None
+
+
+def _rest(path: PushPath, s: float) -> FloatArray:
+    """Return the arcs (k, 4) that are left from the cost `s` on."""
+    ends = np.cumsum(path.lengths)
+    left = np.minimum(path.lengths, ends - s)
+    ahead = left > 1e-9
+    return np.column_stack([path.twists, left])[ahead]

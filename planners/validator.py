@@ -10,7 +10,7 @@ import shapely
 
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import TOUCH
-from pushplan.planners.validation.clearance import Motion, Room, collision_along, densify, excess
+from pushplan.planners.clearance import Motion, Room, collision_along, densify, excess
 from pushplan.plans.plan import Load, Poses, Segment
 from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario

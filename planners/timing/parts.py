@@ -14,10 +14,9 @@ import pushplan.core.timing as timing
 from pushplan.errors import TimingError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.blending.sweep import LengthRows, effects_on
 from pushplan.planners.timing.arc_limits import Bounds, contact_limits, contact_limits_of
-from pushplan.planners.timing.exact_timing import SAME, step_widths, time_run
-from pushplan.planners.timing.pieces import ORDERS, Pieces, bounds_use
+from pushplan.planners.timing.exact_timing import ORDERS, SAME, Pieces, bounds_use, step_widths, time_run
+from pushplan.planners.timing.sweep import LengthRows, effects_on
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.util.arrays import FloatArray, IntArray, columns_of

@@ -1,4 +1,4 @@
-"""One search that every planner drives: its budget, its best path, what is kept of its trees, and when it is over."""
+"""What a search shares: its best path, what ends it, and how paths get better."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Any OMPL planner, run until a search is over: its paths are polished, its trees restarted."""
+"""One search: a planner runs until a condition ends it, and its paths are shortened."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import pushplan.core.improve as improve
 from ompl import base as ob
 from ompl import util as ou
+
+import pushplan.core.improve as improve
 from pushplan.errors import PlanningError, PushplanError
-from pushplan.planners.improve.session import Session
-from pushplan.planners.ompl.form import (
+from pushplan.planners.problem import Box
+from pushplan.planners.search.form import (
     PushInformation,
     arcs_to_goal,
     free_word,
@@ -19,7 +20,7 @@ from pushplan.planners.ompl.form import (
     pose_problem,
     push_path,
 )
-from pushplan.planners.problem.problem import Box
+from pushplan.planners.search.session import Session
 from pushplan.plans.path import PushPath
 
 Factory = Callable[[Any], Any]

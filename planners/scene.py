@@ -1,4 +1,4 @@
-"""What moves and what stands in a room: convex pieces of outlines, and the scene made of them."""
+"""What moves and what stands in a room as convex pieces, and the scene that the core looks at."""
 
 from __future__ import annotations
 

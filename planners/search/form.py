@@ -1,4 +1,4 @@
-"""Push problems and paths in OMPL's form, and back: state space, controls, propagator and goal."""
+"""A push problem in OMPL's form: states, controls, propagator, validity and goal."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-
 from ompl import base as ob
 from ompl import control as oc
+
 from pushplan.core.collision import ROUNDING, Scene
 from pushplan.core.problem import arcs_at, connect, controls_of, poses_along
 from pushplan.core.search import Tree, branch
 from pushplan.errors import PlanningError
 from pushplan.geometry.se2 import pose_error
-from pushplan.planners.improve.session import Session, path_from
-from pushplan.planners.problem.problem import Box
+from pushplan.planners.problem import Box
+from pushplan.planners.search.session import Session, path_from
 from pushplan.plans.path import PushPath
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import CLEARANCE_ROOM

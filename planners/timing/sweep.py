@@ -10,8 +10,8 @@ import pushplan.core.contacts as contacts
 import pushplan.core.timing as timing
 from pushplan.core.collision import Scene, separations
 from pushplan.geometry import se2
+from pushplan.planners.clearance import find_collision
 from pushplan.planners.timing.arc_limits import Bounds
-from pushplan.planners.validation.clearance import find_collision
 from pushplan.plans.path import PushPath
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario

@@ -1,24 +1,20 @@
-"""Blended timing of a path: the pusher does not stop where the path's twist changes.
-
-The twist moves from one arc's to the next on smooth steps (`parts`), which cuts the corners of the way a little; the
-arcs' lengths are solved for anew so that the motion ends exactly where the path does. What comes out is checked
-again. Where it touches something, the lengths are changed once more to keep away from it. Where that does not help,
-or stability is lost, the pusher stops at the nearest corner after all, corner by corner, in the worst case at every
-one: then it is the exact timing. The faster the pusher, the more of a corner is cut; so where stops are needed, lower
-paces are tried, too.
-"""
+"""The fastest trajectory along a path that turns smoothly from one arc to the next."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from pushplan.core.collision import Scene
-from pushplan.planners.blending.inset import inset_path
-from pushplan.planners.blending.parts import (
+from pushplan.planners.controls import most_stable_twist
+from pushplan.planners.problem import body_reach, scenario_scene
+from pushplan.planners.timing.arc_limits import Bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.planners.timing.parts import (
     NoFitError,
     Part,
     corners_of,
@@ -27,11 +23,13 @@ from pushplan.planners.blending.parts import (
     make_part,
     moving_arcs,
     nearest_corners,
+    passing_speeds,
     sharpest_corner,
     slowed,
     split_part,
+    step_windows,
 )
-from pushplan.planners.blending.sweep import (
+from pushplan.planners.timing.sweep import (
     LengthRows,
     collision_times,
     find_touches,
@@ -40,14 +38,113 @@ from pushplan.planners.blending.sweep import (
     off_chords,
     unstable_times,
 )
-from pushplan.planners.problem.problem import body_reach, scenario_scene
-from pushplan.planners.timing.arc_limits import Bounds
-from pushplan.planners.timing.exact_timing import time_path
-from pushplan.plans.path import PushPath
+from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import SAMPLE_RATE, Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import FloatArray, IntArray
+
+SHARES = 2.0 ** np.arange(-12.0, -1.0)
+"""How far twists are moved inward: shares of the way to the path's most stable twist, or the set's."""
+
+SAFETY = 2.0
+"""Multiple of the smallest share that helps: on its way in and out the twist is moved by a part of it only."""
+
+SAMPLES = 65
+"""Twists looked at between two."""
+
+MOST = 1.0 / 3.0
+"""Share of an arc that may be driven with another twist at either end."""
+
+
+class Inset(NamedTuple):
+    """A path with more arcs, and (k,) the arc of the given path that each of its arcs belongs to."""
+
+    path: PushPath
+    owner: IntArray
+
+
+def inset_path(path: PushPath, stable: StableSet, minimum: float, bounds: Bounds) -> Inset:
+    """Return the path with twists moved inward near the corners where the margin would dip.
+
+    It does not quite end where the given path does. A corner where no share helps stays as it is.
+
+    Args:
+        path: Constant-twist arcs, each with more than the minimum margin.
+        stable: The set.
+        minimum: The margin has to exceed it.
+        bounds: What limits the motion, for the time that a step takes.
+    """
+    arcs = np.flatnonzero(path.lengths > 0.0).tolist()
+    inside = _most_stable(path, stable)
+    deepest: FloatArray | None = None
+    rest = path.lengths.copy()
+    heads: dict[int, FloatArray] = {}
+    tails: dict[int, FloatArray] = {}
+    for i, j in pairwise(arcs):
+        pair = path.twists[[i, j]]
+        if _holds(pair[0], pair[1], stable, minimum):
+            continue
+        towards, share = inside, _share(pair, inside, stable, minimum)
+        if share == 0.0:
+            if deepest is None:  # a thousand margins, for the few paths that lie on a concave side of the set
+                deepest = most_stable_twist(stable, stable.chain.pusher.drive)
+            towards, share = deepest, _share(pair, deepest, stable, minimum)
+        if share > 0.0:
+            spent = _spent(path, [i, j], bounds)
+            moved = _moved(pair, towards, share)
+            tails[i], heads[j] = np.append(moved[0], spent[0]), np.append(moved[1], spent[1])
+            rest[[i, j]] -= spent
+    made = [
+        (row, i)
+        for i in arcs
+        for row in (heads.get(i), np.append(path.twists[i], rest[i]), tails.get(i))
+        if row is not None
+    ]
+    rows = np.array([row for row, _ in made]).reshape(-1, 4)
+    return Inset(
+        PushPath(path.start, rows[:, :3], rows[:, 3]), np.array([i for _, i in made], dtype=np.int64)
+    )
+
+
+def _most_stable(path: PushPath, stable: StableSet) -> FloatArray:
+    """The most stable of the path's twists and their mean: one that the pusher's drive can make, too."""
+    tried = np.concatenate([path.twists, path.twists.mean(axis=0, keepdims=True)])
+    return np.asarray(tried[np.argmax(stable.margin(tried))])
+
+
+def _moved(twists: FloatArray, inside: FloatArray, share: float) -> FloatArray:
+    """Twists (k, 3) moved inward, scaled to a cost rate of 1."""
+    mixed = (1.0 - share) * twists + share * inside
+    return np.asarray(mixed / cost_rate(mixed)[:, None])
+
+
+def _holds(a: FloatArray, b: FloatArray, stable: StableSet, minimum: float) -> bool:
+    """Whether the margin stays above the minimum on the straight way from one twist (3,) to another."""
+    mix = np.linspace(0.0, 1.0, SAMPLES)[:, None]
+    return bool((stable.margin((1.0 - mix) * a + mix * b) > minimum).all())
+
+
+def _share(pair: FloatArray, inside: FloatArray, stable: StableSet, minimum: float) -> float:
+    """How far two twists (2, 3) have to be moved inward; 0 if nothing helps."""
+
+    def holds(a: FloatArray, b: FloatArray) -> bool:
+        return _holds(a, b, stable, minimum)
+
+    for share in SHARES:
+        a, b = _moved(pair, inside, SAFETY * share)
+        if holds(*_moved(pair, inside, share)) and holds(a, b) and holds(pair[0], a) and holds(b, pair[1]):
+            return float(SAFETY * share)
+    return 0.0
+
+
+def _spent(path: PushPath, pair: list[int], bounds: Bounds) -> FloatArray:
+    """Lengths (2,) of two neighbouring arcs that are driven within half a step's time of the corner."""
+    twists, lengths = path.twists[pair], path.lengths[pair]
+    speeds = passing_speeds(twists, lengths, bounds)
+    time = step_windows(twists * speeds[:, None], bounds.limits).sum()
+    return np.asarray(np.minimum(speeds * time / 2.0, MOST * lengths))
+
 
 NUDGES = 6
 """How often lengths are changed to keep away from what is touched before a stop is made."""

@@ -1,4 +1,4 @@
-"""The twists that a search uses: the stable set with a margin, cut to what the drive can make."""
+"""What the pusher can do with a margin: stable twists between meridians, and families that steer exactly."""
 
 from __future__ import annotations
 

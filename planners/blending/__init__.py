@@ -1,1 +1,0 @@
-"""Trajectories that do not stop where the twist changes."""

@@ -1,1 +1,0 @@
-"""Independent checks of a path: no code shared with the planners."""
