@@ -92,8 +92,8 @@ def test_every_command_and_all_code_run_in_the_order_of_the_page(
 def test_the_code_that_needs_a_physics_engine_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
-    (block,) = _blocks(ROOT / "docs" / "physics.md", "py")
-    exec(compile(block, "physics.md", "exec"), {})
+    (block,) = _blocks(ROOT / "docs" / "will-it-hold.md", "py")
+    exec(compile(block, "will-it-hold.md", "exec"), {})
 
 
 @pytest.mark.parametrize("page", PAGES, ids=_id)
@@ -172,7 +172,7 @@ def test_all_commands_planners_and_sets_are_described() -> None:
     texts = {page.stem: page.read_text("utf-8") for page in PAGES}
     for command in cli.COMMANDS | cli.MORE:
         assert f"`pushplan {command}" in texts["README"], command
-    assert set(re.findall(r"^\| `(.*?)` \|", texts["support-and-sets"], re.MULTILINE)) == {*STABLE_SETS}
+    assert set(re.findall(r"^\| `(.*?)` \|", texts["mechanics"], re.MULTILINE)) == {*STABLE_SETS}
     rows = re.findall(r"^\| (`.*?) \|", texts["planners"], re.MULTILINE)
     assert {word for row in rows for word in re.findall(r"`([\w-]+)`", row)} == {*PLANNERS}
 

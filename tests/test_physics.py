@@ -253,8 +253,8 @@ def test_an_object_without_floor_friction_is_carried_along(make_chain: ChainMake
 
 @needs_engine
 def test_the_code_of_the_documentation_runs() -> None:
-    page = (Path(__file__).parents[1] / "docs" / "physics.md").read_text("utf-8")
+    page = (Path(__file__).parents[1] / "docs" / "will-it-hold.md").read_text("utf-8")
     (code,) = re.findall(r"^```py\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
     space: dict[str, object] = {}
-    exec(compile(code, "physics.md", "exec"), space)
+    exec(compile(code, "will-it-hold.md", "exec"), space)
     assert isinstance(space["report"], ContactReport)

@@ -36,7 +36,7 @@ def _load(name: str) -> ModuleType:
 
 perturbed = _load("perturbed")
 SEEDS = (2, 3, 4, 6, 8, 9, 11, 12, 13, 14, 15, 16, 17, 19, 21, 22, 23, 24, 25, 27)
-"""Of random motions that keep every contact as stated; docs/robustness.md has figures of 500."""
+"""Of random motions that keep every contact as stated; docs/will-it-hold.md has figures of 500."""
 MOST = {"contact_friction": 1.0, "floor_friction": MOST_SHARE, "load": MOST_SHARE, "angle": MOST_ANGLE}
 AHEAD, STILL = np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3))
 

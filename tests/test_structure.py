@@ -1,4 +1,4 @@
-"""The house: imports between rooms point downwards as docs/structure.md draws them, and no modules form a circle."""
+"""The house: imports between rooms point downwards as docs/contributing.md draws them, and no modules form a circle."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs" / "structure.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8").partition("\n## Structure\n")[2]
 ROWS = [re.findall(r"`(\w+)`", line.split("|")[1]) for line in PAGE.splitlines() if line.startswith("| `")]
 LAYER = {room: len(ROWS) - i for i, row in enumerate(ROWS) for room in row}
 

@@ -1,4 +1,4 @@
-"""The slip simulator's solver: docs/slip.md has figures of a million steps."""
+"""The slip simulator's solver: docs/will-it-hold.md has figures of a million steps."""
 
 from __future__ import annotations
 
