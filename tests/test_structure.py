@@ -1,4 +1,4 @@
-"""The house: imports between rooms point downwards as docs/contributing.md draws them, and no modules form a circle."""
+"""The house: imports point downwards as docs/contributing.md draws them, and no modules form a circle."""
 
 from __future__ import annotations
 
