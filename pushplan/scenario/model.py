@@ -263,11 +263,6 @@ class Scenario:
             raise PushplanError("the scenario asks for one push: it has no robot.start")
         return se2.compose(self.pushes.robot_start, se2.inverse(self.chain.pusher.plate_pose))
 
-    @property
-    def first_pose(self) -> FloatArray:
-        """(3,) where the chain frame, or the robot's frame of several pushes, is before anything moves."""
-        return self.start if self.pushes is None else self.robot_start
-
     def with_margin(self, margin: float) -> Scenario:
         """Return the scenario with a number for `stability.margin`."""
         return dataclasses.replace(self, stability=dataclasses.replace(self.stability, margin=margin))
