@@ -17,6 +17,7 @@ from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.problem import Box
 from pushplan.planners.scene import flatten
+from pushplan.planners.search.bottlenecks import Ways
 from pushplan.planners.search.form import PushInformation, information_of, leave_path
 from pushplan.planners.search.search import Factory
 from pushplan.planners.search.session import CHUNK, Session
@@ -185,7 +186,7 @@ Short rounds suffice where trees join within milliseconds, through rooms in seri
 
 
 class Auto(AnytimePlanner):
-    """Rounds of trees and of best-first search."""
+    """Rounds of trees and of best-first search; while there is no path, of ways through bottlenecks, too."""
 
     name = "auto"
 
@@ -193,12 +194,17 @@ class Auto(AnytimePlanner):
         """Run rounds until the search is over."""
         session, box, heading_length = information.session, information.box, information.heading_length
         forest = _forest(box, heading_length)
-        lattice = LatticeRounds(session, box)
+        lattice, ways = LatticeRounds(session, box), None
         extensions = 0
         for number in count(1):
             # A path that polishing will shorten may be longer than the best one: by 100 % or 30 %, in turn.
             extensions += _round(session, forest, (1.3, 2.0)[number % 2], _length(number, session.solved))
             session.refine()
+            # Rooms in which trees join at once are not looked at for bottlenecks: that takes up to some milliseconds.
+            # Trees between bottlenecks are for rooms that whole trees cannot cross soon; they delay paths elsewhere.
+            if not session.solved:
+                ways = ways or Ways(session, _forest(box, heading_length))
+                ways.run(_length(number, False) // 2, trees=number > 5)
             # The search over cells takes longer to set up; then it has 40 arcs for each extension of the trees, which
             # takes eight times as long as an arc.
             if session.solved or number > 5:

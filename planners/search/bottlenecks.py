@@ -1,0 +1,282 @@
+"""Ways through narrow gaps: poses aligned with them on either side, joined by words and by short runs of trees."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from itertools import count
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from pushplan.core.collision import Scene, separations
+from pushplan.core.problem import STRAIGHT, TURN_WEIGHT, Problem, connect
+from pushplan.core.search import Forest
+from pushplan.geometry import se2
+from pushplan.planners.search.session import CHUNK, Session
+from pushplan.util.arrays import FloatArray
+
+NARROW = 1.25
+"""Gaps are bottlenecks up to so many widths of the body; through wider ones trees find the way by chance."""
+
+MOST_GAPS = 32
+"""So many gaps are taken, the narrowest ones."""
+
+BESIDE = 0.1
+"""How far before and behind a gap the aligned poses are, in lengths of the body."""
+
+FACING = 0.05
+"""Corners that are farther from the gap by less, in widths of the body, are of the faces that it lies between."""
+
+LOOKS = 16
+"""Poses on either side of a gap's middle that are looked at."""
+
+
+class Extent(NamedTuple):
+    """What the body covers in the chain frame, seen along its straight push: direction (rad) and bounds (m)."""
+
+    direction: float
+    back: float
+    front: float
+    right: float
+    left: float
+
+    @property
+    def width(self) -> float:
+        """Across the push, m."""
+        return self.left - self.right
+
+    @classmethod
+    def of(cls, problem: Problem) -> Extent:
+        """Return that of a problem's body."""
+        push = problem.families[0, STRAIGHT]
+        direction = math.atan2(push[1], push[0])
+        along = np.array([math.cos(direction), math.sin(direction)])
+        corners = problem.scene.body.corners[:, :2]
+        ahead, aside = corners @ along, corners @ np.array([-along[1], along[0]])
+        return cls(direction, ahead.min(), ahead.max(), aside.min(), aside.max())
+
+
+class Gap(NamedTuple):
+    """A gap: its middle (2,) m, unit vector (2,) through it, and where its faces begin and end along that, m."""
+
+    middle: FloatArray
+    through: FloatArray
+    begin: float
+    end: float
+
+
+def gaps_in(scene: Scene, least: float, most: float, facing: float) -> list[Gap]:
+    """Return the gaps between two things that stand in a scene with nothing in between, the narrowest first.
+
+    Args:
+        scene: Obstacles and walls.
+        least: Width of the gaps, m.
+        most: Likewise.
+        facing: Distance of corners from the gap that are part of its faces, m.
+    """
+    corners, starts = scene.obstacles.corners[:, :2], scene.obstacles.starts
+    outlines = np.split(corners, starts[1:-1]) if len(starts) > 1 else []
+    xmin, ymin, xmax, ymax = scene.walls
+    if np.isfinite(scene.walls).all():
+        box = np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]])
+        outlines += [box[[k, (k + 1) % 4]] for k in range(4)]
+    outlines += list(scene.circles[:, None, :2])
+    radii = np.concatenate([np.zeros(len(outlines) - len(scene.circles)), scene.circles[:, 2]])
+    shapes = np.array([_SHAPES[min(len(outline), 3)](outline) for outline in outlines], dtype=object)
+    tree = shapely.STRtree(shapes)
+    first, second = tree.query(shapes, "dwithin", most + 2.0 * radii.max(initial=0.0))
+    first, second = first[first < second], second[first < second]
+    lines = shapely.get_coordinates(shapely.shortest_line(shapes[first], shapes[second])).reshape(-1, 2, 2)
+    across = lines[:, 1] - lines[:, 0]
+    length = np.hypot(across[:, 0], across[:, 1])
+    widths = length - radii[first] - radii[second]
+    unit = across / np.maximum(length, 1e-300)[:, None]
+    middles = lines[:, 0] + (radii[first] + 0.5 * widths)[:, None] * unit
+    narrow = np.flatnonzero((widths > least) & (widths < most))
+    points = shapely.points(middles[narrow])
+    gap, near = tree.query(points, "dwithin", 0.5 * least + radii.max(initial=0.0))
+    between = shapely.distance(points[gap], shapes[near]) - radii[near] < 0.5 * least
+    narrow = np.delete(narrow, gap[between])
+    gaps = []
+    for k in narrow[np.argsort(widths[narrow], kind="stable")][:MOST_GAPS]:
+        through = np.array([unit[k, 1], -unit[k, 0]])
+        sides = ((first[k], lines[k, 0], unit[k]), (second[k], lines[k, 1], -unit[k]))
+        faces = [_face(outlines[n] - place, outward, through, facing) for n, place, outward in sides]
+        gaps.append(Gap(middles[k], through, max(face[0] for face in faces), min(face[1] for face in faces)))
+    return gaps
+
+
+_SHAPES = {1: shapely.Point, 2: shapely.LineString, 3: shapely.Polygon}
+
+
+def _face(outline: FloatArray, across: FloatArray, through: FloatArray, facing: float) -> tuple[float, float]:
+    """Where the face of an outline (k, 2), seen from a gap's end, begins and ends along the way through, m."""
+    along = np.append(outline[-(outline @ across) < facing] @ through, 0.0)
+    return float(along.min()), float(along.max())
+
+
+def aligned_poses(problem: Problem) -> FloatArray:
+    """Return free poses (n, 2, 3) before and behind the bottlenecks, the straight push along the way through.
+
+    Both senses count; a bottleneck whose middle is blocked has none.
+    """
+    scene, extent = problem.scene, Extent.of(problem)
+    least, most = extent.width + 2.0 * scene.clearance, NARROW * extent.width
+    beside = BESIDE * (extent.front - extent.back)
+    found: dict[tuple[float, ...], FloatArray] = {}
+    for gap in gaps_in(scene, least, most, FACING * extent.width):
+        for sense in (1.0, -1.0):
+            ahead = sense * gap.through
+            begin, end = (gap.begin, gap.end) if sense > 0.0 else (-gap.end, -gap.begin)
+            before, behind = begin - beside - extent.front, end + beside - extent.back
+            pair = _free_ends(scene, gap.middle, ahead, extent, before, behind)
+            if pair is not None:  # obstacles in pieces have some gaps in common
+                found[tuple(np.round(pair, 6).ravel())] = pair
+    return np.array(list(found.values())).reshape(-1, 2, 3)
+
+
+def _free_ends(
+    scene: Scene, middle: FloatArray, ahead: FloatArray, extent: Extent, before: float, behind: float
+) -> FloatArray | None:
+    """The first and the last pose (2, 3) of the free part, around its middle, of a straight push through a gap."""
+    theta = math.atan2(ahead[1], ahead[0]) - extent.direction
+    aside = 0.5 * (extent.right + extent.left) * np.array([-ahead[1], ahead[0]])
+    along = np.linspace(before, behind, 2 * LOOKS + 1)[:, None]
+    poses = np.column_stack([middle - aside + along * ahead, np.full(len(along), theta)])
+    blocked = separations(scene, poses, 2.0 * scene.clearance) < scene.clearance
+    if blocked[LOOKS]:
+        return None
+    first = int(np.flatnonzero(blocked[:LOOKS]).max(initial=-1)) + 1
+    last = LOOKS + int(np.argmax(np.append(blocked[LOOKS:], True))) - 1
+    return poses[[first, last]]
+
+
+RUN, DOUBLINGS = 128, 6
+"""Extensions of the first run of trees between two poses, and how often they are doubled at most, run after run."""
+
+DETOUR, DETOURS = 3.0, 16
+"""The way between two poses is taken for so many times longer after each try that failed, so often at most."""
+
+WORDS = 8
+"""So many words count as one iteration: each takes 1 to 5 us."""
+
+
+class _Way(NamedTuple):
+    """A way to a pose, or one to look for, the most promising first: m of cost from start to goal, by its number."""
+
+    promise: float
+    number: int
+    origin: int
+    target: int
+    tries: int
+    arcs: FloatArray | None
+
+
+class Ways:
+    """A graph from the start over the poses at the bottlenecks to the goal, searched best first.
+
+    Ways between two poses are looked for when they come up: at first words, then ever longer runs of trees.
+
+    Args:
+        session: The search that they serve.
+        forest: What grows between two poses.
+    """
+
+    def __init__(self, session: Session, forest: Forest) -> None:
+        self._session, self._forest = session, forest
+        found = aligned_poses(session.problem).reshape(-1, 3)
+        self._poses = np.concatenate([session.start[None], found, session.problem.goal[None]])
+        self._to_goal = _least(self._poses, session.problem.goal)
+        self._paths: dict[int, FloatArray] = {}
+        self._numbers = count()
+        self._words: list[_Way] = []
+        self._runs: list[_Way] = []
+        if len(found):
+            self._reach(0, np.zeros((0, 4)))
+
+    def run(self, tries: int, trees: bool) -> None:
+        """Look for ways until one leads to the goal.
+
+        Args:
+            tries: Words and extensions, at most; the last run may exceed it.
+            trees: Whether trees are grown where no word is left.
+        """
+        session, words, goal, before = self._session, 0, len(self._poses) - 1, self._session.extensions
+        while words + session.extensions - before < tries and not session.finished:
+            queue = self._words or (self._runs if trees else None)
+            if not queue:
+                break
+            way = heapq.heappop(queue)
+            if way.target in self._paths:
+                continue
+            if way.arcs is None:
+                words += not way.tries
+                self._look_for(way)
+                continue
+            path = np.concatenate([self._paths[way.origin], way.arcs])
+            if way.target == goal:
+                session.offer(path)
+                self._words, self._runs = [], []
+                break
+            self._reach(way.target, path)
+        session.spent(0, words // WORDS)
+
+    def _reach(self, node: int, path: FloatArray) -> None:
+        """Note the arcs (k, 4) of the way to a node, and that ways lead on from there."""
+        self._paths[node] = path
+        least = _least(self._poses[node], self._poses)
+        for target in range(1, len(self._poses)):
+            if target not in self._paths:
+                self._keep(self._words, node, target, float(least[target]), 0)
+
+    def _keep(
+        self,
+        queue: list[_Way],
+        origin: int,
+        target: int,
+        cost: float,
+        tries: int,
+        arcs: FloatArray | None = None,
+    ) -> None:
+        promise = float(self._paths[origin][:, 3].sum()) + cost + float(self._to_goal[target])
+        heapq.heappush(queue, _Way(promise, next(self._numbers), origin, target, tries, arcs))
+
+    def _look_for(self, way: _Way) -> None:
+        """Try a way once more."""
+        problem, tries = self._session.problem, way.tries
+        begin, end = self._poses[way.origin], self._poses[way.target]
+        if tries:
+            arcs = self._grown(begin, end, tries)
+        else:
+            _, _, arcs = connect(problem.scene, problem.families, begin, end)
+        if arcs is not None:
+            self._keep(self._words, way.origin, way.target, float(arcs[:, 3].sum()), tries, arcs)
+        else:
+            self._keep(self._runs, way.origin, way.target, _detour(begin, end, tries + 1), tries + 1)
+
+    def _grown(self, begin: FloatArray, end: FloatArray, tries: int) -> FloatArray | None:
+        """The arcs (k, 4) of a way, not much longer than the shortest, that trees find between two poses (3,)."""
+        session, there, path = self._session, self._session.problem, None
+        local = Problem(there.scene, there.segments, there.families, end, there.longest, there.objective)
+        bound = _detour(begin, end, tries)
+        self._forest.plant(begin, end)
+        for _ in range(0, RUN << min(tries - 1, DOUBLINGS), CHUNK):
+            done, path = self._forest.grow(local, session.random, bound, CHUNK)
+            session.spent(done)
+            if path is not None or session.finished:
+                break
+        return path
+
+
+def _detour(begin: FloatArray, end: FloatArray, tries: int) -> float:
+    """What the way between two poses (3,) is taken for at a try, m."""
+    return DETOUR ** min(tries, DETOURS) * float(_least(begin, end))
+
+
+def _least(begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Straight travel and the smallest turn between poses (..., 3), m."""
+    apart = end - begin
+    turn = np.abs(se2.wrap_angle(apart[..., 2]))
+    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]) + TURN_WEIGHT * turn)
