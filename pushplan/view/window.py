@@ -18,6 +18,7 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
 from pushplan.view.answers import Answer, Answers, Worker
 from pushplan.view.draft import START, Draft
+from pushplan.view.server import serve
 
 if TYPE_CHECKING:
     from pushplan.view.stage import Stage
@@ -54,7 +55,7 @@ class Window:
     def __init__(
         self, scenario: Scenario, port: int = 8080, message: Callable[[str], None] | None = None
     ) -> None:
-        viser = optional("viser", "the window", "viser", "view")
+        optional("viser", "the window", "viser", "view")
         from pushplan.view.stage import Stage
 
         self.draft = Draft.of(scenario)
@@ -62,8 +63,7 @@ class Window:
         self._answers = Answers(scenario, message)
         self._number, self._playing = 0, threading.Event()
         self._seen: Scene | None = None
-        with redirect_stdout(io.StringIO()):  # its banner comes without `verbose`, too
-            self.server = viser.ViserServer(host="127.0.0.1", port=port, label="pushplan", verbose=False)
+        self.server = serve(port, "pushplan")
         self._look_at_all()
         self.stage: Stage = Stage(self.server.scene, self.draft)
         self._panel()
