@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from itertools import count
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -84,10 +84,14 @@ def gaps_in(scene: Scene, least: float, most: float, facing: float) -> list[Gap]
         outlines += [box[[k, (k + 1) % 4]] for k in range(4)]
     outlines += list(scene.circles[:, None, :2])
     radii = np.concatenate([np.zeros(len(outlines) - len(scene.circles)), scene.circles[:, 2]])
-    shapes = np.array([_SHAPES[min(len(outline), 3)](outline) for outline in outlines], dtype=object)
+    shapes = _shapes(outlines)
     tree = shapely.STRtree(shapes)
     first, second = tree.query(shapes, "dwithin", most + 2.0 * radii.max(initial=0.0))
     first, second = first[first < second], second[first < second]
+    apart = (
+        shapely.distance(shapes[first], shapes[second]) > least
+    )  # neighbours in a wall, most pairs, are not
+    first, second = first[apart], second[apart]
     lines = shapely.get_coordinates(shapely.shortest_line(shapes[first], shapes[second])).reshape(-1, 2, 2)
     across = lines[:, 1] - lines[:, 0]
     length = np.hypot(across[:, 0], across[:, 1])
@@ -108,7 +112,23 @@ def gaps_in(scene: Scene, least: float, most: float, facing: float) -> list[Gap]
     return gaps
 
 
-_SHAPES = {1: shapely.Point, 2: shapely.LineString, 3: shapely.Polygon}
+def _shapes(outlines: list[FloatArray]) -> Any:
+    """Polygons of outlines (k, 2), segments of those with two corners, points of those with one, all made at once."""
+    counts = np.array([len(outline) for outline in outlines], dtype=np.int64)
+    shapes = np.empty(len(outlines), dtype=object)
+    for kind, of_kind in ((0, counts == 1), (1, counts == 2), (2, counts > 2)):
+        rows = np.flatnonzero(of_kind)
+        if not len(rows):
+            continue
+        corners = np.concatenate([outlines[row] for row in rows])
+        numbers = np.repeat(np.arange(len(rows)), counts[rows])
+        if kind == 0:
+            shapes[rows] = shapely.points(corners)
+        elif kind == 1:
+            shapes[rows] = shapely.linestrings(corners, indices=numbers)
+        else:
+            shapes[rows] = shapely.polygons(shapely.linearrings(corners, indices=numbers))
+    return shapes
 
 
 def _face(outline: FloatArray, across: FloatArray, through: FloatArray, facing: float) -> tuple[float, float]:
