@@ -9,7 +9,7 @@ from pybind11 import get_include
 from pybind11.setup_helpers import ParallelCompile
 from setuptools.command.build_ext import build_ext
 
-FLAGS = ["-std=c++17", "-O3", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno"]
+FLAGS = ["-std=c++17", "-O2", "-g0", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno"]
 """No -march and no contraction to multiply-add: equal seeds give equal plans on every machine."""
 
 

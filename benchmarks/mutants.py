@@ -17,6 +17,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -62,7 +63,9 @@ class Checkout:
         shutil.copytree(ROOT, folder, symlinks=True, ignore=leave)
         self.objects = folder / "objects"
         self.objects.mkdir()
-        self.sources = sorted((folder / CORE).glob("*.cpp"))
+        project = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))
+        (extension,) = project["tool"]["setuptools"]["ext-modules"]
+        self.sources = [folder / name for name in extension["sources"]]
         include = [f"-I{pybind11.get_include()}", f"-I{sysconfig.get_path('include')}"]
         self._compile = ["g++", *FLAGS, "-fPIC", "-MMD", *include, "-c"]
 

@@ -1,0 +1,10 @@
+// One translation unit for several bindings: what pybind11 makes of its templates is compiled once for all of them, which
+// takes a third of the time.
+#include "pushes.cpp"
+#include "samples.cpp"
+#include "sequences.cpp"
+#include "slip.cpp"
+#include "boundary_module.cpp"
+#include "contacts.cpp"
+#include "robustness.cpp"
+#include "sphere.cpp"

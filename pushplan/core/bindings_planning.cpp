@@ -1,0 +1,10 @@
+// One translation unit for several bindings: what pybind11 makes of its templates is compiled once for all of them, which
+// takes a third of the time.
+#include "collision.cpp"
+#include "search_module.cpp"
+#include "problem_module.cpp"
+#include "infeasible.cpp"
+#include "improve.cpp"
+#include "timing.cpp"
+#include "driving.cpp"
+#include "transit.cpp"
