@@ -308,6 +308,9 @@ def _hints(kind: type) -> dict[str, Any]:
 def _fits(value: Any, hint: Any) -> bool:
     """Tell whether a value may be of a field with that annotation."""
     origin, args = get_origin(hint), get_args(hint)
+    alias = getattr(origin, "__value__", None)
+    if alias is not None:  # NumPy's arrays are aliases of their own from Python 3.12 on
+        return _fits(value, alias[args])
     if origin in (Union, UnionType):
         return any(_fits(value, one) for one in args)
     if origin is LazyField:
