@@ -67,6 +67,7 @@ def test_exports_that_are_possible_are_written_whatever_the_others(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A run that was not executed has no table, but a page, a bag and a layout."""
+    pytest.importorskip("rosbags")
     path = tmp_path / "run.mcap"
     with RunLogWriter.create(path, load_scenario("free-space"), {}) as writer:
         writer.finish("unsolved")
@@ -81,6 +82,7 @@ def test_exports_that_are_possible_are_written_whatever_the_others(
 
 
 def test_frames_and_epoch_are_for_bags(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("rosbags")
     bag = ["replay", str(log), "--ros2", str(tmp_path / "bag.mcap")]
     assert main([*bag, "--frames", "map,base_footprint", "--epoch", "1700000000"]) == 0
     assert main([*bag, "--frames", "map"]) == 2
