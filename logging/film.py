@@ -101,8 +101,7 @@ class Still:
 
     def __init__(self, run: Run | RecordedRun) -> None:
         self.run = run
-        events = () if run.feedback is None else run.feedback.events
-        self.scene = Scene.of(run.scenario, run.plan, run.execution, events)
+        self.scene = Scene.of(run.scenario, run.plan, run.execution)
         figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
         self.canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
         self.floor, self.plot = figure.add_axes(_FLOOR), figure.add_axes(_PLOT)

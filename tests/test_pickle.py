@@ -19,7 +19,9 @@ def test_a_plan_comes_back_with_what_is_worked_out_late(plan: pushplan.Plan) -> 
     back = pickle.loads(pickle.dumps(plan))
     assert back.metrics() == plan.metrics()
     assert back.robustness == plan.robustness
-    np.testing.assert_array_equal(back.trajectory.poses, plan.trajectory.poses)  # type: ignore[union-attr]
+    assert back.trajectory is not None
+    assert plan.trajectory is not None
+    np.testing.assert_array_equal(back.trajectory.poses, plan.trajectory.poses)
 
 
 def test_sets_and_planners_answer_as_before(plan: pushplan.Plan) -> None:

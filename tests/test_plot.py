@@ -305,7 +305,7 @@ def test_trials_say_how_many_arrive_and_count_what_is_outside(
     plans: dict[str, Plan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     figures, trials = _kept_figures(monkeypatch), _Trials(plans["push"])
-    plot_trials(trials, tmp_path / "t.png")  # type: ignore[arg-type]
+    plot_trials(trials, tmp_path / "t.png")  # type: ignore[arg-type]  # a stand-in has what is drawn
     floor, close = figures[0].axes
     assert "3 of 4 arrive" in floor.get_title(loc="left")
     assert "1 of 4 outside" in close.get_title(loc="left")

@@ -28,7 +28,7 @@ def _series() -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("scenario", _series().scenes(quick=True), ids=lambda scenario: scenario.name)
+@pytest.mark.parametrize("scenario", list(_series().scenes(quick=True)), ids=lambda scenario: scenario.name)
 def test_rooms_in_series_are_passed(scenario: Scenario) -> None:
     found = pushplan.plan(scenario, first=True, seed=1, iterations=100_000, time_limit=600.0)
     assert found.solved, found.reason

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from pushplan.core.collision import Scene, separations
-from pushplan.core.problem import STRAIGHT, TURN_WEIGHT, Problem, connect
+from pushplan.core.problem import STRAIGHT, TURN_WEIGHT, Problem, connect, remaining
 from pushplan.core.search import Forest
 from pushplan.geometry import se2
 from pushplan.planners.search.session import CHUNK, Session
@@ -246,7 +246,7 @@ class Ways:
     def _reach(self, node: int, path: FloatArray) -> None:
         """Note the arcs (k, 4) of the way to a node, and that ways lead on from there."""
         self._paths[node] = path
-        least = _least(self._poses[node], self._poses)
+        least = _least(self._poses, self._poses[node])
         for target in range(1, len(self._poses)):
             if target not in self._paths:
                 self._keep(self._words, node, target, float(least[target]), 0)
@@ -278,8 +278,8 @@ class Ways:
 
     def _grown(self, begin: FloatArray, end: FloatArray, tries: int) -> FloatArray | None:
         """The arcs (k, 4) of a way, not much longer than the shortest, that trees find between two poses (3,)."""
-        session, there, path = self._session, self._session.problem, None
-        local = Problem(there.scene, there.segments, there.families, end, there.longest, there.objective)
+        session, path = self._session, None
+        local = session.problem.with_goal(end)
         bound = _detour(begin, end, tries)
         self._forest.plant(begin, end)
         for _ in range(0, RUN << min(tries - 1, DOUBLINGS), CHUNK):
@@ -292,11 +292,10 @@ class Ways:
 
 def _detour(begin: FloatArray, end: FloatArray, tries: int) -> float:
     """What the way between two poses (3,) is taken for at a try, m."""
-    return DETOUR ** min(tries, DETOURS) * float(_least(begin, end))
+    return DETOUR ** min(tries, DETOURS) * remaining(*begin, end)
 
 
-def _least(begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Straight travel and the smallest turn between poses (..., 3), m."""
-    apart = end - begin
-    turn = np.abs(se2.wrap_angle(apart[..., 2]))
-    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]) + TURN_WEIGHT * turn)
+def _least(poses: FloatArray, pose: FloatArray) -> FloatArray:
+    """Straight travel and the smallest turn between poses (n, 3) and one (3,), m (n,)."""
+    errors = se2.pose_errors(poses, pose)
+    return np.asarray(errors[:, 0] + TURN_WEIGHT * errors[:, 1])

@@ -17,7 +17,7 @@ from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.planners.problem import Box
 from pushplan.planners.scene import flatten
-from pushplan.planners.search.bottlenecks import Ways
+from pushplan.planners.search.bottlenecks import Extent, Ways
 from pushplan.planners.search.form import PushInformation, information_of, leave_path
 from pushplan.planners.search.search import Factory
 from pushplan.planners.search.session import CHUNK, Session
@@ -48,8 +48,9 @@ def distances_to(pose: FloatArray, problem: Problem, box: Box) -> tuple[FloatArr
     cell = max(box[2] - box[0], box[3] - box[1]) / 72
     nx, ny = (max(1, round((box[k + 2] - box[k]) / cell)) for k in (0, 1))
     middle = middle_of(problem)
-    across = scene.body.corners[:, :2] @ np.array([-math.sin(middle[2]), math.cos(middle[2])])
-    least = 0.25 * float(np.ptp(across))  # nearer than half of the half width, blocked whatever the heading
+    least = (
+        0.25 * Extent.of(problem).width
+    )  # nearer than half of the half width, blocked whatever the heading
     point = scene.with_body(flatten([_SPECK]), np.array([0.0, 0.0, 2.0 * _SPECK[1, 0]]))
     grid = np.array([box[0], box[1], cell])
     there = se2.transform_points(pose, middle[:2])

@@ -90,8 +90,8 @@ class Problem:
     def longest(self) -> float: ...
     @property
     def objective(self) -> Objective: ...
-    def with_scene(self, scene: Scene) -> Problem:
-        """Return it in another scene."""
+    def with_goal(self, goal: FloatArray) -> Problem:
+        """Return it with another goal (3,)."""
 
     def with_segments(self, segments: FloatArray) -> Problem:
         """Return it with other stable twists (k, 6)."""

@@ -93,12 +93,12 @@ void bind_problem_class(py::module_ &m) {
         .def_readonly("longest", &Problem::longest)
         .def_readonly("objective", &Problem::objective)
         .def(
-            "with_scene",
-            [](Problem self, const Scene &scene) {
-                self.scene = scene;
+            "with_goal",
+            [](Problem self, const Numbers &goal) {
+                self.goal = to_pose(goal);
                 return self;
             },
-            py::arg("scene"))
+            py::arg("goal"))
         .def(
             "with_segments",
             [](Problem self, const Numbers &segments) {

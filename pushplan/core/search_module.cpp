@@ -87,6 +87,19 @@ void bind_tree(py::module_ &m) {
         py::arg("nodes"), py::arg("node"));
 }
 
+// Lets a search grow; returns the iterations done and the path found.
+template <class Search>
+py::tuple grown(Search &search, const Problem &problem, RandomState &state, double bound, std::int64_t iterations) {
+    Random &random = random_of(state);
+    std::vector<Arc> path;
+    std::int64_t done = 0;
+    {
+        py::gil_scoped_release free;
+        done = search.grow(problem, random, bound, iterations, path);
+    }
+    return py::make_tuple(done, path_or_none(path));
+}
+
 void bind_forest(py::module_ &m) {
     py::class_<Forest>(m, "Forest")
         .def(py::init([](const Numbers &box, double heading_length, double reach) {
@@ -104,14 +117,7 @@ void bind_forest(py::module_ &m) {
             [](Forest &self, const Problem &problem, RandomState state, double bound, std::int64_t iterations) {
                 if (self.start_tree().empty())
                     throw std::invalid_argument("a forest is planted before it grows");
-                Random &random = random_of(state);
-                std::vector<Arc> path;
-                std::int64_t done = 0;
-                {
-                    py::gil_scoped_release free;
-                    done = self.grow(problem, random, bound, iterations, path);
-                }
-                return py::make_tuple(done, path_or_none(path));
+                return grown(self, problem, state, bound, iterations);
             },
             py::arg("problem"), py::arg("state"), py::arg("bound"), py::arg("iterations"));
 }
@@ -161,14 +167,7 @@ void bind_sparse_tree(py::module_ &m) {
         .def(
             "grow",
             [](SparseTree &self, const Problem &problem, RandomState state, double bound, std::int64_t iterations) {
-                Random &random = random_of(state);
-                std::vector<Arc> path;
-                std::int64_t done = 0;
-                {
-                    py::gil_scoped_release free;
-                    done = self.grow(problem, random, bound, iterations, path);
-                }
-                return py::make_tuple(done, path_or_none(path));
+                return grown(self, problem, state, bound, iterations);
             },
             py::arg("problem"), py::arg("state"), py::arg("bound"), py::arg("iterations"));
 }

@@ -25,9 +25,10 @@ def require_present_core(folder: Path) -> None:
     Raises:
         ImportError: With the command that mends it.
     """
-    try:
-        from pushplan import core
-    except ImportError as error:
-        raise ImportError(f"pushplan's C++ core is not there: {AGAIN} ({error})") from None
-    if digest_of(folder) != core.SOURCES:
+    from pushplan import core  # without what was built, the folder of the sources itself
+
+    built = getattr(core, "SOURCES", None)
+    if built is None:
+        raise ImportError(f"pushplan's C++ core is not there: {AGAIN}")
+    if built != digest_of(folder):
         raise ImportError(f"pushplan's C++ core was built from other sources than those in {folder}: {AGAIN}")

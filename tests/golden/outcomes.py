@@ -1,6 +1,6 @@
 """What plans, executions and simulators make of fixed problems, as plain numbers; run as a script, it freezes them.
 
-    python tests/golden/outcomes.py
+    PYTHONPATH=tests python tests/golden/outcomes.py
 
 Do that only where results are meant to change, and say in the commit what the change buys.
 """
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from planned_by_hand import MULTI, SWAP
 
 import pushplan
 from pushplan.plans.plan import Plan
@@ -26,29 +27,9 @@ FROZEN = Path(__file__).with_name("outcomes.json")
 
 Numbers = dict[str, list[float]]
 
-REARRANGEMENT = """\
-format: pushplan/1
-name: two-places
-floor: {friction: 0.30}
-objects:
-  - {name: red-box, shape: {box: [0.30, 0.20]}, mass: 4.0, pose: [1.2, 1.0, 0.0]}
-  - {name: other, shape: {box: [0.20, 0.20]}, mass: 3.0, pose: [1.2, 2.2, 90 deg]}
-pusher: {width: 0.28, friction: 0.50}
-robot: {footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}, start: [2.4, 1.6, 0.0]}
-goals: {red-box: {pose: [2.2, 2.2, 0.0], symmetry: 2}, other: [2.2, 1.0, 90 deg]}
-workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
-"""
-MULTI_PUSH = """\
-format: pushplan/1
-name: box-from-anywhere
-floor: {friction: 0.3}
-objects: [{name: box, shape: {box: [0.2, 0.2]}, mass: 1.0}]
-pusher: {width: 0.2, friction: 0.5}
-robot: {start: [-0.5, 0.0, 0.0]}
-start: [0.0, 0.0, 0.0]
-goal: {pose: [0.6, 0.4, 0.0], of: box}
-workspace: {x: [-3.0, 6.0], y: [-3.0, 3.0]}
-"""
+TWO_PLACES = "".join(line for line in SWAP.splitlines(keepends=True) if "name: bin" not in line)
+"""Two objects change places with nothing else in the room."""
+
 INTERVALS = """\
 format: pushplan/1
 name: not-known-well
@@ -109,12 +90,21 @@ CASES: Mapping[str, Callable[[], Numbers]] = {
     "plan with rrt": lambda: planned(pushplan.load_scenario("free-space"), planner="rrt"),
     "plan in the robust set": lambda: planned(pushplan.load_scenario("one-box"), stable_set="robust"),
     "plan with intervals": lambda: planned(pushplan.scenario_from_text(INTERVALS)),
-    "several pushes": lambda: planned(pushplan.scenario_from_text(MULTI_PUSH), first=True),
-    "several objects": lambda: planned(pushplan.scenario_from_text(REARRANGEMENT), first=True),
+    "several pushes": lambda: planned(pushplan.scenario_from_text(MULTI), first=True),
+    "several objects": lambda: planned(pushplan.scenario_from_text(TWO_PLACES), first=True),
     "slip two-crates": lambda: slipped("two-crates"),
     "slip trapezoids": lambda: slipped("trapezoids"),
     "slip feet": lambda: slipped("feet"),
 }
+
+
+def as_text(frozen: Mapping[str, Numbers]) -> str:
+    """Return the numbers as JSON with a line for each list."""
+    cases = []
+    for name, lists in frozen.items():
+        lines = ",\n".join(f"  {json.dumps(key)}: {json.dumps(values)}" for key, values in lists.items())
+        cases.append(f" {json.dumps(name)}: {{\n{lines}\n }}")
+    return "{\n" + ",\n".join(cases) + "\n}\n"
 
 
 def freeze() -> None:
@@ -123,7 +113,7 @@ def freeze() -> None:
     for name, case in CASES.items():
         frozen[name] = case()
         print(name, file=sys.stderr)
-    FROZEN.write_text(json.dumps(frozen, indent=0) + "\n")
+    FROZEN.write_text(as_text(frozen), "utf-8")
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -124,8 +125,9 @@ def test_exports_show_both(recorded: RecordedRun, tmp_path: Path) -> None:
     film = Film(recorded, recorded.execution)
     end = float(recorded.execution.t[-1])
     assert np.abs(film.picture(0.0).astype(int) - film.picture(end)).max() > 60
-    write_ros2(recorded, tmp_path / "bag.mcap")
-    assert (tmp_path / "bag.mcap").stat().st_size > 1000
+    if find_spec("rosbags") is not None:  # of an extra
+        write_ros2(recorded, tmp_path / "bag.mcap")
+        assert (tmp_path / "bag.mcap").stat().st_size > 1000
 
 
 def test_viewers_tell_pushes_from_the_robots_own_ways(recorded: RecordedRun) -> None:
