@@ -28,7 +28,7 @@ from pushplan.planners.controls import margins_to_try
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search import planners
 from pushplan.planners.search.planners import planner_named
-from pushplan.planners.search.search import search
+from pushplan.planners.search.search import Search
 from pushplan.planners.search.session import Budget, Session
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
@@ -57,7 +57,7 @@ def run(scenario: Scenario, problem: Problem, seed: int, seconds: float) -> Run:
         found.append((spent, cost))
 
     session = Session(problem, scenario.start, Budget(seconds, stall=NEVER), seed, improved)
-    search(session, planner_named("auto")[1], sampling_box(scenario), body_reach(scenario))
+    Search(session, planner_named("auto")[1], sampling_box(scenario), body_reach(scenario)).run()
     return Run(
         tuple(min((cost for spent, cost in found if spent <= m * seconds), default=math.inf) for m in MARKS),
         session.best.cost,

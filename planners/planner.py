@@ -289,7 +289,7 @@ class Planner:
                 self._check_ends(search, scenario, validator)
                 known = None if previous is None else self._rest(search, previous, scenario)
                 search = search if scenario is self.scenario else search.of(scenario)
-                outcome = search.search(scenario, settings, began, known)
+                outcome = search.search(scenario, settings, began, known, explain)
             elif isinstance(search, MultiPushSearch):
                 outcome = search.asked(scenario).search(settings, began)
             else:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pushplan.core.problem import Problem
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry.se2 import pose_error
 from pushplan.planners.controls import margins_to_try
@@ -17,8 +19,8 @@ from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnos
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.planners.problem import Posing, body_reach, make_objective, sampling_box
 from pushplan.planners.search.planners import planner_named
-from pushplan.planners.search.search import Factory, search
-from pushplan.planners.search.session import Budget, Session
+from pushplan.planners.search.search import Factory, Search
+from pushplan.planners.search.session import Budget, Session, Turn
 from pushplan.planners.validator import Validator
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Load, Nearest, Segment
@@ -38,17 +40,20 @@ More are made for paths that are far above the lower bound, see `Budget.stall`.
 Planning is done in a fraction of the limit as a rule, and then the same seed gives the same plan on any machine.
 """
 
-GLANCE = 0.125
-"""Share of the budget that the largest margins have at first where the first path is all that is wanted.
+FIRST_TURN = 512
+"""Iterations that the search with the largest margin has before the next one is tried, if any path will do.
 
-Where one of them allows no path, half of the budget need not go by before that is taken for granted.
+Where one of them allows no path, little time goes by before that is taken for granted.
 """
 
-GLANCES = 3
-"""So many margins have it."""
+LONGER_TURN = 0.5
+"""The same, as a share of the iterations after which planning ends, where the path is to be good.
 
-EXPLAINING = 0.5
-"""Seconds that finding out why there is no path may take."""
+A larger margin that allows a path is worth more than a path that is found sooner.
+"""
+
+EXPLAINING, MOST_OF_LIMIT = 0.5, 0.1
+"""Seconds, and share of the time limit, that are kept for finding out why there is no path: the smaller one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,17 +62,20 @@ class Attempt:
 
     Attributes:
         scenario: The problem, its margin a number.
-        session: The search, over.
-        monitor: What may have kept it from a path.
-        path: The best path, as the planner left it in OMPL's form; None without any.
+        search: What goes on with it.
+        path: The best path so far, as the planner left it in OMPL's form; None without any.
         others: Further paths that were best by another objective.
     """
 
     scenario: Scenario
-    session: Session
-    monitor: InfeasibilityMonitor
-    path: PushPath | None
+    search: Search
+    path: PushPath | None = None
     others: tuple[PushPath, ...] = ()
+
+    @property
+    def session(self) -> Session:
+        """The state of the search."""
+        return self.search.session
 
 
 class PushSearch:
@@ -98,7 +106,12 @@ class PushSearch:
         return other
 
     def search(
-        self, scenario: Scenario, settings: PlanSettings, began: float, known: FloatArray | None = None
+        self,
+        scenario: Scenario,
+        settings: PlanSettings,
+        began: float,
+        known: FloatArray | None = None,
+        explain: bool = True,
     ) -> Outcome:
         """Return the best path that was found.
 
@@ -107,6 +120,7 @@ class PushSearch:
             settings: Complete.
             began: `time.perf_counter` from which the time limit counts.
             known: (k, 4) arcs of a path that is free and stable with the first margin; None where there is none.
+            explain: Whether it is to be found out why there is no path.
 
         Raises:
             EmptyStableSetError: When no twist that the drive can make has the first margin.
@@ -122,20 +136,28 @@ class PushSearch:
             settings.first,
             settings.iterations,
             stop=settings.observer.cancelled,
+            explaining=min(EXPLAINING, MOST_OF_LIMIT * limit) if explain else 0.0,
         )
         improvements = Improvements(settings.observer, began)
         make = planner_named(settings.planner)[1] if settings.planner is not None else None
         assert make is not None
-        searches = _Searches(self, make, budget, settings.seed, began, gap, improvements, known)
+        searches = _Searches(self, scenario, make, budget, settings.seed, began, gap, improvements, known)
         try:
-            attempt = searches.with_margins(scenario)
+            attempt = searches.with_margins()
         except OutOfTimeError as error:
             reason = str(error)
             told = (reason, (Diagnosis("time", reason, False),), None)
             return Outcome((), self.margins[0], self.margins[0], 0, (), _cost, explain=lambda: told)
-        return self._outcome(attempt, settings, improvements)
+        return self._outcome(attempt, searches.monitor, settings, improvements, began + limit)
 
-    def _outcome(self, attempt: Attempt, settings: PlanSettings, improvements: Improvements) -> Outcome:
+    def _outcome(
+        self,
+        attempt: Attempt,
+        monitor: Callable[[], InfeasibilityMonitor],
+        settings: PlanSettings,
+        improvements: Improvements,
+        until: float,
+    ) -> Outcome:
         session, posed = attempt.session, attempt.scenario
         paths = () if attempt.path is None else (attempt.path, *attempt.others)
         segments = self.posing.controls(posed, self.stable).segments
@@ -148,7 +170,7 @@ class PushSearch:
             _cost,
             lambda found: lower_bound(posed, segments, _cost(found) if found else math.inf),
             session.branches.ends,
-            lambda: self._explain(attempt, settings),
+            lambda: self._explain(attempt, monitor(), settings, until - time.perf_counter()),
             session.problem.scene,
         )
 
@@ -157,7 +179,7 @@ class PushSearch:
         return (Segment.push(self.load, path, posed.poses, posed.required_margin),)
 
     def _explain(
-        self, attempt: Attempt, settings: PlanSettings
+        self, attempt: Attempt, monitor: InfeasibilityMonitor, settings: PlanSettings, seconds: float
     ) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
         """Find out why there is no path, and how near to the goal one ends."""
         session, posed = attempt.session, attempt.scenario
@@ -165,7 +187,7 @@ class PushSearch:
         nearest = self.segments(posed, path)
         sound = len(path.twists) > 0 and not Validator(posed).flaw_of(nearest[0], settings.set_name)
         error = pose_error(path.end if sound else path.start, posed.goal.pose_chain)
-        found = diagnose(attempt.monitor, session.extensions, error, EXPLAINING)
+        found = diagnose(monitor, session.extensions, error, min(EXPLAINING, seconds))
         words = "; ".join(item.text for item in found)
         if not any(item.proven for item in found):
             allowed = "" if settings.iterations is None else f" or {settings.iterations} iterations"
@@ -177,12 +199,12 @@ def _cost(segments: Segments) -> float:
     return segments[0].cost
 
 
-@dataclass(frozen=True, eq=False)
 class _Searches:
-    """The searches of one plan: how every one of them is made.
+    """The searches of one plan, with one margin each: how they are made, and how they take turns.
 
-    Attributes:
+    Args:
         of: What they rest on.
+        scenario: The problem.
         make: What makes the planner.
         budget: Of all searches together.
         seed: Of the random numbers.
@@ -192,95 +214,119 @@ class _Searches:
         known: See `PushSearch.search`.
     """
 
-    of: PushSearch
-    make: Factory
-    budget: Budget
-    seed: int
-    began: float
-    good_enough: float
-    improvements: Improvements
-    known: FloatArray | None
+    def __init__(
+        self,
+        of: PushSearch,
+        scenario: Scenario,
+        make: Factory,
+        budget: Budget,
+        seed: int,
+        began: float,
+        good_enough: float,
+        improvements: Improvements,
+        known: FloatArray | None,
+    ) -> None:
+        self._of, self._scenario, self._make, self._budget = of, scenario, make, budget
+        self._seed, self._began, self._good_enough = seed, began, good_enough
+        self._improvements, self._known = improvements, known
+        self._monitor: InfeasibilityMonitor | None = None
 
-    def with_margins(self, scenario: Scenario) -> Attempt:
-        """Search with one margin after the other; return the first attempt with a path, or the last."""
-        attempt, margins = None, self.of.margins
-        for seed, margin, share in self._turns(margins):
-            budget = replace(self.budget, patience=share)
-            attempt = replace(self, seed=seed)._attempt(scenario.with_margin(margin), budget, attempt)
-            if attempt.path is not None or self._is_over(attempt, margin == margins[-1]):
+    def monitor(self) -> InfeasibilityMonitor:
+        """Return what may keep the searches from a path; it is of the lowest margin, with which most is possible."""
+        if self._monitor is None:
+            lowest = by_travel(self._scenario.with_margin(self._of.margins[-1]))
+            problem = self._of.posing(lowest, self._of.stable)
+            self._monitor = InfeasibilityMonitor(lowest, self._of.stable, problem, self._budget.time_limit)
+        return self._monitor
+
+    def with_margins(self) -> Attempt:
+        """Search with all margins, in turns, until one allows a path; return that attempt, or that of the lowest."""
+        attempts: list[Attempt] = []
+        before: Session | None = None
+        for number, iterations in self._turns():
+            if number == len(attempts):
+                attempts.append(self._attempt(self._of.margins[number], before))
+            attempt = attempts[number]
+            # Half of what is left of the budget may go by without a path before a lower margin is tried at all.
+            lower_untried = len(attempts) == number + 1 < len(self._of.margins)
+            used = self._budget.used(time.perf_counter() - self._began, attempt.session.iterations)
+            attempt.session.take_turn(Turn(iterations, 0.5 * (1.0 + used) if lower_untried else 1.0), before)
+            path, before = attempt.search.run(), attempt.session
+            if path is not None:
+                return self._ranked(replace(attempt, path=path))
+            if before.finished:
                 break
-        assert attempt is not None
-        return attempt
+        return attempts[-1]
 
-    def _turns(self, margins: Sequence[float]) -> Iterator[tuple[int, float, float]]:
-        """Yield seeds and margins with the share of the budget after which a search without a path gives way."""
-        share, seed = 0.0, self.seed
-        if self.budget.first and len(margins) > 1:
-            for margin in margins[:GLANCES]:
-                share += GLANCE
-                yield seed, margin, share
-            seed += 1
-        for k, margin in enumerate(margins):
-            # Half of what is left of the budget may go by without a path before a lower margin is tried.
-            share = 1.0 if k == len(margins) - 1 else 0.5 * (1.0 + share)
-            yield seed, margin, share
+    def _turns(self) -> Iterator[tuple[int, float]]:
+        """Yield the numbers of margins with the iterations of their turns.
 
-    def _is_over(self, attempt: Attempt, lowest: bool) -> bool:
-        """Whether no other margin has time left, or could help; what is proven with the lowest holds with all."""
-        session = attempt.session
-        # Of all that can be proven, only a passage that is too narrow stands in the way with every margin.
-        proven = any(lowest or fault.cause == "gap" for fault in attempt.monitor.proven)
-        return proven or self.budget.is_used_up(time.perf_counter() - self.began, session.iterations)
+        Each margin gets half as many, in all, as the next larger one, which has its turn after it.
+        """
+        count = len(self._of.margins)
+        if count == 1:
+            yield 0, math.inf
+        first = FIRST_TURN if self._budget.first else round(LONGER_TURN * self._budget.stall)
+        for level in itertools.count():
+            for number in reversed(range(min(level + 1, count))):
+                yield number, first << max(0, level - number - 1)
 
-    def _attempt(self, scenario: Scenario, budget: Budget, before: Attempt | None) -> Attempt:
-        """Search with the scenario's margin; by travel first where paths are ranked by time."""
-        earlier = None if before is None else before.session
-        by_travel = replace(scenario, planner=replace(scenario.planner, cost="travel"))
-        if budget.first:
-            # No path is compared with another: an objective that takes long to make is not needed.
-            return replace(self._run(by_travel, budget, earlier), scenario=scenario)
-        if scenario.planner.cost != "time":
-            return self._run(scenario, budget, earlier)
-        # Fewest metres in few arcs make a good start, for half of the budget at most: a path found by time alone is
-        # not always the faster one.
-        first = self._run(by_travel, replace(budget, enough=0.5), earlier)
-        if first.path is None:
-            return first
-        second = self._run(scenario, budget, first.session, first.path)
-        return replace(second, others=(first.path,))
+    def _ranked(self, attempt: Attempt) -> Attempt:
+        """Go on by time where paths are ranked by it, from the path that is best by travel.
 
-    def _run(
-        self, scenario: Scenario, budget: Budget, before: Session | None, known: PushPath | None = None
-    ) -> Attempt:
-        """Search once, from a path known to the search before if there is one: only the objective is another then."""
-        stable, posing = self.of.stable, self.of.posing
-        if before is None or known is None:
-            problem = posing(scenario, stable, self.began + budget.time_limit)
-            if self.known is not None:  # its twists need not lie on a segment
-                problem = problem.with_segments(np.vstack([problem.segments, np.tile(self.known[:, :3], 2)]))
-        else:
-            objective = make_objective(scenario, stable, before.problem.segments)
-            problem = before.problem.with_objective(objective)
-        monitor = InfeasibilityMonitor(scenario, stable, problem, budget.time_limit)
+        Fewest metres in few arcs make a good start, for half of the budget at most: a path found by time alone is not
+        always the faster one.
+        """
+        margin = attempt.scenario.required_margin
+        posed = self._scenario.with_margin(margin)
+        if self._budget.first or posed.planner.cost != "time":
+            return replace(attempt, scenario=posed)
+        path, before = attempt.path, attempt.session
+        assert path is not None
+        objective = make_objective(posed, self._of.stable, before.problem.segments)
+        session = self._session(posed, before.problem.with_objective(objective), self._budget, before)
+        session.offer(np.column_stack([path.twists, path.lengths]))
+        search = self._search(posed, session)
+        return Attempt(posed, search, search.run(), (path,))
 
+    def _attempt(self, margin: float, before: Session | None) -> Attempt:
+        """Begin to search with a margin; by travel where paths are ranked by time."""
+        posed, budget, posing = self._scenario.with_margin(margin), self._budget, self._of.posing
+        if budget.first or posed.planner.cost == "time":
+            # No first path is compared with another: an objective that takes long to make is not needed.
+            posed, budget = by_travel(posed), replace(budget, enough=0.5)
+        problem = posing(posed, self._of.stable, self._began + budget.time_limit)
+        if self._known is not None:  # its twists need not lie on a segment
+            problem = problem.with_segments(np.vstack([problem.segments, np.tile(self._known[:, :3], 2)]))
+        session = self._session(posed, problem, budget, before)
+        if self._known is not None:
+            session.offer(self._known)
+        return Attempt(posed, self._search(posed, session))
+
+    def _session(self, posed: Scenario, problem: Problem, budget: Budget, before: Session | None) -> Session:
         def improved(path: PushPath, cost: float, iterations: int, seconds: float) -> None:
-            self.improvements.add(cost, iterations, self.of.segments(scenario, path), seconds)
+            self._improvements.add(cost, iterations, self._of.segments(posed, path), seconds)
 
         session = Session(
             problem,
-            scenario.start,
+            posed.start,
             budget,
-            self.seed,
+            self._seed,
             improved,
-            monitor.settled,
+            lambda seconds: self.monitor().settled(seconds),
             before,
-            time.perf_counter() - self.began,
+            time.perf_counter() - self._began,
         )
-        if known is not None:
-            session.offer(np.column_stack([known.twists, known.lengths]))
-        elif self.known is not None:
-            session.offer(self.known)
-        if self.good_enough > 0.0:
-            session.raise_lower_bound(lower_bound(scenario, posing.controls(scenario, stable).segments))
-        path = search(session, self.make, sampling_box(scenario), body_reach(scenario))
-        return Attempt(scenario, session, monitor, path)
+        if self._good_enough > 0.0:
+            session.raise_lower_bound(
+                lower_bound(posed, self._of.posing.controls(posed, self._of.stable).segments)
+            )
+        return session
+
+    def _search(self, posed: Scenario, session: Session) -> Search:
+        return Search(session, self._make, sampling_box(posed), body_reach(posed))
+
+
+def by_travel(scenario: Scenario) -> Scenario:
+    """Return the scenario with paths ranked by travel."""
+    return replace(scenario, planner=replace(scenario.planner, cost="travel"))

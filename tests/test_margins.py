@@ -135,13 +135,14 @@ def test_the_margin_is_lowered_in_halvings_until_there_is_a_path() -> None:
     )
 
 
-def test_a_first_path_need_not_wait_for_a_lower_margin() -> None:
-    """Half of the iterations would go by with the margin that is asked for alone, as they do in a whole plan."""
-    first = plan(u_turn(), time_limit=60.0, iterations=ITERATIONS, first=True)
+def test_a_first_path_depends_on_no_limit() -> None:
+    """Margins take turns: the first path is the same one, however long a search may take."""
+    first, longer = (plan(u_turn(), time_limit=limit, first=True) for limit in (60.0, 6000.0))
     assert first.solved, first.reason
     assert first.margin is not None
     assert first.margin <= 0.5 * (first.margin_asked or 0.0)
-    assert first.improvements[0].iterations < 0.5 * ITERATIONS < turned().improvements[0].iterations
+    assert first.improvements[0].iterations == longer.improvements[0].iterations < ITERATIONS
+    assert first.cost == longer.cost
 
 
 def test_a_first_path_keeps_the_margin_that_is_found_in_time() -> None:

@@ -32,11 +32,11 @@ def _posed(name: str) -> tuple[Scenario, Problem]:
 def _first_path(scenario: Scenario, problem: Problem, seed: int) -> FloatArray:
     from pushplan.planners.problem import body_reach, sampling_box
     from pushplan.planners.search.planners import Auto
-    from pushplan.planners.search.search import search
+    from pushplan.planners.search.search import Search
 
     session = Session(problem, scenario.start, Budget(60.0, first=True), seed)
     if not session.finished:
-        search(session, Auto, sampling_box(scenario), body_reach(scenario))
+        Search(session, Auto, sampling_box(scenario), body_reach(scenario)).run()
     assert session.best.arcs is not None
     return session.best.arcs
 

@@ -14,7 +14,7 @@ from pushplan.geometry import se2
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search.form import pose_problem
 from pushplan.planners.search.planners import StableSparseRRT
-from pushplan.planners.search.search import search
+from pushplan.planners.search.search import Search
 from pushplan.planners.search.session import Budget, Session
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray, IntArray
@@ -97,7 +97,7 @@ def test_longer_rounds_find_shorter_paths(problem: Problem) -> None:
     costs = []
     for iterations in (3_000, 60_000):
         session = _session(problem, iterations)
-        search(session, StableSparseRRT, sampling_box(scenario), body_reach(scenario))
+        Search(session, StableSparseRRT, sampling_box(scenario), body_reach(scenario)).run()
         assert session.iterations >= iterations or session.finished
         costs.append(session.best.cost)
     assert costs[1] < costs[0] < np.inf

@@ -137,16 +137,23 @@ def _face(outline: FloatArray, across: FloatArray, through: FloatArray, facing: 
     return float(along.min()), float(along.max())
 
 
-def aligned_poses(problem: Problem) -> FloatArray:
+def aligned_poses(problem: Problem, known: dict[tuple[float, ...], list[Gap]] | None = None) -> FloatArray:
     """Return free poses (n, 2, 3) before and behind the bottlenecks, the straight push along the way through.
 
     Both senses count; a bottleneck whose middle is blocked has none.
+
+    Args:
+        problem: What to plan.
+        known: Gaps in its room by what was looked for; those that are not among them are added.
     """
     scene, extent = problem.scene, Extent.of(problem)
     least, most = extent.width + 2.0 * scene.clearance, NARROW * extent.width
     beside = BESIDE * (extent.front - extent.back)
     found: dict[tuple[float, ...], FloatArray] = {}
-    for gap in gaps_in(scene, least, most, FACING * extent.width):
+    known, asked = {} if known is None else known, (least, most, FACING * extent.width)
+    if asked not in known:
+        known[asked] = gaps_in(scene, *asked)
+    for gap in known[asked]:
         for sense in (1.0, -1.0):
             ahead = sense * gap.through
             begin, end = (gap.begin, gap.end) if sense > 0.0 else (-gap.end, -gap.begin)
@@ -206,7 +213,7 @@ class Ways:
 
     def __init__(self, session: Session, forest: Forest) -> None:
         self._session, self._forest = session, forest
-        found = aligned_poses(session.problem).reshape(-1, 3)
+        found = aligned_poses(session.problem, session.gaps).reshape(-1, 3)
         self._poses = np.concatenate([session.start[None], found, session.problem.goal[None]])
         self._to_goal = _least(self._poses, session.problem.goal)
         self._paths: dict[int, FloatArray] = {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import count
 from typing import Any
 
@@ -157,16 +157,20 @@ class AnytimePlanner(ob.Planner):  # type: ignore[misc]
 
     def __init__(self, information: PushInformation) -> None:
         super().__init__(information, self.name)
+        self._rounds: Iterator[None] | None = None
 
     def solve(self, stop: Any) -> Any:
-        """Improve the best path until `stop` says so; leave it in the problem definition."""
+        """Go on with rounds until `stop` says so or the turn is over; leave the best path where OMPL looks for it."""
         definition = self.getProblemDefinition()
         information = information_of(definition)
         session = information.session
         session.stop = stop
         try:
             if not stop():
-                self.improve(information)
+                self._rounds = self._rounds or self.rounds(information)
+                for _ in self._rounds:
+                    if session.finished or session.turn_over:
+                        break
         finally:
             session.stop = session.settled  # OMPL's condition does not outlive the call
         if session.best.arcs is None:
@@ -175,8 +179,8 @@ class AnytimePlanner(ob.Planner):  # type: ignore[misc]
         return ob.PlannerStatus(ob.PlannerStatus.EXACT_SOLUTION)
 
     @abstractmethod
-    def improve(self, information: PushInformation) -> None:
-        """Offer paths to the session until it is finished."""
+    def rounds(self, information: PushInformation) -> Iterator[None]:
+        """Offer paths to the session; yield after each round, without an end."""
 
 
 ROUND, DOUBLINGS = 256, 4
@@ -191,8 +195,8 @@ class Auto(AnytimePlanner):
 
     name = "auto"
 
-    def improve(self, information: PushInformation) -> None:
-        """Run rounds until the search is over."""
+    def rounds(self, information: PushInformation) -> Iterator[None]:
+        """Run rounds; what they share is kept from turn to turn."""
         session, box, heading_length = information.session, information.box, information.heading_length
         forest = _forest(box, heading_length)
         lattice, ways = LatticeRounds(session, box), None
@@ -210,8 +214,7 @@ class Auto(AnytimePlanner):
             # takes eight times as long as an arc.
             if session.solved or number > 5:
                 lattice.run(40.0 * extensions)
-            if session.finished:
-                return
+            yield
 
 
 def _length(number: int, solved: bool) -> int:
@@ -301,13 +304,14 @@ class StableSparseRRT(AnytimePlanner):
 
     name = "SST"
 
-    def improve(self, information: PushInformation) -> None:
-        """Run rounds until the search is over."""
+    def rounds(self, information: PushInformation) -> Iterator[None]:
+        """Grow one tree after the other."""
         session = information.session
         rounds = SparseRounds(session, information.box, information.heading_length)
-        while not session.finished:
+        while True:
             rounds.run_next(session.stop)
             session.refine()
+            yield
 
 
 PLANNERS = {

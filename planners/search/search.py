@@ -1,4 +1,4 @@
-"""One search: a planner runs until a condition ends it, and its paths are shortened."""
+"""One search: a planner runs, turn after turn, until a condition ends it, and its paths are shortened."""
 
 from __future__ import annotations
 
@@ -27,40 +27,83 @@ Factory = Callable[[Any], Any]
 """Makes an `ompl.base.Planner` from a space information; its class, as a rule."""
 
 
-def search(session: Session, make: Factory, box: Box, heading_length: float) -> PushPath | None:
-    """Run a planner until the session is finished; return its best path as it is in OMPL's form, None without any.
+class Search:
+    """A planner that is run turn after turn, until its session is finished.
 
-    A planner whose attribute `optimizing` is true goes on until it is told to stop, and is run once. Another one is
-    run again after each of its paths, and cleared after ever more extensions.
+    A planner whose attribute `optimizing` is true goes on, in each turn, until it is told to stop. Another one is run
+    again after each of its paths, and cleared after ever more extensions.
 
     Args:
         session: The search to drive.
         make: What makes the planner.
         box: (xmin, ymin, xmax, ymax) to sample from, m.
         heading_length: Distance that a turn of one radian counts as, m.
-
-    Raises:
-        PlanningError: When that cannot be made or is no planner, or it leaves a path that is none.
     """
-    ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
-    ou.RNG.setSeed(session.seed + 1)  # OMPL takes 0 for "no seed"
-    word = free_word(session, session.start, session.problem.goal)
-    if word is not None:
-        session.offer(word)
-    # A free word from the start may be all that was wanted: then nothing is posed but what shows a planner's faults.
-    if session.finished and _is_of_ours(make):
-        return session.best_path
-    information, definition = pose_problem(session, box, heading_length)
-    planner = _made(make, information)
-    if session.finished:
-        return session.best_path
-    planner.setProblemDefinition(definition)
-    planner.setup()
-    _run(planner, definition, information)
-    if session.best.arcs is None:
-        return None
-    leave_path(definition, session.best.arcs, planner.getName())
-    return push_path(definition)
+
+    def __init__(self, session: Session, make: Factory, box: Box, heading_length: float) -> None:
+        self.session = session
+        self._make, self._box, self._heading_length = make, box, heading_length
+        self._planner: Any = None
+        self._information: Any = None
+        self._definition: Any = None
+        self._allowance = self._target = 2_000
+
+    def run(self) -> PushPath | None:
+        """Go on until the session is finished or its turn is over; return its best path, None without any.
+
+        The path is as it is in OMPL's form where a planner was needed to find it.
+
+        Raises:
+            PlanningError: When the planner cannot be made or is none, or it leaves a path that is none.
+        """
+        session = self.session
+        if self._planner is None:
+            ou.setLogLevel(ou.LOG_NONE)  # reseeding prints an error that is none
+            ou.RNG.setSeed(session.seed + 1)  # OMPL takes 0 for "no seed"
+            word = free_word(session, session.start, session.problem.goal)
+            if word is not None:
+                session.offer(word)
+            # A free word from the start may be all that was wanted: then nothing is posed but what shows a planner's
+            # faults.
+            if session.finished and _is_of_ours(self._make):
+                return session.best_path
+            self._information, self._definition = pose_problem(session, self._box, self._heading_length)
+            self._planner = _made(self._make, self._information)
+            self._planner.setProblemDefinition(self._definition)
+            self._planner.setup()
+        if session.finished:
+            return session.best_path
+        if getattr(self._planner, "optimizing", False):
+            self._go_on()
+        else:
+            self._run_again_and_again()
+        if session.best.arcs is None:
+            return None
+        leave_path(self._definition, session.best.arcs, self._planner.getName())
+        return push_path(self._definition)
+
+    def _go_on(self) -> None:
+        self._planner.solve(ob.PlannerTerminationCondition(self.session.over))
+        if self._definition.hasExactSolution():
+            self.session.take(improve.merged(arcs_to_goal(self._definition)))
+        self._information.propagator.note()
+
+    def _run_again_and_again(self) -> None:
+        session, propagator = self.session, self._information.propagator
+        while not session.over():
+            propagator.bound = session.best.bound
+            self._planner.solve(ob.PlannerTerminationCondition(_until(session, self._target)))
+            if self._definition.hasExactSolution():
+                session.offer(arcs_to_goal(self._definition))
+            self._definition.clearSolutionPaths()
+            if session.finished or session.extensions >= self._target:
+                session.refine()
+                propagator.note()
+                self._planner.clear()
+                propagator.clear()
+                self._allowance *= 2
+                self._target = session.extensions + self._allowance
+        propagator.bound = math.inf
 
 
 def _is_of_ours(make: Factory) -> bool:
@@ -83,32 +126,6 @@ def _made(make: Factory, information: PushInformation) -> Any:
     return planner
 
 
-def _run(planner: Any, definition: Any, information: PushInformation) -> None:
-    """Run a planner again and again until the session is finished."""
-    session, propagator, allowance = information.session, information.propagator, 2_000
-    if getattr(planner, "optimizing", False):
-        planner.solve(ob.PlannerTerminationCondition(session.settled))
-        if definition.hasExactSolution():
-            session.take(improve.merged(arcs_to_goal(definition)))
-        propagator.note()
-        return
-    target = allowance
-    while not session.finished:
-        propagator.bound = session.best.bound
-        planner.solve(ob.PlannerTerminationCondition(_until(session, target)))
-        if definition.hasExactSolution():
-            session.offer(arcs_to_goal(definition))
-        definition.clearSolutionPaths()
-        if session.finished or session.extensions >= target:
-            session.refine()
-            propagator.note()
-            planner.clear()
-            propagator.clear()
-            allowance *= 2
-            target = session.extensions + allowance
-    propagator.bound = math.inf
-
-
 def _until(session: Session, target: int) -> Callable[[], bool]:
     """Return what tells OMPL, which asks before every extension, that a session is finished or is that far."""
     most = session.budget.iterations
@@ -118,6 +135,6 @@ def _until(session: Session, target: int) -> Callable[[], bool]:
     def over() -> bool:
         if session.extensions < target and session.extensions % 16:  # a look at the clock every 16
             return False
-        return session.extensions >= target or session.finished
+        return session.extensions >= target or session.over()
 
     return over

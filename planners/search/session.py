@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -29,10 +30,10 @@ class Budget:
         first: Stop at the first path.
         iterations: Stop after this many iterations, at most; None sets no limit. Unlike the time limit it ends the
             same search at the same place on every machine.
-        patience: Share of the iterations where they are given, else of the time, after which a search without a
-            path is over.
-        enough: Likewise of a search that has a path.
+        enough: Share of the iterations where they are given, else of the time, after which a search that has a path
+            is over.
         stop: Asked now and then whether the search has to end at once.
+        explaining: Seconds of the time limit that are kept, while there is no path, to find out why.
     """
 
     time_limit: float
@@ -40,9 +41,15 @@ class Budget:
     gap: float = 1e-9
     first: bool = False
     iterations: int | None = None
-    patience: float = 1.0
     enough: float = 1.0
     stop: Callable[[], bool] | None = None
+    explaining: float = 0.0
+
+    def used(self, seconds: float, iterations: int) -> float:
+        """Return the share of the iterations, where they are given, else of the time, that is spent."""
+        if self.iterations is None:
+            return seconds / self.time_limit if self.time_limit > 0.0 else 1.0
+        return iterations / self.iterations
 
     def is_used_up(self, seconds: float, iterations: int, share: float = 1.0) -> bool:
         """Tell whether a share of the iterations or of the time is spent, or all of the time, or `stop` says so."""
@@ -51,6 +58,19 @@ class Budget:
         if self.iterations is None:
             return seconds >= share * self.time_limit
         return iterations >= share * self.iterations or seconds >= self.time_limit
+
+
+@dataclass(frozen=True)
+class Turn:
+    """How long a search without a path goes on before it gives way to another one.
+
+    Attributes:
+        iterations: So many, which takes a search to the same place on every machine.
+        share: Of the whole budget, for planners whose iterations take long.
+    """
+
+    iterations: float = math.inf
+    share: float = 1.0
 
 
 MOST_BRANCHES = 500
@@ -213,8 +233,8 @@ class Session:
         on_progress: Called with every better path, its cost (m), the iterations and the seconds until then.
         hopeless: Asked, with the seconds that the search has taken, whether there is no path, as long as none is
             found.
-        before: The search whose time, extensions, iterations and nearest path count to this one's, if it goes on from
-            there.
+        before: The search whose time, extensions, iterations, nearest path, branches and gaps are this one's, if it
+            goes on from there.
         set_up: Seconds that posing the problem took, which count to the time limit, too.
 
     Attributes:
@@ -224,6 +244,7 @@ class Session:
         best: The best path.
         nearest: The free path that ends nearest to the goal, kept up while there is none to it.
         branches: What is kept of the trees.
+        gaps: What was found of the room's bottlenecks, by what was looked for.
         extensions: Arcs propagated.
         iterations: Arcs propagated, some as a share of one, and shortcuts tried.
         stop: What tells planners that the search is over; by default when the budget is used up (`settled`).
@@ -248,11 +269,13 @@ class Session:
         self.best = Incumbent(problem.objective)
         self.extensions: int = 0 if before is None else before.extensions
         self.iterations: int = 0 if before is None else before.iterations
-        # stable then, stable now: searches go on with lower margins, never higher
+        # shared by the searches with all margins: of the lowest of them when there is no path in the end
         self.nearest: NearestApproach = (
             NearestApproach(self.start, problem.goal) if before is None else before.nearest
         )
         self.branches: Branches = Branches() if before is None else before.branches
+        self.gaps: dict[tuple[float, ...], Any] = {} if before is None else before.gaps
+        self._turn, self._turn_began = Turn(), self.iterations
         self.began: float = time.perf_counter() if before is None else before.began
         self._set_up: float = set_up if before is None else before._set_up
         self._on_progress, self._hopeless = on_progress, hopeless
@@ -295,11 +318,33 @@ class Session:
         """Whether the search is over."""
         return self.stop()
 
+    def take_turn(self, turn: Turn, before: Session | None) -> None:
+        """Go on, after the search that had the turn before, until a turn is over or there is a path."""
+        if before is not None:
+            self.extensions, self.iterations = before.extensions, before.iterations
+        self._turn, self._turn_began = turn, self.iterations
+
+    @property
+    def turn_over(self) -> bool:
+        """Whether another search is to go on, as long as there is no path."""
+        if self.solved:
+            return False
+        turn = self._turn
+        if self.iterations - self._turn_began >= turn.iterations:
+            return True
+        return self.budget.is_used_up(self._set_up + self.elapsed, self.iterations, turn.share)
+
+    def over(self) -> bool:
+        """Return whether the search or its turn is over."""
+        return self.settled() or self.turn_over
+
     def settled(self) -> bool:
         """Return whether the budget is used up, nothing is left to gain, or it is known that there is no path."""
-        budget = self.budget
-        share = budget.enough if self.solved else budget.patience
-        if budget.is_used_up(self._set_up + self.elapsed, self.iterations, share):
+        budget, seconds = self.budget, self._set_up + self.elapsed
+        share = budget.enough
+        if not self.solved:
+            share, seconds = 1.0, seconds + budget.explaining
+        if budget.is_used_up(seconds, self.iterations, share):
             return True
         if not self.solved:
             return self._given_up()
