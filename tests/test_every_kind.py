@@ -28,6 +28,7 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.course import Kick
+from pushplan.sim.identify import posterior
 from pushplan.sim.report import worst_at_goal
 from pushplan.sim.trials import TrialUncertainty
 from pushplan.trial import write_trial
@@ -170,7 +171,10 @@ def test_a_closed_loop_of_other_kinds_says_that_it_cannot(kind: str) -> None:
         run_closed_loop(made(kind).scenario, plan=made(kind).plan)
 
 
-def test_what_was_pushed_is_learned_from(tmp_path: Path) -> None:
+def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(posterior, "MEMBERS", 8)  # a rough answer is one, too
+    monkeypatch.setattr(posterior, "ROUNDS", 4)
+    monkeypatch.setattr(posterior, "PASSES", 1)
     made_loop = made("closed loop").loop
     assert made_loop is not None
     made_loop.write(tmp_path / "loop.mcap")

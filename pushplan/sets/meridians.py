@@ -174,12 +174,13 @@ class SphereSamples(NamedTuple):
         return cls(longitude, latitude, np.concatenate([value, value[:1]]))
 
     def maxima(self, floor: float) -> tuple[FloatArray, FloatArray]:
-        """Return unit vectors (m, 3) and values (m,) of samples above the floor that no neighbour exceeds."""
+        """Return unit vectors (m, 3) and values (m,) of samples above the floor that no neighbour exceeds.
+
+        Those in the midst of a plateau, as where nothing rubs, are left out: no way leads up from there.
+        """
         value = self.value[:-1]
-        rows = np.maximum(np.maximum(np.roll(value, 1, axis=0), value), np.roll(value, -1, axis=0))
-        beside = np.pad(rows, ((0, 0), (1, 1)), mode="edge")
-        most = np.maximum(np.maximum(beside[:, :-2], rows), beside[:, 2:])
-        highest = (value >= most) & (value > floor)
+        most, least = _around(np.maximum, value), _around(np.minimum, value)
+        highest = (value >= most) & (value > least) & (value > floor)
         highest[1:, [0, -1]] = False  # all longitudes meet at the poles
         i, j = np.nonzero(highest)
         return twists_at(self.longitude[i], self.latitude[j], 1.0), value[i, j]
@@ -189,6 +190,13 @@ class SphereSamples(NamedTuple):
         hope = np.flatnonzero(self.value.max(axis=1) > floor)
         latitude = np.tile(self.latitude, len(hope))
         return np.column_stack([np.repeat(hope, len(self.latitude)), latitude, self.value[hope].ravel()])
+
+
+def _around(of: np.ufunc, value: FloatArray) -> FloatArray:
+    """Return what is largest or smallest of samples and their neighbours, (n, s); the first row follows the last."""
+    rows = of(of(np.roll(value, 1, axis=0), value), np.roll(value, -1, axis=0))
+    beside = np.pad(rows, ((0, 0), (1, 1)), mode="edge")
+    return np.asarray(of(of(beside[:, :-2], rows), beside[:, 2:]))
 
 
 def margin_peaks(margin: MarginFunction, length: float) -> tuple[FloatArray, FloatArray]:
