@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 from pushplan.errors import OutputError, PushplanError
 from pushplan.logging.runs import new_log, prune, runs_folder
@@ -25,11 +25,11 @@ class IncompleteLogError(OutputError):
     """A run is over, but its log could not be written to its end.
 
     Attributes:
-        run: The run.
+        run: What was done: a `Run`, a `ClosedLoopRun` or `Trials`.
         partial: What was written of the log.
     """
 
-    def __init__(self, error: OutputError, run: Run, partial: Path) -> None:
+    def __init__(self, error: OutputError, run: Any, partial: Path) -> None:
         self.run, self.partial = run, partial
         what = str(error).removeprefix(f"{error.path}: ")
         super().__init__(error.path, f"{what}; what was written of the log is in {partial}")
@@ -115,22 +115,27 @@ class Recording:
             with self._writing():
                 prune(self._path.parent, self._path)
 
-    def improved(self, improvement: Improvement) -> None:
-        """Write an improvement of the plan, so that it outlives a kill; an observer's `improved`."""
+    def write(self, part: Callable[[RunLogWriter], object]) -> None:
+        """Write a part of the log; when this returns, it outlives a kill."""
         if self._writer is not None:
             with self._writing():
-                self._writer.improved(improvement)
+                part(self._writer)
+
+    def improved(self, improvement: Improvement) -> None:
+        """Write an improvement of the plan; an observer's `improved`."""
+        self.write(lambda log: log.improved(improvement))
 
     def end(self, plan: Plan, interrupted: bool = False) -> None:
-        """Write the plan and its execution."""
-        if self._writer is None:
-            return
-        with self._writing():
-            self._writer.plan(plan)
-            if plan.execution is not None:
-                self._writer.execution(plan.execution)
-            outcome = "interrupted" if interrupted else "solved" if plan.solved else "unsolved"
-            self._writer.finish(outcome, self._watch.seconds)
+        """Write the plan and its execution, which are all that there is."""
+        self.write(lambda log: log.plan(plan))
+        execution = plan.execution
+        if execution is not None:
+            self.write(lambda log: log.execution(execution))
+        self.finish("interrupted" if interrupted else "solved" if plan.solved else "unsolved")
+
+    def finish(self, outcome: str) -> None:
+        """End the log and give it its final name."""
+        self.write(lambda log: log.finish(outcome, self._watch.seconds))
         self._writer = None
 
     def finished(self, plan: Plan) -> Run:
@@ -139,8 +144,16 @@ class Recording:
         Raises:
             IncompleteLogError: When the log that is named could not be written.
         """
-        log = self._path if self._error is None else None
-        run = Run(plan.scenario, plan, plan.execution, log, self._watch.seconds)
-        if self._named and self._error is not None and self._partial is not None:
-            raise IncompleteLogError(self._error, run, self._partial)
+        run = Run(plan.scenario, plan, plan.execution, self.log, self._watch.seconds)
+        self.require_whole(run)
         return run
+
+    @property
+    def log(self) -> Path | None:
+        """The log; None where there is none, or it could not be written."""
+        return self._path if self._error is None else None
+
+    def require_whole(self, done: object) -> None:
+        """Raise IncompleteLogError, which has what was `done`, when the log that is named could not be written."""
+        if self._named and self._error is not None and self._partial is not None:
+            raise IncompleteLogError(self._error, done, self._partial)

@@ -210,7 +210,8 @@ class RunLogWriter:
         """
         over = int(np.searchsorted(execution.t, np.floor(execution.t[-1]))) if len(execution.t) else 0
         self._write_samples(execution, over)
-        self._run = replace(self._run, execution=execution)
+        if self._samples:
+            self._run = replace(self._run, execution=execution.until(self._samples))
 
     def execution(self, execution: Execution) -> None:
         """Write what the simulator made of the plan, a simulated second at a time, as far as it is not written yet.

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
 
 from pushplan.errors import PlanningError
 from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.recording import Recording, Where
 from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import plan as plan_in
-from pushplan.plans.events import Event, Feedback, Replan
+from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.plan import Load, Plan
 from pushplan.plans.run import Execution
-from pushplan.plans.settings import Observer
+from pushplan.plans.settings import Observer, PlanSettings
+from pushplan.run import fields_of
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.again import CONTROL
 from pushplan.sim.control.controller import DEFAULTS, SILENT, Controller
@@ -44,6 +50,7 @@ class ClosedLoopRun:
         sensor: How objects were measured.
         seed: Of the sensor's noise.
         kicks: What happened to objects.
+        log: The log that was written meanwhile; None where there is none, or it could not be written.
     """
 
     scenario: Scenario
@@ -57,6 +64,7 @@ class ClosedLoopRun:
     sensor: Sensor
     seed: int
     kicks: tuple[Kick, ...]
+    log: Path | None = None
 
     @property
     def goal_errors(self) -> tuple[float, float]:
@@ -66,27 +74,8 @@ class ClosedLoopRun:
     @property
     def execution(self) -> Execution:
         """The course as logs and pictures know it."""
-        course, plan = self.course, self.plan
-        if self.scenario.kind == "push":
-            loads: list[Load | None] = [Load.of(self.scenario)]
-        else:
-            loads = [segment.load if segment.pushes else None for segment in plan.segments]
-        segment = plan.segment_at(course.t)
-        judge, margins = judged(loads, self.scenario.stability.set, course.names, segment, course.twists)
-        wrenches = at_poses(course.wrenches)
-        return Execution(
-            course.names,
-            judge,
-            course.t,
-            course.poses,
-            course.twists,
-            course.object_poses,
-            segment,
-            margins,
-            None,
-            self.goal_errors,
-            wrenches=wrenches,
-        )
+        made = execution_of(self.scenario, self.plan, self.course)
+        return replace(made, goal_error=self.goal_errors)
 
     @property
     def feedback(self) -> Feedback:
@@ -100,23 +89,123 @@ class ClosedLoopRun:
         return RecordedRun(path, self.scenario, self.plan, self.execution, self.feedback)
 
     def write(self, path: Path | str) -> None:
-        """Write the log (MCAP): plan, /measured, /events, the plans made on the way, and what happened.
+        """Write the log (MCAP) at once: plan, /measured, /events, the plans made on the way, and what happened.
 
         Raises:
             OutputError: When the file cannot be written.
         """
-        told = {"planner": self.plan.planner, "set": self.plan.stable_set, "seed": self.seed}
-        with RunLogWriter.create(path, self.scenario, told) as log:
-            log.note(CONTROL, self._words())
-            log.plan(self.plan)
-            log.closed_loop(self.execution, self.feedback)
-            log.finish(self.outcome)
+        asked = self.scenario, self.plan, self.settings, self.sensor, self.seed, self.kicks
+        with _Growing(*asked, SILENT, None, path, None) as growing:
+            growing.begin(self.plan)
+            growing.end(self)
 
-    def _words(self) -> dict[str, str]:
-        settings = None if self.settings is None else asdict(self.settings)
-        kicks = [asdict(kick) for kick in self.kicks]
-        found = {"settings": settings, "sensor": asdict(self.sensor), "kicks": kicks}
-        return {name: json.dumps(value) for name, value in found.items()} | {"reason": self.reason}
+
+def execution_of(scenario: Scenario, plan: Plan, course: Course) -> Execution:
+    """Return a course as logs and pictures know it, without an error at the goal."""
+    if scenario.kind == "push":
+        loads: list[Load | None] = [Load.of(scenario)]
+    else:
+        loads = [segment.load if segment.pushes else None for segment in plan.segments]
+    segment = plan.segment_at(course.t)
+    judge, margins = judged(loads, scenario.stability.set, course.names, segment, course.twists)
+    return Execution(
+        course.names,
+        judge,
+        course.t,
+        course.poses,
+        course.twists,
+        course.object_poses,
+        segment,
+        margins,
+        None,
+        (math.nan, math.nan),
+        wrenches=at_poses(course.wrenches),
+    )
+
+
+class _Growing:
+    """The log of a simulated push: a context manager; what it has written outlives a kill."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        plan: Plan | None,
+        settings: ControlSettings | None,
+        sensor: Sensor,
+        seed: int,
+        kicks: Sequence[Kick],
+        observer: Observer,
+        progress: Callable[[float], None] | None,
+        log: Where,
+        runs: Path | str | None,
+    ) -> None:
+        fields = fields_of(scenario, PlanSettings(seed=seed))
+        if plan is not None:
+            fields |= {"planner": plan.planner, "set": plan.stable_set}
+        self._recording = Recording(scenario, fields, log, runs, observer.message)
+        self._scenario, self._progress = scenario, progress
+        found = {
+            "settings": None if settings is None else asdict(settings),
+            "sensor": asdict(sensor),
+            "kicks": [asdict(kick) for kick in kicks],
+        }
+        words = {name: json.dumps(value) for name, value in found.items()}
+        self._recording.write(lambda log: log.note(CONTROL, words))
+
+    def __enter__(self) -> Self:
+        self._recording.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._recording.__exit__(*error)
+
+    def begin(self, plan: Plan, controller: Controller | None = None) -> None:
+        """Write the plan that is executed first."""
+        self._plan, self._controller = plan, controller
+        nothing = Measured(np.zeros(0), np.zeros((0, len(self._scenario.poses), 3)))
+        self._written = Feedback(nothing, (), ())
+        self._recording.write(lambda log: log.plan(plan))
+
+    def grown(self, course: Course) -> None:
+        """Write what has come since the last time; the `progress` of `course_in`."""
+        moves = np.flatnonzero(course.twists[:-1].any(axis=1))
+        known = int(moves[-1]) + 2 if len(moves) else 0  # margins at rest are of the twist that comes next
+        execution = execution_of(self._scenario, self._plan, course).until(known)
+        told = self._controller
+        events, replans = ((), ()) if told is None else (tuple(told.events), tuple(told.replans))
+        self._write_feedback(Feedback(course.measured, events, replans))
+        self._recording.write(lambda log: log.samples(execution))
+        if self._progress is not None:
+            self._progress(float(course.t[-1]))
+
+    def _write_feedback(self, feedback: Feedback) -> None:
+        before, self._written = self._written, feedback
+        count = len(before.measured.t)
+        measured = Measured(feedback.measured.t[count:], feedback.measured.poses[count:])
+
+        def part(log: RunLogWriter) -> None:
+            if len(measured.t):
+                log.measured(measured)
+            for event in feedback.events[len(before.events) :]:
+                log.event(event)
+            for replan in feedback.replans[len(before.replans) :]:
+                log.replan(replan)
+
+        self._recording.write(part)
+
+    def end(self, run: ClosedLoopRun) -> ClosedLoopRun:
+        """Write the rest; return the run with its log.
+
+        Raises:
+            IncompleteLogError: When the log that is named could not be written.
+        """
+        self._write_feedback(run.feedback)
+        self._recording.write(lambda log: log.execution(run.execution))
+        if run.reason:
+            self._recording.write(lambda log: log.log("warning", f"{run.outcome}: {run.reason}"))
+        self._recording.finish(run.outcome)
+        self._recording.require_whole(run)
+        return replace(run, log=self._recording.log)
 
 
 def run_closed_loop(
@@ -128,6 +217,8 @@ def run_closed_loop(
     settings: ControlSettings = DEFAULTS,
     sensor: Sensor = SENSOR,
     seed: int = 1,
+    log: Where = False,
+    runs: Path | str | None = None,
     observer: Observer = SILENT,
     progress: Callable[[float], None] | None = None,
 ) -> ClosedLoopRun:
@@ -141,34 +232,30 @@ def run_closed_loop(
         settings: Of the controller.
         sensor: How objects are measured.
         seed: Of the sensor's noise.
-        observer: Takes messages about what takes long.
+        log: File that the log is written to as it goes, None for one in the folder `runs`, False for none.
+        runs: See `pushplan.run`.
+        observer: Takes messages about what takes long, and about the recording.
         progress: Called with the simulated time now and then.
 
     Raises:
         PlanningError: When there is no plan to begin with, or the scenario is not of a single push.
         SupportError: When the load under an object is not known.
+        OutputError: As `pushplan.run`.
     """
     there = World.from_scenario(scenario) if world is None else world
-    controller = Controller(scenario, settings, plan=plan, observer=observer)
-    course = course_in(there, controller, settings.rate, kicks, sensor, seed, progress=progress)
-    outcome, reason = controller.phase.value, controller.reason
-    if course.jammed:
-        outcome, reason = "jammed", JAMMED
-    elif not course.over:
-        outcome, reason = "time limit", f"it was not there after {course.t[-1]:.0f} s"
-    return ClosedLoopRun(
-        scenario,
-        controller.plan,
-        course,
-        tuple(controller.events),
-        tuple(controller.replans),
-        outcome,
-        reason,
-        settings,
-        sensor,
-        seed,
-        tuple(kicks),
-    )
+    asked = scenario, plan, settings, sensor, seed, tuple(kicks)
+    with _Growing(*asked, observer, progress, log, runs) as growing:
+        controller = Controller(scenario, settings, plan=plan, observer=observer)
+        growing.begin(controller.plan, controller)
+        course = course_in(there, controller, settings.rate, kicks, sensor, seed, progress=growing.grown)
+        outcome, reason = controller.phase.value, controller.reason
+        if course.jammed:
+            outcome, reason = "jammed", JAMMED
+        elif not course.over:
+            outcome, reason = "time limit", f"it was not there after {course.t[-1]:.0f} s"
+        events, replans = tuple(controller.events), tuple(controller.replans)
+        made = scenario, controller.plan, course, events, replans, outcome, reason, settings, sensor, seed
+        return growing.end(ClosedLoopRun(*made, tuple(kicks)))
 
 
 def run_open_loop(
@@ -178,6 +265,8 @@ def run_open_loop(
     *,
     plan: Plan | None = None,
     settings: ControlSettings = DEFAULTS,
+    log: Where = False,
+    runs: Path | str | None = None,
     observer: Observer = SILENT,
     progress: Callable[[float], None] | None = None,
 ) -> ClosedLoopRun:
@@ -186,21 +275,24 @@ def run_open_loop(
     Raises:
         PlanningError: When there is no plan.
         SupportError: When the load under an object is not known.
+        OutputError: As `pushplan.run`.
     """
     there = World.from_scenario(scenario) if world is None else world
-    plan = plan_in(scenario, observer=observer) if plan is None else plan
-    if plan.trajectory is None:
-        raise PlanningError(f"there is no plan: {plan.reason}")
-    driver = OpenLoop(plan, settings.rate)
-    course = course_in(there, driver, settings.rate, kicks, progress=progress)
-    goals = [goal for task in scenario.tasks for goal in task.goals]
-    tolerance = (
-        max(settings.position_tolerance, min(goal.position_tolerance for goal in goals)),
-        max(settings.angle_tolerance, min(goal.angle_tolerance for goal in goals)),
-    )
-    off = worst_at_goal(scenario, course.object_poses[-1])
-    reached = off[0] <= tolerance[0] and off[1] <= tolerance[1]
-    outcome = "jammed" if course.jammed else "arrived" if reached else "missed"
-    reason = {"jammed": JAMMED, "missed": MISSED}.get(outcome, "")
-    kicked = tuple(kicks)
-    return ClosedLoopRun(scenario, plan, course, (), (), outcome, reason, None, SENSOR, 1, kicked)
+    with _Growing(scenario, plan, None, SENSOR, 1, kicks, observer, progress, log, runs) as growing:
+        plan = plan_in(scenario, observer=observer) if plan is None else plan
+        if plan.trajectory is None:
+            raise PlanningError(f"there is no plan: {plan.reason}")
+        growing.begin(plan)
+        driver = OpenLoop(plan, settings.rate)
+        course = course_in(there, driver, settings.rate, kicks, progress=growing.grown)
+        goals = [goal for task in scenario.tasks for goal in task.goals]
+        tolerance = (
+            max(settings.position_tolerance, min(goal.position_tolerance for goal in goals)),
+            max(settings.angle_tolerance, min(goal.angle_tolerance for goal in goals)),
+        )
+        off = worst_at_goal(scenario, course.object_poses[-1])
+        reached = off[0] <= tolerance[0] and off[1] <= tolerance[1]
+        outcome = "jammed" if course.jammed else "arrived" if reached else "missed"
+        reason = {"jammed": JAMMED, "missed": MISSED}.get(outcome, "")
+        made = scenario, plan, course, (), (), outcome, reason, None, SENSOR, 1
+        return growing.end(ClosedLoopRun(*made, tuple(kicks)))

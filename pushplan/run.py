@@ -41,8 +41,8 @@ def run(
             that has the run, after it.
     """
     watch, settings = Stopwatch(), PlanSettings(**options)
-    observer, fields = settings.observer, _fields(scenario, settings)
-    with Recording(scenario, fields, log, runs, observer.message, watch) as recording:
+    observer = settings.observer
+    with Recording(scenario, fields_of(scenario, settings), log, runs, observer.message, watch) as recording:
 
         def improved(improvement: Improvement) -> None:
             recording.improved(improvement)
@@ -64,14 +64,14 @@ def record(
     """Record a plan that is there already; arguments and errors as for `run`."""
     settings = PlanSettings(seed=found.seed)
     message = None if observer is None else observer.message
-    with Recording(found.scenario, _fields(found.scenario, settings), log, runs, message) as recording:
+    with Recording(found.scenario, fields_of(found.scenario, settings), log, runs, message) as recording:
         for improvement in found.improvements:
             recording.improved(improvement)
         recording.end(found)
     return recording.finished(found)
 
 
-def _fields(scenario: Scenario, settings: PlanSettings) -> dict[str, object]:
+def fields_of(scenario: Scenario, settings: PlanSettings) -> dict[str, object]:
     """Return what the log says of the settings: those asked for, and the scenario's where they are left open."""
     whole = settings.completed(scenario)
     return {

@@ -98,29 +98,19 @@ def simulate(
     with p.code_of(scenario, console.note, no_code):
         stated = load_scenario(scenario)
         kicks = _kicks(stated, disturbances)
+        recorded: dict[str, Any] = {"log": False if no_log else output, "runs": runs}
         try:
-            done = _simulated(stated, closed_loop, kicks, uncertainty, sensor, seed, console)
+            done = _simulated(stated, closed_loop, kicks, uncertainty, sensor, seed, recorded, console)
         except PlanningError as error:
             console.say((stated.name, "bold"), f": {error}")
             console.emit({"scenario": stated.name, "outcome": "no plan", "reason": str(error)})
             return NO_PLAN
-    log = output
-    if output is None and not no_log:
-        from pushplan.logging.runs import new_log, runs_folder
-
-        log = new_log(runs_folder(runs), stated.name, seed)
-    if log is not None:
-        done.write(log)
-    if output is None and log is not None:
-        from pushplan.logging.runs import prune
-
-        prune(log.parent, log)
     if html is not None:
         from pushplan.logging.page import write_html
 
         with console.working(f"writing {html}"):
             write_html(done.recorded, html)
-    _tell(done, log, console)
+    _tell(done, console)
     return DONE if done.outcome == "arrived" else MISMATCH
 
 
@@ -161,6 +151,7 @@ def _simulated(
     uncertainty: Any,
     sensor: Any,
     seed: int,
+    recorded: dict[str, Any],
     console: Console,
 ) -> ClosedLoopRun:
     with console.working("planning and pushing") as progress:
@@ -179,7 +170,7 @@ def _simulated(
         if uncertainty is not None:
             world = sampled_world(scenario, uncertainty, np.random.default_rng([seed, 0]))
         if not closed_loop:
-            return run_open_loop(scenario, world, kicks, observer=observer, progress=told)
+            return run_open_loop(scenario, world, kicks, observer=observer, progress=told, **recorded)
         return run_closed_loop(
             scenario,
             world,
@@ -188,10 +179,11 @@ def _simulated(
             seed=seed,
             observer=observer,
             progress=told,
+            **recorded,
         )
 
 
-def _tell(done: ClosedLoopRun, log: Path | None, console: Console) -> None:
+def _tell(done: ClosedLoopRun, console: Console) -> None:
     position, angle = done.goal_errors
     console.say((done.scenario.name, "bold"), f": {done.outcome}{f': {done.reason}' if done.reason else ''}")
     of = "worst object"
@@ -199,7 +191,7 @@ def _tell(done: ClosedLoopRun, log: Path | None, console: Console) -> None:
         of = done.scenario.goal.of
     rows = [(f"{event.time:.2f} s", f"{event.kind}: {event.text}") for event in done.events]
     rows.append(("goal error", f"{1e3 * position:.3g} mm, {degrees(angle):.3g} deg ({of})"))
-    console.table([*rows, *([] if log is None else [("log", str(log))])])
+    console.table([*rows, *([] if done.log is None else [("log", str(done.log))])])
     console.emit(
         {
             "scenario": done.scenario.name,
@@ -210,6 +202,6 @@ def _tell(done: ClosedLoopRun, log: Path | None, console: Console) -> None:
             "duration_s": float(done.course.t[-1]),
             "events": [{"time": e.time, "kind": e.kind, "text": e.text} for e in done.events],
             "replans": [{"time": r.time, "solved": r.solved, "seconds": r.seconds} for r in done.replans],
-            "log": log,
+            "log": done.log,
         }
     )

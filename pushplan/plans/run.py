@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -92,6 +93,11 @@ class Execution:
     def min_dynamic_margin(self) -> float | None:
         """Smallest margin of any contact with inertia, None where it was not looked at or nothing was pushed."""
         return None if self.dynamic_margins is None else _least(self.dynamic_margins)
+
+    def until(self, count: int) -> Execution:
+        """Return the first samples, as of an execution that has not come to its end."""
+        arrays: dict[str, Any] = {k: v[:count] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        return replace(self, **arrays, loss=None, goal_error=(math.nan, math.nan))
 
     def poses_at(self, time: float) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return where the plate frame (3,) and the objects are at a time, s."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -159,7 +160,7 @@ def course_in(
     sensor: Sensor = SENSOR,
     seed: int = 1,
     time_limit: float = TIME_LIMIT,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[Course], None] | None = None,
 ) -> Course:
     """Let a driver push in a world until it is over.
 
@@ -171,7 +172,7 @@ def course_in(
         sensor: What the driver sees.
         seed: Of the sensor's noise.
         time_limit: Simulated seconds, at most.
-        progress: Called with the simulated time now and then.
+        progress: Called every simulated second with what has happened so far.
 
     Raises:
         SupportError: When the load under an object is not known.
@@ -181,6 +182,14 @@ def course_in(
     left = deque(sorted(kicks, key=lambda kick: kick.time))
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
     wrenches: list[FloatArray] = []
+
+    def so_far() -> Course:
+        columns = (np.array(column) for column in zip(*rows, strict=True))
+        t, poses, object_poses, twists = columns
+        pushed = np.array(wrenches).reshape(-1, 3)
+        ended = simulator.jammed, driver.over
+        return Course(world.names, t, poses, object_poses, pushed, twists, seen.measured, *ended)
+
     for k in range(int(time_limit * rate) + 1):
         now = k / rate
         if world.plate is not None and driver.load is not held:
@@ -194,14 +203,10 @@ def course_in(
         twist = driver.step(now) if came is None else driver.step(now, *came)
         plate = simulator.plate_in_frame
         rows.append((now, compose(frame, plate), simulator.object_poses, twist_of(plate, twist)))
-        if progress is not None and k % int(rate) == 0:
-            progress(now)
+        if progress is not None and k % math.ceil(rate) == 0:
+            progress(so_far())
         if simulator.jammed or (driver.over and not twist.any()):
             break
         wrenches.append(simulator.move(twist, 1.0 / rate).wrenches.mean(axis=0))
         frame = compose(frame, exp(twist / rate))
-    t, poses, object_poses, twists = (np.array(column) for column in zip(*rows, strict=True))
-    pushed = np.array(wrenches).reshape(-1, 3)
-    return Course(
-        world.names, t, poses, object_poses, pushed, twists, seen.measured, simulator.jammed, driver.over
-    )
+    return so_far()

@@ -1,6 +1,9 @@
 """Closed loops recorded, read back, verified and played, and the command that runs them."""
 
 import json
+import math
+import os
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +21,7 @@ from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.tables import table
 from pushplan.sim.control.again import check_closed_loop
 from pushplan.sim.control.course import Kick
+from pushplan.verification import verify_run
 
 KICK = "time=4s,object=far,y=-5mm,turn=3deg"
 
@@ -67,6 +71,50 @@ def test_what_was_recorded_is_read_back(run: ClosedLoopRun, back: RecordedRun) -
     assert back.execution is not None
     np.testing.assert_array_equal(back.execution.objects, run.course.object_poses)
     np.testing.assert_array_equal(back.execution.poses, run.course.poses)
+
+
+def test_a_loop_that_is_killed_leaves_what_has_happened(
+    run: ClosedLoopRun, back: RecordedRun, tmp_path: Path
+) -> None:
+    """Of each simulated second that was over; the log of a whole run is what `write` writes at once."""
+
+    def until(log: Path, end: float) -> None:
+        def told(now: float) -> None:
+            if now >= end:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        world = pushplan.World.from_scenario(run.scenario).with_contact_friction(0.8)
+        again = {"plan": run.plan, "seed": run.seed, "log": log, "progress": told}
+        run_closed_loop(run.scenario, world, run.kicks, **again)  # type: ignore[arg-type]
+
+    assert back.execution is not None
+    for name, end in (("cut", 3.0), ("whole", math.inf)):
+        child = os.fork()
+        if child == 0:
+            try:
+                until(tmp_path / f"{name}.mcap", end)
+            finally:
+                os._exit(0)
+        os.waitpid(child, 0)
+    cut = load_run(tmp_path / "cut.mcap.partial")
+    assert cut.plan is not None
+    assert cut.execution is not None
+    assert cut.feedback is not None
+    count = len(cut.execution.t)
+    assert cut.execution.t[-1] > 1.9
+    for array in ("t", "poses", "objects", "margins", "wrenches"):
+        np.testing.assert_array_equal(getattr(cut.execution, array), getattr(back.execution, array)[:count])
+    np.testing.assert_array_equal(
+        cut.feedback.measured.t, run.course.measured.t[: len(cut.feedback.measured.t)]
+    )
+    assert cut.feedback.measured.t[-1] > 1.9
+    assert [event.kind for event in cut.feedback.events] == ["plan"]
+    whole = load_run(tmp_path / "whole.mcap")
+    assert whole.outcome == "arrived"
+    assert whole.execution is not None
+    np.testing.assert_array_equal(whole.execution.margins, back.execution.margins)
+    np.testing.assert_array_equal(whole.execution.wrenches, back.execution.wrenches)
+    assert verify_run(load_run(tmp_path / "whole.mcap", messages=True)).matches
 
 
 def test_the_same_measurements_lead_to_the_same_twists_events_and_plans(back: RecordedRun) -> None:
