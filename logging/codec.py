@@ -32,7 +32,7 @@ from pushplan.plans.events import Event, Measured, Replan
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Improvement, Load, Nearest, Plan, Segment
 from pushplan.plans.robustness import Robustness
-from pushplan.plans.run import Execution, StabilityLoss
+from pushplan.plans.run import Execution, StabilityLoss, TrialEnd
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
@@ -60,6 +60,7 @@ _TYPES: dict[str, type] = {
         Event,
         Measured,
         Replan,
+        TrialEnd,
     )
 }
 """What an attachment may hold."""

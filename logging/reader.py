@@ -32,10 +32,11 @@ from pushplan.logging.writer import (
     SCENARIO_JSON,
     SERIES,
     SERIES_KNOWN,
+    TRIAL,
 )
 from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.plan import Improvement, Plan
-from pushplan.plans.run import Execution, StabilityLoss
+from pushplan.plans.run import Execution, StabilityLoss, TrialEnd
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.util.files import PARTIAL
@@ -135,7 +136,7 @@ class _Reading:
         """
         file = self._file
         file.require(metadata.RUN in self._words, f"the metadata {metadata.RUN!r} of a run log")
-        scenario = self._scenario()
+        scenario, other = self._scenario()
         file.require(metadata.RESULT in self._words, f"the metadata {metadata.RESULT!r}")
         self._check_digest()
         contents = _Contents(file, self._files, scenario)
@@ -144,7 +145,7 @@ class _Reading:
             if plan is not None:
                 plan = metadata.with_clock(plan, self._words[metadata.PLANNING])
             others = [LogLine(*line) for line in contents.numbered(LINE, _is_line)]
-            improvements = self._improvements(contents)
+            improvements, trials = self._improvements(contents), contents.trials()
         except RunLogError:
             raise
         except (CodecError, KeyError, ValueError, TypeError, PushplanError) as error:
@@ -157,8 +158,10 @@ class _Reading:
             plan=plan,
             execution=execution,
             feedback=feedback,
+            trials=trials,
             improvements=improvements,
             lines=lines_of(scenario, plan, execution, feedback, others),
+            other_scenario=other,
             words=self._words,
             losses=tuple(file.losses),
             messages=tuple(self._messages),
@@ -183,8 +186,8 @@ class _Reading:
             what = "its attachments and metadata are not those that were written (their digest differs)"
             self._file.lose(DamageError(what, self._file.size))
 
-    def _scenario(self) -> Scenario:
-        """Return the scenario.
+    def _scenario(self) -> tuple[Scenario, bool]:
+        """Return the scenario, and whether the resolved one differs from what its file comes to.
 
         The file as the user wrote it counts, unless this version of pushplan fills its gaps differently from the
         version that wrote the log; then the resolved one counts. Of a log to be recovered, either one will do.
@@ -194,9 +197,10 @@ class _Reading:
             self._file.require(name in names, f"the attachment {name!r}", vital=not names)
         scenario = self._parsed(names[0])
         if len(names) == 1 or scenario.to_json().encode() == self._files[SCENARIO_JSON].data:
-            return scenario
+            return scenario, False
         # The resolved one names no map any more, its source does.
-        return replace(self._parsed(SCENARIO_JSON), source=scenario.source, attachments=scenario.attachments)
+        resolved = self._parsed(SCENARIO_JSON)
+        return replace(resolved, source=scenario.source, attachments=scenario.attachments), True
 
     def _parsed(self, name: str) -> Scenario:
         text = self._files[name]
@@ -294,8 +298,17 @@ class _Contents:
         poses = np.concatenate([part.poses for part in measured]) if measured else np.zeros((0, 1, 3))
         return Feedback(Measured(t, poses), tuple(events), tuple(replans))
 
+    def trials(self) -> tuple[TrialEnd, ...]:
+        """Return how the plan ended in sampled worlds."""
+        ends: list[TrialEnd] = self.numbered(TRIAL, lambda value: isinstance(value, TrialEnd))
+        count = len(self._scenario.poses)
+        for k, end in enumerate(ends):
+            if end.sample != k or (end.errors.shape, end.objects.shape) != ((count, 2), (count, 3)):
+                raise CodecError(f"trial {k} is none of {count} objects, or of another sample")
+        return tuple(ends)
 
-_OURS = (PLAN, IMPROVEMENT, SAMPLES, END, MEASURED, EVENT, REPLAN, LINE)
+
+_OURS = (PLAN, IMPROVEMENT, SAMPLES, END, MEASURED, EVENT, REPLAN, TRIAL, LINE)
 
 
 def _is_line(value: Any) -> bool:

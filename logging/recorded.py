@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from pushplan.plans.events import Feedback
 from pushplan.plans.plan import Improvement, Plan
-from pushplan.plans.run import Execution
+from pushplan.plans.run import Execution, TrialEnd
 from pushplan.scenario.model import Scenario
 
 
@@ -40,8 +40,10 @@ class RecordedRun:
         execution: What the simulator made of it; None when nothing was executed or the log ends before. Where the
             log ends in the middle, its samples so far, and NaN for the goal error.
         feedback: Of a closed loop: what it measured, noticed and planned on the way; else None.
+        trials: Of a plan that was tried in sampled worlds: how each of them ended.
         improvements: Of the plan; seconds are NaN where the log does not say.
         lines: The lines of /log.
+        other_scenario: Whether `scenario.json` says other than the scenario's file comes to; it counts then.
         words: The metadata by name: `pushplan.run`, `pushplan.planning`, `pushplan.result`,
             and `pushplan.progress.0000` and so on for improvements.
         losses: What of the file could not be read, in words; empty for a whole one.
@@ -53,8 +55,10 @@ class RecordedRun:
     plan: Plan | None = None
     execution: Execution | None = None
     feedback: Feedback | None = None
+    trials: tuple[TrialEnd, ...] = ()
     improvements: tuple[Improvement, ...] = ()
     lines: tuple[LogLine, ...] = ()
+    other_scenario: bool = False
     words: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     losses: tuple[str, ...] = ()
     messages: tuple[RawMessage, ...] = ()

@@ -43,6 +43,8 @@ def _write(run: RecordedRun, log: RunLogWriter) -> None:
         log.closed_loop(run.execution, run.feedback)
     elif run.execution is not None:
         log.execution(run.execution)
+    for end in run.trials:
+        log.trial(end)
     follow = set(lines_of(run.scenario, run.plan, run.execution, run.feedback, ()))
     for line in run.lines:
         if line not in follow:

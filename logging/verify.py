@@ -30,10 +30,13 @@ TOLERANCE = 1e-9
 """Largest difference that counts as rounding, in SI units; of forces, per newton of the largest one."""
 
 NOT_COMPARED = (
-    "times of the clock, machine, versions and settings in the metadata beyond their digest",
-    "the index at the end of the file beyond its checksum",
+    "times of the clock, machine, versions and settings in the metadata, beyond their digest",
+    "what only the same search would give (steps of its progress, its tree, bounds), beyond its digest",
+    "layout.json, beyond its digest",
+    "the index at the end of the file, beyond its checksum",
 )
-"""What verification takes as it is."""
+ELSEWHERE = "where the objects went, in a world that the log does not hold, beyond its digest"
+"""What verification takes as it is; `ELSEWHERE` where the execution cannot be made again."""
 
 _WORDS = {
     "t": "time",
@@ -119,12 +122,18 @@ def verify(run: RecordedRun, execute: Callable[[RecordedRun], Execution | None])
         PushplanError: When the recorded plan cannot be executed at all.
     """
     checks: list[Check] = []
+    not_compared: tuple[str, ...] = NOT_COMPARED
+    versions = tuple(_other_versions(run))
+    if run.other_scenario and not any(one.startswith("pushplan ") for one in versions):
+        what = "says other than the scenario's file comes to"
+        checks.append(Check("scenario.json", math.inf, what=what))
     if run.execution is not None:
         again = execute(run)
         checks += () if again is None else compare_executions(run.execution, again)
+        not_compared += (ELSEWHERE,) if again is None else ()
     checks += _compare_messages(run)
     checks += _compare_words(run)
-    return VerifyReport(tuple(checks), tuple(_other_versions(run)))
+    return VerifyReport(tuple(checks), versions, not_compared)
 
 
 def check_way(execution: Execution) -> Check:

@@ -34,7 +34,7 @@ from pushplan.logging.recorded import LogLine, RecordedRun
 from pushplan.logging.topics import lines_of, messages
 from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.plan import Improvement, Plan
-from pushplan.plans.run import Execution
+from pushplan.plans.run import Execution, TrialEnd
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.files import Output
@@ -46,8 +46,8 @@ PLAN, IMPROVEMENT, SAMPLES, END = "plan.bin", "improvement/", "execution/", "exe
 """Attachments: the plan; followed by a number, an improvement of the path; likewise, a simulated second of the
 execution; what the execution came to."""
 
-MEASURED, EVENT, REPLAN, LINE = "measured/", "event/", "replan/", "line/"
-"""Attachments, followed by a number: measurements, events, plans on the way, other lines of /log."""
+MEASURED, EVENT, REPLAN, TRIAL, LINE = "measured/", "event/", "replan/", "trial/", "line/"
+"""Attachments, followed by a number: measurements, events, plans on the way, ends of trials, other lines of /log."""
 
 SERIES = ("t", "poses", "twists", "objects", "segment", "margins")
 SERIES_KNOWN = ("dynamic_margins", "friction_margins", "lambdas", "forces", "wrenches")
@@ -277,6 +277,14 @@ class RunLogWriter:
         result = None if result is None else metadata.without_clock(result)
         self._numbered(REPLAN, replace(replan, seconds=math.nan, result=result))
         self._run = replace(self._run, feedback=replace(before, replans=(*before.replans, replan)))
+
+    def trial(self, end: TrialEnd) -> None:
+        """Write how the plan ended in a sampled world.
+
+        Raises:
+            OutputError: When the file cannot be written.
+        """
+        self._numbered(TRIAL, end)
 
     def _feedback(self) -> Feedback:
         """Return what a closed loop has told so far."""

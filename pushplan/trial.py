@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushplan.errors import PlanningError
+import numpy as np
+
+from pushplan.errors import PlanningError, PushplanError, RunLogError
+from pushplan.logging.recording import Recording, Where
+from pushplan.logging.verify import Check
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import TrialEnd
+from pushplan.plans.settings import Observer, PlanSettings
+from pushplan.run import fields_of
 from pushplan.scenario.model import Scenario
-from pushplan.sim.report import ContactLoss
+from pushplan.sim.report import ContactLoss, with_margins
 from pushplan.sim.slip.simulator import slip
-from pushplan.sim.trials import Simulator, Trials, TrialUncertainty, execute_trials
+from pushplan.sim.trials import Simulator, Trials, TrialUncertainty, execute_trials, sampled_world
 from pushplan.util.names import SIMULATORS
 from pushplan.util.naming import function_named, simulator_names
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
-    from pushplan.plans.run import Run
+    from pushplan.plans.run import Execution, Run
+
+TRIAL = "pushplan.trial"
+"""Metadata of logs of trials: seed and uncertainty of the worlds, simulator, and the sample where it is one alone."""
 
 
 def trial(
@@ -29,7 +41,10 @@ def trial(
     seed: int = 1,
     simulator: Simulator | str = SIMULATORS[0],
     jobs: int | None = None,
-    progress: Callable[[int], None] | None = None,
+    log: Where = False,
+    runs: Path | str | None = None,
+    observer: Observer | None = None,
+    progress: Callable[[TrialEnd], None] | None = None,
 ) -> Trials:
     """Execute a plan in worlds whose friction, loads and places of objects are drawn at random.
 
@@ -43,16 +58,50 @@ def trial(
         simulator: What executes it: a function of a plan and a world that returns a `ContactReport`, or the name of
             one: `slip`, `module:attribute`, or that of an installed package.
         jobs: Threads; None for one a processor.
-        progress: Called with the number of samples that are done.
+        log: File to which the plan is written, and the end of each sample as soon as it is known; None for one in
+            the folder `runs`, False for none.
+        runs: See `pushplan.run`.
+        observer: Who is told while a plan is made, and about the recording.
+        progress: Called with the end of each sample, in their order.
 
     Raises:
         PlanningError: When there is no plan.
         PushplanError: When no simulator has this name.
         RunLogError: When the log cannot be read.
         SupportError: When the load under an object is not known.
+        OutputError: As `pushplan.run`.
     """
-    found, execute = plan_to_try(what), simulator_named(simulator)
-    return execute_trials(found, samples, uncertainty, seed, execute, jobs, progress)
+    if isinstance(what, Path | str):
+        from pushplan.logging.reader import load_run
+
+        what = load_run(what)
+    execute, observer = simulator_named(simulator), Observer() if observer is None else observer
+    scenario = what if isinstance(what, Scenario) else what.scenario
+    known = what if isinstance(what, Plan) else None if isinstance(what, Scenario) else what.plan
+    fields = fields_of(scenario, PlanSettings()) if known is None else _fields(known)
+    with Recording(scenario, fields, log, runs, observer.message) as recording:
+        recording.write(lambda log: log.note(TRIAL, _words(seed, uncertainty, execute)))
+        if isinstance(what, Scenario):
+            improved = recording.improved
+            known = plan(scenario, observer=replace(observer, improved=improved))
+        found = known
+        if found is not None:
+            recording.write(lambda log: log.plan(found))
+        if found is None or found.trajectory is None:
+            why = "the log ends before a plan" if found is None else found.reason
+            raise PlanningError(f"there is no plan to try: {why}")
+
+        def ended(end: TrialEnd) -> None:
+            recording.write(lambda log: log.trial(end))
+            if progress is not None:
+                progress(end)
+
+        done = execute_trials(found, samples, uncertainty, seed, execute, jobs, ended)
+        rate = f"arrives in {int(done.arrived.sum())} of {done.samples} sampled worlds"
+        recording.write(lambda log: log.log("info", rate))
+        recording.finish("tried")
+    recording.require_whole(done)
+    return replace(done, log=recording.log)
 
 
 def simulator_named(simulator: Simulator | str) -> Simulator:
@@ -66,26 +115,6 @@ def simulator_named(simulator: Simulator | str) -> Simulator:
     return slip if simulator == SIMULATORS[0] else function_named(simulator, simulator_names(), "simulator")
 
 
-def plan_to_try(what: Scenario | Plan | Run | RecordedRun | Path | str) -> Plan:
-    """Return the plan of what `trial` takes.
-
-    Raises:
-        PlanningError: When there is none.
-        RunLogError: When the log cannot be read.
-    """
-    if isinstance(what, Path | str):
-        from pushplan.logging.reader import load_run
-
-        what = load_run(what)
-    if isinstance(what, Scenario):
-        what = plan(what)
-    found = what if isinstance(what, Plan) else what.plan
-    if found is None or found.trajectory is None:
-        why = "the log ends before a plan" if found is None else found.reason
-        raise PlanningError(f"there is no plan to try: {why}")
-    return found
-
-
 def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
     """Simulate a sample again and write its log; viewers show the objects where contacts slipped.
 
@@ -95,9 +124,9 @@ def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
     from pushplan.logging.writer import RunLogWriter
 
     plan, report = trials.plan, trials.report(sample)
-    settings = {"planner": plan.planner, "set": plan.stable_set, "seed": plan.seed}
-    words = {**settings, "trial_seed": trials.seed, "trial_sample": sample}
-    with RunLogWriter.create(path, trials.scenario, words) as log:
+    words = _words(trials.seed, trials.uncertainty, trials.simulator) | {"sample": str(sample)}
+    with RunLogWriter.create(path, trials.scenario, _fields(plan)) as log:
+        log.note(TRIAL, words)
         log.plan(plan)
         log.execution(report.execution)
         loss = report.loss
@@ -107,3 +136,67 @@ def write_trial(trials: Trials, sample: int, path: Path | str) -> None:
         if report.jammed_at is not None:
             log.log("warning", f"jammed at {report.jammed_at:.2f} s: no motion satisfies all contacts")
         log.finish("arrived" if report.arrived(trials.scenario) else "missed")
+
+
+def _fields(plan: Plan) -> dict[str, object]:
+    return {"planner": plan.planner, "set": plan.stable_set, "seed": plan.seed}
+
+
+def _words(seed: int, uncertainty: TrialUncertainty | None, simulator: Simulator) -> dict[str, str]:
+    named = simulator if hasattr(simulator, "__qualname__") else type(simulator)
+    name = SIMULATORS[0] if simulator is slip else f"{named.__module__}:{named.__qualname__}"
+    drawn = None if uncertainty is None else asdict(uncertainty)
+    return {"seed": str(seed), "uncertainty": json.dumps(drawn), "simulator": name}
+
+
+def executed_again(run: RecordedRun) -> Execution | None:
+    """Execute the one sample that a log is of again; None where a simulator of others did.
+
+    Raises:
+        RunLogError: When the log does not say which sample it is.
+    """
+    seed, uncertainty, simulated = _drawn(run)
+    if not simulated or run.plan is None:
+        return None
+    try:
+        sample = int(run.words[TRIAL]["sample"])
+    except (KeyError, ValueError) as error:
+        raise RunLogError(str(run.path), f"the sample of the trial cannot be read: {error}") from error
+    world = sampled_world(run.scenario, uncertainty, np.random.default_rng([seed, sample]))
+    return with_margins(slip(run.plan, world), run.plan).execution
+
+
+def check_trials(run: RecordedRun) -> list[Check]:
+    """Try the plan of a log again in its sampled worlds, and compare how each ended.
+
+    Raises:
+        RunLogError: When the log does not say how its worlds were drawn.
+    """
+    seed, uncertainty, simulated = _drawn(run)
+    if not simulated or run.plan is None or not run.trials:
+        return []
+    again: list[TrialEnd] = []
+    execute_trials(run.plan, len(run.trials), uncertainty, seed, slip, progress=again.append)
+    checks = []
+    for name in ("objects", "errors"):
+        first, second = (np.array([getattr(end, name) for end in ends]) for ends in (run.trials, again))
+        checks.append(Check(f"trials: {name}", float(np.abs(first - second).max())))
+    for name in ("arrived", "jammed", "contact", "mode", "time"):
+        values = [[str(getattr(end, name)) for end in ends] for ends in (run.trials, again)]
+        apart = sum(one != other for one, other in zip(*values, strict=True))
+        checks.append(
+            Check(f"trials: {name}", float(apart), 0.0, what=f"{apart} samples differ" * (apart > 0))
+        )
+    return checks
+
+
+def _drawn(run: RecordedRun) -> tuple[int, TrialUncertainty | None, bool]:
+    """Return seed and uncertainty of the worlds of a log, and whether the simulator is pushplan's own."""
+    try:
+        words = run.words[TRIAL]
+        told = json.loads(words["uncertainty"])
+        uncertainty = None if told is None else TrialUncertainty(**told)
+        return int(words["seed"]), uncertainty, words["simulator"] == SIMULATORS[0]
+    except (KeyError, TypeError, ValueError, PushplanError) as error:
+        what = f"how the worlds of the trials were drawn cannot be read: {error}"
+        raise RunLogError(str(run.path), what) from error

@@ -11,6 +11,9 @@ from pushplan.logging.verify import VerifyReport, verify
 from pushplan.plans.run import Execution
 from pushplan.sim.control.again import CONTROL, check_closed_loop
 from pushplan.sim.kinematic import execute
+from pushplan.trial import TRIAL, check_trials, executed_again
+
+OTHERS = "how the plan ended in sampled worlds, which a simulator of others executed, beyond its digest"
 
 
 def verify_log(path: Path | str) -> VerifyReport:
@@ -30,14 +33,26 @@ def verify_run(run: RecordedRun) -> VerifyReport:
         PushplanError: When the recorded plan cannot be executed at all.
     """
     report = verify(run, execute_again)
-    if run.feedback is None or CONTROL not in run.words or run.execution is None or run.plan is None:
-        return report
-    return replace(report, checks=(*check_closed_loop(run), *report.checks))
+    if (
+        run.feedback is not None
+        and CONTROL in run.words
+        and run.execution is not None
+        and run.plan is not None
+    ):
+        return replace(report, checks=(*check_closed_loop(run), *report.checks))
+    if TRIAL in run.words:
+        checks = check_trials(run)
+        unknown = (OTHERS,) if run.trials and not checks else ()
+        told = (*report.not_compared, *unknown)
+        return replace(report, checks=(*checks, *report.checks), not_compared=told)
+    return report
 
 
 def execute_again(run: RecordedRun) -> Execution | None:
     """Execute a recorded plan again; None where objects slipped or were watched, in a world that no log holds."""
     execution, plan = run.execution, run.plan
+    if TRIAL in run.words and execution is not None:
+        return executed_again(run)
     slipped = execution is not None and (execution.wrenches is not None or run.feedback is not None)
     if plan is None or plan.trajectory is None or slipped:
         return None

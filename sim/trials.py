@@ -6,6 +6,8 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from pushplan.mechanics.chain import PLATE, Chain, Contact
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import TrialEnd
 from pushplan.scenario.model import Scenario
 from pushplan.sim.report import ContactLoss, ContactReport, goal_columns, goal_units, with_margins
 from pushplan.sim.slip.simulator import slip
@@ -191,6 +194,7 @@ class Trials:
         arrived: (k,) whether the goal's object, or every object, ends within the goal's tolerances.
         losses: The first contact that moved in each sample, or None.
         jammed: (k,) whether nothing could give way, so that the push ended early.
+        log: The log that was written meanwhile; None where there is none, or it could not be written.
     """
 
     plan: Plan
@@ -202,6 +206,7 @@ class Trials:
     arrived: BoolArray
     losses: tuple[ContactLoss | None, ...]
     jammed: BoolArray
+    log: Path | None = None
 
     @property
     def scenario(self) -> Scenario:
@@ -264,7 +269,7 @@ def execute_trials(
     seed: int = 1,
     simulator: Simulator = slip,
     jobs: int | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[TrialEnd], None] | None = None,
 ) -> Trials:
     """Execute a plan in sampled worlds.
 
@@ -275,7 +280,7 @@ def execute_trials(
         seed: Of the random numbers: the same seed gives the same worlds.
         simulator: What executes it: any function of a plan and a world, called from several threads.
         jobs: Threads; None for one a processor.
-        progress: Called with the number of samples that are done.
+        progress: Called with the end of each sample, in their order.
 
     Raises:
         PushplanError: When `samples` is below 1, or the plan is not timed.
@@ -289,22 +294,36 @@ def execute_trials(
         report = simulator(plan, world)
         return report, report.arrived(plan.scenario)
 
-    rows = []
+    ends: list[TrialEnd] = []
+    losses: list[Any] = []
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         for report, arrived in pool.map(one, range(samples)):
-            errors = report.goal_errors(plan.scenario)
-            rows.append((errors, report.objects[-1], arrived, report.loss, report.jammed_at is not None))
+            ends.append(_end(len(ends), plan.scenario, report, arrived))
+            losses.append(report.loss)
             if progress is not None:
-                progress(len(rows))
-    off, poses, arrive, losses, jammed = zip(*rows, strict=True)
+                progress(ends[-1])
     return Trials(
         plan=plan,
         uncertainty=uncertainty,
         seed=seed,
         simulator=simulator,
-        errors=np.array(off),
-        object_poses=np.array(poses),
-        arrived=np.array(arrive, dtype=np.bool_),
-        losses=losses,
-        jammed=np.array(jammed, dtype=np.bool_),
+        errors=np.array([end.errors for end in ends]),
+        object_poses=np.array([end.objects for end in ends]),
+        arrived=np.array([end.arrived for end in ends]),
+        losses=tuple(losses),
+        jammed=np.array([end.jammed for end in ends]),
+    )
+
+
+def _end(sample: int, scenario: Scenario, report: ContactReport, arrived: bool) -> TrialEnd:
+    loss = report.loss
+    return TrialEnd(
+        sample=sample,
+        arrived=arrived,
+        jammed=report.jammed_at is not None,
+        errors=report.goal_errors(scenario),
+        objects=report.objects[-1],
+        contact="" if loss is None else loss.contact,
+        mode=loss.mode.name.lower() if isinstance(loss, ContactLoss) else "",
+        time=np.nan if loss is None else loss.time,
     )

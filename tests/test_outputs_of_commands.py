@@ -46,7 +46,7 @@ def _short_films(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_there_are_as_many_as_the_documentation_names() -> None:
-    assert len(OPTIONS) == len(set(OPTIONS)) == 18
+    assert len(OPTIONS) == len(set(OPTIONS)) == 19
 
 
 @EVERY

@@ -18,6 +18,7 @@ from pushplan.cli.main import DONE, MISMATCH
 from pushplan.cli.render import headline, plan_document, plan_rows, remarks_on
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.util.names import BESIDE_A_BAG
+from pushplan.util.wilson import wilson
 
 if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
@@ -165,6 +166,13 @@ def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Documen
         about = plan_document(run.plan, run.path)
         headline(about, console)
         rows = plan_rows(about, remarks_on(run.plan, run.execution))
+    if run.trials:
+        arrived, of = sum(end.arrived for end in run.trials), len(run.trials)
+        low, high = wilson(arrived, of)
+        rows.append(
+            ("trials", f"arrives in {arrived} of {of} worlds ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
+        )
+        about["trials"] = {"samples": of, "arrived": arrived}
     console.table([*rows, ("outcome", run.outcome), *(("lost", loss) for loss in run.losses)])
     if recovered is not None:
         console.say(f"{recovered}: a clean log of what is whole")

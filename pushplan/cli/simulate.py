@@ -10,13 +10,14 @@ import click
 
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console
-from pushplan.cli.main import DONE, MISMATCH, NO_PLAN
+from pushplan.cli.main import DEFECT, DONE, MISMATCH, NO_PLAN, error_document
 from pushplan.cli.trial import UNCERTAINTY
 from pushplan.errors import PlanningError
 from pushplan.scenario import units
 
 if TYPE_CHECKING:
     from pushplan.closed_loop import ClosedLoopRun
+    from pushplan.logging.recording import IncompleteLogError
     from pushplan.scenario.model import Scenario
     from pushplan.sim.control.course import Kick
     from pushplan.sim.control.sensing import Sensor
@@ -92,12 +93,14 @@ def simulate(
     no_code: bool,
 ) -> int:
     """Push in a simulated world with disturbances, along the plan or in closed loop."""
+    from pushplan.logging.recording import IncompleteLogError
     from pushplan.scenario.file import load_scenario
 
     p.check_outputs([scenario], None, html, log=output)
     with p.code_of(scenario, console.note, no_code):
         stated = load_scenario(scenario)
         kicks = _kicks(stated, disturbances)
+        incomplete = None
         recorded: dict[str, Any] = {"log": False if no_log else output, "runs": runs}
         try:
             done = _simulated(stated, closed_loop, kicks, uncertainty, sensor, seed, recorded, console)
@@ -105,12 +108,17 @@ def simulate(
             console.say((stated.name, "bold"), f": {error}")
             console.emit({"scenario": stated.name, "outcome": "no plan", "reason": str(error)})
             return NO_PLAN
+        except IncompleteLogError as error:
+            done, incomplete = error.run, error
     if html is not None:
         from pushplan.logging.page import write_html
 
         with console.working(f"writing {html}"):
             write_html(done.recorded, html)
-    _tell(done, console)
+    _tell(done, incomplete, console)
+    if incomplete is not None:
+        console.note(f"error: {incomplete}")
+        return DEFECT
     return DONE if done.outcome == "arrived" else MISMATCH
 
 
@@ -183,7 +191,7 @@ def _simulated(
         )
 
 
-def _tell(done: ClosedLoopRun, console: Console) -> None:
+def _tell(done: ClosedLoopRun, incomplete: IncompleteLogError | None, console: Console) -> None:
     position, angle = done.goal_errors
     console.say((done.scenario.name, "bold"), f": {done.outcome}{f': {done.reason}' if done.reason else ''}")
     of = "worst object"
@@ -203,5 +211,6 @@ def _tell(done: ClosedLoopRun, console: Console) -> None:
             "events": [{"time": e.time, "kind": e.kind, "text": e.text} for e in done.events],
             "replans": [{"time": r.time, "solved": r.solved, "seconds": r.seconds} for r in done.replans],
             "log": done.log,
+            **({} if incomplete is None else {"error": error_document(incomplete)}),
         }
     )

@@ -11,12 +11,13 @@ import click
 
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console, angle_text, length_text
-from pushplan.cli.main import DONE, NO_PLAN
+from pushplan.cli.main import DEFECT, DONE, NO_PLAN, error_document
+from pushplan.errors import PlanningError
 from pushplan.scenario import units
 from pushplan.util.names import SIMULATORS
 
 if TYPE_CHECKING:
-    from pushplan.plans.plan import Plan
+    from pushplan.logging.recorded import RecordedRun
     from pushplan.scenario.model import Scenario
     from pushplan.sim.trials import Trials, TrialUncertainty
 
@@ -59,6 +60,9 @@ UNCERTAINTY = p.Named(_UNITS, _uncertainty)
     show_default=True,
     help="What executes the plan.",
 )
+@p.file_option("-o", "--output", help="Write the log (MCAP) here: the plan, and how each sample ended.")
+@p.no_log_option
+@p.runs_option
 @p.plot_option
 @p.file_option("--worst", help="Write the log (MCAP) of the sample that ends farthest off.")
 @p.no_code_option
@@ -70,38 +74,54 @@ def trial(
     seed: int,
     jobs: int | None,
     simulator: str,
+    output: Path | None,
+    no_log: bool,
+    runs: Path | None,
     plot: Path | None,
     worst: Path | None,
     no_code: bool,
 ) -> int:
     """Execute a plan in sampled worlds, and tell in what share of them it arrives.
 
-    The plan is that of a log, or is made first.
+    The plan is that of a log, or is made first. A log is recorded without -o, too, in the folder of the recorded
+    runs; it grows as samples end.
     """
-    p.check_outputs([source], plot, log=worst)
+    if no_log and (output or runs):
+        raise p.UsageError("--no-log does not go together with -o and --runs; leave one of them out")
+    p.check_outputs([source], None, log=worst)
+    p.check_outputs([source], plot, worst, log=output)
+    incomplete = None
     with p.code_of(source, console.note, no_code):
-        scenario, plan = _planned(source, console)
-    if plan is None or plan.trajectory is None:
-        why = "the log ends before a plan" if plan is None else plan.reason
-        console.say(f"{scenario.name}: there is no plan to try: {why}")
-        console.emit({"scenario": scenario.name, "solved": False, "reason": why})
-        return NO_PLAN
-    with console.working(f"executing {samples} trials") as progress:
-        from pushplan.sim.trials import execute_trials
-        from pushplan.trial import simulator_named
+        what = _read(source, console)
+        scenario: Any = getattr(what, "scenario", what)
+        name: str = scenario.name
+        with console.working(f"executing {samples} trials") as progress:
+            from pushplan.logging.recording import IncompleteLogError
+            from pushplan.plans.settings import Observer
+            from pushplan.trial import trial as executed
 
-        trials = execute_trials(
-            plan,
-            samples,
-            uncertainty,
-            seed,
-            simulator_named(simulator),
-            jobs=jobs,
-            progress=lambda done: progress.tell_share(done, samples),
-        )
+            try:
+                trials = executed(
+                    what,
+                    samples,
+                    uncertainty=uncertainty,
+                    seed=seed,
+                    simulator=simulator,
+                    jobs=jobs,
+                    log=False if no_log else output,
+                    runs=runs,
+                    observer=Observer(message=progress.announce),
+                    progress=lambda end: progress.tell_share(end.sample + 1, samples),
+                )
+            except PlanningError as error:
+                console.say(f"{name}: {error}")
+                console.emit({"scenario": name, "solved": False, "reason": str(error)})
+                return NO_PLAN
+            except IncompleteLogError as error:
+                trials, incomplete = error.run, error
     low, high = trials.interval
     rate = f"arrives in {100 * trials.success:.1f} % of {trials.samples} worlds"
-    console.say((scenario.name, "bold"), f": {rate} ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
+    console.say((name, "bold"), f": {rate} ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
     console.table(_rows(trials))
     if plot is not None:
         with console.working(f"drawing {plot}"):
@@ -115,28 +135,26 @@ def trial(
         position, angle = trials.goal_errors[trials.worst]
         off = f"sample {trials.worst}, {1e3 * position:.3g} mm and {degrees(angle):.3g} deg off"
         console.say(f"{worst}: the worst, {off}")
-    console.emit(_document(trials, worst))
-    return DONE
+    document = _document(trials, worst)
+    if incomplete is not None:
+        console.note(f"error: {incomplete}")
+        document["error"] = error_document(incomplete)
+    console.emit(document)
+    return DONE if incomplete is None else DEFECT
 
 
 command = trial
 
 
-def _planned(source: str, console: Console) -> tuple[Scenario, Plan | None]:
-    """Return scenario and plan of a log, or the plan that is made now."""
+def _read(source: str, console: Console) -> Scenario | RecordedRun:
     if Path(source).suffix == ".mcap":
         with console.working(f"reading {source}"):
             from pushplan.logging.reader import load_run
 
-            recorded = load_run(source)
-        return recorded.scenario, recorded.plan
+            return load_run(source)
     from pushplan.scenario.file import load_scenario
 
-    scenario = load_scenario(source)
-    with console.working(f"planning, up to {scenario.planner.time_limit:g} s"):
-        from pushplan.planners.planner import plan
-
-        return scenario, plan(scenario)
+    return load_scenario(source)
 
 
 def _rows(trials: Trials) -> list[tuple[str, str]]:
@@ -156,7 +174,8 @@ def _rows(trials: Trials) -> list[tuple[str, str]]:
         ),
         ("at most", _off(position[2], angle[2])),
     ]
-    return [*found, ("jammed", f"{trials.jammed.sum()}")] if trials.jammed.any() else found
+    found += [("jammed", f"{trials.jammed.sum()}")] if trials.jammed.any() else []
+    return [*found, ("log", str(trials.log))] if trials.log is not None else found
 
 
 def _percentiles(trials: Trials) -> list[list[float]]:
@@ -212,4 +231,5 @@ def _document(trials: Trials, worst: Path | None) -> dict[str, object]:
             for name, values in (("position", position), ("angle", angle))
         },
         "worst": {"sample": trials.worst, "log": worst},
+        "log": trials.log,
     }

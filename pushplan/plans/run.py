@@ -114,6 +114,31 @@ def _least(margins: FloatArray) -> float | None:
 
 
 @dataclass(frozen=True, eq=False)
+class TrialEnd:
+    """How the execution of a plan in one sampled world ended.
+
+    Attributes:
+        sample: Number of the world.
+        arrived: Whether every goal is reached within its tolerances.
+        jammed: Whether nothing could give way, so that the push ended early.
+        errors: (n, 2) how far (m) and by what angle (rad) every object is off its place at the goal.
+        objects: (n, 3) where the objects are, in the world.
+        contact: What the first contact that moved is called; empty where all held.
+        mode: What it did, a name of `sim.report.Mode` in lower case.
+        time: When, s; NaN where all held.
+    """
+
+    sample: int
+    arrived: bool
+    jammed: bool
+    errors: FloatArray
+    objects: FloatArray
+    contact: str
+    mode: str
+    time: float
+
+
+@dataclass(frozen=True, eq=False)
 class Run:
     """A plan, its execution and the log of both.
 

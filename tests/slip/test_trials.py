@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,12 +18,14 @@ from pushplan.errors import PlanningError, PushplanError
 from pushplan.logging.reader import load_run
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
+from pushplan.plans.run import TrialEnd
 from pushplan.scenario.file import scenario_from_text
 from pushplan.sim.report import contact_motion, motions_of
-from pushplan.sim.slip.simulator import simulate
+from pushplan.sim.slip.simulator import simulate, slip
 from pushplan.sim.trials import Trials, TrialUncertainty, execute_trials, sampled_world
 from pushplan.sim.world import World
 from pushplan.trial import write_trial
+from pushplan.verification import verify_run
 
 make = ChainMaker()
 SLIPPERY = TrialUncertainty(contact_friction=0.6, load=0.3, position=2e-3)
@@ -99,6 +103,53 @@ goal: {pose: [1, 0, 0]}
         assert high - 0.1 * (high - low) < max(values) <= high
 
 
+@pytest.mark.parametrize("killed", [True, False])
+def test_trials_leave_how_each_sample_ended(killed: bool, planned: Plan, tmp_path: Path) -> None:
+    """In a log that is written as they end, which is verified by trying again."""
+    log = tmp_path / "trials.mcap"
+    child = os.fork()
+    if child == 0:
+        try:
+
+            def ended(end: TrialEnd) -> None:
+                if killed and end.sample == 4:
+                    os.kill(os.getpid(), signal.SIGKILL)
+
+            pushplan.trial(planned, 8, uncertainty=SLIPPERY, seed=3, jobs=1, log=log, progress=ended)
+        finally:
+            os._exit(0)
+    os.waitpid(child, 0)
+    run = load_run(log.with_name("trials.mcap.partial") if killed else log, messages=True)
+    assert (run.outcome, len(run.trials)) == (("cut off", 5) if killed else ("tried", 8))
+    again = execute_trials(planned, len(run.trials), SLIPPERY, seed=3)
+    assert [end.arrived for end in run.trials] == again.arrived.tolist()
+    np.testing.assert_array_equal([end.objects for end in run.trials], again.object_poses)
+    assert [end.contact for end in run.trials] == [
+        "" if loss is None else loss.contact for loss in again.losses
+    ]
+    assert verify_run(run).matches
+    wrong = replace(run.trials[1], arrived=not run.trials[1].arrived)
+    report = verify_run(replace(run, trials=(run.trials[0], wrong, *run.trials[2:])))
+    assert [check.text for check in report.mismatches] == ["trials: arrived: 1 samples differ"]
+
+
+def test_the_log_of_a_sample_is_verified_in_its_world(trials: Trials, tmp_path: Path) -> None:
+    write_trial(trials, trials.worst, tmp_path / "worst.mcap")
+    run = load_run(tmp_path / "worst.mcap", messages=True)
+    report = verify_run(run)
+    assert report.matches
+    assert "wrench" in {check.quantity for check in report.checks}
+    words = {**run.words, "pushplan.trial": {**run.words["pushplan.trial"], "seed": "4"}}
+    assert not verify_run(replace(run, words=words)).matches
+    write_trial(replace(trials, simulator=lambda plan, world: slip(plan, world)), 0, tmp_path / "other.mcap")
+    report = verify_run(load_run(tmp_path / "other.mcap", messages=True))
+    assert report.matches
+    assert (
+        "where the objects went, in a world that the log does not hold, beyond its digest"
+        in report.not_compared
+    )
+
+
 def test_the_command_tells_rates_draws_and_writes_the_worst(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -128,7 +179,7 @@ def test_the_command_tells_rates_draws_and_writes_the_worst(
     assert picture.read_bytes().startswith(b"\x89PNG")
     recorded = load_run(worst)
     assert recorded.outcome in ("arrived", "missed")
-    assert recorded.words["pushplan.run"]["trial_sample"] == str(told["worst"]["sample"])
+    assert recorded.words["pushplan.trial"]["sample"] == str(told["worst"]["sample"])
 
 
 @pytest.mark.parametrize(

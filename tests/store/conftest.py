@@ -1,9 +1,10 @@
-"""Logs of every kind: one push, several pushes, several objects, a closed loop, and one push without a plan."""
+"""Logs of every kind: one push, several pushes, several objects, a closed loop, trials, and one without a plan."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,14 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 from several.conftest import problem_document
 
-from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import Planner
 from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.plan import Plan
-from pushplan.plans.run import Execution
+from pushplan.plans.run import Execution, TrialEnd
 from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
-from pushplan.sim.kinematic import execute
+from pushplan.sim.trials import TrialUncertainty, execute_trials
+from pushplan.trial import TRIAL
 
 REARRANGEMENT = b"""\
 format: pushplan/1
@@ -38,7 +39,7 @@ goals: {red: {pose: [1.9, 1.0, 0.0]}, blue: [1.2, 2.8, 90 deg]}
 workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
 """
 
-KINDS = ("push", "multi-push", "rearrangement", "closed loop", "no plan")
+KINDS = ("push", "multi-push", "rearrangement", "closed loop", "trial", "no plan")
 
 
 @dataclass(frozen=True)
@@ -48,11 +49,17 @@ class Case:
     plan: Plan
     execution: Execution | None = None
     feedback: Feedback | None = None
+    trials: tuple[TrialEnd, ...] = ()
+    notes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def write(self, path: Path) -> Path:
         settings = {"planner": self.plan.planner, "set": self.plan.stable_set, "seed": self.plan.seed}
         with RunLogWriter.create(path, self.plan.scenario, settings) as log:
+            for name, words in self.notes.items():
+                log.note(name, words)
             log.plan(self.plan)
+            for end in self.trials:
+                log.trial(end)
             if self.execution is not None and self.feedback is not None:
                 log.closed_loop(self.execution, self.feedback)
             elif self.execution is not None:
@@ -79,6 +86,21 @@ def _closed_loop(plan: Plan) -> Case:
     return Case(plan, moved, Feedback(measured, events, replans))
 
 
+def _trial(plan: Plan) -> Case:
+    """Return trials of a plan and, in the same log, the course of one of them, in which contacts move."""
+    ends: list[TrialEnd] = []
+    uncertainty = TrialUncertainty(contact_friction=0.6, load=0.3, position=2e-3)
+    trials = execute_trials(plan, 2, uncertainty, seed=3, progress=ends.append)
+    assert any(loss is not None for loss in trials.losses)
+    words = {
+        "seed": "3",
+        "uncertainty": json.dumps(asdict(uncertainty)),
+        "simulator": "slip",
+        "sample": str(trials.worst),
+    }
+    return Case(plan, trials.report(trials.worst).execution, trials=tuple(ends), notes={TRIAL: words})
+
+
 @pytest.fixture(scope="session")
 def cases() -> dict[str, Case]:
     scenarios = {
@@ -93,6 +115,7 @@ def cases() -> dict[str, Case]:
     assert all(plan.solved for plan in plans.values()), {name: plan.reason for name, plan in plans.items()}
     found = {name: Case(plan, plan.execution) for name, plan in plans.items()}
     found["closed loop"] = _closed_loop(plans["push"])
+    found["trial"] = _trial(plans["push"])
     none = Planner(load_scenario("narrow-gap"), iterations=200, seed=1, time_limit=60.0).plan(first=True)
     found["no plan"] = Case(replace(none, segments=(), execution=None, reason=none.reason or "not found"))
     return found
@@ -102,13 +125,6 @@ def cases() -> dict[str, Case]:
 def logs(cases: dict[str, Case], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("logs")
     return {name: case.write(folder / f"{name}.mcap") for name, case in cases.items()}
-
-
-def execute_again(run: RecordedRun) -> Execution | None:
-    """Execute a recorded plan again; a closed loop cannot be."""
-    if run.plan is None or not run.plan.segments or run.feedback is not None:
-        return None
-    return execute(run.scenario, run.plan.segments, run.plan.stable_set)
 
 
 Edit = Callable[[Any], Iterator[Any]]

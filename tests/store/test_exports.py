@@ -115,7 +115,7 @@ def test_tables_hold_every_number(kind: str, runs: dict[str, RecordedRun], tmp_p
     np.testing.assert_array_equal(
         values[:, [names.index(name) for name in names if name.endswith(".margin")]], execution.margins
     )
-    assert ("torque" in names) == (kind == "closed loop")
+    assert ("torque" in names) == (kind in ("closed loop", "trial"))
     base = compose(execution.poses, base_in_plate(run.scenario))
     np.testing.assert_array_equal(table(run)["base_x"], base[:, 0])
     write_trajectory(run, tmp_path / "run.json")

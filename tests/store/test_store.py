@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
 import math
 import os
 import random
@@ -17,17 +19,18 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap import records
-from store.conftest import KINDS, Case, execute_again, record_names, rewritten
+from store.conftest import KINDS, Case, record_names, rewritten
 
+import pushplan.logging.metadata as metadata
 import pushplan.logging.schemas as schemas
 from pushplan.errors import RunLogError
 from pushplan.logging.mcap_file import McapFile
 from pushplan.logging.reader import load_run
 from pushplan.logging.recover import recover
-from pushplan.logging.verify import VerifyReport, verify
 from pushplan.logging.writer import RunLogWriter
 from pushplan.plans.plan import Load
 from pushplan.scenario.model import Scenario
+from pushplan.verification import verify_log
 
 EVERY = pytest.mark.parametrize("kind", KINDS)
 
@@ -54,10 +57,6 @@ def assert_same(first: Any, second: Any) -> None:
             assert_same(first[key], second[key])
     else:
         assert first == second or (first != first and second != second)
-
-
-def checked(path: Path) -> VerifyReport:
-    return verify(load_run(path, messages=True), execute_again)
 
 
 @EVERY
@@ -90,11 +89,11 @@ def test_every_kind_of_log_is_verified_by_reading_it_once(
         return items(file)
 
     monkeypatch.setattr(McapFile, "items", counted)
-    report = checked(logs[kind])
+    report = verify_log(logs[kind])
     assert opened == {str(logs[kind]): 1}
     assert [check.text for check in report.mismatches] == []
     assert report.versions == ()
-    expected = {"push", "multi-push", "rearrangement"}
+    expected = {"push", "multi-push", "rearrangement", "trial"}
     assert ({"pose", "margin", "goal error"} <= {check.quantity for check in report.checks}) == (
         kind in expected
     )
@@ -102,7 +101,7 @@ def test_every_kind_of_log_is_verified_by_reading_it_once(
 
 def noticed(path: Path) -> bool:
     try:
-        return not checked(path).matches
+        return not verify_log(path).matches
     except RunLogError:
         return True
 
@@ -175,6 +174,31 @@ def test_every_change_of_a_topic_attachment_or_metadata_is_noticed(
     assert passed == []
 
 
+def test_a_resolved_scenario_that_contradicts_its_file_is_noticed_though_the_digest_fits(
+    logs: dict[str, Path], tmp_path: Path
+) -> None:
+    digest = hashlib.sha256()
+
+    def forged(record: Any) -> Iterator[Any]:
+        if isinstance(record, records.Attachment):
+            if record.name == "scenario.json":
+                told = json.loads(record.data)
+                told["objects"][0]["mass"] = 1.3
+                record = dataclasses.replace(record, data=json.dumps(told).encode())
+            metadata.add_to_digest(digest, record.name, record.data)
+        elif isinstance(record, records.Metadata):
+            metadata.add_words_to_digest(digest, record.name, record.metadata)
+            if metadata.DIGEST in record.metadata:
+                words = {**record.metadata, metadata.DIGEST: digest.hexdigest()}
+                record = dataclasses.replace(record, metadata=words)
+        yield record
+
+    report = verify_log(rewritten(logs["push"], tmp_path / "run.mcap", forged))
+    assert "scenario.json: says other than the scenario's file comes to" in [
+        c.text for c in report.mismatches
+    ]
+
+
 @EVERY
 def test_a_flipped_bit_is_a_mismatch_a_damaged_file_or_does_no_harm(
     kind: str, logs: dict[str, Path], tmp_path: Path
@@ -210,7 +234,7 @@ def test_a_log_cut_anywhere_is_read_to_there_or_refused(
         assert run.losses
         if run.execution is not None:
             np.testing.assert_array_equal(run.execution.poses, whole.poses[: len(run.execution.t)])
-            assert not any("segment" in check.quantity for check in checked(cut).mismatches)
+            assert not any("segment" in check.quantity for check in verify_log(cut).mismatches)
         recover(cut, tmp_path / f"{k}.mcap")
         assert load_run(tmp_path / f"{k}.mcap").words["pushplan.recovery"]["from"] == cut.name
     assert read > 10
