@@ -23,10 +23,12 @@ from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.body import outline_of_all
 from pushplan.mechanics.chain import Limits
+from pushplan.plans.events import Event
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Run
 from pushplan.plans.trajectory import Trajectory
-from pushplan.util.arrays import BoolArray, FloatArray, frozen
+from pushplan.sim.intake import FARTHEST, Intake
+from pushplan.util.arrays import BoolArray, FloatArray
 from pushplan.util.names import RETREAT
 
 if TYPE_CHECKING:
@@ -38,6 +40,9 @@ SHARE = 0.5
 """Of its margin that a plan keeps while errors are corrected."""
 STEERING_DISTANCE = 0.3
 """L, m: a robot 2 mm aside changes its turn by 0.02 rad/m, a small part of what the sets of the examples bear."""
+
+PATIENCE = 0.5
+"""Time of inputs that cannot be, one after the other, after which a plan is aborted, s."""
 
 _MOST_SHIFT = 5.0
 """Periods by which time is set at once: an error along the path that asks for more is one of the measurement."""
@@ -96,6 +101,7 @@ class Follower:
     Attributes:
         plan: What is followed.
         trajectory: Of the plate frame.
+        events: What was dropped of what came in, at the trajectory's times.
 
     Raises:
         PushplanError: When there is no plan, or a number is out of its range.
@@ -121,7 +127,17 @@ class Follower:
         self._period, self._slipped, self._off = period, slipped, tolerance if off is None else off
         self._steering = Steering(plan)
         self._drive = Drive(plan.trajectory, plan.scenario.pusher.limits)
+        for name, pair in (("off", self._off), ("slipped", slipped)):
+            if np.shape(pair) != (2,) or not all(0.0 <= value <= FARTHEST for value in pair):
+                raise PushplanError(
+                    f"{name} is {pair}; allowed: a distance (m) and an angle (rad), both >= 0"
+                )
         self._ahead, self._reason = 0.0, ""
+        self.events: list[Event] = []
+        self._intake, self._bad = Intake(self._dropped), 0
+
+    def _dropped(self, words: str) -> None:
+        self.events.append(Event(self._drive.at, "dropped", words))
 
     @property
     def speed(self) -> float:
@@ -165,25 +181,36 @@ class Follower:
     ) -> Command:
         """Return what the robot is to do for the next `period`.
 
+        Numbers that cannot be are dropped with an event; where that goes on for `PATIENCE`, the plan is aborted.
+
         Args:
             base_pose: (3,) measured pose of the base in the world; None goes by time alone.
-            object_poses: (n, 3) measured poses of the objects in the world, in the order of `scenario.poses`; one
-                that is off its place in the plan by more than `slipped` aborts the plan.
-            elapsed: Time since the last step, s; None for `period`, and 0 at the first.
+            object_poses: (n, 3) measured poses of the objects in the world, in the order of `scenario.poses`, None or
+                NaN where one was not seen; one that is off its place in the plan by more than `slipped` aborts the
+                plan.
+            elapsed: Time since the last step, s; None for `period`, and 0 at the first. Where it is none, the twist
+                is 0.
+
+        Raises:
+            PushplanError: When poses have another shape, or there are words instead of numbers.
         """
         drive, before, duration = self._drive, self._drive.at, self.trajectory.duration
-        passed = self._ahead if elapsed is None else elapsed * self._speed
-        drive.advance(passed)
-        measured = None if base_pose is None else frozen(base_pose, (3,), "pose of the base")
+        timed = self._intake.elapsed(self._period if elapsed is None else elapsed)
+        if timed:
+            drive.advance(self._ahead if elapsed is None else elapsed * self._speed)
+        measured = None if base_pose is None else self._intake.pose(base_pose, "pose of the base")
+        self._bad = 0 if timed and (measured is None) == (base_pose is None) else self._bad + 1
+        if self._bad * self._period > PATIENCE:
+            self.abort(f"for {PATIENCE:g} s nothing has come in that can be: {self.events[-1].text}")
         error = None if measured is None else self._located(measured, before)
         if object_poses is not None:
-            count = len(self.plan.segments[0].before)
-            self._watch_objects(frozen(object_poses, (count, 3), "poses of objects"), measured)
+            names = list(self.plan.segments[0].before)
+            self._watch_objects(self._intake.poses(object_poses, names, "poses of objects"), measured)
         off = None if error is None else (float(np.hypot(*error[:2])), float(abs(error[2])))
         self._ahead = self._period * self._speed
         ahead = drive.after(self._ahead) - drive.at
         state = FollowerState.FOLLOWING
-        if self._reason or ahead == 0.0:
+        if self._reason or ahead == 0.0 or not timed:
             state = FollowerState.ARRIVED if drive.at >= duration else FollowerState.STOPPED
             state = FollowerState.ABORTED if self._reason else state
         twist = np.zeros(3)
@@ -217,9 +244,9 @@ class Follower:
         if segment.pushes and segment.load is not None:
             wanted |= segment.load.poses(plate)
         for (name, place), pose in zip(wanted.items(), poses, strict=True):
-            self._check(
-                f"'{name}'", "off its place in the chain", *se2.pose_error(pose, place), self._slipped
-            )
+            if not np.isnan(pose).any():
+                off = se2.pose_error(pose, place)
+                self._check(f"'{name}'", "off its place in the chain", *off, self._slipped)
 
     def _check(self, who: str, what: str, far: float, turned: float, allowed: tuple[float, float]) -> None:
         if far > allowed[0] or turned > allowed[1]:

@@ -18,6 +18,9 @@ from pushplan.scenario.model import Scenario
 from pushplan.scenario.parts import Obstacle, Workspace
 from pushplan.util.arrays import FloatArray, frozen
 
+MOST_FACTOR = 1e6
+"""Largest coefficient of friction, and factor of what a world has."""
+
 
 @dataclass(frozen=True, eq=False)
 class World:
@@ -54,8 +57,10 @@ class World:
         object.__setattr__(self, "offsets", frozen(self.offsets, shape, "offsets of the objects"))
         if self.plate is not None:
             object.__setattr__(self, "plate", frozen(self.plate, (3,), "plate of the world"))
-        if not self.other_friction >= 0.0:
-            raise PushplanError(f"other_friction is {self.other_friction}; it must be >= 0")
+        if not 0.0 <= self.other_friction <= MOST_FACTOR:
+            raise PushplanError(
+                f"other_friction is {self.other_friction}; it must be >= 0 and at most {MOST_FACTOR:g}"
+            )
 
     @classmethod
     def from_chain(cls, chain: Chain, start: ArrayLike = (0.0, 0.0, 0.0)) -> World:
@@ -224,7 +229,7 @@ def _others(chain: Chain) -> float:
 
 
 def _require_factor(factor: float, least: float = 1e-9) -> None:
-    if not (least <= factor < np.inf):
+    if not (least <= factor <= MOST_FACTOR):
         raise PushplanError(
-            f"the factor is {factor}; it must be finite and {'>= 0' if least == 0.0 else '> 0'}"
+            f"the factor is {factor}; it must be {'>= 0' if least == 0.0 else '> 0'} and at most {MOST_FACTOR:g}"
         )

@@ -14,13 +14,14 @@ KINDS = {
     "replan": "a plan was made on the way",
     "close": "a short push begins that closes contacts",
     "room": "what stands in the room has changed, and with it the way to go",
+    "dropped": "what came in cannot be: no numbers, absurd ones, or a time that is none",
     "unseen": "no measurement has come for a while",
     "arrived": "the goal's object is within its tolerances",
     "gave up": "nothing more can be done, and why",
 }
 """Kinds of events, and what they mean."""
 
-WARNINGS = ("left", "unseen", "gave up")
+WARNINGS = ("left", "dropped", "unseen", "gave up")
 """Kinds that are told as warnings."""
 
 

@@ -32,9 +32,10 @@ from pushplan.sim.control.replanner import Replanner
 from pushplan.sim.control.sensing import Sightings
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.follower import Drive
+from pushplan.sim.intake import Intake
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
-from pushplan.util.arrays import FloatArray, frozen
+from pushplan.util.arrays import FloatArray
 
 DEFAULTS = ControlSettings()
 SILENT = Observer()
@@ -112,8 +113,9 @@ class Controller:
         self.events: list[Event] = []
         self.replans: list[Replan] = []
         self._replanner.rehearse(plan.path)
+        self._intake, self._bad_clock = Intake(lambda words: self._tell("dropped", words)), 0
         self._sightings = Sightings()
-        self._plate, self._now = np.array(scenario.start), 0.0
+        self._plate, self._now, self._began = np.array(scenario.start), 0.0, math.inf
         self._places = scenario.chain.places
         self._since, self._closings = 0.0, 0
         self._path: PushPath = plan.path
@@ -139,25 +141,40 @@ class Controller:
     ) -> FloatArray:
         """Return the body twist (3,) in the chain frame that the plate is to have until the next step.
 
-        Steps come `settings.rate` times a second.
+        Steps come `settings.rate` times a second. Numbers that cannot be are dropped with an event of the kind
+        `dropped`; where time is none, the twist is 0.
 
         Args:
-            now: Time, s.
-            object_poses: (n, 3) measured poses of the objects' frames in the world; None where there is nothing new.
-            measured_at: When they were measured, not when they came, s; None stands for now.
+            now: Time by any clock, s.
+            object_poses: (n, 3) measured poses of the objects' frames in the world, None or NaN for objects that were
+                not seen; None where there is nothing new.
+            measured_at: When they were measured, not when they came, s; None stands for now. Up to 0.1 s ahead of
+                `now` they wait until then.
             plate_pose: (3,) pose of the chain frame in the world, where that is measured, too; None stands for where
                 the twists so far have brought it.
 
         Raises:
-            PushplanError: When poses are not finite, or were measured in the future or too long ago.
+            PushplanError: When there are more or fewer poses than objects, or words instead of numbers.
         """
-        self._now = now
+        intake, sightings = self._intake, self._sightings
+        if not intake.clock(now):
+            self._bad_clock += 1
+            if self._bad_clock > self.settings.patience * self.settings.rate and not self.over:
+                self._give_up("the times of steps cannot be")
+            return np.zeros(3)
+        self._now, self._bad_clock = intake.now, 0
+        if self._began == math.inf:
+            self._began = self._since = self._now
         if plate_pose is not None:
-            self._plate = frozen(plate_pose, (3,), "pose of the plate")
-        self._sightings.plate_at(now, self._plate)
+            found = intake.pose(plate_pose, "pose of the plate")
+            self._plate = self._plate if found is None else found
+        sightings.plate_at(self._now, self._plate)
         if object_poses is not None:
-            poses = frozen(object_poses, self._places.shape, "poses of the objects")
-            self._sightings.see(now if measured_at is None else measured_at, poses)
+            names = [obj.name for obj in self.scenario.chain.objects]
+            poses = intake.poses(object_poses, names, "poses of the objects")
+            stamp = intake.stamp(measured_at, sightings.latest(), sightings.oldest)
+            if stamp is not None and not np.isnan(poses).all():
+                sightings.see(stamp, poses)
         if not self.over:
             self._decide()
         return self._twist()
@@ -191,7 +208,7 @@ class Controller:
 
     def _decide(self) -> None:
         """Stop where something is not as it should be, and decide what to do once it has been looked at."""
-        unseen = self._now - max(self._sightings.latest(), 0.0)
+        unseen = self._now - float(self._sightings.unseen(self._began).min())
         if unseen > 10.0 * self.settings.patience:
             self._give_up(f"no measurement has come for {unseen:.1f} s")
         elif self.phase is Phase.LOOKING:

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import exit_distance
 from pushplan.geometry.se2 import compose, exp, log, relative, rotate, transform_points, twist_of
 from pushplan.mechanics.chain import PLATE
@@ -18,6 +19,7 @@ from pushplan.mechanics.contacts import carried_objects
 from pushplan.plans.events import Measured
 from pushplan.plans.plan import Load, Plan
 from pushplan.sim.control.sensing import Measurements, Sensor
+from pushplan.sim.intake import FARTHEST
 from pushplan.sim.report import columns_of
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
@@ -46,6 +48,12 @@ class Kick:
     y: float
     turn: float
 
+    def __post_init__(self) -> None:
+        numbers = self.time, self.x, self.y, self.turn
+        fine = all(isinstance(value, int | float) and abs(value) <= FARTHEST for value in numbers)
+        if not (fine and isinstance(self.index, int) and self.index >= 0):
+            raise PushplanError(f"{self}; allowed: an object's index, and numbers up to {FARTHEST:g}")
+
 
 def kicked(simulator: SlipSimulator, frame: FloatArray, kick: Kick) -> FloatArray:
     """Return the poses (n, 3) of the objects after a kick.
@@ -59,6 +67,8 @@ def kicked(simulator: SlipSimulator, frame: FloatArray, kick: Kick) -> FloatArra
         kick: See there.
     """
     poses, chain, names = simulator.object_poses, simulator.chain, simulator.world.names
+    if kick.index >= len(poses):
+        raise PushplanError(f"{kick}; there are {len(poses)} objects, counted from 0")
     poses[kick.index] = compose(poses[kick.index], [kick.x, kick.y, kick.turn])
     if chain is None or names[kick.index] not in (own := [obj.name for obj in chain.objects]):
         return poses

@@ -37,9 +37,17 @@ class Sensor:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not 0.0 <= value < math.inf or (field.name == "rate" and value == 0.0):
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not (number and 0.0 <= value <= _MOST[field.name]) or (field.name == "rate" and value == 0.0):
                 allowed = "> 0" if field.name == "rate" else ">= 0"
-                raise PushplanError(f"{field.name} of the sensor is {value}; it must be finite and {allowed}")
+                raise PushplanError(
+                    f"{field.name} of the sensor is {value}; it must be finite and {allowed}, at most "
+                    f"{_MOST[field.name]:g}"
+                )
+
+
+_MOST = {"rate": 1e4, "delay": MEMORY, "position": 1.0, "angle": math.pi}
+"""Largest values of a sensor; what came later than the memory would be dropped."""
 
 
 class Measurements:
@@ -101,51 +109,71 @@ class Sightings:
     def __init__(self) -> None:
         self._plate: deque[tuple[float, FloatArray]] = deque()
         self._seen: deque[tuple[float, FloatArray]] = deque()
+        self._ahead: deque[tuple[float, FloatArray]] = deque()
+
+    @property
+    def oldest(self) -> float:
+        """The earliest time that is known of the plate, s: it stood still before the first."""
+        return self._plate[0][0]
 
     def plate_at(self, time: float, pose: FloatArray) -> None:
-        """Take down where the plate is."""
+        """Take down where the plate is, and what was measured up to now and came too early."""
+        if not self._plate:
+            self._plate.append((time - MEMORY, pose))
         self._plate.append((time, pose))
-        while self._plate[0][0] < time - MEMORY:
+        while self._plate[1][0] < time - MEMORY:
             self._plate.popleft()
+        while self._ahead and self._ahead[0][0] <= time:
+            self._take(*self._ahead.popleft())
 
     def see(self, time: float, object_poses: FloatArray) -> None:
-        """Take down measured poses (n, 3) of the objects in the world at a time.
+        """Take down measured poses (n, 3) of the objects in the world, NaN where unseen, at a time from `oldest` on.
 
-        Raises:
-            PushplanError: When that is before what is remembered of the plate, or in the future.
+        What was measured later than the plate's last pose waits for that.
         """
+        if time > self._plate[-1][0]:
+            self._ahead.append((time, object_poses))
+        else:
+            self._take(time, object_poses)
+
+    def _take(self, time: float, object_poses: FloatArray) -> None:
         self._seen.append((time, relative(self._plate_then(time), object_poses)))
         while self._seen[0][0] < time - MEMORY:
             self._seen.popleft()
 
     def latest(self) -> float:
-        """Return the time of the last measurement; minus infinity before the first."""
-        return self._seen[-1][0] if self._seen else -np.inf
+        """Return the time of the last measurement that came; minus infinity before the first."""
+        last = self._ahead or self._seen
+        return last[-1][0] if last else -np.inf
+
+    def unseen(self, since: float) -> FloatArray:
+        """Return when each object was seen last (n,), or `since` where that is later or it never was."""
+        found = [np.where(np.isnan(places[:, 0]), since, max(time, since)) for time, places in self._seen]
+        return np.max(found, axis=0) if found else np.array([since])
 
     def places(self, around: FloatArray, last: int, since: float = -np.inf) -> FloatArray | None:
-        """Return the mean places (n, 3) of the last measurements; None when there are less than that.
+        """Return the mean places (n, 3) of the last measurements of each object; None when there are less than that.
 
         Args:
             around: (n, 3) places about which angles are taken.
             last: Number of measurements.
             since: Only those from this time on count.
         """
-        seen = [places for time, places in self._seen if time >= since][-last:]
-        if len(seen) < last:
-            return None
-        off = np.array(seen) - around
+        off = (
+            np.array([places for time, places in self._seen if time >= since]).reshape(-1, *around.shape)
+            - around
+        )
         off[..., 2] = wrap_angle(off[..., 2])
-        return np.asarray(around + off.mean(axis=0))
+        there = ~np.isnan(off[..., 0])
+        if (there.sum(axis=0) < last).any():
+            return None
+        latest = [off[there[:, i], i][-last:].mean(axis=0) for i in range(len(around))]
+        return np.asarray(around + latest)
 
     def _plate_then(self, time: float) -> FloatArray:
         """Return where the plate was, between two poses along the arc that joins them."""
         times = [at for at, _ in self._plate]
         k = int(np.searchsorted(times, time + 1e-9)) - 1
-        if k < 0 or time > times[-1] + 1e-9:
-            raise PushplanError(
-                f"a measurement was taken at {time:.3f} s; known is where the plate was from {times[0]:.3f} to "
-                f"{times[-1]:.3f} s"
-            )
         begin, pose = self._plate[k]
         if k + 1 == len(times):
             return pose

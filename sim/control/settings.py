@@ -14,6 +14,8 @@ LEAST_GAP, LEAST_TURN = 8e-4, 5e-3
 
 _LEAST = {"position_noise": 0, "angle_noise": 0, "friction": 0, "replans": 0, "looks": 2}
 """Least values of what need not be above 0."""
+_MOST = {"friction": 1.0, "rate": 1e4, "looks": 1000, "patience": 60.0}
+"""What values have to be below."""
 
 
 @dataclass(frozen=True)
@@ -63,10 +65,12 @@ class ControlSettings:
     def __post_init__(self) -> None:
         for field in fields(self):
             value, least = getattr(self, field.name), _LEAST.get(field.name)
-            fits = value > 0.0 if least is None else value >= least
-            most = 1.0 if field.name == "friction" else math.inf
-            if not (fits and value < most):
+            whole = field.name in ("looks", "replans")
+            number = isinstance(value, int if whole else int | float) and not isinstance(value, bool)
+            most = _MOST.get(field.name, 1e6)
+            if not (number and (value > 0.0 if least is None else value >= least) and value < most):
                 allowed = "> 0" if least is None else f">= {least}"
                 raise PushplanError(
-                    f"{field.name} of the control settings is {value}; it must be {allowed} and below {most:g}"
+                    f"{field.name} of the control settings is {value}; it must be {'whole, ' * whole}{allowed} and "
+                    f"below {most:g}"
                 )

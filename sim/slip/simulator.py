@@ -18,6 +18,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.plans.plan import Plan
 from pushplan.plans.trajectory import Trajectory
+from pushplan.sim.intake import FARTHEST
 from pushplan.sim.report import (
     ContactReport,
     Mode,
@@ -51,8 +52,10 @@ class SlipSettings:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not value > 0:
-                raise PushplanError(f"{field.name} of the slip settings is {value}; it must be > 0")
+            if not 0 < value < np.inf:
+                raise PushplanError(
+                    f"{field.name} of the slip settings is {value}; it must be finite and > 0"
+                )
 
 
 DEFAULTS = SlipSettings()
@@ -126,8 +129,12 @@ class SlipSimulator:
 
     def move(self, twist: ArrayLike, duration: float) -> core.Trace:
         """Move the plate with a constant body twist (3,), in steps as `settings` says."""
-        motion = frozen(twist, (3,), "twist of the plate") * duration
+        motion = frozen(np.asarray(twist, dtype=np.float64) * duration, (3,), "motion of the plate")
         way = float(np.hypot(motion[0], motion[1])) + self.reach * abs(float(motion[2]))
+        if not (way <= FARTHEST and duration >= 0.0):
+            raise PushplanError(
+                f"a move of {way:.3g} m in {duration} s; allowed: {FARTHEST:g} m, and time that goes on"
+            )
         count = max(1, int(np.ceil(way / self.settings.step)))
         return self.follow(np.tile(motion / count, (count, 1)))
 

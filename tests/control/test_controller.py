@@ -120,10 +120,6 @@ def test_what_is_no_measurement_is_refused() -> None:
     controller = Controller(scenario("one-box"), plan=plan_of("one-box"))
     with pytest.raises(PushplanError, match=r"poses of the objects has shape \(2, 3\)"):
         controller.step(0.0, np.zeros((2, 3)))
-    with pytest.raises(
-        PushplanError, match=r"a measurement was taken at 9.000 s; known is where the plate was"
-    ):
-        controller.step(0.02, np.zeros((1, 3)), measured_at=9.0)
     unsolved = replace(plan_of("one-box"), segments=(), reason="nothing was found")
     with pytest.raises(PlanningError, match="there is no plan to begin with: nothing was found"):
         Controller(unsolved)

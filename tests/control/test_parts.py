@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pushplan
-from pushplan.errors import ChainError, PushplanError
+from pushplan.errors import ChainError
 from pushplan.geometry.se2 import compose, exp, relative
 from pushplan.mechanics.perturb import slid
 from pushplan.planners.clearance import excess
@@ -99,8 +99,12 @@ def test_measurements_are_compared_with_the_plate_where_it_was_then() -> None:
     np.testing.assert_allclose(seen, place, atol=1e-12)
     assert sightings.places(place, 4) is None
     assert sightings.places(place, 2, since=0.06) is None
-    with pytest.raises(PushplanError, match=r"known is where the plate was from 0.000 to 0.200 s"):
-        sightings.see(0.3, place)
+    sightings.see(0.22, compose(exp(twist * 0.22), place))  # waits for the plate
+    assert sightings.places(place, 4) is None
+    sightings.plate_at(0.22, exp(twist * 0.22))
+    seen = sightings.places(place, 4)
+    assert seen is not None
+    np.testing.assert_allclose(seen, place, atol=1e-12)
 
 
 def test_a_sensor_has_its_rate_delay_and_noise() -> None:

@@ -1,0 +1,308 @@
+"""The closed loop where sensors and robots err: every packaged push with each error, in the world as planned.
+
+Run `python benchmarks/sensors.py [--seeds 101 102 103] [--only NAME ...] [--filter ERROR ...] [--kicks] [--told]
+[--jobs 2]`; prints a line an error: runs that arrive with at most three replans, travel over the plan's, and, with
+`--kicks` (5 mm and 3 deg, friction off by 20 %), how many of them are noticed within a second. Tuned on seeds 1 to 3,
+judged on 101 to 103. `--told` gives today's noise to the settings.
+
+An error of the camera is injected between world and controller, one of odometry between controller and world: the
+plate moves otherwise than it was told, and no `plate_pose` says so but in runs in which that jumps. A run arrives if
+the controller says so and the goal's object is within the tolerance, in truth or as it was measured: of a bias the
+part along the contact, or common to all that is measured, cannot be told from a goal that is elsewhere.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pushplan.bench.machine import Machine
+from pushplan.geometry.se2 import compose, exp
+from pushplan.plans.plan import Load, Plan
+from pushplan.scenario.file import example_names, load_scenario
+from pushplan.scenario.model import Scenario
+from pushplan.sim.control.controller import Controller, Phase
+from pushplan.sim.control.course import Kick, course_in
+from pushplan.sim.control.replanner import Aim
+from pushplan.sim.control.sensing import Sensor
+from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.world import World
+from pushplan.util.arrays import FloatArray
+from pushplan.util.wilson import wilson
+
+MOST_REPLANS = 3
+LONGEST = 200.0
+"""Simulated seconds."""
+DEG = math.pi / 180.0
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What is wrong with the sensors; directions and signs are drawn by seed.
+
+    Attributes:
+        bias: m, along a direction that is one for all objects (odd seeds: in the world; even: in their own frames).
+        turned: rad, of every measured heading.
+        clock: s, by which stamps are late.
+        unstamped: s, by which measurements are late that have no stamps.
+        odometry: Scale of the way and share that it drifts aside, and scale in turns, that the plate goes too far.
+        noise: Standard deviations, m and rad.
+        start: m and rad, of the plate.
+        jump: m and rad, of the localisation half-way; the plate's pose is measured then.
+        unseen: Share of times that an object is not seen.
+    """
+
+    bias: float = 0.0
+    turned: float = 0.0
+    clock: float = 0.0
+    unstamped: float = 0.0
+    odometry: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    noise: tuple[float, float] = (1e-3, 0.3 * DEG)
+    start: tuple[float, float] = (0.0, 0.0)
+    jump: tuple[float, float] = (0.0, 0.0)
+    unseen: float = 0.0
+
+    def and_(self, other: Errors) -> Errors:
+        """Return both errors at once."""
+        nominal, mine = Errors(), vars(self)
+        return Errors(**{k: v if mine[k] == getattr(nominal, k) else mine[k] for k, v in vars(other).items()})
+
+
+ERRORS = {
+    "none": Errors(),
+    "bias 2 mm": Errors(bias=2e-3),
+    "bias 4 mm": Errors(bias=4e-3),
+    "bias 1 deg": Errors(turned=DEG),
+    "clock +20 ms": Errors(clock=0.02),
+    "clock -20 ms": Errors(clock=-0.02),
+    "clock +30 ms": Errors(clock=0.03),
+    "clock -30 ms": Errors(clock=-0.03),
+    "lag 0.15 s": Errors(unstamped=0.15),
+    "odometry 1 %": Errors(odometry=(0.01, 0.0, 0.0)),
+    "odometry 3 %": Errors(odometry=(0.03, 0.0, 0.0)),
+    "sideways 1 %": Errors(odometry=(0.0, 0.01, 0.0)),
+    "turns 1 %": Errors(odometry=(0.0, 0.0, 0.01)),
+    "noise 2 mm": Errors(noise=(2e-3, 0.6 * DEG)),
+    "start 3 mm": Errors(start=(3e-3, 0.5 * DEG)),
+    "jump 30 mm": Errors(jump=(0.03, DEG)),
+    "unseen 30 %": Errors(unseen=0.3),
+}
+
+
+@dataclass(eq=False)
+class Erring:
+    """A controller whose eyes and wheels err; see `course.Driver`.
+
+    Attributes:
+        controller: What is judged.
+        errors: What is wrong.
+        random: Draws.
+        half: When the localisation jumps, s.
+        seen: The last measurement.
+    """
+
+    controller: Controller
+    errors: Errors
+    random: np.random.Generator
+    half: float
+    seen: FloatArray | None = None
+    shift: FloatArray = field(init=False)
+    own: bool = field(init=False)
+    sign: float = field(init=False)
+    plate: FloatArray = field(init=False)
+    leap: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        way, jump = self.random.uniform(-math.pi, math.pi, 2)
+        self.own, self.sign = bool(self.random.integers(2)), float(self.random.choice([-1.0, 1.0]))
+        e = self.errors
+        turned = self.sign * e.turned
+        self.shift = np.array([e.bias * math.cos(way), e.bias * math.sin(way), turned])
+        self.leap = np.array([e.jump[0] * math.cos(jump), e.jump[0] * math.sin(jump), self.sign * e.jump[1]])
+        self.plate = np.array(self.controller.scenario.start)
+
+    @property
+    def load(self) -> Load:
+        return self.controller.load
+
+    @property
+    def over(self) -> bool:
+        return self.controller.over
+
+    def step(
+        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
+    ) -> FloatArray:
+        e, rows = self.errors, None
+        if object_poses is not None and measured_at is not None:
+            poses = np.asarray(object_poses)
+            poses = compose(poses, self.shift) if self.own else poses + self.shift
+            rows = np.where(self.random.random(len(poses))[:, None] < e.unseen, np.nan, poses)
+            measured_at = None if e.unstamped else measured_at + e.clock
+            self.seen = poses
+        plate = None
+        if any(e.jump):
+            plate = self.plate if now < self.half else compose(self.leap, self.plate)
+        twist = np.asarray(self.controller.step(now, rows, measured_at, plate))
+        v, crab, turn = np.array(e.odometry) * self.sign
+        done = np.array(
+            [
+                (1 + v) * twist[0] - crab * twist[1],
+                (1 + v) * twist[1] + crab * twist[0],
+                (1 + turn) * twist[2],
+            ]
+        )
+        self.plate = compose(self.plate, exp(done / self.controller.settings.rate))
+        return done
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run."""
+
+    name: str
+    arrived: bool
+    outcome: str
+    error: tuple[float, float]
+    replans: int
+    travel: float
+    planned: float
+    noticed: bool | None
+    seconds: float
+
+
+@cache
+def _first(name: str, told: bool) -> tuple[Scenario, Plan]:
+    scenario = load_scenario(name)
+    return scenario, Controller(scenario, _settings(told)).plan
+
+
+def _settings(told: bool) -> ControlSettings:
+    usual = ControlSettings(time_limit=60.0)  # iterations end searches: runs repeat
+    return replace(usual, position_noise=2e-3, angle_noise=0.6 * DEG) if told else usual
+
+
+def run(job: tuple[str, str, Errors, int, bool, bool]) -> Row:
+    """Run one scenario with one error."""
+    name, _, errors, seed, kicks, told = job
+    scenario, plan = _first(name, told)
+    assert plan.trajectory is not None
+    assert plan.path is not None
+    random = np.random.default_rng([seed, *name.encode()])
+    controller = Controller(scenario, _settings(told), plan=plan)
+    driver = Erring(controller, errors, random, 0.5 * plan.trajectory.duration)
+    world, kick = World.from_scenario(scenario), None
+    if errors.start != (0.0, 0.0):
+        world = _beside(world, errors.start, random)
+    if kicks:
+        for obj in scenario.chain.objects:
+            world = world.with_contact_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), obj.name)
+            world = world.with_floor_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), obj.name)
+        way, turn = random.uniform(-math.pi, math.pi), 3.0 * DEG * random.choice([-1.0, 1.0])
+        at, index = (
+            random.uniform(0.1, 0.9) * plan.trajectory.duration,
+            int(random.integers(len(world.names))),
+        )
+        kick = Kick(at, index, 5e-3 * math.cos(way), 5e-3 * math.sin(way), turn)
+    sensor = Sensor(delay=errors.unstamped or 0.1, position=errors.noise[0], angle=errors.noise[1])
+    began = time.process_time()
+    course = course_in(
+        world, driver, controller.settings.rate, [kick] if kick else [], sensor, seed, time_limit=LONGEST
+    )
+    aim = Aim.of(scenario.goal, scenario.chain, 5e-3, DEG)
+    true = aim.errors(course.object_poses[-1])
+    last = (
+        compose(course.object_poses[-1], driver.shift)
+        if driver.own
+        else course.object_poses[-1] + driver.shift
+    )
+    there = any(
+        (aim.errors(poses) <= 1.05 * aim.tolerance).all() for poses in (course.object_poses[-1], last)
+    )
+    arrived = controller.phase is Phase.ARRIVED and bool(there)
+    replans = sum(replan.solved for replan in controller.replans)
+    travel = float(np.hypot(*np.diff(course.poses[:, :2], axis=0).T).sum())
+    noticed = None
+    if kick is not None:
+        stops = ("left", "look", "slide", "bump")
+        noticed = any(e.kind in stops and kick.time <= e.time <= kick.time + 1.0 for e in controller.events)
+    outcome = "jammed" if course.jammed else controller.reason or controller.phase.value
+    outcome = "arrived elsewhere" if outcome == "arrived" and not there else outcome
+    planned = float(np.hypot(*np.diff(plan.trajectory.poses[:, :2], axis=0).T).sum())
+    error = float(true[0]), float(true[1])
+    seconds = time.process_time() - began
+    return Row(name, arrived, outcome, error, replans, travel, planned, noticed, seconds)
+
+
+def _beside(world: World, off: tuple[float, float], random: np.random.Generator) -> World:
+    """Return the world with the plate off where it is believed to be, and still in contact: objects stand aside."""
+    way, sign = random.uniform(-math.pi, math.pi), random.choice([-1.0, 1.0])
+    shift = np.array([off[0] * math.cos(way), off[0] * math.sin(way), sign * off[1]])
+    return replace(world, start=compose(world.start, shift))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seeds", type=int, nargs="*", default=[101, 102, 103])
+    parser.add_argument("--only", nargs="*", help="names of scenarios")
+    parser.add_argument("--filter", nargs="*", help="parts of names of errors")
+    parser.add_argument("--pairs", type=int, default=12, help="pairs of errors, drawn by the first seed")
+    parser.add_argument("--kicks", action="store_true")
+    parser.add_argument("--told", action="store_true", help="settings know of noise of 2 mm and 0.6 deg")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--verbose", action="store_true", help="print runs that do not arrive")
+    asked = parser.parse_args()
+    print(Machine.this().words)
+    errors = dict(ERRORS)
+    random, names = np.random.default_rng(asked.seeds[0]), list(ERRORS)[1:]
+    for _ in range(asked.pairs):
+        first, second = (names[i] for i in random.choice(len(names), 2, replace=False))
+        errors[f"{first}, {second}"] = ERRORS[first].and_(ERRORS[second])
+    if asked.filter:
+        errors = {name: e for name, e in errors.items() if any(part in name for part in asked.filter)}
+    scenarios = [n for n in example_names() if load_scenario(n).kind == "push" and n in (asked.only or [n])]
+    jobs = [
+        (n, e, errors[e], s, asked.kicks, asked.told) for e in errors for n in scenarios for s in asked.seeds
+    ]
+    every: list[Row] = []
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        rows: Callable[[], Row] = iter(pool.map(run, jobs, chunksize=len(asked.seeds))).__next__
+        for name in errors:
+            found = [rows() for _ in range(len(scenarios) * len(asked.seeds))]
+            every += found
+            print(f"{name:30} {_words(found)}", flush=True)
+            for row in found:
+                if asked.verbose and not (row.arrived and row.replans <= MOST_REPLANS):
+                    off = f"{1e3 * row.error[0]:.1f} mm {row.error[1] / DEG:.2f} deg"
+                    way = f"{row.replans} replans, {row.travel:.1f} of {row.planned:.1f} m"
+                    print(f"    {row.name}: {way}, {off}: {row.outcome}")
+    print(f"{'all':30} {_words(every)}")
+    return 0
+
+
+def _words(rows: list[Row]) -> str:
+    good = sum(row.arrived and row.replans <= MOST_REPLANS for row in rows)
+    low, high = wilson(good, len(rows))
+    travel = np.array([row.travel / row.planned for row in rows])
+    far = sum(row.travel > 2.0 * row.planned + 1.0 for row in rows)
+    kicked = [row.noticed for row in rows if row.noticed is not None]
+    noticed = f", {sum(kicked)} of {len(kicked)} kicks noticed" if kicked else ""
+    return (
+        f"{good:3} of {len(rows):3} ({100 * low:.0f} to {100 * high:.0f} %), travel {np.median(travel):.2f}, "
+        f"{far} beyond 2 x + 1 m, {np.mean([row.replans for row in rows]):.1f} replans, "
+        f"{np.mean([row.seconds for row in rows]):.1f} s{noticed}"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,156 @@
+"""Inputs that are no numbers, absurd, stale, ahead or backward: nothing answers NaN, and nothing goes on moving."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pushplan
+from pushplan.errors import PushplanError
+from pushplan.geometry.se2 import compose
+from pushplan.plans.plan import Plan
+from pushplan.sim.control.controller import Controller
+from pushplan.sim.control.course import Kick
+from pushplan.sim.control.sensing import Sensor
+from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.follower import PATIENCE, Follower, FollowerState
+
+NUMBERS = [math.nan, math.inf, -math.inf, 1e300, -1e300, 1e9, "word", 1j, [], {}, b"\x00", object()]
+PERIOD = 0.02
+
+
+@cache
+def plan() -> Plan:
+    return Controller(pushplan.load_scenario("one-box")).plan
+
+
+def silly_poses() -> Iterator[Any]:
+    yield from (value for value in NUMBERS)
+    for column, value in itertools.product(range(3), NUMBERS):
+        pose: list[Any] = [0.5, 0.5, 0.1]
+        pose[column] = value
+        yield pose
+    yield from ([], [1.0], [1.0, 2.0, 3.0, 4.0], np.zeros((3, 3)), np.zeros((0, 3)), [None, None, None])
+
+
+SILLY = list(silly_poses())
+CONTROLLER = [
+    *(("object_poses", [pose]) for pose in SILLY),
+    *(("plate_pose", pose) for pose in SILLY),
+    *(("measured_at", time) for time in [*NUMBERS, 0.5, 2.2, -3.1, 1e5, -1e5, True]),
+]
+FOLLOWER = [
+    *(("base_pose", pose) for pose in SILLY),
+    *(("object_poses", [pose]) for pose in SILLY),
+    *(("elapsed", time) for time in [*NUMBERS, -0.02, -1e-9, 7.0, -math.nan]),
+]
+
+
+def name(case: object) -> str:
+    return repr(case).split(" at 0x")[0].replace("\n", "")[:40]
+
+
+@pytest.mark.parametrize(("key", "value"), CONTROLLER, ids=name)
+def test_a_controller_neither_answers_nan_nor_goes_on_without_measurements(key: str, value: Any) -> None:
+    """What is no measurement is as good as none: after the watchdog's time, and that to stop, the plate stands."""
+    controller = Controller(plan())
+    refused, twists = 0, []
+    for k in range(80):
+        now, words = 2.0 + k * PERIOD, {key: value}
+        if key == "measured_at":
+            words["object_poses"] = compose(plan().scenario.start, plan().scenario.chain.places)
+        try:
+            twists.append(controller.step(now, **words))
+        except PushplanError:
+            refused += 1
+            twists.append(controller.step(now))
+    assert np.isfinite(twists).all()
+    assert (np.array(twists[-5:]) == 0.0).all()
+    kinds = {event.kind for event in controller.events}
+    assert refused or "dropped" in kinds or "unseen" in kinds
+
+
+@pytest.mark.parametrize("now", [*NUMBERS, -5.0, 1.9, 17.2], ids=name)
+def test_a_controller_stands_while_time_is_none(now: Any) -> None:
+    controller = Controller(plan())
+    seen = compose(plan().scenario.start, plan().scenario.chain.places)
+    for k in range(25):
+        assert np.isfinite(controller.step(2.0 + k * PERIOD, seen)).all()
+    for _ in range(60):
+        try:
+            assert (controller.step(1.9 if now == 1.9 else now, seen) == 0.0).all()
+        except PushplanError:
+            continue
+    if not isinstance(now, float):
+        return
+    assert controller.over
+    assert controller.reason == "the times of steps cannot be"
+
+
+def test_stamps_before_the_first_step_and_a_little_ahead_are_taken() -> None:
+    controller = Controller(plan())
+    seen = compose(plan().scenario.start, plan().scenario.chain.places)
+    for k, off in enumerate([-0.3, 0.005, 0.02, 0.09]):
+        controller.step(1e9 + PERIOD * k, seen, measured_at=1e9 + off)
+    assert [event.kind for event in controller.events] == ["plan"]
+    controller.step(1e9 + 0.1, seen, measured_at=1e9 + 0.21)
+    controller.step(1e9 + 0.12, seen, measured_at=1e9 + 0.01)
+    assert [event.kind for event in controller.events] == [
+        "plan",
+        "dropped",
+    ]  # one cause is told once a second
+    assert "a measurement stamped" in controller.events[1].text
+
+
+@pytest.mark.parametrize(("key", "value"), FOLLOWER, ids=name)
+def test_a_follower_neither_answers_nan_nor_goes_on(key: str, value: Any) -> None:
+    follower, seen, twists = Follower(plan()), np.zeros(3), []
+    refused = 0
+    for _ in range(int(PATIENCE / PERIOD) + 5):
+        try:
+            command = follower.step(**{key: value})
+            seen = command.twist
+        except PushplanError:
+            refused, seen = refused + 1, np.zeros(3)
+        twists.append(seen)
+    assert np.isfinite(twists).all()
+    if key != "object_poses":  # a follower goes by time alone, too
+        assert (twists[-1] == 0.0).all()
+    assert refused or follower.events or value == [[None, None, None]]
+
+
+def test_a_follower_without_a_pose_that_can_be_is_aborted_and_says_why() -> None:
+    follower = Follower(plan())
+    commands = [follower.step([math.nan, 0.0, 0.0]) for _ in range(30)]
+    assert commands[-1].state is FollowerState.ABORTED
+    assert "for 0.5 s nothing has come in that can be: pose of the base at [nan" in commands[-1].reason
+    assert len(follower.events) == 1
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "word", None, 1e300], ids=name)
+@pytest.mark.parametrize(
+    "made",
+    [
+        *(lambda v, f=f: Sensor(**{f: v}) for f in ("rate", "delay", "position", "angle")),
+        *(lambda v, f=f: ControlSettings(**{f: v}) for f in ("rate", "looks", "position_noise", "patience")),
+        *(lambda v, k=k: Kick(*[v if j == k else 1 for j in range(5)]) for k in (0, 1, 4)),
+        lambda v: Follower(plan(), off=(v, v)),
+        lambda v: Follower(plan(), slipped=(0.1, v)),
+        lambda v: Follower(plan(), period=v),
+        lambda v: Follower(plan(), speed=v),
+        lambda v: pushplan.World.from_scenario(plan().scenario).with_contact_friction(v),
+        lambda v: replace(pushplan.World.from_scenario(plan().scenario), other_friction=v),
+        lambda v: pushplan.SlipSimulator(pushplan.World.from_scenario(plan().scenario)).move([v, 0, 0], 1.0),
+        lambda v: pushplan.SlipSimulator(pushplan.World.from_scenario(plan().scenario)).move([1, 0, 0], v),
+    ],
+)
+def test_what_is_simulated_and_set_is_refused(made: Any, value: Any) -> None:
+    with pytest.raises((PushplanError, TypeError, ValueError)):
+        made(value)
