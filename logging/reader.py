@@ -198,8 +198,11 @@ class _Reading:
         scenario = self._parsed(names[0])
         if len(names) == 1 or scenario.to_json().encode() == self._files[SCENARIO_JSON].data:
             return scenario, False
+        resolved = self._parsed(SCENARIO_JSON)  # a name that is not stated is that of a file unknown here
+        scenario = replace(scenario, name=resolved.name)
+        if scenario.to_json().encode() == self._files[SCENARIO_JSON].data:
+            return scenario, False
         # The resolved one names no map any more, its source does.
-        resolved = self._parsed(SCENARIO_JSON)
         return replace(resolved, source=scenario.source, attachments=scenario.attachments), True
 
     def _parsed(self, name: str) -> Scenario:
