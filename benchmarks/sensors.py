@@ -186,7 +186,7 @@ def _first(name: str, told: bool) -> tuple[Scenario, Plan]:
 
 
 def _settings(told: bool) -> ControlSettings:
-    usual = ControlSettings(time_limit=60.0)  # iterations end searches: runs repeat
+    usual = ControlSettings()
     return replace(usual, position_noise=2e-3, angle_noise=0.6 * DEG) if told else usual
 
 

@@ -280,7 +280,11 @@ class Steering:
 
     def of_base(self, twist: FloatArray) -> FloatArray:
         """Return a twist (3,) of this frame as one of the robot's base."""
-        return se2.twist_of(se2.relative(self._frame, self._trajectory.base), twist)
+        return self.of(self._trajectory.base, twist)
+
+    def of(self, frame: FloatArray, twist: FloatArray) -> FloatArray:
+        """Return a twist (3,) of this frame as one of another, which is at a pose (3,) in the plate frame."""
+        return se2.twist_of(se2.relative(self._frame, frame), twist)
 
     def error(self, time: float, base_pose: FloatArray) -> FloatArray:
         """Return where a measured base (3,) puts this frame, seen from where the plan has it at a time (3,)."""

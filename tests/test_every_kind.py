@@ -53,7 +53,7 @@ class Made:
 def made(kind: str) -> Made:
     if kind == "closed loop":
         whole = made("push")
-        kick = Kick(0.5 * float(whole.execution.t[-1]), 1, 0.0, 0.003, 0.0)
+        kick = Kick(0.5 * float(whole.execution.t[-1]), 1, 0.0, 0.005, 0.0)
         loop = run_closed_loop(whole.scenario, kicks=[kick], plan=whole.plan)
         assert loop.outcome == "arrived", loop.reason
         return Made(whole.scenario, loop.plan, loop.execution, loop)

@@ -15,6 +15,8 @@ KINDS = {
     "close": "a short push begins that closes contacts",
     "room": "what stands in the room has changed, and with it the way to go",
     "dropped": "what came in cannot be: no numbers, absurd ones, or a time that is none",
+    "jump": "the measured pose of the plate jumped",
+    "sensor": "what was found to be wrong with sensors and wheels",
     "unseen": "no measurement has come for a while",
     "arrived": "the goal's object is within its tolerances",
     "gave up": "nothing more can be done, and why",

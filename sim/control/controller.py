@@ -9,6 +9,7 @@ again, or gives up.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from enum import Enum
 
@@ -16,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pushplan.errors import ChainError, PlanningError
-from pushplan.geometry.se2 import compose, log, relative
-from pushplan.mechanics.chain import Chain
+from pushplan.geometry.se2 import compose, exp, log, pose_error, relative
 from pushplan.mechanics.perturb import slid
 from pushplan.planners.timing.arc_limits import motion_bounds
 from pushplan.planners.timing.exact_timing import time_path
@@ -27,11 +27,12 @@ from pushplan.plans.plan import Load, Plan
 from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Obstacle, Scenario
-from pushplan.sim.control.closing import ClosingPush, Contacts, Spread, closing_push, contacts_at, off_places
+from pushplan.sim.control.closing import ClosingPush, Contacts, Spread, closing_push, contacts_at
+from pushplan.sim.control.estimator import HOLD, Estimator, Sample
 from pushplan.sim.control.replanner import Replanner
-from pushplan.sim.control.sensing import Sightings
-from pushplan.sim.control.settings import ControlSettings
-from pushplan.sim.follower import Drive
+from pushplan.sim.control.sensing import MEMORY, Sightings
+from pushplan.sim.control.settings import SIGMAS, ControlSettings
+from pushplan.sim.follower import Drive, Steering
 from pushplan.sim.intake import Intake
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
@@ -43,10 +44,25 @@ CLOSINGS = 3
 """Pushes in a row that may fail to close contacts."""
 ATTEMPTS = 24
 """Replans in a row that may find nothing."""
-CLEARLY, BARELY = 0.8, 0.95
-"""Shares of the tolerances within which nothing need be better, and within which it has arrived for all the noise."""
-SLOW, QUICK = 4.0, 5.0
-"""Standard deviations of the mean of many measurements, and of two, by which an object has to be off."""
+CLEARLY, BARELY, HARDLY = 0.8, 0.95, 0.05
+"""Shares of the tolerances: nothing need be better, arrived for all the noise, hardly more than asked for."""
+FREE = 3
+"""Plans on the way that are made whatever they cost; later ones only up to twice the first plan, and 1 m."""
+WORTH = 0.5
+"""Way (m) that it is worth to come nearer by no more than that."""
+SLOW, QUICK, UNSURE = 4.0, 5.0, 3.0
+"""Standard deviations of the mean of many measurements, of two, and of what is expected, by which an object has to be
+off."""
+SETTLE, UNSETTLED = 0.02, (1.5e-3, math.radians(0.4))
+"""Way after which contacts that were open at first are closed, m, and by what they may have been (m, rad)."""
+REFIT = 0.25
+"""Time between two fits, s."""
+JUMP = (0.01, math.radians(0.5))
+"""What (m, rad) the measured pose of the plate may be off from one to the next."""
+EXACT = 1e-7
+"""Up to here (m, rad) the plate is on its path."""
+SHIFT = 0.2
+"""Share of a period by which time goes faster or slower where the plate is ahead or behind."""
 
 
 class Phase(Enum):
@@ -114,12 +130,17 @@ class Controller:
         self.replans: list[Replan] = []
         self._replanner.rehearse(plan.path)
         self._intake, self._bad_clock = Intake(lambda words: self._tell("dropped", words)), 0
-        self._sightings = Sightings()
-        self._plate, self._now, self._began = np.array(scenario.start), 0.0, math.inf
+        self._sightings, self._estimator = Sightings(), Estimator(settings, len(scenario.chain.objects))
+        self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
+        self._plate = self._odometry = np.array(scenario.start)
+        self._localised: tuple[FloatArray, FloatArray] | None = None
+        self._now, self._began, self._fitted, self._way = 0.0, math.inf, -math.inf, 0.0
+        self._recent: deque[Sample] = deque(maxlen=max(2, settings.looks // 2))
         self._places = scenario.chain.places
-        self._since, self._closings = 0.0, 0
+        self._open: Contacts | None = None
+        self._since, self._closings, self._settled = 0.0, 0, False
         self._path: PushPath = plan.path
-        self._start(plan.segments[0].contact_trajectory, Phase.PUSHING)
+        self._drive_on(plan)
         self._tell("plan", f"{plan.path.cost:.3f} m in {plan.trajectory.duration:.1f} s")
 
     @property
@@ -166,18 +187,53 @@ class Controller:
         if self._began == math.inf:
             self._began = self._since = self._now
         if plate_pose is not None:
-            found = intake.pose(plate_pose, "pose of the plate")
-            self._plate = self._plate if found is None else found
-        sightings.plate_at(self._now, self._plate)
+            self._localise(intake.pose(plate_pose, "pose of the plate"))
+        self._estimator.moved(self._now, self._odometry)
+        if self._localised is not None:
+            self._plate = self._estimator.plate(self._now)
         if object_poses is not None:
+            if measured_at is None and sightings.latest() == -math.inf:
+                self._estimator.unstamped()
             names = [obj.name for obj in self.scenario.chain.objects]
             poses = intake.poses(object_poses, names, "poses of the objects")
-            stamp = intake.stamp(measured_at, sightings.latest(), sightings.oldest)
+            stamp = intake.stamp(measured_at, sightings.latest(), max(self._began, self._now) - MEMORY)
             if stamp is not None and not np.isnan(poses).all():
                 sightings.see(stamp, poses)
+        for time, poses in sightings.come(self._now):
+            self._learn(Sample(time, poses, self._replanner.chain.places))
         if not self.over:
             self._decide()
         return self._twist()
+
+    def _localise(self, pose: FloatArray | None) -> None:
+        """Take a measured pose of the plate (3,) for how it has moved; a jump is one of the measurement."""
+        if pose is None:
+            return
+        if self._localised is None:
+            self._odometry = pose
+        else:
+            before, odometry = self._localised
+            told, moved = relative(odometry, self._odometry), relative(before, pose)
+            apart = pose_error(moved, told)
+            if apart[0] > JUMP[0] or apart[1] > JUMP[1]:
+                self._tell("jump", f"the plate's measured pose jumped by {_words(*apart)}")
+                moved = told
+            self._odometry = compose(odometry, moved)
+        self._localised = pose, self._odometry
+
+    def _learn(self, sample: Sample) -> None:
+        """Take a measurement into account while contacts are taken for closed."""
+        self._recent.append(sample)
+        if self.phase is not Phase.PUSHING or self._driving.stopping or self.over:
+            return
+        self._estimator.add(sample)
+        if not self._settled and self._way > SETTLE:
+            self._settled = True
+            self._estimator.forget(-math.inf, self._now)  # gaps were closing
+        if self._now >= self._fitted + REFIT:
+            self._fitted = self._now
+            self._estimator.fit(self._now)
+            self._plate = self._estimator.plate(self._now)
 
     def notice(self, obstacles: Iterable[Obstacle]) -> None:
         """Take over what stands in the room now.
@@ -199,12 +255,34 @@ class Controller:
             self._driving.stop()
 
     def _twist(self) -> FloatArray:
+        """Return the twist to tell the plate: what leads it along the path, and back to it as contacts bear."""
         if self.over or self._driving.over:
             return np.zeros(3)
-        after = self._driving.advance(1.0 / self.settings.rate)
-        twist = log(relative(self._plate, after)) * self.settings.rate
-        self._plate = after
-        return np.asarray(twist)
+        driving, period = self._driving, 1.0 / self.settings.rate
+        before = driving.at
+        wanted = driving.advance(period)
+        twist = log(relative(self._plate, wanted)) * self.settings.rate
+        off = np.abs(relative(driving.trajectory.poses_at([before])[0], self._plate))
+        if off.max() > EXACT and self._steering is not None:
+            twist = self._steered(self._steering, before, driving.at - before)
+        told = self._estimator.asked(twist)
+        self._odometry = compose(self._odometry, exp(told * period))
+        self._plate = compose(self._plate, exp(twist * period))
+        self._way += float(np.hypot(twist[0], twist[1])) * period
+        return np.asarray(told)
+
+    def _steered(self, steering: Steering, before: float, ahead: float) -> FloatArray:
+        """Return the planned twist (3,) and what correction contacts bear; an error along the path is one of time."""
+        driving, period = self._driving, 1.0 / self.settings.rate
+        frame = self.load.frame_plate
+        base = compose(self._plate, driving.trajectory.base)
+        error = steering.error(before, base)
+        twist = steering.corrected(steering.planned(before, ahead, period), error, before)
+        if not driving.stopping:
+            shift = steering.delay(before, error)
+            driving.at += min(max(shift, -SHIFT * period), SHIFT * period)
+            driving.at = min(max(driving.at, before), driving.trajectory.duration)
+        return steering.of(frame, twist)
 
     def _decide(self) -> None:
         """Stop where something is not as it should be, and decide what to do once it has been looked at."""
@@ -222,34 +300,89 @@ class Controller:
         """Stop when an object has left its place, or nothing is seen any more."""
         kind, what = "unseen", f"no measurement has come for {unseen:.2f} s"
         if unseen <= self.settings.patience and self.phase is Phase.PUSHING:
-            chain = self._replanner.chain
-            kind, what = "left", departure(self._sightings, chain, self._places, self._since, self.settings)
+            kind, what = "left", self._departure()
         if what and (kind == "left" or unseen > self.settings.patience):
             self._tell(kind, what)
+            self._estimator.forget(self._now - 2.0 * HOLD, self._now)
             self._driving.stop()
+
+    def _departure(self) -> str:
+        """Return which object has left its place and by how much; empty if none has.
+
+        Half of the measurements of a look tell of a slow departure, two of a quick one: the mean of what they are off
+        what was expected from all that was learned before.
+        """
+        recent = [sample for sample in self._recent if sample.time >= self._since]
+        if len(recent) < 2:
+            return ""
+        names, settings, noise = self.scenario.chain.objects, self.settings, self._estimator.noise
+        slack, gaps = np.array([settings.position_slack, settings.angle_slack]), UNSURE * np.array(UNSETTLED)
+        off = self._estimator.residuals(recent)
+        for i, obj in enumerate(names):
+            own = off[~np.isnan(off[:, i, 0]), i]
+            for last, sigmas in ((self._recent.maxlen, SLOW), (2, QUICK)):
+                if last is None or len(own) < last:
+                    continue
+                mean = own[-last:].mean(axis=0)
+                apart = np.array([np.hypot(mean[0], mean[1]), abs(mean[2])])
+                most = np.maximum(slack, sigmas / math.sqrt(last) * noise)
+                if (apart > most).any():
+                    spread = UNSURE * self._estimator.spread(recent[-1])[i]
+                    most = most + (spread if self._settled else np.hypot(spread, gaps))
+                if (apart > most).any():
+                    return f"{obj.name} is {_words(*apart)} off its place in the plan"
+        return ""
 
     def _look(self) -> None:
         """Once there are enough measurements at rest, decide."""
-        places = self._sightings.places(self._places, self.settings.looks, self._since)
-        if places is None:
+        estimator = self._estimator
+        late = max(0.0, estimator.values[3] + 2.0 * math.sqrt(estimator.covariance[3, 3]))
+        self._plate = estimator.plate(self._now)
+        expected = compose(self._plate, self._places)
+        measured = self._sightings.mean(expected, self.settings.looks, self._since + late)
+        if measured is None:
             return
-        self._places = places
-        contacts, poses = contacts_at(self.scenario.chain, places), compose(self._plate, places)
+        chain = self._replanner.chain
+        poses = estimator.unbiased(measured, chain.places, self._normals)
+        self._places = places = relative(self._plate, poses)
+        contacts = contacts_at(self.scenario.chain, places)
         off = _words(*self.goal_errors(poses))
         open_by = _words(max(float(contacts.opening.max()), 0.0), float(np.abs(contacts.rotation).max()))
         self._tell("look", f"the goal is {off} away; contacts are open by up to {open_by}")
         nearer = self._could_be_nearer(poses, contacts.slide)
         aim = self._replanner.aim
-        if aim.reached(poses, CLEARLY) or (aim.reached(poses, BARELY) and not nearer):
+        flush = contacts.flush(*self._closed()) or self._persists(contacts, open_by)
+        if aim.reached(poses, CLEARLY) or (aim.reached(poses, 1.0) and not nearer):
             self._end(Phase.ARRIVED, f"{off} off the goal")
         elif sum(replan.solved for replan in self.replans) >= self.settings.replans:
             self._give_up(f"{self.settings.replans} plans were made on the way, and it is not there")
-        elif not contacts.flush(self.settings.gap, self.settings.turn):
+        elif not flush:
             self._close(poses)
         elif not nearer:
             self._give_up(f"objects have slid against one another: they cannot all be nearer than {off}")
         else:
-            self._replan(contacts)
+            self._replan(contacts, measured, off)
+
+    def _closed(self) -> tuple[float, float]:
+        """Return the gap (m) and turn (rad) up to which contacts count as closed, by all that is not known."""
+        share = SIGMAS / math.sqrt(self.settings.looks)
+        resting = Sample(self._now, np.zeros_like(self._places), self._replanner.chain.places)
+        gap, turn = share * self._estimator.noise + 2.0 * self._estimator.spread(resting).max(axis=0)
+        return max(self.settings.gap, float(gap)), max(self.settings.turn, float(turn))
+
+    def _persists(self, contacts: Contacts, open_by: str) -> bool:
+        """Tell whether contacts seem as open as before a push that closes them: that is the camera's error."""
+        before, self._open = self._open, contacts
+        if before is None or self._closings == 0:
+            return False
+        gap, turn = self._closed()
+        same = np.abs(contacts.opening - before.opening) <= gap
+        same &= np.abs(contacts.rotation - before.rotation) <= turn
+        most = [SIGMAS * value for value in self.settings.bias]
+        if not (same.all() and contacts.flush(*most)):
+            return False
+        self._tell("sensor", f"a push does not change that contacts seem open by {open_by}: cameras err so")
+        return True
 
     def _could_be_nearer(self, poses: FloatArray, slides: FloatArray) -> bool:
         """Tell whether the objects, where they have slid to, could stand much nearer to the goal than they do."""
@@ -260,9 +393,9 @@ class Controller:
             return True
         return bool(((aim.errors(poses) - best) / aim.tolerance).max() > 1.0 - CLEARLY)
 
-    def _replan(self, contacts: Contacts) -> None:
-        """Go on with a new plan, from objects that are flush and have slid."""
-        self._closings = 0
+    def _replan(self, contacts: Contacts, measured: FloatArray, off: str) -> None:
+        """Go on with a new plan, from objects that are flush and have slid, unless it costs more than it gains."""
+        self._closings, self._open = 0, None
         for attempt in range(ATTEMPTS):
             replan = self._replanner.replan(self._now, self._plate, self._path, contacts.slide, attempt)
             self.replans.append(replan)
@@ -270,13 +403,46 @@ class Controller:
                 break
         result = replan.result
         if result is not None and result.path is not None and result.trajectory is not None:
+            if self._is_too_far(result.path.cost, off):
+                return
             self._tell("replan", f"{result.path.cost:.3f} m in {result.trajectory.duration:.1f} s")
             self._path, self._places = result.path, self._replanner.chain.places
-            self._start(result.segments[0].contact_trajectory, Phase.PUSHING)
+            self._take_for_closed(measured)
+            self._drive_on(result)
         elif self._replanner.aim.reached(compose(self._plate, self._places), BARELY):
             self._end(Phase.ARRIVED, "within the tolerances, and there is no plan to come nearer")
         else:
             self._give_up(f"there is no plan from here: {replan.reason}")
+
+    def _is_too_far(self, cost: float, off: str) -> bool:
+        """End where a plan costs more than it gains, m, or too much was driven already."""
+        aim = self._replanner.aim
+        errors = np.array(self.goal_errors(compose(self._plate, self._places)))
+        excess = float((errors / aim.tolerance).max()) - 1.0
+        first = self.plan.path.cost if self.plan.path is not None else 0.0
+        if excess < HARDLY and cost > WORTH:
+            why = f"coming nearer takes {cost:.1f} m"
+        elif self._way + cost > 2.0 * first + 1.0 and sum(replan.solved for replan in self.replans) > FREE:
+            why = f"{self._way:.1f} m were driven, and it takes another {cost:.1f} m"
+        else:
+            return False
+        if aim.reached(compose(self._plate, self._places)):
+            self._end(Phase.ARRIVED, f"{off} off the goal; {why}")
+        else:
+            self._give_up(f"{off} remain to the goal; {why}")
+        return True
+
+    def _take_for_closed(self, measured: FloatArray) -> None:
+        """Take the objects for being in contact at their new places; what they still seem off is the sensor's."""
+        places = self._replanner.chain.places
+        self._estimator.take_slides(places, self._normals)
+        (rest,) = self._estimator.residuals([Sample(self._now, measured, places)])
+        self._estimator.absorb(rest)
+
+    def _drive_on(self, plan: Plan) -> None:
+        """Follow a plan, with corrections that its contacts bear."""
+        self._steering: Steering | None = Steering(plan)
+        self._start(plan.segments[0].contact_trajectory, Phase.PUSHING)
 
     def _close(self, poses: FloatArray) -> None:
         """Push so that open contacts close."""
@@ -291,6 +457,7 @@ class Controller:
         self._tell("close", f"a push of {1e3 * push.length:.0f} mm closes the contacts")
         path = PushPath(self._plate, push.twist[None], np.array([push.length]))
         bounds = motion_bounds(planner.scenario.with_margin(planner.margin), planner.stable)
+        self._steering = None
         self._start(time_path(path, bounds), Phase.CLOSING)
 
     def _start(self, trajectory: Trajectory, phase: Phase) -> None:
@@ -302,6 +469,9 @@ class Controller:
         self._end(Phase.GAVE_UP, reason)
 
     def _end(self, phase: Phase, text: str) -> None:
+        found = self._estimator.words()
+        if found:
+            self._tell("sensor", found)
         self.phase = phase
         self._tell(phase.value, text)
 
@@ -311,34 +481,3 @@ class Controller:
 
 def _words(distance: float, angle: float) -> str:
     return f"{1e3 * distance:.1f} mm and {np.degrees(angle):.2f} deg"
-
-
-def departure(
-    sightings: Sightings, chain: Chain, around: FloatArray, since: float, settings: ControlSettings
-) -> str:
-    """Return which object has left its place and by how much; empty if none has.
-
-    Half of the measurements of a look tell of a slow departure, two of a quick one.
-
-    Args:
-        sightings: What was measured.
-        chain: With the objects where they are to be.
-        around: (n, 3) places about which angles are taken.
-        since: Measurements from this time on count, s.
-        settings: See there.
-    """
-    for last, sigmas in ((max(2, settings.looks // 2), SLOW), (2, QUICK)):
-        places = sightings.places(around, last, since)
-        if places is None:
-            continue
-        share = sigmas / math.sqrt(last)
-        distance, angle = off_places(chain, places)
-        excess = np.maximum(
-            distance / max(settings.position_slack, share * settings.position_noise),
-            angle / max(settings.angle_slack, share * settings.angle_noise),
-        )
-        i = int(np.argmax(excess))
-        if excess[i] > 1.0:
-            off = f"{1e3 * distance[i]:.1f} mm and {math.degrees(angle[i]):.1f} deg"
-            return f"{chain.objects[i].name} is {off} off its place in the plan"
-    return ""

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from pushplan.errors import PushplanError
-from pushplan.geometry.se2 import compose, exp, log, relative, wrap_angle
+from pushplan.geometry.se2 import wrap_angle
 from pushplan.plans.events import Measured
 from pushplan.util.arrays import FloatArray
 
@@ -101,45 +101,25 @@ class Measurements:
 
 
 class Sightings:
-    """Recent poses of the plate, and measured places of the objects in the chain frame at that time.
-
-    A measurement tells of a moment that is past: it is compared with where the plate was at that moment.
-    """
+    """Recent measurements, in the order of the times at which they were taken."""
 
     def __init__(self) -> None:
-        self._plate: deque[tuple[float, FloatArray]] = deque()
         self._seen: deque[tuple[float, FloatArray]] = deque()
         self._ahead: deque[tuple[float, FloatArray]] = deque()
 
-    @property
-    def oldest(self) -> float:
-        """The earliest time that is known of the plate, s: it stood still before the first."""
-        return self._plate[0][0]
-
-    def plate_at(self, time: float, pose: FloatArray) -> None:
-        """Take down where the plate is, and what was measured up to now and came too early."""
-        if not self._plate:
-            self._plate.append((time - MEMORY, pose))
-        self._plate.append((time, pose))
-        while self._plate[1][0] < time - MEMORY:
-            self._plate.popleft()
-        while self._ahead and self._ahead[0][0] <= time:
-            self._take(*self._ahead.popleft())
-
     def see(self, time: float, object_poses: FloatArray) -> None:
-        """Take down measured poses (n, 3) of the objects in the world, NaN where unseen, at a time from `oldest` on.
+        """Take down measured poses (n, 3) of the objects in the world, NaN where unseen."""
+        self._ahead.append((time, object_poses))
 
-        What was measured later than the plate's last pose waits for that.
-        """
-        if time > self._plate[-1][0]:
-            self._ahead.append((time, object_poses))
-        else:
-            self._take(time, object_poses)
-
-    def _take(self, time: float, object_poses: FloatArray) -> None:
-        self._seen.append((time, relative(self._plate_then(time), object_poses)))
-        while self._seen[0][0] < time - MEMORY:
+    def come(self, now: float) -> list[tuple[float, FloatArray]]:
+        """Return what has come since: measurements stamped ahead wait until `now` is there."""
+        come = []
+        while self._ahead and self._ahead[0][0] <= now:
+            come.append(self._ahead.popleft())
+        self._seen.extend(come)
+        while self._seen and self._seen[0][0] < now - MEMORY:
             self._seen.popleft()
+        return come
 
     def latest(self) -> float:
         """Return the time of the last measurement that came; minus infinity before the first."""
@@ -148,19 +128,19 @@ class Sightings:
 
     def unseen(self, since: float) -> FloatArray:
         """Return when each object was seen last (n,), or `since` where that is later or it never was."""
-        found = [np.where(np.isnan(places[:, 0]), since, max(time, since)) for time, places in self._seen]
+        found = [np.where(np.isnan(poses[:, 0]), since, max(time, since)) for time, poses in self._seen]
         return np.max(found, axis=0) if found else np.array([since])
 
-    def places(self, around: FloatArray, last: int, since: float = -np.inf) -> FloatArray | None:
-        """Return the mean places (n, 3) of the last measurements of each object; None when there are less than that.
+    def mean(self, around: FloatArray, last: int, since: float = -np.inf) -> FloatArray | None:
+        """Return the mean poses (n, 3) of the last measurements of each object; None when there are less than that.
 
         Args:
-            around: (n, 3) places about which angles are taken.
+            around: (n, 3) poses about which angles are taken.
             last: Number of measurements.
             since: Only those from this time on count.
         """
         off = (
-            np.array([places for time, places in self._seen if time >= since]).reshape(-1, *around.shape)
+            np.array([poses for time, poses in self._seen if time >= since]).reshape(-1, *around.shape)
             - around
         )
         off[..., 2] = wrap_angle(off[..., 2])
@@ -169,13 +149,3 @@ class Sightings:
             return None
         latest = [off[there[:, i], i][-last:].mean(axis=0) for i in range(len(around))]
         return np.asarray(around + latest)
-
-    def _plate_then(self, time: float) -> FloatArray:
-        """Return where the plate was, between two poses along the arc that joins them."""
-        times = [at for at, _ in self._plate]
-        k = int(np.searchsorted(times, time + 1e-9)) - 1
-        begin, pose = self._plate[k]
-        if k + 1 == len(times):
-            return pose
-        end, after = self._plate[k + 1]
-        return compose(pose, exp(log(relative(pose, after)) * (time - begin) / (end - begin)))

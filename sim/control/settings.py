@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from pushplan.errors import PushplanError
+from pushplan.util.arrays import frozen
 
 SIGMAS = 6.0
 """Standard deviations of a mean by which a contact may seem to be open and count as closed."""
@@ -37,6 +38,11 @@ class ControlSettings:
         replans: So many plans are made after the first one, at most.
         patience: Time without a measurement after which the plate stops, s; after ten times that the controller
             gives up.
+        bias: Standard deviation of what is measured of an object beside its noise, always the same, m and rad.
+        start_error: Likewise of where the plate is at first, m and rad.
+        delay_error: Likewise of the times of measurements, s.
+        late: By how much measurements without times come late, and by what that may be off, s.
+        odometry_error: Standard deviation of the share that the plate goes too far, or aside.
     """
 
     rate: float = 50.0
@@ -51,6 +57,11 @@ class ControlSettings:
     time_limit: float = 0.06
     replans: int = 30
     patience: float = 0.5
+    bias: tuple[float, float] = (2e-3, math.radians(0.6))
+    start_error: tuple[float, float] = (4e-3, math.radians(0.6))
+    delay_error: float = 0.03
+    late: float = 0.1
+    odometry_error: float = 0.015
 
     @property
     def gap(self) -> float:
@@ -65,6 +76,9 @@ class ControlSettings:
     def __post_init__(self) -> None:
         for field in fields(self):
             value, least = getattr(self, field.name), _LEAST.get(field.name)
+            if field.name in ("bias", "start_error"):
+                object.__setattr__(self, field.name, tuple(frozen(value, (2,), field.name).tolist()))
+                value = min(getattr(self, field.name))
             whole = field.name in ("looks", "replans")
             number = isinstance(value, int if whole else int | float) and not isinstance(value, bool)
             most = _MOST.get(field.name, 1e6)

@@ -18,6 +18,7 @@ from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
 from pushplan.sim.control.course import Kick, kicked
+from pushplan.sim.control.estimator import Estimator, Sample
 from pushplan.sim.control.replanner import SHARE, Aim
 from pushplan.sim.control.sensing import Measurements, Sensor, Sightings
 from pushplan.sim.control.settings import ControlSettings
@@ -87,24 +88,80 @@ def test_what_cannot_be_nearer_lies_in_the_middle(crates: pushplan.Scenario) -> 
     assert aim.best(slid(crates.chain, [0.0, 8e-3])) == pytest.approx([4e-3, 0.0], abs=1e-9)
 
 
-def test_measurements_are_compared_with_the_plate_where_it_was_then() -> None:
-    sightings, twist = Sightings(), np.array([0.2, 0.0, 0.5])
-    place = np.array([[0.1, 0.02, 0.3]])
-    for k in range(11):
-        sightings.plate_at(0.02 * k, exp(twist * 0.02 * k))
-    for time in (0.013, 0.05, 0.1):
-        sightings.see(time, compose(exp(twist * time), place))
-    seen = sightings.places(place, 3)
+def test_measurements_are_averaged_object_by_object_and_those_ahead_wait() -> None:
+    sightings, around = Sightings(), np.zeros((2, 3))
+    for k in range(6):
+        pose = np.array([[0.01 * k, 0.0, 2.0 * np.pi], [1.0, 0.0, 0.0]])
+        if k % 2:
+            pose[1] = np.nan
+        sightings.see(0.1 * k, pose)
+        sightings.come(0.1 * k - 0.05)
+    assert sightings.latest() == pytest.approx(0.5)
+    np.testing.assert_allclose(sightings.unseen(0.0), [0.4, 0.4])
+    assert sightings.mean(around, 4) is None
+    seen = sightings.mean(around, 3)
     assert seen is not None
-    np.testing.assert_allclose(seen, place, atol=1e-12)
-    assert sightings.places(place, 4) is None
-    assert sightings.places(place, 2, since=0.06) is None
-    sightings.see(0.22, compose(exp(twist * 0.22), place))  # waits for the plate
-    assert sightings.places(place, 4) is None
-    sightings.plate_at(0.22, exp(twist * 0.22))
-    seen = sightings.places(place, 4)
-    assert seen is not None
-    np.testing.assert_allclose(seen, place, atol=1e-12)
+    np.testing.assert_allclose(seen, [[0.03, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-12)
+    assert sightings.mean(around, 2, since=0.25) is None
+
+
+TRUTHS = {
+    "nothing": (np.zeros(3), 0.0, np.zeros(3), np.zeros(3)),
+    "where the plate started": (np.array([2e-3, -3e-3, 0.006]), 0.0, np.zeros(3), np.zeros(3)),
+    "delay": (np.zeros(3), 0.03, np.zeros(3), np.zeros(3)),
+    "odometry": (np.zeros(3), 0.0, np.array([0.01, -0.008, 0.01]), np.zeros(3)),
+    "a camera": (np.zeros(3), 0.0, np.zeros(3), np.array([2e-3, 1e-3, -0.01])),
+    "all": (
+        np.array([2e-3, 1e-3, 0.004]),
+        -0.02,
+        np.array([-0.01, 0.005, 0.01]),
+        np.array([1e-3, 2e-3, 0.01]),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", TRUTHS)
+def test_what_is_wrong_is_found_and_measurements_to_come_are_expected(what: str) -> None:
+    """Along bends the other way that were not learned from: what stays open there cannot matter."""
+    start, tau, scales, bias = TRUTHS[what]
+    settings, places = ControlSettings(), np.array([[0.1, 0.0, 0.0], [0.3, 0.02, 0.5]])
+    estimator, random, period = Estimator(settings, 2), np.random.default_rng(3), 0.02
+    believed, true, poses = np.zeros(3), start, []
+    for k in range(1500):
+        speed = 0.2 * min(1.0, 0.04 * max(0, k - 25))
+        turn = 0.0 if k < 300 else 0.3 if k < 900 else -0.3
+        twist = np.array([speed, 0.02 * speed, turn * speed / 0.2])
+        estimator.moved(k * period, believed)
+        poses.append(true)
+        if k % 2 == 0 and k < 900:
+            late = poses[max(0, k - round(tau / period))] if tau >= 0 else None
+            there = compose(true, exp(-tau * twist)) if late is None else late
+            if tau > 0.0:
+                there = compose(poses[max(0, k - 2)], exp((2 * period - tau) * twist))
+            seen = compose(compose(there, places), bias) + random.normal(size=(2, 3)) * [1e-3, 1e-3, 0.005]
+            estimator.add(Sample(k * period, seen, places))
+        if k % 20 == 0:
+            estimator.fit(k * period)
+        done = np.array(twist)
+        done[0] += scales[0] * twist[0] - scales[1] * twist[1]
+        done[1] += scales[0] * twist[1] + scales[1] * twist[0]
+        done[2] *= 1.0 + scales[2]
+        believed, true = compose(believed, exp(twist * period)), compose(true, exp(done * period))
+        if k == 1300:
+            assert estimator.asked(estimator.scaled(twist)) == pytest.approx(twist)
+    seen = compose(compose(poses[-1], places), bias)
+    late = relative(seen, compose(compose(compose(poses[-1], exp(-tau * twist)), places), bias))
+    off = estimator.residuals([Sample(1499 * period, compose(seen, late), places)])[0]
+    spread = estimator.spread(Sample(1499 * period, seen, places))
+    assert (np.hypot(off[:, 0], off[:, 1]) < 4.0 * spread[:, 0] + 1e-3).all()
+    assert (spread < [4e-3, 5e-3]).all()
+    assert estimator.values[3] == pytest.approx(tau, abs=8e-3)
+    np.testing.assert_allclose(estimator.values[[4, 6]], scales[[0, 2]], atol=4e-3)
+    # a drift aside looks like a start that is turned, and headings measured turned back
+    assert estimator.values[2] + estimator.values[5] == pytest.approx(start[2] + scales[1], abs=4e-3)
+    words = estimator.words()
+    assert ("odometry" in words) == (what in ("odometry", "all")), words
+    assert ("delay" in words.split(";")[0]) <= (tau != 0.0), words
 
 
 def test_a_sensor_has_its_rate_delay_and_noise() -> None:

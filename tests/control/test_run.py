@@ -102,8 +102,10 @@ def test_a_loop_that_is_killed_leaves_what_has_happened(
     assert cut.feedback is not None
     count = len(cut.execution.t)
     assert cut.execution.t[-1] > 1.9
-    for array in ("t", "poses", "objects", "margins", "wrenches"):
+    for array in ("t", "poses", "objects", "wrenches"):
         np.testing.assert_array_equal(getattr(cut.execution, array), getattr(back.execution, array)[:count])
+    # margins of a few twists and of many at once are rounded differently
+    np.testing.assert_allclose(cut.execution.margins, back.execution.margins[:count], atol=1e-12)
     np.testing.assert_array_equal(
         cut.feedback.measured.t, run.course.measured.t[: len(cut.feedback.measured.t)]
     )
@@ -112,7 +114,7 @@ def test_a_loop_that_is_killed_leaves_what_has_happened(
     whole = load_run(tmp_path / "whole.mcap")
     assert whole.outcome == "arrived"
     assert whole.execution is not None
-    np.testing.assert_array_equal(whole.execution.margins, back.execution.margins)
+    np.testing.assert_allclose(whole.execution.margins, back.execution.margins, atol=1e-12)
     np.testing.assert_array_equal(whole.execution.wrenches, back.execution.wrenches)
     assert verify_run(load_run(tmp_path / "whole.mcap", messages=True)).matches
 

@@ -1,0 +1,279 @@
+"""What sensors and wheels err by, from measurements while contacts are closed.
+
+With closed contacts object i stands at its place X_i on the plate, and what is measured of it at t is
+
+    z_i(t) = C P(t - tau; s_v, c, s_w) X_i B_i + noise,
+
+P the pose that the plate has been told to go to (or odometry says), its motions scaled by 1 + s_v along, 1 + s_w in
+turns and drifting aside by c of the way; C where the plate really started; B_i the error of what is measured of
+object i. All are constants without process noise, so that a slip is none of them; the most likely ones are found by
+Gauss-Newton, with priors and Student's t for outliers. What has no information stays at its prior, and is told as not
+observable yet.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pushplan.geometry.se2 import chained, compose, exp, inverse, log, relative, wrap_angle
+from pushplan.sim.control.settings import ControlSettings
+from pushplan.util.arrays import FloatArray
+
+ROOM = 160
+"""Samples kept; when there are more, every second one of the older half goes."""
+HOLD = 0.4
+"""Age that a sample has to have before it is learned from, s: what happens is noticed before it can be explained."""
+FREEDOM = 4.0
+"""Degrees of freedom of Student's t."""
+ROUNDS = 2
+"""Gauss-Newton steps a fit, which begins from the last one."""
+MODEL = (3e-4, 1e-3)
+"""What the model errs by whatever is known, m and rad."""
+STEPS = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-5, 1e-5, 1e-5])
+"""Steps of the differences by which derivatives are taken."""
+KNOT = 10
+"""Poses of the plate between two that its way is added up from."""
+NOISY = 24
+"""Measurements of an object from which noise is estimated."""
+COMMON = 7
+"""Numbers that all objects share: x, y and theta of C, tau, s_v, c, s_w."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A measurement with closed contacts: when, the poses (n, 3), NaN where unseen, and the places X_i (n, 3)."""
+
+    time: float
+    poses: FloatArray
+    places: FloatArray
+
+
+class Estimator:
+    """Estimates constants of the sensors and of the plate's motion.
+
+    Args:
+        settings: Its priors.
+        count: Number of objects.
+
+    Attributes:
+        values: (7 + 3 n,) x, y (m), theta (rad) of C, tau (s), s_v, c, s_w, and of each object x, y, theta of B_i.
+        covariance: Of these.
+        noise: (2,) standard deviations of measurements, m and rad, as stated or as found where that is more.
+    """
+
+    def __init__(self, settings: ControlSettings, count: int) -> None:
+        self._settings, self._count = settings, count
+        gauge = [settings.start_error[0]] * 2 + [settings.start_error[1]]
+        scale = settings.odometry_error
+        bias = [settings.bias[0]] * 2 + [settings.bias[1]]
+        self._prior = np.array([*gauge, settings.delay_error, scale, scale, scale, *(bias * count)])
+        self.values, self.covariance = np.zeros(len(self._prior)), np.diag(self._prior**2)
+        self.noise = np.array([settings.position_noise, settings.angle_noise])
+        self._history, self._count_moved = np.zeros((1024, 4)), 0
+        self._knots: list[FloatArray] = []
+        self._samples: list[Sample] = []
+        self._center = np.zeros(len(self._prior))
+
+    def unstamped(self) -> None:
+        """Expect what comes without a time to be late."""
+        late = self._settings.late
+        self._center[3], self._prior[3] = late, late
+        self.values[3], self.covariance[3, 3] = late, late**2
+
+    def moved(self, time: float, plate: FloatArray) -> None:
+        """Take down where the plate is by what it was told, or by odometry (3,)."""
+        k = self._count_moved
+        if k == len(self._history):
+            self._history = np.concatenate([self._history, np.zeros_like(self._history)])
+        self._history[k] = time, *plate
+        self._count_moved = k + 1
+        if k and k % KNOT == 0:
+            self._knots.append(log(relative(self._history[k - KNOT, 1:], plate)))
+
+    def add(self, sample: Sample) -> None:
+        """Take down a measurement with closed contacts."""
+        self._samples.append(sample)
+        if len(self._samples) > ROOM:
+            half = ROOM // 2
+            self._samples = self._samples[:half:2] + self._samples[half:]
+
+    def forget(self, since: float, until: float) -> None:
+        """Forget what was measured between two times: something happened then, or contacts were open."""
+        self._samples = [sample for sample in self._samples if not since <= sample.time <= until]
+
+    def plate(self, time: float) -> FloatArray:
+        """Return where the plate is or was at a time (3,), as the measured poses have it."""
+        return np.asarray(self._plates(self.values, np.array([time]), False)[0])
+
+    def scaled(self, twist: FloatArray) -> FloatArray:
+        """Return the body twist (3,) that the plate does when it is told another."""
+        return np.asarray(_scaled(twist[None], self.values)[0])
+
+    def asked(self, twist: FloatArray) -> FloatArray:
+        """Return the body twist (3,) to tell the plate so that it does another."""
+        s, c, w = self.values[4:7]
+        x, y, turn = twist
+        size = (1 + s) ** 2 + c**2
+        return np.array([((1 + s) * x + c * y) / size, ((1 + s) * y - c * x) / size, turn / (1 + w)])
+
+    def unbiased(self, poses: FloatArray, places: FloatArray, normals: FloatArray) -> FloatArray:
+        """Return measured poses (n, 3) without what of their errors can be told from slides: normal and angle.
+
+        Args:
+            poses: As measured.
+            places: (n, 3) X_i.
+            normals: (n, 2) of the contact that each is pushed through, in the frame of the places.
+        """
+        bias = self.values[COMMON:].reshape(-1, 3)
+        return compose(poses, inverse(bias - self._aside(places, normals)))
+
+    def take_slides(self, places: FloatArray, normals: FloatArray) -> None:
+        """Take errors along the contacts for slides: places that come have them."""
+        aside = self._aside(places, normals)
+        self._samples = [Sample(s.time, s.poses, compose(s.places, aside)) for s in self._samples]
+        self.values = self.values.copy()
+        self.values[COMMON:] -= aside.reshape(-1)
+
+    def _aside(self, places: FloatArray, normals: FloatArray) -> FloatArray:
+        """Return what of the errors (n, 3) in the objects' frames is along the contacts."""
+        along = np.arctan2(normals[:, 1], normals[:, 0]) + 0.5 * np.pi - places[:, 2]
+        t = np.stack([np.cos(along), np.sin(along)], axis=-1)
+        bias = self.values[COMMON:].reshape(-1, 3)
+        tangential = (bias[:, :2] * t).sum(axis=1, keepdims=True) * t
+        return np.concatenate([tangential, np.zeros((len(bias), 1))], axis=1)
+
+    def residuals(self, samples: list[Sample]) -> FloatArray:
+        """Return what measurements are off (k, n, 3) of what is expected with closed contacts, in their frames."""
+        return self._residuals(self.values, samples)
+
+    def spread(self, sample: Sample) -> FloatArray:
+        """Return the standard deviations (n, 2) of what is expected of the objects then, m and rad."""
+        jacobian = self._jacobian([sample], self.values)[0]
+        own = np.einsum("nip,pq,niq->ni", jacobian, self.covariance, jacobian)
+        position, angle = 0.5 * own[:, :2].sum(axis=1), own[:, 2]
+        return np.asarray(np.sqrt(np.stack([position + MODEL[0] ** 2, angle + MODEL[1] ** 2], axis=-1)))
+
+    def fit(self, now: float) -> None:
+        """Find the most likely values for all samples that are old enough."""
+        samples = [sample for sample in self._samples if sample.time <= now - HOLD]
+        if len(samples) < 8:
+            return
+        self._look_at_noise(samples)
+        sigma = np.array([self.noise[0], self.noise[0], self.noise[1]])
+        values = self.values
+        for _ in range(ROUNDS):
+            errors = self._residuals(values, samples) / sigma
+            seen = ~np.isnan(errors[..., 0])
+            jacobian = (self._jacobian(samples, values) / sigma[:, None])[seen]
+            e = errors[seen]
+            weights = (FREEDOM + 3.0) / (FREEDOM + (e**2).sum(axis=1))
+            hessian = np.einsum("k,kip,kiq->pq", weights, jacobian, jacobian) + np.diag(self._prior**-2.0)
+            gradient = (
+                np.einsum("k,kip,ki->p", weights, jacobian, e) + (values - self._center) / self._prior**2
+            )
+            values = values - np.linalg.solve(hessian, gradient)
+        self.values, self.covariance = values, np.linalg.inv(hessian)
+
+    def absorb(self, off: FloatArray) -> None:
+        """Take what is off (n, 3) in the objects' frames, and stays so after a push, for errors of measurement."""
+        self.values = self.values.copy()
+        self.values[COMMON:] += off.reshape(-1)
+        self._center[COMMON:] = self.values[COMMON:]
+
+    def words(self) -> str:
+        """Return what was found, and what was not."""
+        sigma, found, open_yet = np.sqrt(np.diag(self.covariance)), [], []
+        x, y, theta, tau, s, c, w = self.values[:COMMON]
+        far = float(np.hypot(x, y))
+        bias = self.values[COMMON:].reshape(-1, 3)
+        offset, turned = float(np.hypot(*bias[:, :2].T).max()), float(np.abs(bias[:, 2]).max())
+        for value, unsure, prior, text in (
+            (far, sigma[0], self._prior[0], f"plate's start {1e3 * far:.1f} mm off"),
+            (abs(theta), sigma[2], self._prior[2], f"directions {math.degrees(theta):.2f} deg off"),
+            (offset, sigma[COMMON], self._prior[COMMON], f"camera offset {1e3 * offset:.1f} mm"),
+            (
+                turned,
+                sigma[COMMON + 2],
+                self._prior[COMMON + 2],
+                f"headings {math.degrees(turned):.2f} deg off",
+            ),
+            (abs(tau), sigma[3], self._prior[3], f"delay {1e3 * tau:.0f} ms"),
+            (
+                abs(s),
+                sigma[4],
+                self._prior[4],
+                f"odometry {100 * abs(s):.1f} % {'short' if s > 0 else 'long'}",
+            ),
+            (abs(c), sigma[5], self._prior[5], f"drift aside {100 * abs(c):.1f} %"),
+            (abs(w), sigma[6], self._prior[6], f"turns {100 * abs(w):.1f} % {'short' if w > 0 else 'long'}"),
+        ):
+            if value > 4.0 * unsure and value > 0.2 * prior:
+                found.append(text)
+            elif unsure > 0.8 * prior and value < prior:
+                open_yet.append(text.split(" ")[0])
+        told = ", ".join(found)
+        return told + (f"; not observable yet: {', '.join(open_yet)}" if found and open_yet else "")
+
+    def _look_at_noise(self, samples: list[Sample]) -> None:
+        """Estimate the noise from what differs from one measurement to the next."""
+        recent = samples[-4 * NOISY :]
+        close = np.diff([sample.time for sample in recent]) < 0.15
+        errors = np.diff(self._residuals(self.values, recent), axis=0)[close] / math.sqrt(2.0)
+        errors = errors[~np.isnan(errors[..., 0])]
+        if len(errors) >= NOISY:
+            found = 1.48 * np.median(np.abs(errors), axis=0)
+            stated = self._settings.position_noise, self._settings.angle_noise
+            self.noise = np.maximum(stated, [0.5 * (found[0] + found[1]), found[2]])
+            self.noise = np.maximum(self.noise, [1e-6, 1e-6])
+
+    def _residuals(self, values: FloatArray, samples: list[Sample]) -> FloatArray:
+        """Return errors (k, n, 3) of samples in the objects' frames."""
+        error = relative(self._expected(values, samples), np.array([sample.poses for sample in samples]))
+        error[..., 2] = wrap_angle(error[..., 2])
+        return error
+
+    def _jacobian(self, samples: list[Sample], values: FloatArray) -> FloatArray:
+        """Return derivatives (k, n, 3, p) of the errors by the values; by those of B_i, which is small, minus 1."""
+        made = np.zeros((len(samples), self._count, 3, len(values)))
+        origin = [Sample(s.time, np.zeros_like(s.poses), s.places) for s in samples]
+        there = self._expected(values, origin)
+        for p in range(COMMON):
+            moved = values.copy()
+            moved[p] += STEPS[p]
+            step = relative(there, self._expected(moved, origin))
+            step[..., 2] = wrap_angle(step[..., 2])
+            made[..., p] = -step / STEPS[p]
+        for i in range(self._count):
+            made[:, i, :, COMMON + 3 * i : COMMON + 3 * i + 3] = -np.eye(3)
+        return made
+
+    def _expected(self, values: FloatArray, samples: list[Sample]) -> FloatArray:
+        plates = self._plates(values, np.array([sample.time for sample in samples]), True)
+        places = compose(np.array([sample.places for sample in samples]), values[COMMON:].reshape(-1, 3))
+        return compose(plates[:, None], places)
+
+    def _plates(self, values: FloatArray, times: FloatArray, late: bool) -> FloatArray:
+        """Return where the plate was (k, 3) at times, which grow; `late`: tau before them."""
+        times_moved, history = self._history[: self._count_moved, 0], self._history[: self._count_moved, 1:]
+        last = len(history) - 1
+        at = np.clip(times - (values[3] if late else 0.0), times_moved[0], times_moved[-1])
+        k = np.clip(np.searchsorted(times_moved, at, side="right") - 1, 0, max(last - 1, 0))
+        after = np.minimum(k + 1, last)
+        span = times_moved[after] - times_moved[k]
+        share = (at - times_moved[k]) / np.where(span > 0.0, span, 1.0)
+        poses = compose(history[k], exp(log(relative(history[k], history[after])) * share[:, None]))
+        knot = k // KNOT
+        begin = compose(history[0], values[:3])
+        chain = chained(begin, exp(_scaled(np.array(self._knots).reshape(-1, 3), values)))
+        rest = log(relative(history[knot * KNOT], poses))
+        return compose(chain[knot], exp(_scaled(rest, values)))
+
+
+def _scaled(twists: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the twists (k, 3) that the plate does when it is told others."""
+    s, c, w = values[4:7]
+    x, y, turn = twists.T
+    return np.stack([(1 + s) * x - c * y, (1 + s) * y + c * x, (1 + w) * turn], axis=-1)
