@@ -19,6 +19,10 @@ VIEW_RATE = 20.0
 SMOOTHED_RATE = 10.0
 """Poses per second of a timed path in pictures."""
 
+MOST_VIEWED = 12_000
+"""Samples and poses that viewers get, at most, so that logs of drives of hours are read within their limits: at the
+rates above that is 10 and 20 minutes."""
+
 
 def contact_names(scenario: Scenario) -> list[str]:
     """Return what the contact of each object is called: who pushes whom, or the object where that changes."""
@@ -30,14 +34,19 @@ def contact_names(scenario: Scenario) -> list[str]:
 
 def smoothed_times(trajectory: Trajectory) -> FloatArray:
     """Return the times (m,) at which a timed path is drawn, its end included, s."""
-    return np.append(np.arange(0.0, trajectory.duration, 1.0 / SMOOTHED_RATE), trajectory.duration)
+    step = max(1.0 / SMOOTHED_RATE, trajectory.duration / MOST_VIEWED)
+    return np.append(np.arange(0.0, trajectory.duration, step), trajectory.duration)
 
 
 def viewed(execution: Execution) -> IntArray:
-    """Return the samples to show: the first of each 1/20 s and segment, the last, where each margin is smallest."""
+    """Return the samples to show: the first of each 1/20 s and segment, the last, where each margin is smallest.
+
+    Of a long execution it is the first of each `MOST_VIEWED`th part.
+    """
     if len(execution.t) == 0:
         return np.zeros(0, dtype=np.int64)
-    frame = np.floor(execution.t * VIEW_RATE + 1e-6)  # t = 0.35 s is in frame 7, whatever its last bits say
+    rate = min(VIEW_RATE, MOST_VIEWED / max(float(execution.t[-1]), 1.0))
+    frame = np.floor(execution.t * rate + 1e-6)  # t = 0.35 s is in frame 7, whatever its last bits say
     first = np.flatnonzero(np.diff(frame, prepend=-1.0))
     begun = np.flatnonzero(np.diff(execution.segment, prepend=-1))
     margins = np.where(np.isnan(execution.margins), np.inf, execution.margins)

@@ -199,7 +199,7 @@ def _compare_messages(run: RecordedRun) -> list[Check]:
         else:
             for (time, data), (then, made) in zip(found, wanted, strict=False):
                 if time != then:
-                    _raise(worst, Check(f"{name} time", 1e-9 * abs(time - then), time=1e-9 * then))
+                    _raise(worst, Check(f"{name} time", 1e-9 * abs(time - then), 0.0, 1e-9 * then))
                 if data != made:
                     for check in _compare_fields(kinds[name], data, made, 1e-9 * then):
                         _raise(worst, check)

@@ -37,7 +37,7 @@ from pushplan.sets.named import add_set
 from pushplan.sets.stable_set import StableSet
 from pushplan.sim.kinematic import execute
 from pushplan.sim.robustness import least_robustness
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import FloatArray, numbers
 from pushplan.util.collection import no_collection
 from pushplan.util.names import DEFAULT_PLANNER, RANKED_BY
 from pushplan.util.stopwatch import Stopwatch
@@ -221,10 +221,19 @@ class Planner:
         return costs_of_words(scene, families, *both, self.scenario.clearance)
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Planner:
-        """Return a planner among other obstacles; stable sets and contacts are kept."""
+        """Return a planner among other obstacles; stable sets and contacts are kept.
+
+        Raises:
+            PlanningError: When one of them is no obstacle.
+        """
+        obstacles = tuple(obstacles)
+        for k, one in enumerate(obstacles):
+            if not isinstance(one, Obstacle):
+                what = f"obstacle {k} is {one!r:.40}"
+                raise PlanningError(f"{what}; allowed: PolygonObstacle and CircleObstacle")
         other: Planner = object.__new__(Planner)
         other.__dict__.update(self.__dict__)
-        other.scenario = replace(self.scenario, obstacles=tuple(obstacles))
+        other.scenario = replace(self.scenario, obstacles=obstacles)
         if isinstance(self._search, PushSearch):
             posing = self._search.posing.in_room(open_scene(other.scenario))
             other._search = self._search.of(other.scenario, posing)
@@ -495,7 +504,7 @@ def _poses(poses: ArrayLike, what: str) -> FloatArray:
     Raises:
         PlanningError: When they are none.
     """
-    array = np.array(poses, dtype=np.float64, ndmin=2)
+    array = np.atleast_2d(numbers(poses, what))
     if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.isfinite(array).all():
         raise PlanningError(f"{what} have the shape {array.shape}; allowed: finite poses (k, 3)")
     return array

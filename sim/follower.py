@@ -116,7 +116,11 @@ class Follower:
         off: tuple[float, float] | None = None,
         slipped: tuple[float, float] = SLIPPED,
     ) -> None:
-        plan = run if isinstance(run, Plan) else run.plan
+        plan = run if isinstance(run, Plan) else getattr(run, "plan", run)
+        if not isinstance(plan, Plan | None):
+            raise PushplanError(
+                f"there is nothing to follow in {run!r:.40}; allowed: a plan, or a run that has one"
+            )
         if plan is None or plan.trajectory is None:
             raise PushplanError(f"{run.scenario.name}: there is no plan to follow")
         if not 0.0 < period < 1.0:

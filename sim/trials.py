@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -286,8 +287,11 @@ def execute_trials(
         PushplanError: When `samples` is below 1, or the plan is not timed.
         SupportError: When the load under an object is not known.
     """
-    if samples < 1:
-        raise PushplanError(f"the number of samples is {samples}; it must be at least 1")
+    for name, number, least in (("number of samples", samples, 1), ("seed", seed, 0)):
+        if not (isinstance(number, Integral) and number >= least):
+            raise PushplanError(f"the {name} is {number!r:.40}; it must be a whole number from {least}")
+    if not callable(simulator):
+        raise PushplanError(f"{simulator!r:.40} is no simulator: a function of a plan and a world")
 
     def one(i: int) -> tuple[ContactReport, bool]:
         world = sampled_world(plan.scenario, uncertainty, np.random.default_rng([seed, i]))

@@ -32,6 +32,11 @@ def test_sets_and_planners_answer_as_before(plan: pushplan.Plan) -> None:
     assert planner.plan(time_limit=60.0).cost == pytest.approx(plan.cost)
 
 
+def test_a_controller_goes_on_where_it_was(plan: pushplan.Plan) -> None:
+    controller = pickle.loads(pickle.dumps(pushplan.Controller(plan)))
+    assert controller.step(0.0).any()
+
+
 def test_a_follower_goes_on_where_it_was(plan: pushplan.Plan) -> None:
     follower = pickle.loads(pickle.dumps(pushplan.Follower(plan)))
     assert follower.step(plan.segments[0].path.start).twist is not None

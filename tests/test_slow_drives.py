@@ -10,6 +10,7 @@ import yaml
 
 import pushplan
 from pushplan.cli.main import main
+from pushplan.logging.shown import MOST_VIEWED, smoothed_times, viewed
 from pushplan.plans.trajectory import MOST_SAMPLES, Trajectory
 from pushplan.scenario.file import example_text
 
@@ -40,6 +41,8 @@ def test_a_drive_of_hours_has_a_bounded_number_of_exact_samples(tmp_path: Path) 
     assert result.trajectory.duration > 3600.0
     assert len(result.trajectory.t) <= MOST_SAMPLES + 2
     assert len(result.execution.t) == len(result.trajectory.t)
+    assert 0.9 * MOST_VIEWED < len(viewed(result.execution)) <= MOST_VIEWED + 3
+    assert len(smoothed_times(result.trajectory)) <= MOST_VIEWED + 1
     assert result.trajectory.t[-1] == result.trajectory.duration
     assert np.max(result.execution.goal_error) < 1e-9
 

@@ -238,7 +238,7 @@ def _shortest(points: FloatArray, inside: BaseGeometry) -> float:
     queue, done, sights = [(float(ahead[0]), 0)], np.zeros(len(points), dtype=bool), 0
     while queue:
         through, here = heapq.heappop(queue)
-        if here == 1 or sights > MOST_SIGHTS:
+        if here == 1:
             return through
         if done[here]:
             continue
@@ -246,6 +246,8 @@ def _shortest(points: FloatArray, inside: BaseGeometry) -> float:
         steps = so_far[here] + np.linalg.norm(points - points[here], axis=1)
         better = np.flatnonzero(steps < so_far)
         sights += len(better)
+        if sights > MOST_SIGHTS:
+            return through
         lines = np.stack([np.broadcast_to(points[here], (len(better), 2)), points[better]], axis=1)
         for there in better[~shapely.intersects(inside, shapely.linestrings(lines))]:
             so_far[there] = steps[there]

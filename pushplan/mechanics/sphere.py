@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 import pushplan.core.sphere as sphere
 from pushplan.errors import PushplanError
-from pushplan.util.arrays import FloatArray, columns_of, frozen
+from pushplan.util.arrays import FloatArray, columns_of, frozen, numbers
 
 POLE = np.pi / 2.0
 """Latitude of a counter-clockwise turn about the chain frame's origin."""
@@ -84,7 +84,7 @@ def checked_twists(twists: ArrayLike) -> FloatArray:
     Raises:
         PushplanError: On another shape, a number that is not finite, or a zero twist.
     """
-    v = np.ascontiguousarray(twists, dtype=np.float64)
+    v = np.ascontiguousarray(numbers(twists, "twists"))
     if v.ndim != 2 or v.shape[1] != 3:
         raise PushplanError(f"twists have shape {v.shape}; it must be (k, 3): vx, vy, omega")
     if not np.isfinite(v).all():

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.util.arrays import FloatArray, frozen
+from pushplan.util.arrays import FloatArray, frozen, instants
 
 TURN_WEIGHT = 0.1
 """Metres of travel that one radian of turning counts as in the path cost."""
@@ -75,8 +75,12 @@ class PushPath:
         return PushPath(se2.compose(self.start, frame), twists / rate[:, None], self.lengths * rate)
 
     def poses_at(self, s: ArrayLike) -> FloatArray:
-        """Return the poses (m, 3) in the world at the costs `s` (m,), clipped to the path."""
-        s = np.clip(np.asarray(s, dtype=np.float64), 0.0, self.cost)
+        """Return the poses (m, 3) in the world at the costs `s` (m,), clipped to the path.
+
+        Raises:
+            PushplanError: When a cost is no number.
+        """
+        s = np.clip(instants(s, "costs"), 0.0, self.cost)
         if len(self.lengths) == 0:
             return np.broadcast_to(self.start, (*s.shape, 3)).copy()
         begins = np.concatenate([[0.0], np.cumsum(self.lengths)])

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.util.arrays import FloatArray, columns_of, frozen
+from pushplan.util.arrays import FloatArray, columns_of, frozen, instants
 
 SAMPLE_RATE = 100.0
 """Default rate at which trajectories are sampled and executed, Hz."""
@@ -205,8 +205,12 @@ class Trajectory:
         return replace(self, rate=rate)
 
     def poses_at(self, t: ArrayLike) -> FloatArray:
-        """Return the poses (m, 3) in the world at times (m,), clipped to the trajectory."""
-        t = np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
+        """Return the poses (m, 3) in the world at times (m,), clipped to the trajectory.
+
+        Raises:
+            PushplanError: When a time is no number.
+        """
+        t = np.clip(instants(t, "times"), 0.0, self.duration)
         if len(self.coefficients) == 0:
             return np.broadcast_to(self.start, (*t.shape, 3)).copy()
         piece = self.piece_at(t)

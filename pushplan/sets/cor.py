@@ -10,7 +10,7 @@ import shapely
 
 from pushplan.errors import PushplanError
 from pushplan.sets.boundary_following import RefinedMeridians
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import FloatArray, IntArray, numbers
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -106,7 +106,8 @@ def window_box(window: Window | None, length: float) -> shapely.Polygon:
     if window is None:
         half = 4.0 * length
         window = (-half, -half, half, half)
-    if not (window[0] < window[2] and window[1] < window[3] and np.isfinite(window).all()):
+    ends = numbers(window, "window")
+    if ends.shape != (4,) or not (np.isfinite(ends).all() and (ends[:2] < ends[2:]).all()):
         raise PushplanError(
             f"window is {window}; it must be (xmin, ymin, xmax, ymax) with xmin < xmax, ymin < ymax"
         )

@@ -17,6 +17,30 @@ RandomState = NDArray[np.uint64]
 """(1,) state of a compiled random generator."""
 
 
+def numbers(values: ArrayLike, name: str) -> FloatArray:
+    """Return a copy of `values` as floats.
+
+    Raises:
+        PushplanError: When they are none.
+    """
+    try:
+        return np.array(values, dtype=np.float64, copy=True)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise PushplanError(f"{name} cannot be read as numbers: {error}") from error
+
+
+def instants(values: ArrayLike, name: str) -> FloatArray:
+    """Return places along a way, infinite ones too, as floats.
+
+    Raises:
+        PushplanError: When one is no number.
+    """
+    found = numbers(values, name)
+    if np.isnan(found).any():
+        raise PushplanError(f"{name} hold NaN; allowed: numbers")
+    return found
+
+
 def frozen(values: ArrayLike, shape: Sequence[int | None], name: str) -> FloatArray:
     """Return a read-only float copy of `values`, checked for shape and finiteness.
 
@@ -26,9 +50,9 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], name: str) -> FloatAr
         name: What the values are, for the error.
 
     Raises:
-        PushplanError: On a wrong shape or a number that is not finite.
+        PushplanError: On a wrong shape or a number that is not finite, or where there are no numbers.
     """
-    array = np.array(values, dtype=np.float64, copy=True)
+    array = numbers(values, name)
     fits = array.ndim == len(shape) and all(
         want is None or want == have for want, have in zip(shape, array.shape, strict=True)
     )

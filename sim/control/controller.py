@@ -12,6 +12,7 @@ import math
 from collections import deque
 from collections.abc import Iterable
 from enum import Enum
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -129,7 +130,7 @@ class Controller:
         self.events: list[Event] = []
         self.replans: list[Replan] = []
         self._replanner.rehearse(plan.path)
-        self._intake, self._bad_clock = Intake(lambda words: self._tell("dropped", words)), 0
+        self._intake, self._bad_clock = Intake(partial(self._tell, "dropped")), 0
         self._sightings, self._estimator = Sightings(), Estimator(settings, len(scenario.chain.objects))
         self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
         self._plate = self._odometry = np.array(scenario.start)

@@ -30,7 +30,7 @@ from pushplan.sim.report import (
 )
 from pushplan.sim.slip.packing import Pair, Piece, cut, pack_bodies, pack_world
 from pushplan.sim.world import World
-from pushplan.util.arrays import FloatArray, frozen
+from pushplan.util.arrays import FloatArray, frozen, numbers
 from pushplan.util.names import APPROACH
 
 SETTLED = 0.9
@@ -129,7 +129,7 @@ class SlipSimulator:
 
     def move(self, twist: ArrayLike, duration: float) -> core.Trace:
         """Move the plate with a constant body twist (3,), in steps as `settings` says."""
-        motion = frozen(np.asarray(twist, dtype=np.float64) * duration, (3,), "motion of the plate")
+        motion = frozen(numbers(twist, "twist") * duration, (3,), "motion of the plate")
         way = float(np.hypot(motion[0], motion[1])) + self.reach * abs(float(motion[2]))
         if not (way <= FARTHEST and duration >= 0.0):
             raise PushplanError(

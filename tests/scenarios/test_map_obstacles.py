@@ -258,6 +258,8 @@ def _of(cells: npt.NDArray[np.uint8], folder: Path) -> Path:
             np.indices((1000, 1000)).sum(axis=0) % 2 == 0,
             "has 500000 separate runs of blocked cells in its rows",
         ),
+        ((np.indices((400, 400)) % 4 == 0).any(axis=0), "has 9801 places that blocked cells close off"),
+        (np.indices((400, 400)).sum(axis=0) % 2 == 0, "has 80000 separate regions of blocked cells"),
         ((np.indices((500, 500)) % 4 == 0).all(axis=0), "has 15625 separate regions of blocked cells"),
     ],
 )
