@@ -196,7 +196,7 @@ def test_wrong_uncertainties_are_told(words: str, message: str, capsys: pytest.C
 
 
 def test_what_cannot_be_tried_is_refused(planned: Plan) -> None:
-    with pytest.raises(PushplanError, match="must be at least 1"):
+    with pytest.raises(PushplanError, match="it must be a whole number from 1"):
         execute_trials(planned, 0)
     with pytest.raises(PlanningError, match="there is no plan to try: no room"):
         pushplan.trial(replace(planned, segments=(), reason="no room"))
