@@ -66,7 +66,7 @@ TOO_LARGE = 77
 """Exit code of a process that has taken too much memory."""
 
 MOST_OUTPUT = 4000
-"""Characters of what a process that died has written, kept for people."""
+"""Characters of what a process that died has written, kept for people: as many of its beginning as of its end."""
 
 CONNECT = 10.0
 """Seconds to wait for the scheduler of a cluster."""
@@ -241,9 +241,13 @@ UNKNOWN_END = 255
 
 
 def _with_output(text: str, folder: Path) -> str:
-    """Add the end of what the process of a run has written on its standard streams."""
+    """Add the beginning and the end of what the process of a run has written on its standard streams."""
     path = folder / OUTPUT
-    written = path.read_text(errors="replace").strip()[-MOST_OUTPUT:] if path.exists() else ""
+    written = path.read_text(errors="replace").strip() if path.exists() else ""
+    if (
+        len(written) > MOST_OUTPUT
+    ):  # a crash says what it was at its beginning, its modules take pages after that
+        written = f"{written[: MOST_OUTPUT // 2]}\n...\n{written[-MOST_OUTPUT // 2 :]}"
     return f"{text}\n{written}" if written else text
 
 

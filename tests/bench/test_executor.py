@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from pushplan.bench import executor
 from pushplan.bench.executor import local_engine
 from pushplan.bench.outcome import STATUSES, Outcome
 from pushplan.bench.suite import RunSpec, suite_from_text
@@ -134,3 +135,12 @@ def test_what_a_file_says_wrong_is_an_error_of_the_run() -> None:
     assert isinstance(outcome, Outcome)
     assert outcome.status == "error"
     assert outcome.message.startswith("ScenarioError: one-box.yaml:1:1: floor: is missing")
+
+
+def test_long_output_is_told_by_its_beginning_and_its_end(tmp_path: Path) -> None:
+    (tmp_path / executor.OUTPUT).write_text("Fatal: first\n" + "module, " * 2000 + "last")
+    text = executor._with_output("killed", tmp_path)
+    assert text.startswith("killed\nFatal: first\n")
+    assert text.endswith("last")
+    assert "\n...\n" in text
+    assert len(text) < executor.MOST_OUTPUT + 20

@@ -46,7 +46,7 @@ goal: {pose: [2.0, 0.6, 0.5]}
 
 def planned(scenario: Scenario, **options: Any) -> Numbers:
     """Return what a search of a fixed number of iterations finds, and what becomes of its plan."""
-    plan = pushplan.plan(scenario, **{"seed": 1, "iterations": 3000, "time_limit": 300.0} | options)
+    plan = pushplan.plan(scenario, **{"seed": 1, "iterations": 300, "time_limit": 300.0} | options)
     assert plan.solved, plan.reason
     assert plan.execution is not None
     execution, robustness = plan.execution, plan.robustness
