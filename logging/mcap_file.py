@@ -57,12 +57,24 @@ _COUNTED = {
 }
 
 
-class Message(NamedTuple):
-    """A message: `kind` is its full protobuf type, `offset` the place of its chunk in the file."""
+class Channel(NamedTuple):
+    """What is said of the messages of a topic: their encoding, and name, encoding and text of their schema."""
 
     topic: str
+    encoding: str
     kind: str
+    language: str
+    schema: bytes
+    words: tuple[tuple[str, str], ...] = ()
+
+
+class Message(NamedTuple):
+    """A message: its number in the topic, times in ns; `offset` is the place of its chunk in the file."""
+
+    topic: str
+    number: int
     time: int
+    published: int
     data: memoryview
     offset: int
 
@@ -128,6 +140,23 @@ class McapFile:
         self._channels: dict[int, records.Channel] = {}
         self._seen: Counter[int] = Counter()
         self._inflated = self._inner = self._outer = self._kept = 0
+
+    @property
+    def channels(self) -> frozenset[Channel]:
+        """What the file has declared so far."""
+        none = records.Schema(0, b"", "", "")
+        found = [(one, self._schemas.get(one.schema_id, none)) for one in self._channels.values()]
+        return frozenset(
+            Channel(
+                one.topic,
+                one.message_encoding,
+                of.name,
+                of.encoding,
+                of.data,
+                tuple(sorted(one.metadata.items())),
+            )
+            for one, of in found
+        )
 
     def items(self) -> Iterator[Item]:
         """Yield what the file holds.
@@ -263,14 +292,13 @@ class McapFile:
         """Yield the message in `body` if its topic is wanted."""
         if len(body) < _MESSAGE.size:
             raise DamageError("a message without its number, channel and times", at)
-        number, _, time, _ = _MESSAGE.unpack_from(body)
-        channel = self._channels.get(number)
+        identity, number, time, published = _MESSAGE.unpack_from(body)
+        channel = self._channels.get(identity)
         if channel is None:
-            raise DamageError(f"a message on channel {number}, which is not declared", at)
+            raise DamageError(f"a message on channel {identity}, which is not declared", at)
         if self._wanted is None or channel.topic in self._wanted:
-            typed = channel.schema_id and channel.message_encoding == "protobuf"
-            kind = self._schemas[channel.schema_id].name if typed else ""
-            yield Message(channel.topic, kind, time, body[_MESSAGE.size :], at)
+            data = body[_MESSAGE.size :]
+            yield Message(channel.topic, number, time, published, data, at)
 
     def _inflate(self, chunk: records.Chunk, at: int) -> memoryview:
         """Return the records in a chunk, one after another; what it states is checked before it is inflated."""

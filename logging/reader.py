@@ -92,7 +92,7 @@ class _Reading:
             match item:
                 case Message():
                     self._file.keep(len(item.data) + 256, item.offset)
-                    self._messages.append(RawMessage(item.topic, item.time, bytes(item.data)))
+                    self._messages.append(RawMessage(*item[:4], bytes(item.data)))
                 case Attachment():
                     self._take_attachment(item)
                 case Metadata():
@@ -165,6 +165,7 @@ class _Reading:
             words=self._words,
             losses=tuple(file.losses),
             messages=tuple(self._messages),
+            channels=file.channels,
         )
 
     def _improvements(self, contents: _Contents) -> tuple[Improvement, ...]:

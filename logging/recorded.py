@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from pushplan.logging.mcap_file import Channel
 from pushplan.plans.events import Feedback
 from pushplan.plans.plan import Improvement, Plan
 from pushplan.plans.run import Execution, TrialEnd
@@ -22,10 +23,12 @@ class LogLine(NamedTuple):
 
 
 class RawMessage(NamedTuple):
-    """A message as it stands in the file: topic, time of the log, ns, and its bytes."""
+    """A message as it stands in the file: topic, number there, times of the log and of publication, ns, bytes."""
 
     topic: str
+    number: int
     time: int
+    published: int
     data: bytes
 
 
@@ -48,6 +51,7 @@ class RecordedRun:
             and `pushplan.progress.0000` and so on for improvements.
         losses: What of the file could not be read, in words; empty for a whole one.
         messages: What viewers see, as it stands in the file; empty where it was read without them.
+        channels: What the file declares messages to be.
     """
 
     path: Path
@@ -62,6 +66,7 @@ class RecordedRun:
     words: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     losses: tuple[str, ...] = ()
     messages: tuple[RawMessage, ...] = ()
+    channels: frozenset[Channel] = frozenset()
 
     @property
     def log(self) -> Path:

@@ -2,8 +2,9 @@
 
 Compared are, for every kind of log: the execution, sample by sample, with what a simulator makes of the recorded plan
 (where the log has its world: objects that slip move in one that it has not); every message, byte by byte and, where
-they differ, field by field; every field of the metadata that follows from plan and execution. Reading has
-compared the digest of all attachments and metadata, measurements among them.
+they differ, field by field, its times and its number, the order of all, and the schemas; every field of the metadata
+that follows from plan and execution. Reading has compared the digest of all attachments and metadata, measurements
+among them.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from google.protobuf.message import Message as ProtobufMessage
 import pushplan.logging.metadata as metadata
 import pushplan.logging.schemas as schemas
 from pushplan.geometry.se2 import compose, exp
-from pushplan.logging.recorded import RecordedRun
+from pushplan.logging.mcap_file import Channel
+from pushplan.logging.recorded import RawMessage, RecordedRun
 from pushplan.logging.topics import messages
 from pushplan.logging.writer import SERIES, SERIES_KNOWN
 from pushplan.plans.run import Execution
@@ -33,6 +35,7 @@ NOT_COMPARED = (
     "times of the clock, machine, versions and settings in the metadata, beyond their digest",
     "what only the same search would give (steps of its progress, its tree, bounds), beyond its digest",
     "layout.json, beyond its digest",
+    "times and media types of attachments, the file's header",
     "the index at the end of the file, beyond its checksum",
 )
 ELSEWHERE = "where the objects went, in a world that the log does not hold, beyond its digest"
@@ -183,13 +186,20 @@ def _series(
 def _compare_messages(run: RecordedRun) -> list[Check]:
     """Compare the messages with those that the run leads to; of a log cut off, as far as it goes."""
     worst: dict[str, Check] = {topic.name: Check(topic.name, 0.0) for topic in schemas.TOPICS}
-    recorded: dict[str, list[tuple[int, bytes]]] = {topic.name: [] for topic in schemas.TOPICS}
+    recorded: dict[str, list[RawMessage]] = {topic.name: [] for topic in schemas.TOPICS}
     for message in run.messages:
-        recorded.setdefault(message.topic, []).append((message.time, message.data))
+        recorded.setdefault(message.topic, []).append(message)
     expected: dict[str, list[tuple[int, bytes]]] = {topic.name: [] for topic in schemas.TOPICS}
+    order: list[str] = []
     for time, topic, data in messages(run):
         expected[topic.name].append((time, data))
+        order.append(topic.name)
+    if any(message.topic != name for message, name in zip(run.messages, order, strict=False)):
+        worst["order"] = Check("messages", math.inf, what="in another order, or other ones")
     kinds = {topic.name: topic for topic in schemas.TOPICS}
+    declared = {Channel(one.name, "protobuf", one.kind, "protobuf", one.schema) for one in schemas.TOPICS}
+    for name in sorted({channel.topic for channel in run.channels ^ declared} if run.messages else ()):
+        worst[f"{name} schema"] = Check(f"{name} schema", math.inf, what="declared as something else")
     for name, found in recorded.items():
         wanted = expected.get(name, [])
         if name not in kinds:
@@ -197,11 +207,14 @@ def _compare_messages(run: RecordedRun) -> list[Check]:
         elif len(found) != len(wanted) and not (run.losses and len(found) < len(wanted)):
             worst[name] = Check(name, math.inf, what=f"{len(found)} messages instead of {len(wanted)}")
         else:
-            for (time, data), (then, made) in zip(found, wanted, strict=False):
-                if time != then:
-                    _raise(worst, Check(f"{name} time", 1e-9 * abs(time - then), 0.0, 1e-9 * then))
-                if data != made:
-                    for check in _compare_fields(kinds[name], data, made, 1e-9 * then):
+            for number, (message, (then, made)) in enumerate(zip(found, wanted, strict=False)):
+                off = max(abs(message.time - then), abs(message.published - then))
+                if off:
+                    _raise(worst, Check(f"{name} time", 1e-9 * off, 0.0, 1e-9 * then))
+                if message.number != number:
+                    _raise(worst, Check(f"{name} number", abs(message.number - number), 0.0, 1e-9 * then))
+                if message.data != made:
+                    for check in _compare_fields(kinds[name], message.data, made, 1e-9 * then):
                         _raise(worst, check)
     return list(worst.values())
 

@@ -17,7 +17,6 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -56,11 +55,24 @@ SERIES_KNOWN = ("dynamic_margins", "friction_margins", "lambdas", "forces", "wre
 _LATEST = 1 << 33
 """Simulated time has to be before this, s."""
 
+_FEWEST = 40
+"""Samples of a part of the execution: of hours, sampled coarsely, a part for each second is more than is read."""
 
-def seconds_of(t: FloatArray) -> Iterator[slice]:
-    """Yield the samples of each simulated second that has any, given their times (m,)."""
-    cuts = np.flatnonzero(np.diff(np.floor(t))) + 1
-    yield from (slice(a, b) for a, b in pairwise([0, *cuts.tolist(), len(t)]) if b > a)
+
+def _parts_of(t: FloatArray, ended: bool) -> Iterator[slice]:
+    """Yield the samples of each simulated second, or of several with `_FEWEST` of them, given their times (m,).
+
+    Args:
+        t: The times.
+        ended: Yield the rest, too, whatever its number.
+    """
+    begin = 0
+    for cut in (np.flatnonzero(np.diff(np.floor(t))) + 1).tolist():
+        if cut - begin >= _FEWEST:
+            yield slice(begin, cut)
+            begin = cut
+    if len(t) - begin >= (1 if ended else _FEWEST):
+        yield slice(begin, len(t))
 
 
 class RunLogWriter:
@@ -209,7 +221,7 @@ class RunLogWriter:
             OutputError: When the file cannot be written.
         """
         over = int(np.searchsorted(execution.t, np.floor(execution.t[-1]))) if len(execution.t) else 0
-        self._write_samples(execution, over)
+        self._write_samples(execution, over, ended=False)
         if self._samples:
             self._run = replace(self._run, execution=execution.until(self._samples))
 
@@ -220,21 +232,22 @@ class RunLogWriter:
             RunLogError: When times go back or are no numbers.
             OutputError: When the file cannot be written.
         """
-        self._write_samples(execution, len(execution.t))
+        self._write_samples(execution, len(execution.t), ended=True)
         end = {"samples": len(execution.t), "goal_error": execution.goal_error, "loss": execution.loss}
         self._attach(END, encode(end))
         self._run = replace(self._run, execution=execution)
 
-    def _write_samples(self, execution: Execution, end: int) -> None:
+    def _write_samples(self, execution: Execution, end: int, ended: bool) -> None:
         """Write the samples of an execution up to one, but for those that were written before."""
         self._check_times(execution.t)
         about = {"names": execution.names, "judge": execution.judge}
         arrays = {name: getattr(execution, name) for name in (*SERIES, *SERIES_KNOWN)}
-        for second in seconds_of(execution.t[self._samples : end]):
-            these = slice(self._samples + second.start, self._samples + second.stop)
+        first = self._samples
+        for these in _parts_of(execution.t[first:end], ended):
+            these = slice(first + these.start, first + these.stop)
             part = {name: values[these] for name, values in arrays.items() if values is not None}
             self._numbered(SAMPLES, {"first": these.start, **about, "arrays": part})
-        self._samples = end
+            self._samples = these.stop
 
     def _check_times(self, t: FloatArray) -> None:
         before = np.append(0.0, t[:-1])

@@ -312,8 +312,8 @@ def _first_too_near(room: Room, motion: Motion, required: float) -> float | None
     return None if np.isinf(first) else float(first)
 
 
-STEP = 4e-3
-"""Time between two poses looked at, s."""
+STEP, MOST = 4e-3, 250_000
+"""Time between two poses looked at, s, and how many are looked at: those of longer motions are farther apart."""
 
 TOLERANCE = 0.01
 """Share of a limit that differences may seem to exceed it by; speeds change within a step, too."""
@@ -321,7 +321,7 @@ TOLERANCE = 0.01
 
 def excess(trajectory: Trajectory, limits: Limits) -> str:
     """Return which limit of speed or acceleration a trajectory exceeds, and when; empty if it keeps them all."""
-    count = int(np.ceil(trajectory.duration / STEP)) + 1
+    count = min(int(np.ceil(trajectory.duration / STEP)) + 1, MOST)
     if count < 3:
         return ""
     t = np.linspace(0.0, trajectory.duration, count)

@@ -10,7 +10,7 @@ import shapely
 
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import TOUCH
-from pushplan.planners.clearance import Motion, Room, collision_along, densify, excess
+from pushplan.planners.clearance import Motion, Room, collision_along, excess
 from pushplan.plans.plan import Load, Poses, Segment
 from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario
@@ -169,7 +169,9 @@ class Validator:
             if obj.name in touched
         ]
         chain = self._scenario.tasks[0].chain
-        for pose in densify(poses, chain.reach, NEAR):
+        motion = Motion.through(poses, chain.reach)
+        whole = motion.travel[-1]
+        for pose in motion.at(np.linspace(0.0, whole, int(np.ceil(whole / NEAR)) + 1)):
             for body in chain.carried:
                 moved = shapely.Polygon(se2.transform_points(pose, body.outline))
                 # Drawn in by what touching bodies may overlap.

@@ -11,6 +11,8 @@ import yaml
 import pushplan
 from pushplan.cli.main import main
 from pushplan.logging.shown import MOST_VIEWED, smoothed_times, viewed
+from pushplan.logging.writer import _parts_of
+from pushplan.planners.clearance import MOST
 from pushplan.plans.trajectory import MOST_SAMPLES, Trajectory
 from pushplan.scenario.file import example_text
 
@@ -45,6 +47,36 @@ def test_a_drive_of_hours_has_a_bounded_number_of_exact_samples(tmp_path: Path) 
     assert len(smoothed_times(result.trajectory)) <= MOST_VIEWED + 1
     assert result.trajectory.t[-1] == result.trajectory.duration
     assert np.max(result.execution.goal_error) < 1e-9
+
+
+def test_a_push_of_a_day_is_judged_by_a_bounded_number_of_poses_and_its_log_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stated = yaml.safe_load(example_text("free-space"))
+    stated["pusher"].setdefault("limits", {})["speed"] = 0.01
+    stated["goal"] = {"pose": [1000.0, 0.0, 0.0]}
+    looked, log = list[int](), tmp_path / "day.mcap"
+    poses_at = Trajectory.poses_at
+
+    def counted(way: Trajectory, t: np.ndarray) -> np.ndarray:
+        looked.append(np.size(t))
+        return poses_at(way, t)
+
+    monkeypatch.setattr(Trajectory, "poses_at", counted)
+    result = pushplan.run(pushplan.scenario_from_document(stated), log=log, first=True, time_limit=60.0)
+    assert (result.plan.duration or 0.0) > 86_400.0
+    assert max(looked) <= MOST
+    assert pushplan.verify_log(log).matches
+
+
+def test_parts_of_an_execution_are_seconds_or_longer_where_samples_are_few() -> None:
+    for rate, count in ((100.0, 100), (50.0, 50), (1.0, 40)):
+        t = np.arange(1000) / rate
+        parts = [*_parts_of(t, True)]
+        assert {part.stop - part.start for part in parts} == {count}
+        some = [*_parts_of(t[:600], False)]
+        assert some == parts[: len(some)]
+        assert len(some) == 600 // count
 
 
 @pytest.mark.parametrize("duration", [1.0, 1234.5])

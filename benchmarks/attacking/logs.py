@@ -109,7 +109,8 @@ def tampering(folder: Path, count: int, seed: int) -> Iterator[tuple[str, Attack
     groups = []
     for kind, path in logs.items():
         for name, found in record_names(path).items():
-            groups += [(kind, name, found, how) for how in ("changed", "dropped", "repeated")]
+            hows = ("changed",) if name in ("schema", "channel") else ("changed", "dropped", "repeated")
+            groups += [(kind, name, found, how) for how in hows]
     for k in range(count):
         kind, name, found, how = groups[k % len(groups)]
         key = f"{seed}-tampering-{k}"
@@ -159,8 +160,13 @@ def _instead(victim: Any, name: str, how: str, random: Random) -> tuple[list[Any
         at = random.randrange(len(data))
         data[at] ^= 1 << random.randrange(8)
         return [replace(victim, data=bytes(data))], f"byte {at}"
-    if random.random() < 0.1:
-        return [replace(victim, log_time=victim.log_time + random.choice((1, 10**6)))], "time"
+    if isinstance(victim, records.Schema):
+        return [replace(victim, data=victim.data + bytes(2))], "declaration"
+    if isinstance(victim, records.Channel):
+        return [replace(victim, metadata={"by": "somebody"})], "declaration"
+    if random.random() < 0.2:
+        word = random.choice(("log_time", "publish_time", "sequence"))
+        return [replace(victim, **{word: getattr(victim, word) + random.choice((1, 10**6))})], word
     kind = next(topic.message for topic in schemas.TOPICS if topic.name == name)
     message = kind.FromString(victim.data)
     leaves = [*_leaves(message)]

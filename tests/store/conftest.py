@@ -134,7 +134,7 @@ Edit = Callable[[Any], Iterator[Any]]
 def rewritten(log: Path, to: Path, edit: Edit) -> Path:
     """Write a log again, with sound checksums, whatever `edit` makes of its records."""
     schemas: dict[int, int] = {}
-    channels: dict[int, tuple[int, str]] = {}
+    channels: dict[int, int] = {}
     with log.open("rb") as source, to.open("wb") as target:
         writer = Writer(target)
         for record in StreamReader(source).records:
@@ -142,18 +142,18 @@ def rewritten(log: Path, to: Path, edit: Edit) -> Path:
                 break
             if isinstance(record, records.Header):
                 writer.start(record.profile, record.library)
-            elif isinstance(record, records.Schema):
-                if record.id not in schemas:
-                    schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-            elif isinstance(record, records.Channel) and record.id not in channels:
-                number = writer.register_channel(
-                    record.topic, record.message_encoding, schemas[record.schema_id]
-                )
-                channels[record.id] = number, record.topic
             for one in edit(record):
-                if isinstance(one, records.Message):
+                if isinstance(one, records.Schema):
+                    if one.id not in schemas:
+                        schemas[one.id] = writer.register_schema(one.name, one.encoding, one.data)
+                elif isinstance(one, records.Channel):
+                    if one.id not in channels:
+                        channels[one.id] = writer.register_channel(
+                            one.topic, one.message_encoding, schemas[one.schema_id], one.metadata
+                        )
+                elif isinstance(one, records.Message):
                     writer.add_message(
-                        channels[one.channel_id][0], one.log_time, one.data, one.publish_time, one.sequence
+                        channels[one.channel_id], one.log_time, one.data, one.publish_time, one.sequence
                     )
                 elif isinstance(one, records.Attachment):
                     writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
@@ -164,11 +164,15 @@ def rewritten(log: Path, to: Path, edit: Edit) -> Path:
 
 
 def record_names(log: Path) -> dict[str, list[Any]]:
-    """Return the messages by topic, and attachments and metadata by name."""
+    """Return the messages by topic, attachments and metadata by name, schemas and channels by what they are."""
     found: dict[str, list[Any]] = {}
     topics: dict[int, str] = {}
     with log.open("rb") as stream:
         for record in StreamReader(stream).records:
+            if isinstance(record, records.DataEnd):
+                break
+            if isinstance(record, records.Schema | records.Channel):
+                found.setdefault(type(record).__name__.lower(), []).append(record)
             if isinstance(record, records.Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, records.Message):

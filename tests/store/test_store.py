@@ -112,6 +112,10 @@ def changed(record: Any, topic: str) -> list[Any]:
         key = next(key for key in record.metadata if key not in ("format", "sha256"))
         words = {**record.metadata, key: record.metadata[key] + "1"}
         return [dataclasses.replace(record, metadata=words)]
+    if isinstance(record, records.Schema):
+        return [dataclasses.replace(record, data=record.data + b"\0")]
+    if isinstance(record, records.Channel):
+        return [dataclasses.replace(record, metadata={"topic": "of somebody"})]
     if isinstance(record, records.Message):
         message = KINDS_OF[topic].message.FromString(record.data)
         altered = _alter(message)
@@ -154,7 +158,7 @@ def _alter(message: Any) -> bool:
 def test_every_change_of_a_topic_attachment_or_metadata_is_noticed(
     kind: str, logs: dict[str, Path], tmp_path: Path
 ) -> None:
-    """One record of each is changed or dropped, one repeated, in a file that is sound as MCAP."""
+    """One record of each is changed or dropped, some repeated or moved, in a file that is sound as MCAP."""
     passed = []
     groups: dict[str, list[Any]] = {}
     for name, found in record_names(logs[kind]).items():
@@ -163,6 +167,10 @@ def test_every_change_of_a_topic_attachment_or_metadata_is_noticed(
         victim = found[len(found) // 2]
         edits = {"changed": changed(victim, name), "dropped": []}
         edits |= {"twice": [victim, victim]} if name in ("/tf", "execution/N.bin") else {}
+        for word in ("log_time", "publish_time", "sequence") if name == "/tf" else ():
+            edits[word] = [dataclasses.replace(victim, **{word: getattr(victim, word) + 1})]
+        if name in ("schema", "channel"):
+            del edits["dropped"]  # no file at all
         for how, instead in edits.items():
 
             def edit(record: Any, victim: Any = victim, instead: list[Any] = instead) -> Iterator[Any]:
