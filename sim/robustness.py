@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from scipy.optimize import brentq
 
 import pushplan.core.contacts as contacts
 import pushplan.core.robustness as core
@@ -330,7 +329,13 @@ class Course:
         def room(size: float) -> float:
             return min(push_room(at(sense * size), self.chain.pusher.contact_height) for sense in (1.0, -1.0))
 
-        return most if room(most) > 0.0 else float(brentq(room, 0.0, most, rtol=FINE)) * (1.0 - 2.0 * FINE)
+        if room(most) > 0.0:
+            return most
+        kept, lost = 0.0, most
+        while lost - kept > FINE * lost:  # a root finder of scipy's would take a fifth of a second to load
+            middle = 0.5 * (kept + lost)
+            kept, lost = (middle, lost) if room(middle) > 0.0 else (kept, middle)
+        return kept
 
     def _least_root(self, variants: Variants, size: float) -> float:
         """Return the least |s| of a root of polynomials of degree 2 that are given at -size, 0 and size; or inf."""

@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 
 # Its threads spin while they wait; on these small matrices that took up to six times the work.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Where it is set, each of the hundreds of processes that tests start compiles all of pushplan anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import numpy as np
 import pytest

@@ -16,8 +16,6 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from pushplan.errors import ImportedFileError, SupportError
 from pushplan.geometry.polygon import LEAST_AREA, SAME_POINT, find_flaw
@@ -290,6 +288,9 @@ def _regions_and_holes(row: IntArray, begin: IntArray, end: IntArray) -> tuple[i
     Runs meet along edges of cells. Where k pairs of n runs meet, regions less holes are n - k: Euler's number.
     """
     width = int(end.max(initial=0)) + 1
+    from scipy.sparse import coo_array  # scipy takes a fifth of a second to load, which most scenarios need not
+    from scipy.sparse.csgraph import connected_components
+
     below = (row + 1) * width
     first = np.searchsorted(row * width + end, below + begin, side="right")
     last = np.searchsorted(row * width + begin, below + end, side="left")
