@@ -146,6 +146,11 @@ def test_replay_shows_what_a_cut_off_log_still_has(
     assert found["outcome"] == "cut off"
     assert found["lost"]
     assert "two-crates" in err
+    rest.write_bytes(data[: data.index(b"pushplan.progress.0000")])
+    assert main(["replay", str(rest), "--verify"]) == 0
+    out = capsys.readouterr().out
+    assert "two-crates: the log ends before a plan" in out
+    assert "verified as far as the log goes: all " in out
 
 
 @pytest.mark.parametrize(("text", "reason"), [

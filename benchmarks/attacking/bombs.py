@@ -6,7 +6,7 @@ import json
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -44,11 +44,13 @@ def png(width: int, height: int, row: bytes, rows: int | None = None) -> bytes:
     )
 
 
-def _map(folder: Path, picture: bytes | None, image: str = "office.png", **words: Any) -> list[str]:
-    """Write a scenario with a map of a picture; None makes its name a pipe."""
+def _map(
+    folder: Path, picture: bytes | None, image: str = "office.png", told: Mapping[str, Any] | None = None
+) -> list[str]:
+    """Write a scenario with a map of a picture; None makes its name a pipe; `told` is what the map's file says."""
     documents = yaml.safe_load(DOCUMENTS.read_text())
     (folder / "attack.yaml").write_text(json.dumps(documents["scenarios"]["mapped"]))
-    (folder / "office.yaml").write_text(json.dumps({**documents["map"], "image": image, **words}))
+    (folder / "office.yaml").write_text(json.dumps({**documents["map"], "image": image, **(told or {})}))
     if picture is None:
         os.mkfifo(folder / image)
     else:
@@ -101,7 +103,7 @@ def _odd_map(folder: Path, random: Random) -> list[str]:
         {"origin": [1e300, 0, 0]}, {"origin": [0, 0, 1e9]}, {"occupied_thresh": -1}, {"image": "../../etc/passwd"},
         {"image": "/dev/zero"}, {"image": "/dev/stdin"}, {"image": "x" * 5000}, {"mode": "raw" * 9},
     ]  # fmt: skip
-    return _map(folder, png(64, 64, bytes(range(64))), **random.choice(odd))
+    return _map(folder, png(64, 64, bytes(range(64))), told=random.choice(odd))
 
 
 def _uses(folder: Path, random: Random) -> list[str]:

@@ -73,10 +73,12 @@ def _attacked(work: Callable[[Path], Row], folder: Path, writing: int) -> None:
     def hook(event: str, args: tuple[Any, ...]) -> None:
         if event in _STARTS:
             outside.append(f"{event} {args[:2]}")
+            raise PermissionError(outside[-1])  # told, and not done
         elif event == "open" and isinstance(args[0], str | bytes) and (args[2] or 0) & _WRITES:
             path = os.path.realpath(os.fsdecode(args[0]))
             if not path.startswith((os.path.realpath(folder), "/dev/null")):
                 outside.append(f"wrote {path}")
+                raise PermissionError(outside[-1])
 
     os.chdir(folder)
     os.environ["PUSHPLAN_RUNS"] = str(folder / "runs")

@@ -197,7 +197,8 @@ def _verified(run: RecordedRun, console: Console) -> VerifyReport:
 
         report = verify_run(run)
     if report.matches:
-        console.say((f"verified: all {len(report.checks)} comparisons match", "green"))
+        far = " as far as the log goes" if run.losses else ""
+        console.say((f"verified{far}: all {len(report.checks)} comparisons match", "green"))
     else:
         console.say(("the log differs from what its scenario and its plan lead to:", "red"))
         for check in report.mismatches:
