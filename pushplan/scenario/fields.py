@@ -164,7 +164,7 @@ FileName = Annotated[str, StringConstraints(strict=True, min_length=1)]
 class Strict(BaseModel):
     """A mapping that takes no other keys than its own."""
 
-    # What validates a part is built within what validates the file; built for each by itself as well it takes as long.
+    # What validates a part is built within what validates the file; building it by itself as well takes as long.
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 

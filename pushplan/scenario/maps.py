@@ -288,7 +288,8 @@ def _regions_and_holes(row: IntArray, begin: IntArray, end: IntArray) -> tuple[i
     Runs meet along edges of cells. Where k pairs of n runs meet, regions less holes are n - k: Euler's number.
     """
     width = int(end.max(initial=0)) + 1
-    from scipy.sparse import coo_array  # scipy takes a fifth of a second to load, which most scenarios need not
+    # They take a fifth of a second to load, which most scenarios have no use for.
+    from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     below = (row + 1) * width
