@@ -28,7 +28,7 @@ class Outcome:
         iterations: Of the search.
         improvements: Better and better plans.
         cost: Returns by what plans are compared, of segments, m.
-        lower_bound: Cost that no plan beats, or what works it out; None where none is known.
+        lower_bound: What no plan beats of what ranks them, or what works it out; None where none is known.
         tree: See `Plan`.
         explain: Returns the reason, the diagnosis and the nearest plan where none was found; called at most once.
         scene: Of the first push, where it is there already.

@@ -14,7 +14,7 @@ from pushplan.core.problem import Problem
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry.se2 import pose_error
 from pushplan.planners.controls import margins_to_try
-from pushplan.planners.infeasible.bounds import lower_bound
+from pushplan.planners.infeasible.bounds import lower_bound, time_bound
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.outcome import Improvements, Outcome, Segments
 from pushplan.planners.problem import Posing, body_reach, make_objective, sampling_box
@@ -168,7 +168,7 @@ class PushSearch:
             session.extensions,
             tuple(improvements.found),
             _cost,
-            lambda found: lower_bound(posed, segments, _cost(found) if found else math.inf),
+            lambda found: _least_ranked(posed, segments, found),
             session.branches.ends,
             lambda: self._explain(attempt, monitor(), settings, until - time.perf_counter()),
             session.problem.scene,
@@ -197,6 +197,15 @@ class PushSearch:
 
 def _cost(segments: Segments) -> float:
     return segments[0].cost
+
+
+def _least_ranked(posed: Scenario, segments: FloatArray, found: Segments) -> float | None:
+    """Return what no plan beats of what ranks plans: travel (m) or time (s); of margins nothing is known."""
+    if posed.planner.cost == "margin":
+        return None
+    if posed.planner.cost == "time":
+        return time_bound(posed, segments)
+    return lower_bound(posed, segments, _cost(found) if found else math.inf)
 
 
 class _Searches:

@@ -12,7 +12,7 @@ from plain import load_plain
 from pushplan.core.problem import find_words
 from pushplan.geometry import se2
 from pushplan.planners.controls import control_segments, steering_families
-from pushplan.planners.infeasible.bounds import turn_bound
+from pushplan.planners.infeasible.turn_bound import turn_bound
 from pushplan.planners.planner import plan
 from pushplan.plans.path import TURN_WEIGHT, PushPath
 from pushplan.scenario.file import example_names
@@ -48,7 +48,7 @@ def test_no_path_of_stable_twists_beats_the_bound(name: str) -> None:
     scenario, stable = set_of(name)
     known, finer = (control_segments(stable, scenario.chain.pusher.drive, 0.05, k) for k in (512, 4099))
     rng = np.random.default_rng(7)
-    for _ in range(150):
+    for _ in range(60):
         path = random_path(finer, rng)
         assert turn_bound(path.start, path.end, known) <= path.cost + 1e-9
 
@@ -57,7 +57,7 @@ def test_no_word_of_a_car_beats_the_bound_and_some_reach_it() -> None:
     """Dubins' car: the cheapest word is the best path, or near it, as turns cost something, too."""
     rng, family = np.random.default_rng(3), steering_families(CAR)[0]
     shares = []
-    for goal in rng.uniform([-3.0, -3.0, -math.pi], [3.0, 3.0, math.pi], (300, 3)):
+    for goal in rng.uniform([-3.0, -3.0, -math.pi], [3.0, 3.0, math.pi], (100, 3)):
         best = float(find_words(family, ORIGIN, goal)[:, 0].min())
         shares.append(turn_bound(ORIGIN, goal, CAR) / best)
     assert max(shares) <= 1.0 + 1e-9
@@ -114,3 +114,35 @@ def test_a_mirror_image_has_the_same_bound() -> None:
     rng, flip = np.random.default_rng(13), np.array([1.0, -1.0, -1.0])
     for goal in rng.uniform([-3.0, -3.0, -math.pi], [3.0, 3.0, math.pi], (20, 3)):
         assert turn_bound(ORIGIN, goal * flip, CAR) == pytest.approx(turn_bound(ORIGIN, goal, CAR), rel=1e-3)
+
+
+@pytest.mark.parametrize("goal", [(0.0, 0.02, 0.0), (-0.2, 0.0, 0.0), (0.0, 0.0, 0.3)])
+def test_the_gap_of_goals_beside_behind_and_turned_on_the_spot_is_small(
+    goal: tuple[float, float, float],
+) -> None:
+    scenario, _ = set_of("one-box")
+    near = replace(
+        scenario,
+        obstacles=(),
+        workspace=None,
+        goal=replace(scenario.goal, pose_chain=se2.compose(scenario.start, np.array(goal))),
+        planner=replace(scenario.planner, cost="travel", arc_price=0.0),
+    )
+    result = plan(near, time_limit=300.0, iterations=3000, seed=1)
+    assert result.gap is not None
+    assert result.gap < 0.1
+
+
+@pytest.mark.parametrize("name", ["free-space", "narrow-gap", "carts"])
+def test_what_is_ranked_by_time_states_a_gap_in_time_and_by_margin_none(name: str) -> None:
+    scenario, _ = set_of(name)
+    by = {
+        cost: plan(scenario, cost=cost, time_limit=300.0, iterations=300, seed=1)
+        for cost in ("time", "margin")
+    }
+    assert by["margin"].gap is None
+    timed = by["time"]
+    assert timed.duration is not None
+    assert timed.lower_bound is not None
+    assert 0.5 * timed.duration < timed.lower_bound < timed.duration
+    assert timed.gap == timed.duration / timed.lower_bound - 1.0

@@ -34,15 +34,15 @@ class Turns(NamedTuple):
     """What is known of the stable twists.
 
     Attributes:
-        left: (k, 3) sectors of the direction of v in turns to the left: a lower bound on |v| at |omega| = 1 (m), the
-            middle of the sector and half its width (rad).
+        left: (k, 4) sectors of the direction of v in turns to the left: bounds on |v| at |omega| = 1 (m) from below
+            and from above, infinite where v goes straight, the middle of the sector and half its width (rad).
         right: Likewise.
-        lean: Least and largest direction of v of any stable twist, rad.
+        straight: Least and largest direction of v that goes straight, rad; None where none does.
     """
 
     left: FloatArray
     right: FloatArray
-    lean: tuple[float, float]
+    straight: tuple[float, float] | None
 
 
 def turns_of(segments: FloatArray) -> Turns:
@@ -59,7 +59,7 @@ def _direction(twists: FloatArray) -> FloatArray:
 
 
 def _turns_of_meridians(segments: FloatArray) -> Turns:
-    """Turns of an omnidirectional pusher: each meridian's ends tell the least |v| at |omega| = 1 in its direction."""
+    """Turns of an omnidirectional pusher: each meridian's ends tell |v| at |omega| = 1 in its direction."""
     direction = np.unwrap(_direction(segments[:, :3]))
     order = np.argsort(direction)
     direction, segments = direction[order], segments[order]
@@ -69,25 +69,42 @@ def _turns_of_meridians(segments: FloatArray) -> Turns:
         float(steps[steps > SAME_DIRECTION].min()) if direction[-1] - direction[0] > SAME_DIRECTION else 0.0
     )
     left, right = (_meridian_sectors(direction, segments, side, step) for side in (1.0, -1.0))
-    return Turns(left, right, (float(direction[0]) - step, float(direction[-1]) + step))
+    able = direction[segments[:, 2] * segments[:, 5] <= 0.0]
+    return Turns(left, right, _straight(left, right, able - step, able + step))
+
+
+def _straight(
+    left: FloatArray, right: FloatArray, low: FloatArray, high: FloatArray
+) -> tuple[float, float] | None:
+    """Return the directions that go straight: between low and high ones, and of sectors without a widest turn."""
+    turns = np.concatenate([left, right])
+    turns = turns[np.isinf(turns[:, 1])]
+    low, high = np.append(low, turns[:, 2] - turns[:, 3]), np.append(high, turns[:, 2] + turns[:, 3])
+    return (float(low.min()), float(high.max())) if len(low) else None
 
 
 def _meridian_sectors(direction: FloatArray, segments: FloatArray, side: float, step: float) -> FloatArray:
     """Sectors between neighbouring meridians, and one beside the outermost ones, of turns to a side."""
-    first, last = segments[:, :3], segments[:, 3:]
-    ends = np.where((side * first[:, 2] > side * last[:, 2])[:, None], first, last)
-    able = side * ends[:, 2] > 0.0
+    bends = side * segments[:, (2, 5)] / np.hypot(segments[:, (0, 3)], segments[:, (1, 4)])
+    able = bends.max(axis=1) > 0.0
     if not able.any():
-        return np.zeros((0, 3))
-    direction, ends = direction[able], ends[able]
-    bend = np.abs(ends[:, 2]) / np.hypot(ends[:, 0], ends[:, 1])
-    direction = np.concatenate([[direction[0] - step], direction, [direction[-1] + step]])
+        return np.zeros((0, 4))
+    direction, most, least = direction[able], bends[able].max(axis=1), bends[able].min(axis=1)
+    half = 0.5 * np.diff(np.concatenate([[direction[0] - step], direction, [direction[-1] + step]]))
+    middle = np.concatenate([[direction[0] - step], direction]) + half
+    tightest, widest = _between(most), -_between(-least)
+    with np.errstate(divide="ignore"):
+        return _together(np.column_stack([1.0 / tightest, 1.0 / np.maximum(widest, 0.0), middle, half]))
+
+
+def _between(bend: FloatArray) -> FloatArray:
+    """Return what (k + 1,) the bend does not exceed between meridians of bends (k,), and beside them.
+
+    Between two meridians the boundary may have a corner: it lies below what either side goes on to when drawn out.
+    """
     bend = np.concatenate([bend[:1], bend, bend[-1:]])
-    # Between two meridians the boundary may have a corner: it lies below what either side goes on to when drawn out.
     change = np.diff(bend, prepend=bend[0], append=bend[-1])
-    most = np.maximum(bend[:-1], bend[1:]) + np.maximum(0.0, np.maximum(change[:-2], -change[2:]))
-    half = 0.5 * np.diff(direction)
-    return _together(np.column_stack([1.0 / most, direction[:-1] + half, half]))
+    return np.asarray(np.maximum(bend[:-1], bend[1:]) + np.maximum(0.0, np.maximum(change[:-2], -change[2:])))
 
 
 def _turns_of_family(segments: FloatArray) -> Turns:
@@ -95,32 +112,33 @@ def _turns_of_family(segments: FloatArray) -> Turns:
     share = np.linspace(0.0, 1.0, SAMPLES)[:, None]
     rows = [(1.0 - share) * row[:3] + share * row[3:] for row in segments]
     left, right = (np.concatenate([_family_sectors(row, side) for row in rows]) for side in (1.0, -1.0))
-    direction = np.unwrap(np.concatenate([_direction(row) for row in rows]))
-    return Turns(left, right, (float(direction.min()), float(direction.max())))
+    still = np.concatenate([_direction(row)[np.abs(row[:, 2]) < SAME_DIRECTION] for row in rows])
+    return Turns(left, right, _straight(left, right, still, still))
 
 
 def _family_sectors(twists: FloatArray, side: float) -> FloatArray:
     """Sectors of turns to a side between neighbours of twists (m, 3) on a straight line."""
     speed, direction = np.hypot(twists[:, 0], twists[:, 1]), np.unwrap(_direction(twists))
     rate = np.maximum(side * twists[:, 2], 0.0)
-    most = np.maximum(rate[:-1], rate[1:])
+    most, least = np.maximum(rate[:-1], rate[1:]), np.minimum(rate[:-1], rate[1:])
     # Between two of them |v| is not less than the lesser one minus their difference: they lie on a line.
-    least = np.minimum(speed[:-1], speed[1:]) - np.abs(np.diff(speed))
-    able = most > 0.0
-    radius = np.maximum(least, 0.0)[able] / most[able]
+    slowest = np.maximum(np.minimum(speed[:-1], speed[1:]) - np.abs(np.diff(speed)), 0.0)
+    able = most > SAME_DIRECTION
     middle, half = 0.5 * (direction[:-1] + direction[1:]), 0.5 * np.abs(np.diff(direction))
-    return np.column_stack([radius, middle[able], half[able]])
+    with np.errstate(divide="ignore"):
+        radii = slowest[able] / most[able], np.maximum(speed[:-1], speed[1:])[able] / least[able]
+    return np.column_stack([*radii, middle[able], half[able]])
 
 
 def _together(sectors: FloatArray) -> FloatArray:
-    """Neighbouring sectors (k, 3) as at most SECTORS wider ones, each with the least radius of its own."""
+    """Neighbouring sectors (k, 4) as at most SECTORS wider ones, each with the bounds of all its own."""
     if len(sectors) <= SECTORS:
         return sectors
-    low, high = sectors[:, 1] - sectors[:, 2], sectors[:, 1] + sectors[:, 2]
+    low, high = sectors[:, 2] - sectors[:, 3], sectors[:, 2] + sectors[:, 3]
     firsts = np.unique(np.linspace(0, len(sectors), SECTORS, endpoint=False).astype(int))
     lows, highs = np.minimum.reduceat(low, firsts), np.maximum.reduceat(high, firsts)
-    radius = np.minimum.reduceat(sectors[:, 0], firsts)
-    return np.column_stack([radius, 0.5 * (lows + highs), 0.5 * (highs - lows)])
+    radii = np.minimum.reduceat(sectors[:, 0], firsts), np.maximum.reduceat(sectors[:, 1], firsts)
+    return np.column_stack([*radii, 0.5 * (lows + highs), 0.5 * (highs - lows)])
 
 
 SAME_ANGLE = 1e-9

@@ -38,7 +38,7 @@ ATTRIBUTES = {
     "seed": "INTEGER",
     "first_solution_time": "REAL",
     "solution_length": "REAL",  # path cost, m
-    "lower_bound": "REAL",  # of the path cost, m
+    "lower_bound": "REAL",  # of what ranked the plan: cost, m, or duration, s
     "solution_segments": "INTEGER",  # arcs
     "solution_clearance": "REAL",  # smallest distance of the moving bodies from anything, m
     "solution_difference": "REAL",  # goal error after execution, m

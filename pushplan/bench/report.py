@@ -190,7 +190,7 @@ QUANTITIES: tuple[tuple[str, str, Show], ...] = (
     ("validating", "validation_time", seconds),
     ("trials", "trials_time", seconds),
     ("cost [m]", "solution_length", number),
-    ("lower bound [m]", "lower_bound", number),
+    ("lower bound [m or s]", "lower_bound", number),
     ("arcs", "solution_segments", number),
     ("clearance [m]", "solution_clearance", number),
     ("margin kept", "margin", number),

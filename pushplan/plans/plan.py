@@ -374,7 +374,8 @@ class Plan:
         cost: By which plans were compared, m: pushed distance, transits and changes of the contact with their
             weights; of a single push its path's. None when not solved.
         objective: What ranked plans, one of `names.COSTS`.
-        lower_bound: Cost (m) that no plan beats; None where none is known.
+        lower_bound: What no plan beats of what ranked them: cost (m), or where time did, duration (s); None where
+            none is known, as of margins.
         first_solution_s: Wall-clock seconds to the first plan, or None.
         planning_s: Wall-clock seconds of preparing and searching.
         iterations: Of the search: arcs propagated, or pushes and transits that were looked at.
@@ -470,13 +471,14 @@ class Plan:
 
     @property
     def gap(self) -> float | None:
-        """Share by which the plan costs more than the lower bound; None where one of them is not known.
+        """Share by which what ranked the plan is above its lower bound; None where one of them is not known.
 
         The optimum lies between: the plan wastes no more than this, mostly much less.
         """
-        if self.cost is None or not self.lower_bound:
+        ranked = self.duration if self.objective == "time" else self.cost
+        if ranked is None or not self.lower_bound:
             return None
-        return max(0.0, self.cost / self.lower_bound - 1.0)
+        return max(0.0, ranked / self.lower_bound - 1.0)
 
     @property
     def lowered(self) -> str:
