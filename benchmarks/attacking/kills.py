@@ -185,11 +185,12 @@ def _kill_bench(random: Random) -> Row:
 
 
 def _rows(database: Path) -> set[Any]:
-    """Return the results of a folder: number and costs of each run."""
+    """Return the results of a folder: key, number and outcome of each run that is over."""
     if not database.exists():
         return set()
     with sqlite3.connect(database) as connection:
         tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
         if "pushplan_runs" not in tables:
             return set()
-        return set(connection.execute("SELECT runid, number FROM pushplan_runs"))
+        over = "SELECT key, runid, outcome FROM pushplan_runs WHERE outcome IS NOT NULL"
+        return set(connection.execute(over))
