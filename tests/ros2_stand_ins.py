@@ -115,10 +115,7 @@ def install(monkeypatch: pytest.MonkeyPatch, messages: Messages, robot: Robot) -
     modules: dict[str, dict[str, Any]] = {
         "rclpy": {"init": None, "spin": None},
         "rclpy.node": {"Node": Node},
-        "rclpy.qos": {
-            "DurabilityPolicy": SimpleNamespace(TRANSIENT_LOCAL=1),
-            "QoSProfile": SimpleNamespace,
-        },
+        "rclpy.qos": {"DurabilityPolicy": SimpleNamespace(TRANSIENT_LOCAL=1), "QoSProfile": SimpleNamespace},
         "rclpy.time": {"Time": SimpleNamespace},
         "tf2_ros": {
             "Buffer": lambda: robot,

@@ -8,19 +8,7 @@ from plain import load_plain
 
 import pushplan
 from pushplan.planners.search.session import MOST_BRANCHES, Branches
-from pushplan.scenario.file import scenario_from_text
 from pushplan.util.names import PLANNERS
-
-WALLED = """\
-format: pushplan/1
-floor: {friction: 0.3}
-objects: [{name: box, shape: {box: [0.1, 0.1]}, mass: 1.0}]
-contacts: {friction: 0.4}
-pusher: {width: 0.2, thickness: 0.03, friction: 0.4}
-goal: {pose: [2.0, 0.2, 0.2]}
-workspace: {x: [-0.5, 2.5], y: [-1.0, 1.0]}
-obstacles: [{polygon: [[1.2, -1.0], [1.4, -1.0], [1.4, 1.0], [1.2, 1.0]]}]
-"""
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
@@ -33,15 +21,6 @@ def test_a_search_leaves_branches(planner: str) -> None:
     assert apart.max() > 0.01
     xmin, xmax = scenario.workspace.xmin, scenario.workspace.xmax  # type: ignore[union-attr]
     assert ((tree[:, :, 0] > xmin) & (tree[:, :, 0] < xmax)).all()
-
-
-@pytest.mark.parametrize("planner", PLANNERS)
-def test_a_search_without_a_path_keeps_the_nearest_way(planner: str) -> None:
-    done = pushplan.plan(scenario_from_text(WALLED), planner=planner, iterations=300, time_limit=60.0, seed=3)
-    assert not done.solved
-    assert done.nearest is not None
-    assert len(done.nearest.segments) == 1
-    assert done.nearest.error[0] < 1.9
 
 
 def test_the_largest_trees_count_and_are_thinned_evenly() -> None:

@@ -55,11 +55,6 @@ def test_lengths_and_loads_of_a_chain(make_chain: ChainMaker) -> None:
         chain.index_of("box")
 
 
-def test_a_contact_is_called_after_who_pushes_and_whom(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(2)
-    assert [chain.contact_name(k) for k in (0, 1)] == ["pusher-box0", "box0-box1"]
-
-
 def test_arrays_of_a_chain_cannot_be_changed(make_chain: ChainMaker) -> None:
     chain = make_chain.boxes(1)
     arrays = [chain.objects[0].outline, chain.objects[0].pose_chain, chain.contacts[0].right]

@@ -76,17 +76,6 @@ def test_the_gap_to_a_circle_is_exact(lane: Scenario) -> None:
     assert found.gap == pytest.approx(3e-4, abs=1e-9)
 
 
-def test_a_wall_is_too_near_as_well(lane: Scenario) -> None:
-    found = find_collision(replace(lane, clearance=0.01), np.array([[0.0, -0.345, 0.0]]))
-    assert str(found) == (
-        "'pusher' is 5 mm from a wall of the workspace with the chain frame at (0.0000, -0.3450) m, 0.00 deg"
-    )
-
-
-def test_a_free_motion_is_free(lane: Scenario) -> None:
-    assert find_collision(lane, np.array([[0.0, -0.1, 0.0], [0.3, -0.1, 0.0], [0.3, -0.1, 0.1]])) is None
-
-
 def test_refined_poses_are_close_and_keep_the_ends() -> None:
     poses = np.array([[0.0, 0.0, 0.0], [0.3, 0.1, 1.0], [0.3, 0.1, 1.0], [0.2, 0.4, -2.0]])
     dense = densify(poses, 0.5, 0.01)
@@ -94,13 +83,6 @@ def test_refined_poses_are_close_and_keep_the_ends() -> None:
     steps = se2.relative(dense[:-1], dense[1:])
     chord = np.hypot(steps[:, 0], steps[:, 1]) + 0.5 * np.abs(steps[:, 2])
     assert chord.max() <= 0.01 * (1.0 + 1e-6)
-
-
-def test_refined_poses_lie_on_the_constant_twist_motion() -> None:
-    twist = np.array([0.4, -0.2, 1.5])
-    dense = densify(np.array([np.zeros(3), se2.exp(twist)]), 0.5, 0.05)
-    share = np.linspace(0.0, 1.0, len(dense))
-    np.testing.assert_allclose(dense, se2.exp(twist * share[:, None]), atol=1e-12)
 
 
 def test_few_poses_find_what_many_do(lane: Scenario) -> None:

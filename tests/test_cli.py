@@ -35,16 +35,6 @@ def test_a_wrong_scenario_is_told_with_all_findings(tmp_path: Path, capsys: Capt
         assert "Traceback" not in err
 
 
-def test_findings_are_data_in_json_mode(tmp_path: Path, capsys: Captured) -> None:
-    file = tmp_path / "wrong.yaml"
-    file.write_text(example_text("two-crates").replace("mass: 1.2", "mass: -1"))
-    assert main(["plan", str(file), "--json"]) == 2
-    error = json.loads(capsys.readouterr().out)["error"]
-    assert error["kind"] == "ScenarioError"
-    assert error["findings"][0]["where"] == "objects[0].mass"
-    assert error["findings"][0]["line"] == 8
-
-
 @pytest.mark.parametrize("command", ["plan", "check"])
 def test_a_chain_that_cannot_be_pushed_is_a_finding(command: str, tmp_path: Path, capsys: Captured) -> None:
     file = tmp_path / "slippery.yaml"
@@ -90,12 +80,6 @@ def test_examples_are_listed_with_their_first_line_and_printed_whole(capsys: Cap
     assert capsys.readouterr().out == example_text("two-crates")
     assert main(["examples", "no-such"]) == 2
     assert "no packaged scenario is called 'no-such'" in capsys.readouterr().err
-
-
-def test_a_printed_example_can_be_planned_from_its_file(tmp_path: Path, capsys: Captured) -> None:
-    main(["examples", "free-space"])
-    (tmp_path / "mine.yaml").write_text(capsys.readouterr().out)
-    assert main(["plan", str(tmp_path / "mine.yaml"), "--first"]) == 0
 
 
 def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captured) -> None:

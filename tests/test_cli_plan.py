@@ -18,12 +18,11 @@ from pushplan.logging.reader import load_run
 from pushplan.plans.path import cost_rate
 from pushplan.plans.run import Execution
 from pushplan.scenario.file import example_text, load_scenario
-from pushplan.sets.named import stable_set
 from pushplan.verification import execute_again
 
 Captured = pytest.CaptureFixture[str]
 
-REPEATED = ("--time-limit", "60", "--iterations", "20000")
+REPEATED = ("--time-limit", "60", "--iterations", "2000")
 """Ends a search at the same place on every machine."""
 
 WALLS = """
@@ -81,11 +80,6 @@ def test_plan_writes_what_was_asked_for(planned: Mapping[str, Any]) -> None:
     assert planned["log"].read_bytes().startswith(b"\x89MCAP0")
     assert "<!-- two-crates: " in planned["plot"].read_text()
     assert "two-crates" in planned["html"].read_text()
-
-
-def test_the_plans_twists_lie_in_the_stable_set(planned: Mapping[str, Any]) -> None:
-    twists = np.array([arc["twist"] for arc in json.loads(planned["out"])["arcs"]])
-    assert stable_set(load_scenario("two-crates").chain, "ecof").contains(twists).all()
 
 
 def test_replay_verifies_and_exports_a_log(
@@ -180,41 +174,6 @@ def test_the_words_override_the_scenario(capsys: Captured) -> None:
     found = json.loads(capsys.readouterr().out)
     assert (found["planner"], found["seed"]) == ("est", 7)
     assert load_run(found["log"]).words["pushplan.run"]["time_limit"] == "61.0"
-
-
-def test_iterations_make_the_plan_repeat(capsys: Captured) -> None:
-    words = ["plan", "two-crates", "--time-limit", "60", "--iterations", "300", "--json"]
-    found = []
-    for _ in range(2):
-        assert main(words) == 0
-        found.append(json.loads(capsys.readouterr().out))
-    assert found[0]["arcs"] == found[1]["arcs"]
-    assert found[0]["iterations"] == found[1]["iterations"] <= 300
-
-
-def test_first_stops_at_the_first_path(capsys: Captured) -> None:
-    costs = []
-    for words in (["--first"], []):
-        assert main(["plan", "narrow-gap", *REPEATED, "--json", *words]) == 0
-        costs.append(json.loads(capsys.readouterr().out)["path_cost"])
-    assert costs[0] > costs[1]
-
-
-def test_people_see_a_table_without_json(capsys: Captured) -> None:
-    assert main(["plan", "free-space", "--first"]) == 0
-    out = capsys.readouterr().out
-    for label in (
-        "cost",
-        "optimality gap",
-        "duration",
-        "planning",
-        "goal error",
-        "margin (min)",
-        "robustness",
-        "log",
-    ):
-        assert f"\n  {label}" in out
-    assert "\x1b" not in out
 
 
 def test_a_log_is_no_scenario_and_replaces_none(

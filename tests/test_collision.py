@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from pushplan.core import collision, problem
-from pushplan.core.collision import Scene, separation, step, sweep_is_free
+from pushplan.core.collision import Scene, separation, sweep_is_free
 from pushplan.errors import OutOfTimeError
 from pushplan.geometry import se2
 from pushplan.planners.scene import convex_pieces, scene_of
@@ -37,9 +37,11 @@ def _scene(
     return scene_of(body, obstacles, discs, walls, 5e-4)
 
 
-def _distance(scene_body: list[FloatArray], standing: Sequence[shapely.Geometry], pose: FloatArray) -> float:
-    placed = [shapely.Polygon(se2.transform_points(pose, piece)) for piece in scene_body]
-    return min(a.distance(b) for a in placed for b in standing)
+def _distance(body: list[FloatArray], standing: Sequence[shapely.Geometry], poses: FloatArray) -> float:
+    """Return the least distance of a body at any of the poses (..., 3)."""
+    at = poses.reshape(-1, 1, 3)
+    placed = [shapely.polygons(at[..., :2] + se2.rotate(at[..., 2], piece[None])) for piece in body]
+    return min(float(shapely.distance(some, other).min()) for some in placed for other in standing)
 
 
 def _separation(scene: Scene, pose: FloatArray) -> float:
@@ -49,7 +51,7 @@ def _separation(scene: Scene, pose: FloatArray) -> float:
 def test_separation_is_a_lower_bound_and_exact_when_near() -> None:
     rng = np.random.default_rng(1)
     near = overlaps = 0
-    for _ in range(1500):
+    for _ in range(500):
         body = [_convex(rng, 0.1), _convex(rng, 0.1) + 0.1]
         obstacles = [_convex(rng, 0.2) + rng.uniform(-0.6, 0.6, 2) for _ in range(3)]
         disc = [*rng.uniform(-0.6, 0.6, 2), rng.uniform(0.01, 0.2)]
@@ -66,8 +68,8 @@ def test_separation_is_a_lower_bound_and_exact_when_near() -> None:
         else:
             assert found <= 1e-12
             overlaps += 1
-    assert near > 20
-    assert overlaps > 200
+    assert near > 5
+    assert overlaps > 60
 
 
 def test_the_core_counts_as_the_rest_does() -> None:
@@ -86,15 +88,15 @@ def test_walls_bound_the_body() -> None:
 def test_a_free_sweep_never_comes_close_and_a_refused_one_does() -> None:
     rng = np.random.default_rng(2)
     free = refused = 0
-    for _ in range(400):
+    for _ in range(150):
         body = [_convex(rng, 0.08), _convex(rng, 0.08) + np.array([0.1, 0.0])]
         obstacles = [_convex(rng, 0.1) + rng.uniform(-0.6, 0.6, 2) for _ in range(2)]
         twist = np.append(rng.normal(size=2), rng.normal() * 3.0)
         pose = rng.uniform(-0.5, 0.5, 3) * [1, 1, 6]
         length = rng.uniform(0.0, 0.5)
         standing = [*map(shapely.Polygon, obstacles)]
-        along = [se2.compose(pose, se2.exp(twist * s)) for s in np.linspace(0.0, length, 300)]
-        nearest = min(_distance(body, standing, p) for p in along)
+        along = se2.compose(pose, se2.exp(twist * np.linspace(0.0, length, 300)[:, None]))
+        nearest = _distance(body, standing, along)
         x, y, theta, vx, vy, omega = np.concatenate([pose, twist])
         if sweep_is_free(_scene(body, obstacles), x, y, theta, vx, vy, omega, length):
             assert nearest >= 5e-4 - 1e-9
@@ -102,8 +104,7 @@ def test_a_free_sweep_never_comes_close_and_a_refused_one_does() -> None:
         else:
             assert nearest < 5e-4 + 2e-3 * np.linalg.norm(twist)
             refused += 1
-    assert free > 50
-    assert refused > 50
+    assert min(free, refused) > 20
 
 
 def test_a_thin_wall_between_two_free_poses_is_not_jumped() -> None:
@@ -113,25 +114,6 @@ def test_a_thin_wall_between_two_free_poses_is_not_jumped() -> None:
     assert separation(scene, 0.0, 0.0, 0.0, 10.0) > 0.3
     assert separation(scene, 1.0, 0.0, 0.0, 10.0) > 0.3
     assert not sweep_is_free(scene, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0)
-
-
-def test_steps_are_the_exact_exponential() -> None:
-    rng = np.random.default_rng(3)
-    for scale in (1.0, 1e-6, 1e-9, 0.0):
-        pose, twist = rng.normal(size=3), rng.normal(size=3) * [1, 1, scale]
-        expected = se2.compose(pose, se2.exp(twist * 0.7))
-        x, y, theta, vx, vy, omega = np.concatenate([pose, twist])
-        found = np.array(step(x, y, theta, vx, vy, omega, 0.7))
-        np.testing.assert_allclose(found, expected, atol=1e-14)
-
-
-def test_convex_pieces_cover_a_concave_outline_without_overlap() -> None:
-    outline = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]])
-    pieces = [shapely.Polygon(piece) for piece in convex_pieces([outline])]
-    assert shapely.union_all(pieces).symmetric_difference(shapely.Polygon(outline)).area < 1e-12
-    assert sum(piece.area for piece in pieces) == pytest.approx(5.0)
-    assert all(piece.convex_hull.area == pytest.approx(piece.area) for piece in pieces)
-    assert len(pieces) <= 3
 
 
 def test_a_ragged_polygon_is_cut_into_convex_pieces_that_cover_it_exactly() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 
 from pushplan.cli import console as console_module
-from pushplan.cli.console import Console, Progress, counted, time_text
+from pushplan.cli.console import Console, Progress
 from pushplan.cli.main import _failed
 from pushplan.cli.parameters import check_outputs
 from pushplan.drawing import PlotError
@@ -215,19 +214,6 @@ def test_a_log_replaces_a_log_but_no_other_file(tmp_path: Path) -> None:
     ):
         check_outputs(["two-crates"], None, log=notes)
     check_outputs(["two-crates"], None, notes)
-
-
-def test_a_folder_that_nobody_may_write_in_is_found_before_the_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("os.access", lambda path, mode: path != tmp_path or mode != os.W_OK)
-    with pytest.raises(OutputError, match=r"r\.mcap: nothing may be written in the folder"):
-        check_outputs(["two-crates"], None, tmp_path / "r.mcap")
-
-
-def test_numbers_read_well() -> None:
-    assert [time_text(t) for t in (0.00042, 0.0123, 0.5, 12.0)] == ["0.42 ms", "12.3 ms", "500 ms", "12.00 s"]
-    assert [counted(n, "arc") for n in (0, 1, 2)] == ["0 arcs", "1 arc", "2 arcs"]
 
 
 def test_what_files_say_never_reaches_the_terminal_as_a_command(

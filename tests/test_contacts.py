@@ -11,11 +11,9 @@ import pytest
 from scipy.optimize import linprog
 
 import pushplan.core.contacts as contacts
-from pushplan.errors import PushplanError, SupportError
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts import contact_state, friction_wrench
 from pushplan.mechanics.packed import pack_chain
-from pushplan.mechanics.support import UnknownSupport
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
 
@@ -119,21 +117,6 @@ def test_contact_state_describes_the_same_forces(make_chain: ChainMaker) -> None
         np.testing.assert_allclose(moment, state.wrenches[:, k, 2], atol=1e-9)
 
 
-def test_mirrored_chain_has_mirrored_margins(make_chain: ChainMaker) -> None:
-    chain = make_chain.random(5, 3)
-    twists = random_twists(chain, 2, 100)
-    mirrored = stable_set(make_chain.mirrored(chain)).margin(twists * [1.0, -1.0, -1.0])
-    np.testing.assert_allclose(mirrored, stable_set(chain).margin(twists), atol=1e-12)
-
-
-def test_margins_do_not_depend_on_the_unit_of_length(make_chain: ChainMaker) -> None:
-    chain = make_chain.random(6, 3)
-    twists = random_twists(chain, 3, 100)
-    for factor in (1e-3, 1e3):
-        scaled = stable_set(make_chain.scaled(chain, factor)).margin(twists * [1.0, 1.0, 1.0 / factor])
-        np.testing.assert_allclose(scaled, stable_set(chain).margin(twists), atol=1e-11)
-
-
 def test_stability_does_not_depend_on_the_frame(make_chain: ChainMaker) -> None:
     """Margins do (moments about another origin), their signs and the friction margins do not."""
     chain = make_chain.random(7, 3)
@@ -173,37 +156,8 @@ def test_extreme_contact_friction_has_defined_answers(make_chain: ChainMaker, fr
     assert (margins.max() > 0.0) == (friction > 0.0)
 
 
-def test_object_without_floor_friction_has_margin_zero(make_chain: ChainMaker) -> None:
-    """Nothing presses a frictionless last object against the one before."""
-    chain = make_chain.boxes(2)
-    chain = replace(chain, objects=(chain.objects[0], replace(chain.objects[1], floor_friction=0.0)))
-    state = contact_state(chain, [[1.0, 0.0, 0.0], [1.0, 0.2, 1.0]])
-    np.testing.assert_array_equal(state.margins[:, 1], 0.0)
-    assert (state.margins[:, 0] > 0.0).all()
-    assert not np.isnan(state.lambdas).any()
-
-
-def test_cor_on_the_cof_or_a_vertex_has_a_margin(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(2)
-    cors = np.vstack([[0.05, 0.0], [0.15, 0.0], [0.0, 0.0], *(obj.outline_chain for obj in chain.objects)])
-    twists = np.column_stack([cors[:, 1], -cors[:, 0], np.ones(len(cors))])
-    margins = stable_set(chain).margin(np.vstack([twists, -twists]))
-    assert ((margins >= -1.0) & (margins <= 1.0)).all()
-
-
 def test_margin_of_rest_is_zero_in_compiled_code(make_chain: ChainMaker) -> None:
     assert contacts.margins_of(pack_chain(make_chain.boxes(2)), np.zeros((1, 3))) == 0.0
-
-
-def test_unknown_loads_are_refused_with_the_way_out(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(2, support=UnknownSupport)
-    with pytest.raises(SupportError, match=r"the load under 'box0' is unknown.*'robust'"):
-        stable_set(chain, "ecof")
-
-
-def test_unknown_set_names_are_refused(make_chain: ChainMaker) -> None:
-    with pytest.raises(PushplanError, match="no stable set is called 'ecoff'; there are ecof"):
-        stable_set(make_chain.boxes(1), "ecoff")
 
 
 def test_long_narrow_contact_keeps_its_conditions(make_chain: ChainMaker) -> None:

@@ -17,11 +17,7 @@ from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 
 AXLE = np.array([-0.25, 0.02, 0.0])
-DRIVES = [
-    Drive(),
-    Drive("differential", AXLE),
-    Drive("car", AXLE, min_radius=0.8),
-]
+DRIVES = [Drive(), Drive("differential", AXLE), Drive("car", AXLE, min_radius=0.8)]
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,6 @@ from plain import load_plain, plain
 from pushplan.cli.main import main
 from pushplan.errors import EmptyStableSetError
 from pushplan.geometry.se2 import pose_error
-from pushplan.logging.reader import load_run
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.controls import straight_pushes
 from pushplan.planners.infeasible import diagnosis
@@ -24,7 +23,6 @@ from pushplan.planners.infeasible.passage import passage_faults
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import build_problem
 from pushplan.plans.plan import CAUSES, Diagnosis, Plan
-from pushplan.run import run
 from pushplan.scenario.file import example_names, example_text, scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.sets.named import stable_set
@@ -237,20 +235,6 @@ def test_steps_of_finding_out_are_taken_in_proportion_to_the_search(
     assert [item.cause for item in diagnose(monitor, 10, (0.1, 0.1))] == ["gap", "time"]
 
 
-def test_no_step_is_taken_that_is_likely_to_go_on_beyond_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    taken = _counted(monkeypatch)
-    monkeypatch.setattr(diagnosis, "A_CORNER", 0.25)
-    scenario = gap(1.26)
-    monitor = _monitor(scenario, limit=len(scenario.obstacles) + 1.0)
-    assert not monitor.settled(1.5)
-    assert taken[0] == 0
-    assert [item.cause for item in diagnose(monitor, 10, (0.1, 0.1), 0.5 * len(scenario.obstacles))] == [
-        "time"
-    ]
-    assert not monitor.settled(0.5)
-    assert taken[0] == 1
-
-
 def test_a_passage_that_is_proven_too_narrow_ends_the_search_before_its_width_is_known() -> None:
     monitor = _monitor(WALLED_IN)
     assert monitor.settled(diagnosis.FIRST_STEP)
@@ -278,7 +262,7 @@ def _counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return taken
 
 
-@pytest.mark.parametrize("planner", ["auto", "rrt", "est", "kpiece"])
+@pytest.mark.parametrize("planner", [*PLANNERS])
 def test_the_path_that_ends_nearest_to_the_goal_is_kept(planner: str) -> None:
     scenario = gap(1.26)
     result = short(scenario, planner)
@@ -292,20 +276,6 @@ def test_the_path_that_ends_nearest_to_the_goal_is_kept(planner: str) -> None:
     assert error[0] < pose_error(scenario.start, scenario.goal.pose_chain)[0]
     assert find_collision(scenario, path.sampled(0.01)) is None
     assert stable_set(scenario.chain).margin(path.twists).min() > 0.0
-
-
-def test_a_log_keeps_the_diagnosis_and_the_nearest_path(tmp_path: Path) -> None:
-    done = run(gap(1.26), log=tmp_path / "run.mcap", time_limit=60.0, iterations=600)
-    kept = load_run(tmp_path / "run.mcap").plan
-    assert kept is not None
-    assert kept.diagnosis == done.plan.diagnosis
-    assert kept.lower_bound == done.plan.lower_bound
-    assert kept.nearest is not None
-    assert done.plan.nearest is not None
-    assert kept.nearest.error == done.plan.nearest.error
-    (there,), (here,) = kept.nearest.segments, done.plan.nearest.segments
-    np.testing.assert_array_equal(there.path.twists, here.path.twists)
-    np.testing.assert_array_equal(there.path.lengths, here.path.lengths)
 
 
 def test_the_command_tells_reason_and_nearest_path(

@@ -16,7 +16,6 @@ from pushplan.mechanics.contacts import contact_state
 from pushplan.mechanics.dynamics import (
     ContactDynamics,
     SpeedWindow,
-    _clipped,
     admissible_speeds,
     dynamic_margins,
     dynamic_rows,
@@ -131,19 +130,6 @@ def test_inertia_wrenches_are_the_rate_of_momentum_by_differences(make_chain: Ch
         np.testing.assert_allclose(own, np.column_stack([force, about]), atol=2e-5)
 
 
-def test_some_random_motions_hold_and_some_do_not(make_chain: ChainMaker) -> None:
-    """The comparison above sees both outcomes."""
-    chain = make_chain.boxes(3, support=lambda outline: FeetSupport(outline, np.full(4, 0.25)))
-    rng = np.random.default_rng(1)
-    outcomes = []
-    for _ in range(60):
-        twist = np.array([1.0, 0.0, rng.normal()])
-        speed, acceleration = rng.uniform(0.01, 1.0), rng.normal() * 3.0
-        outcomes.append(_slack_of_the_forces(chain, _motion(twist, speed, acceleration)) > 0.0)
-        assert outcomes[-1] == bool((dynamic_rows(chain, twist).values(speed, acceleration) > 0.0).all())
-    assert 10 < sum(outcomes) < 50
-
-
 def test_margins_of_a_slow_motion_are_the_quasi_static_ones(make_chain: ChainMaker) -> None:
     chain = make_chain.random(3, 3)
     twists = np.random.default_rng(3).normal(size=(20, 3)) * 1e-7
@@ -175,13 +161,6 @@ def test_a_box_pushed_straight_may_brake_at_mu_g_and_gains_speed_without_limit(
     assert admissible_speeds(chain, [1.0, 0.0, 0.0]).window == SpeedWindow(4.0, 20.0)
     frictionless = make_chain.boxes(1, floor_friction=0.0)
     assert dynamic_rows(frictionless, [1.0, 0.0, 0.0]).steady_speed == np.inf
-
-
-def test_a_polygon_whose_corners_lie_on_a_plane_keeps_each_of_them_once() -> None:
-    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    np.testing.assert_array_equal(_clipped(square, np.array([0.0, 1.0, -1.0])), square[:3])
-    np.testing.assert_array_equal(_clipped(square, np.array([0.0, -1.0, 1.0])), square[[0, 2, 3]])
-    np.testing.assert_array_equal(_clipped(square, np.array([0.0, 1.0, 0.0])), square)
 
 
 def test_a_turn_about_a_far_centre_slips_at_the_speed_of_the_textbook(make_chain: ChainMaker) -> None:

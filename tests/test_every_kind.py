@@ -172,9 +172,10 @@ def test_a_closed_loop_of_other_kinds_says_that_it_cannot(kind: str) -> None:
 
 
 def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(posterior, "MEMBERS", 8)  # a rough answer is one, too
-    monkeypatch.setattr(posterior, "ROUNDS", 4)
-    monkeypatch.setattr(posterior, "PASSES", 1)
+    for name, value in {"MEMBERS": 8, "ROUNDS": 4, "PASSES": 1, "_BATCH": 20}.items():
+        monkeypatch.setattr(posterior, name, value)  # a rough answer is one, too
+    monkeypatch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 16)
+    monkeypatch.setattr("pushplan.sim.identify.identify.STARTS", 1)
     made_loop = made("closed loop").loop
     assert made_loop is not None
     made_loop.write(tmp_path / "loop.mcap")

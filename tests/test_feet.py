@@ -19,7 +19,7 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
-from pushplan.sim.feet import DEGREE, Rule, compressed, feet_of, polygon_rule
+from pushplan.sim.feet import DEGREE, feet_of, polygon_rule
 from pushplan.sim.physics.model import edge_extent
 from pushplan.util.arrays import FloatArray
 
@@ -96,11 +96,6 @@ def test_a_pressure_map_is_thinned_out_and_keeps_its_centre() -> None:
     np.testing.assert_allclose(feet.fractions @ feet.positions, support.center, atol=1e-12)
 
 
-def test_a_rule_with_few_points_is_left_alone() -> None:
-    rule = Rule(BOX, np.full(4, 0.25))
-    assert compressed(rule, 2) is rule
-
-
 @pytest.mark.parametrize("support", [UnknownSupport(BOX), FeetSupport(BOX, None, np.zeros(2))])
 def test_unknown_loads_are_refused(support: Support) -> None:
     with pytest.raises(SupportError, match="needs to know how the load rests on the floor"):
@@ -124,8 +119,3 @@ def test_an_edge_reaches_as_far_as_its_outline() -> None:
     )
     outline = np.concatenate([pieces, [[0.01, -0.06], [0.01, -0.01]]])
     assert edge_extent(contact, outline) == pytest.approx((0.0, 0.06))
-
-
-def test_without_an_edge_the_segment_is_the_edge() -> None:
-    contact = Contact(np.array([0.0, -0.01]), np.array([0.0, 0.02]), 0.3, 0, -1)
-    assert edge_extent(contact, BOX) == pytest.approx((0.0, 0.03))

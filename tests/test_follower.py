@@ -20,7 +20,6 @@ from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.follower import Command, Follower, FollowerState
 from pushplan.util.arrays import FloatArray
 
-AXLE = [-0.4, 0.0, 0.0]
 SCENARIO = """\
 format: pushplan/1
 name: push
@@ -77,17 +76,6 @@ def test_twists_of_the_base_lead_to_the_goal_within_a_micrometre(drive: str) -> 
         assert np.abs(trajectory.base_twists[:, 1]).max() < 1e-9
 
 
-@pytest.mark.parametrize("drive", DRIVES)
-def test_the_base_moves_as_differences_of_its_poses_say(drive: str) -> None:
-    trajectory = pushed(drive).trajectory
-    assert trajectory is not None
-    t, h = np.linspace(0.5, trajectory.duration - 0.5, 40), 1e-5
-    poses = trajectory.base_poses_at(t)
-    moved = se2.relative(poses, trajectory.base_poses_at(t + h))
-    back = se2.relative(poses, trajectory.base_poses_at(t - h))
-    np.testing.assert_allclose((moved - back) / (2 * h), trajectory.base_twists_at(t), atol=1e-6)
-
-
 def test_samples_at_another_rate_are_of_the_same_motion() -> None:
     trajectory = pushed("differential").trajectory
     assert trajectory is not None
@@ -136,16 +124,13 @@ def followed(
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("slow", [1.0, 1.05])
-def test_a_robot_at_50_hz_stays_within_a_millimetre_even_if_its_clock_is_slow(
-    drive: str, slow: float
-) -> None:
+def test_a_robot_at_50_hz_stays_within_a_millimetre_even_if_its_clock_is_slow(drive: str) -> None:
     """A clock that is 5 % slow keeps every twist 5 % too long; the measured pose makes up for it."""
     run = pushed(drive)
     trajectory = run.trajectory
     assert trajectory is not None
     follower = Follower(run)
-    poses, off, command = followed(run, follower, trajectory.base_poses[0], slow)
+    poses, off, command = followed(run, follower, trajectory.base_poses[0], slow=1.05)
     assert command.state is FollowerState.ARRIVED
     assert off.max() < 1e-3
     assert np.hypot(*(poses[-1] - trajectory.base_poses[-1])[:2]) < 1e-3

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad_vec
 
-import pushplan
 import pushplan.core.contacts as contacts
 from pushplan.errors import PushplanError, SupportError, UndefinedEcofError
 from pushplan.geometry.se2 import inverse, transform_points
@@ -85,14 +84,6 @@ def assert_close(obj: PushedObject, got: FloatArray, want: FloatArray, tolerance
     np.testing.assert_array_less(np.abs(got - want) / scale, tolerance)
 
 
-def test_check_value() -> None:
-    """A rectangle with mu * load = 2 N, turning about (0.3, 0.1)."""
-    outline = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.06], [0.0, 0.06]])
-    obj = PushedObject("it", outline, 2.0 / (0.5 * GRAVITY), 0.5, UniformSupport(outline), np.zeros(3))
-    wrench = friction_wrench(obj, [[0.1, -0.3, 1.0]])
-    np.testing.assert_allclose(wrench, [[-0.541786, 1.919875, 0.109596]], atol=5e-7)
-
-
 @pytest.mark.parametrize("affine", [False, True])
 @pytest.mark.parametrize("seed", range(12))
 def test_closed_form_agrees_with_quadrature(make_chain: ChainMaker, seed: int, affine: bool) -> None:
@@ -130,16 +121,6 @@ def test_series_and_closed_form_agree_where_they_meet(make_chain: ChainMaker, af
         sides = contacts.object_wrenches_of(packed, np.array(twists))
         scale = packed.objects[0, 0] * np.array([1.0, 1.0, radius + np.linalg.norm(anchor)])
         np.testing.assert_array_less(np.abs(np.subtract(sides[0], sides[1])) / scale, 5e-12)
-
-
-def test_far_cors_are_smooth_down_to_translation(make_chain: ChainMaker) -> None:
-    """The first-order term of the series is all that is left at tiny rotations."""
-    obj = random_object(make_chain, np.random.default_rng(8), center=True)
-    straight, slope = friction_wrench(obj, [[0.6, 0.8, 0.0], [0.6, 0.8, 1e-4]])
-    slope = (slope - straight) / 1e-4
-    for omega in (1e-12, 1e-9, 1e-6):
-        turned = friction_wrench(obj, [[0.6, 0.8, omega]])[0]
-        np.testing.assert_allclose(turned, straight + omega * slope, atol=1e-13 + 1e-4 * omega)
 
 
 @pytest.mark.parametrize("direction", [(0.6, -0.8), (0.0, 1.0), (-1.0, 0.0)])
@@ -202,17 +183,6 @@ def test_two_feet_on_a_line_are_held_where_they_are(make_chain: ChainMaker) -> N
     found = friction_wrench(obj, [[0.0, 0.0, 1.0], [0.0, 0.0, -3.0]])
     want = obj.friction_load * np.array([0.0, 0.5, -0.04])
     np.testing.assert_allclose(found, [want, -want], atol=1e-15)
-
-
-def test_fine_pressure_map_approaches_the_uniform_polygon(make_chain: ChainMaker) -> None:
-    outline = make_chain.box(0.1, 0.06)
-    x, y = np.meshgrid((np.arange(60) + 0.5) / 600 - 0.05, (np.arange(36) + 0.5) / 600 - 0.03)
-    points = np.column_stack([x.ravel(), y.ravel()])
-    even = PressureMapSupport(points, np.full(len(points), 1.0 / len(points)))
-    obj = PushedObject("it", outline, 1.0, 0.3, UniformSupport(outline), np.array([0.05, 0.0, 0.0]))
-    twists = np.random.default_rng(1).normal(size=(50, 3)) * [1.0, 1.0, 10.0]
-    got = friction_wrench(replace(obj, support=even), twists)
-    np.testing.assert_allclose(got, friction_wrench(obj, twists), atol=2e-3 * obj.friction_load)
 
 
 @pytest.mark.parametrize("kind", ["polygon", "affine", "feet", "map"])
@@ -294,28 +264,16 @@ def test_ecof_tends_to_the_cof_for_far_cors(make_chain: ChainMaker) -> None:
     assert gaps[2] < 1e-4
 
 
-def test_ecof_is_undefined_at_the_cof_of_a_box(make_chain: ChainMaker) -> None:
-    obj = make_chain.boxes(1).objects[0]
-    with pytest.raises(UndefinedEcofError, match=r"friction force on 'box0' vanishes.*\(0.05, 0\)"):
-        ecof(obj, cof(obj))
-
-
 @pytest.mark.parametrize("mass", [1e-3, 1.0, 1e6])
 def test_ecof_is_undefined_there_whatever_the_weight_and_for_frictionless_objects(
     make_chain: ChainMaker, mass: float
 ) -> None:
     box = replace(make_chain.boxes(1).objects[0], mass=mass, pose_chain=np.array([0.3, 0.2, 0.7]))
     assert np.hypot(*friction_wrench(box, [twists_about(cof(box), 1)])[0, :2]) > 0.0
-    with pytest.raises(UndefinedEcofError):
+    with pytest.raises(UndefinedEcofError, match="friction force on 'box0' vanishes"):
         ecof(box, cof(box))
     with pytest.raises(UndefinedEcofError):
         ecof(replace(box, floor_friction=0.0), [0.0, 1.0])
-
-
-def test_public_names_are_these(make_chain: ChainMaker) -> None:
-    assert pushplan.friction_wrench is friction_wrench
-    assert pushplan.ecof is ecof
-    assert cof is cof
 
 
 @pytest.mark.parametrize(

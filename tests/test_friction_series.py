@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
 import pushplan.core.contacts as contacts
-from pushplan.mechanics.packed import WEIGHTS, complex_moments, series_coefficients
+from pushplan.mechanics.packed import WEIGHTS, series_coefficients
 from pushplan.util.arrays import FloatArray
 
-ORDERS = 6
 NODES, PARTS = np.polynomial.legendre.leggauss(20)
 
 
@@ -24,26 +21,6 @@ def grid(low: tuple[float, float], high: tuple[float, float]) -> tuple[FloatArra
     (x, y), (w, h) = np.add(low, high) / 2.0, np.subtract(high, low) / 2.0
     z = (x + w * NODES)[:, None] + 1j * (y + h * NODES)[None, :]
     return z.ravel(), (w * h * np.outer(PARTS, PARTS)).ravel()
-
-
-@pytest.mark.parametrize(("low", "high"), [((-0.3, -0.1), (0.2, 0.4)), ((1.0, 2.0), (1.5, 2.25))])
-def test_moments_of_a_rectangle_are_the_integrals_of_its_monomials(
-    low: tuple[float, float], high: tuple[float, float]
-) -> None:
-    z, weights = grid(low, high)
-    found = complex_moments(rectangle(low, high), ORDERS)
-    assert found.shape == (ORDERS + 1, ORDERS + 1)
-    for p in range(ORDERS + 1):
-        for q in range(ORDERS + 1):
-            exact = (weights * z**p * z.conj() ** q).sum() if p + q <= ORDERS else 0.0
-            assert found[p, q] == pytest.approx(exact, rel=1e-12, abs=1e-15)
-
-
-def test_moments_of_a_polygon_are_those_of_its_parts() -> None:
-    corner = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.1, 0.1], [0.1, 0.3], [0.0, 0.3]])
-    parts = rectangle((0.0, 0.0), (0.2, 0.1)), rectangle((0.0, 0.1), (0.1, 0.3))
-    whole = sum(complex_moments(part, ORDERS) for part in parts)
-    np.testing.assert_allclose(complex_moments(corner, ORDERS), whole, rtol=1e-12, atol=1e-16)
 
 
 @pytest.mark.parametrize("far", [1.0, 0.5, 0.03, 1e-6, 0.0])
@@ -70,36 +47,3 @@ def test_the_series_is_the_integral_of_the_direction_of_motion(
                 factor = z**a * z.conj() ** b
                 exact = (weights * velocity / np.abs(velocity) * factor).sum()
                 assert value == pytest.approx(exact, abs=8e-15 * weights.sum() * radius ** (a + b))
-
-
-def test_centres_are_far_from_a_multiple_of_the_radius_on() -> None:
-    for speed, radius in ((0.3, 0.1), (2.0, 5.0)):
-        omega = contacts.REACH * speed / radius
-        for sign in (1.0, -1.0):
-            assert contacts.in_reach(speed, sign * omega * 0.999, radius)
-            assert not contacts.in_reach(speed, sign * omega * 1.001, radius)
-    assert not contacts.in_reach(0.0, 1.0, 0.1)
-    assert not contacts.in_reach(0.0, 0.0, 0.1)
-    assert contacts.REACH ** (contacts.ORDER + 1) < 1e-14
-
-
-@pytest.mark.parametrize("d", [1e-3, 0.01, -0.3, 20.0])
-@pytest.mark.parametrize(("s", "length"), [(-0.05, 0.1), (0.0, 0.3), (0.4, 0.01), (-2.0, 1.0), (-0.5, 0.5)])
-def test_the_logarithm_of_an_edge_is_a_difference_of_inverse_hyperbolic_sines(
-    d: float, s: float, length: float
-) -> None:
-    rho_sum = math.hypot(s, d) + math.hypot(s + length, d)
-    found = contacts.edge_log(d, length, rho_sum)
-    sines = math.asinh((s + length) / abs(d)) - math.asinh(s / abs(d))
-    assert found == pytest.approx(d * d * sines, rel=1e-9, abs=0.0)
-    assert found == pytest.approx(2.0 * d * d * math.atanh(length / rho_sum), rel=1e-9, abs=0.0)
-
-
-@pytest.mark.parametrize("share", [1e-3, 0.03, 0.0999999, 0.1000001, 0.3, 0.9])
-def test_the_logarithm_is_exact_for_edges_near_and_far(share: float) -> None:
-    assert contacts.edge_log(0.5, share, 1.0) == pytest.approx(0.5 * math.atanh(share), rel=2e-15, abs=0.0)
-
-
-def test_on_the_line_of_an_edge_the_logarithm_adds_nothing() -> None:
-    for rho_sum in (1.0, 1.0 - 1e-16, 0.5):
-        assert contacts.edge_log(0.0, 1.0, rho_sum) == 0.0

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
-import shapely
-from shapely.geometry.base import BaseGeometry
 
 from pushplan.scenario.file import load_scenario
-from pushplan.sets.named import stable_set
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "harada2006"
@@ -37,31 +33,14 @@ def test_the_figures_of_the_sets_are_made(tmp_path: Path) -> None:
 )
 def test_the_figures_of_the_experiments_are_made(tmp_path: Path) -> None:
     """All centres of rotation are counted; the two blocks stay together on the way to the goal."""
-    printed = made(tmp_path, "--figures", "11", "12", "--cors", "12", "--format", "png")
+    printed = made(tmp_path, "--figures", "11", "12", "--cors", "6", "--format", "png")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fig11.png", "fig12.png"]
     counts = [line.split()[-2:] for line in printed.splitlines() if line.startswith("Algorithm 1")]
     held, moved = np.array(counts, dtype=int).reshape(2, 2, 2).swapaxes(0, 2)
-    assert (held.sum() + moved.sum()) == 24
+    assert (held.sum() + moved.sum()) == 12
     assert moved[0].sum() == held[1].sum() == 0
     assert printed.count(" held: ") == 2
     assert " moved from " not in printed
-
-
-@pytest.mark.parametrize("name", ["two-blocks", "two-blocks-offset"])
-def test_wedges_from_drawn_directions_are_algorithm_2(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The paper's construction with ruler and protractor against the exact polygons."""
-    monkeypatch.syspath_prepend(str(EXAMPLE))
-    panels = import_module("panels")
-    chain, window = panels.chain_named(name), (-0.2, -0.3, 0.4, 0.3)
-    cof = stable_set(chain, "cof")
-    for sense in (+1, -1):
-        drawn: BaseGeometry = shapely.box(*window)
-        for k in range(2):
-            corners = panels.wedge(
-                panels.carried_center(chain, k), panels.allowed_directions(chain, k), sense
-            )
-            drawn = drawn.intersection(shapely.Polygon(corners))
-        assert drawn.symmetric_difference(cof.cor_region(sense, window)).area < 1e-9
 
 
 def test_scenarios_say_what_the_paper_says() -> None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import re
-from pathlib import Path
 from random import Random
-from types import ModuleType
 from typing import Any
 
 import jsonschema
+import mutators
 import pytest
 
 from pushplan.bench.schema import suite_schema
@@ -31,18 +29,6 @@ BEYOND_A_SCHEMA = re.compile(
     r"|is the text '.*', which is not finite|is '.*', which is not finite)"
 )
 """What the loader refuses and a schema cannot."""
-
-
-def _load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-mutators = _load("mutators")
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +90,7 @@ def test_schema_and_loader_agree_on_mutated_files(checker: jsonschema.protocols.
     documents = [load_scenario(name).resolved() for name in VARIED]
     documents += [_document(example_text(name)) for name in VARIED]
     accepted = refused = 0
-    for _ in range(500):
+    for _ in range(200):
         document = Source(json.dumps(mutators.mutated_document(random.choice(documents), random)).encode())
         validate(ScenarioFile, document)
         faults = document.findings
@@ -112,8 +98,8 @@ def test_schema_and_loader_agree_on_mutated_files(checker: jsonschema.protocols.
         sayable = [f for f in faults if not BEYOND_A_SCHEMA.match(f.what)]
         assert bool(errors) == bool(sayable), (errors[:1], sayable)
         accepted, refused = accepted + (not faults), refused + bool(errors)
-    assert accepted > 20
-    assert refused > 300
+    assert accepted > 8
+    assert refused > 120
 
 
 @pytest.mark.parametrize(

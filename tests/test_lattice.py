@@ -106,17 +106,6 @@ def test_no_path_above_the_bound_is_found(problem: Problem, scenario: Scenario) 
     assert bound == 0.5 * best
 
 
-def test_the_most_promising_comes_first(problem: Problem, scenario: Scenario) -> None:
-    session = _session(problem, scenario)
-    lattice = LatticeRounds(session, sampling_box(scenario)).planted(2, 0)
-    while lattice.tried < 400:
-        _, over = lattice.expand(session.random, math.inf, 4)
-        assert not over
-        queue = lattice.open
-        parents = (np.arange(1, len(queue)) - 1) // 2
-        assert (queue[parents] <= queue[1:]).all()
-
-
 @pytest.mark.parametrize(("lower", "side"), [(-0.2, 1.0), (0.2, -1.0)])
 def test_the_shorter_of_two_passages_is_found(lower: float, side: float) -> None:
     text = TWO_PASSAGES.replace("LOWER", str(lower))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from pushplan.errors import PushplanError, SupportError
+from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
-from pushplan.mechanics.chain import PLATE, Chain, Contact, PushedObject, Pusher
+from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import (
     FeetSupport,
     PressureMapSupport,
@@ -18,7 +17,7 @@ from pushplan.mechanics.support import (
     UniformSupport,
     UnknownSupport,
 )
-from pushplan.mechanics.uncertain import LoadArea, load_area, load_areas
+from pushplan.mechanics.uncertain import load_area
 from pushplan.util.arrays import FloatArray
 
 BOX = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
@@ -78,56 +77,6 @@ def test_what_stands_on_a_line_or_a_point_may_not_be_pushed_above_the_floor(
         load_area(obj, 0.01)
 
 
-def test_three_feet_stand_until_the_load_tips_over_the_nearest_edge() -> None:
-    """Its centre, that of the triangle, is a third of the height 0.3 m from the edge along x."""
-    feet = FeetSupport(np.array([[-0.2, -0.1], [0.2, -0.1], [0.0, 0.2]]), np.full(3, 1.0 / 3.0))
-    assert load_area(resting(feet), 0.19).shift == pytest.approx(0.095)
-    with pytest.raises(SupportError, match=r"is 0\.\d+ m inside the support"):
-        load_area(resting(feet), 0.21)
-
-
-def test_a_frictionless_load_stays_where_it_is() -> None:
-    assert load_area(resting(UnknownSupport(BOX), friction=0.0), 10.0).shift == 0.0
-
-
-def test_areas_of_a_chain_have_the_height_of_its_pusher() -> None:
-    contact = Contact(np.array([0.0, -0.1]), np.array([0.0, 0.1]), 0.3, 0, PLATE)
-    chain = Chain((resting(UnknownSupport(BOX)),), (contact,), Pusher(BOX, 0.3, contact_height=0.06))
-    (area,) = load_areas(chain)
-    assert area.shift == pytest.approx(0.03)
-
-
-MAKERS: list[tuple[Callable[[], object], tuple[str, ...]]] = [
-    (lambda: FeetSupport([[0, 0], [1, 0]], fractions=[0.5, 0.5]), ("positions", "fractions", "center")),  # type: ignore[arg-type]
-    (lambda: FeetSupport([[0, 0], [2, 0]], center_of_mass=[1, 0]), ("positions", "center_of_mass")),  # type: ignore[arg-type]
-    (lambda: FeetSupport([[3, 4]], fractions=[1.0]), ("positions", "hull")),  # type: ignore[arg-type]
-    (lambda: PressureMapSupport([[3, 4]], [1.0]), ("points", "fractions", "hull")),  # type: ignore[arg-type]
-    (lambda: UniformSupport(BOX.tolist(), [0.01, 0]), ("outline", "center_of_mass")),  # type: ignore[arg-type]
-    (lambda: UnknownSupport(BOX.tolist(), [0.01, 0]), ("outline", "center_of_mass")),  # type: ignore[arg-type]
-    (lambda: LoadArea([[0, 0], [1, 0]], False, [0.5, 0], 0.0), ("points", "center")),  # type: ignore[arg-type]
-]
-
-
-@pytest.mark.parametrize(("make", "names"), MAKERS)
-def test_what_is_given_is_kept_as_arrays_of_floats(
-    make: Callable[[], object], names: tuple[str, ...]
-) -> None:
-    made = make()
-    for name in names:
-        value = getattr(made, name)
-        assert isinstance(value, np.ndarray)
-        assert value.dtype == np.float64
-        if name not in ("center", "hull") or isinstance(made, LoadArea):
-            assert not value.flags.writeable
-
-
-def test_numbers_that_are_none_are_refused() -> None:
-    with pytest.raises(PushplanError, match="points of the pressure map holds a number that is not finite"):
-        PressureMapSupport(np.array([[np.nan, 0.0]]), np.array([1.0]))
-    with pytest.raises(PushplanError, match=r"positions of the feet has shape \(2,\); it must be \(any, 2\)"):
-        FeetSupport(np.array([1.0, 2.0]), np.array([1.0]))
-
-
 def test_small_pressures_count_as_much_as_large_ones() -> None:
     """Only the proportions matter, and the lines may end as they like."""
     texts = [f"x,y,pressure\n0,0,{p}\n1,0,{3 * p}\n5,5,0\n" for p in (1e-6, 1.0, 1e6)]
@@ -151,13 +100,6 @@ def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[
     turned = transform_points(-POSE * [0, 0, 1], places - POSE[:2])
     np.testing.assert_allclose(turned.min(axis=0), moved.min(axis=0) + 0.002, atol=1e-12)  # squares of 4 mm
     assert spread == pytest.approx(float(parts @ (turned**2).sum(axis=1)))
-
-
-def test_elements_of_a_pressure_map_are_its_points() -> None:
-    support = PressureMapSupport(np.array([[0.1, 0.0], [0.0, 0.1]]), np.array([0.25, 0.75]))
-    places, parts = support.elements(10)
-    np.testing.assert_allclose(places, support.points)
-    np.testing.assert_array_equal(parts, [0.25, 0.75])
 
 
 @pytest.mark.parametrize(

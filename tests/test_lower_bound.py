@@ -78,13 +78,12 @@ def test_a_known_path_speeds_the_bound_up_and_changes_nothing() -> None:
 @pytest.mark.parametrize("name", example_names())
 def test_no_path_beats_the_bound(name: str) -> None:
     scenario = load_plain(name)
-    for seed in (1, 2):
-        result = plan(scenario, seed=seed, time_limit=60.0, iterations=25_000)
-        assert result.path is not None
-        assert result.lower_bound is not None
-        assert result.lower_bound <= result.path.cost
-        assert result.gap == result.path.cost / result.lower_bound - 1.0
-        assert result.gap < 0.5
+    result = plan(scenario, seed=1, time_limit=60.0, iterations=25_000)
+    assert result.path is not None
+    assert result.lower_bound is not None
+    assert result.lower_bound <= result.path.cost
+    assert result.gap == result.path.cost / result.lower_bound - 1.0
+    assert result.gap < 0.5
 
 
 def test_a_turned_workspace_has_the_same_bound() -> None:

@@ -71,10 +71,7 @@ limits: {{time: 10 s}}
 
 def test_what_installed_packages_add_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     points = EntryPoints(
-        [
-            EntryPoint("lazy", PLANNER, "pushplan.planners"),
-            EntryPoint("leaning-set", SET, "pushplan.sets"),
-        ]
+        [EntryPoint("lazy", PLANNER, "pushplan.planners"), EntryPoint("leaning-set", SET, "pushplan.sets")]
     )
     monkeypatch.setattr(metadata, "entry_points", points.select)
     name, make = planner_named("lazy")

@@ -69,13 +69,6 @@ def test_check_draws_what_was_understood(suffix: str, tmp_path: Path) -> None:
         assert "<!-- far -->" in picture.read_text()
 
 
-def test_check_refuses_a_picture_it_cannot_write_before_it_works(capsys: Captured) -> None:
-    assert main(["check", "two-crates", "--plot", "nowhere/check.png"]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert "there is no folder nowhere" in err
-
-
 def test_a_forgotten_suffix_and_a_misspelt_example_are_recognised(capsys: Captured) -> None:
     main(["new", "mine"])
     assert main(["check", "mine"]) == 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.core.collision import LEAF, Scene, Shapes, obstacle_tree, separation, sweep_is_free
+from pushplan.core.collision import LEAF, Scene, obstacle_tree, separation, sweep_is_free
 from pushplan.planners.scene import scene_of
 from pushplan.util.arrays import FloatArray
 
@@ -78,54 +78,3 @@ def test_no_obstacles_need_no_tree() -> None:
     assert len(order) == 0
     scene = scene_of(BODY, [], np.zeros((0, 3)), WALLS, 5e-4)
     assert separation(scene, 10.0, 10.0, 0.0, 1.0) == 1.0
-
-
-def _looked_at(tree: FloatArray, x: float, y: float, reach: float) -> tuple[int, list[int], list[int]]:
-    """Boxes, polygons and circles looked at for a point, without those in boxes farther away than `reach`."""
-    row, boxes, polygons, circles = 0, 0, list[int](), list[int]()
-    while row < len(tree):
-        node = tree[row]
-        away = np.hypot(max(node[0] - x, x - node[2], 0.0), max(node[1] - y, y - node[3], 0.0))
-        boxes += 1
-        if away >= reach:
-            row = int(node[4])
-        else:
-            polygons += range(int(node[5]), int(node[6]))
-            circles += range(int(node[7]), int(node[8]))
-            row += 1
-    return boxes, polygons, circles
-
-
-def _gathered(
-    scene: Scene, place: FloatArray, polygons: list[int], circles: list[int], tree: FloatArray
-) -> Scene:
-    """Return the scene with all obstacles but these moved to a place, and a tree that knows nothing of it."""
-    corners, bounds, starts = (
-        scene.obstacles.corners.copy(),
-        scene.obstacles.bounds.copy(),
-        scene.obstacles.starts,
-    )
-    discs = scene.circles.copy()
-    for o in np.setdiff1d(np.arange(len(bounds)), polygons):
-        corners[starts[o] : starts[o + 1], :2] += place - bounds[o, :2]
-        bounds[o, :2] = place
-    discs[np.setdiff1d(np.arange(len(discs)), circles), :2] = place
-    return scene.with_obstacles(Shapes(corners, starts, bounds), discs, tree, WALLS)
-
-
-def test_of_a_thousand_obstacles_few_are_looked_at() -> None:
-    """The others may be anywhere, in the body even: the answer stays."""
-    rng = np.random.default_rng(1)
-    scene = scene_of(BODY, *_world(rng, 1000), WALLS, 5e-4)
-    counts, enough = [], 0.5
-    for x, y, theta in rng.uniform(0.3, 19.7, (200, 3)).tolist():
-        c, s, bound = np.cos(theta), np.sin(theta), scene.body_bound
-        middle = np.array([x + c * bound[0] - s * bound[1], y + s * bound[0] + c * bound[1]])
-        boxes, polygons, circles = _looked_at(scene.tree, middle[0], middle[1], bound[2] + enough)
-        counts.append(boxes + len(polygons) + len(circles))
-        moved, in_one_leaf = (
-            _gathered(scene, middle, polygons, circles, tree) for tree in (scene.tree, _one_leaf(scene))
-        )
-        assert separation(moved, x, y, theta, enough) == separation(scene, x, y, theta, enough)
-        assert separation(in_one_leaf, x, y, theta, enough) <= 0.0
-    assert np.mean(counts) < 60

@@ -73,21 +73,3 @@ def test_arrays_that_do_not_fit_together_are_refused(make_chain: ChainMaker) -> 
         contacts.margins_of(contacts.PackedChain(**{**fields, "rows": rows[:0]}), TWISTS)
     with pytest.raises(ValueError, match="twists"):
         contacts.margins_of(contacts.PackedChain(**fields), TWISTS[:, :2])
-
-
-def test_wrenches_that_are_summed_have_to_be_an_array_that_can_be_changed() -> None:
-    wrenches, pushers = np.ones((2, 3, 3)), np.array([-1, 0, 0])
-    contacts.sum_over_carried(wrenches, pushers)
-    np.testing.assert_array_equal(wrenches[:, 0], np.full((2, 3), 3.0))
-    with pytest.raises(TypeError):
-        contacts.sum_over_carried(np.ones((2, 3, 6))[..., ::2], pushers)  # what is added would be lost
-    with pytest.raises(ValueError, match="object 1 is pushed by a later one"):
-        contacts.sum_over_carried(wrenches, np.array([-1, 2, 0]))
-
-
-def test_uncertain_loads_with_a_missing_place_are_refused(make_chain: ChainMaker) -> None:
-    packed = pack_centred(make_chain.boxes(2))
-    with pytest.raises(ValueError, match="only the centre"):
-        uncertain.inertia_rows_of(packed, np.ones((2, 2)), np.ones((1, 2, 3)), np.ones((1, 0, 3)))
-    with pytest.raises(ValueError, match="no such contact"):
-        uncertain.worst_spreads(packed, TWISTS[0], 2, 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -63,19 +64,18 @@ def test_reach_is_the_cost_of_the_free_word_of_each_pair(planner: Planner, clutt
     rng = np.random.default_rng(2)
     poses = rng.uniform([0.0, 0.0, -3.0], [4.0, 4.0, 3.0], (120, 3))
     free = [find_collision(clutter, pose[None]) is None for pose in poses]
-    poses = np.concatenate([poses[free][:38], poses[np.logical_not(free)][:2]])
-    costs = planner.reach(poses[:20], poses[20:])
-    assert costs.shape == (20, 20)
+    poses = np.concatenate([poses[free][:22], poses[np.logical_not(free)][:2]])
+    starts, goals = poses[:12], poses[12:]
+    costs = planner.reach(starts, goals)
     asked = clutter.with_margin(0.05)
     stable, found = asked.stable_set(), 0
-    for i, j in np.ndindex(20, 20):
-        problem = build_problem(_between(asked, poses[i], poses[20 + j]), stable)
-        session = Session(problem, poses[i], Budget(1.0), seed=0)
-        ends = (find_collision(clutter, poses[[k]]) is None for k in (i, 20 + j))
-        word = free_word(session, poses[i], poses[20 + j]) if all(ends) else None
+    for (i, start), (j, goal) in product(enumerate(starts), enumerate(goals)):
+        session = Session(build_problem(_between(asked, start, goal), stable), start, Budget(1.0), seed=0)
+        ends = (find_collision(clutter, end[None]) is None for end in (start, goal))
+        word = free_word(session, start, goal) if all(ends) else None
         assert costs[i, j] == pytest.approx(np.inf if word is None else word[:, 3].sum(), rel=1e-12)
         found += word is not None
-    assert found > 5
+    assert 1 < found < costs.size
 
 
 def test_other_obstacles_change_the_room_and_nothing_else(planner: Planner) -> None:

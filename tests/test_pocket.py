@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import shapely
@@ -19,17 +17,10 @@ from pushplan.planners.clearance import find_collision
 from pushplan.planners.controls import segment_ends
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
-from pushplan.planners.infeasible.pockets import (
-    LEVELS,
-    Pocket,
-    find_pocket,
-    make_steps,
-    push_hull,
-    reached,
-)
+from pushplan.planners.infeasible.pockets import LEVELS, Pocket, find_pocket, make_steps, push_hull, reached
 from pushplan.planners.problem import build_problem
 from pushplan.scenario.file import example_names, scenario_from_text
-from pushplan.scenario.model import PolygonObstacle, Scenario
+from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, IntArray
 
@@ -173,17 +164,6 @@ def _boundary(stable: StableSet, margin: float, count: int) -> FloatArray:
     )
 
 
-def test_a_bar_in_the_way_boxes_in() -> None:
-    """A bar before the front box at the start, from wall to wall, is no gap for the disc to pass."""
-    scenario = replace(load_plain("narrow-gap"), obstacles=())
-    bar = np.array([[0.221, -1.2], [0.3, -1.2], [0.3, 1.2], [0.221, 1.2]])
-    barred = replace(scenario, obstacles=(PolygonObstacle(se2.transform_points(scenario.start, bar)),))
-    stable = barred.stable_set()
-    found = _found(barred, stable, build_problem(barred, stable))
-    assert found is not None
-    assert not found.is_goal
-
-
 def test_without_a_common_direction_nothing_is_proven() -> None:
     scenario, stable, problem = _random(16)
     assert scenario.chain.pusher.drive.axle is not None
@@ -202,12 +182,3 @@ def test_a_search_ends_near_the_other_pose_or_without_room() -> None:
     outcome, cells = reached(problem.scene, scenario.start, np.array([9.0, 0.0, 0.0]), steps, 64)
     assert outcome == OPEN
     assert len(cells) <= 32
-
-
-def test_the_table_of_cells_has_a_power_of_two_of_slots() -> None:
-    scenario = load_plain("free-space")
-    problem = build_problem(scenario, scenario.stable_set())
-    hull = push_hull(segment_ends(problem.segments), problem.scene.body_bound[:2])
-    steps = make_steps(problem.scene, hull, LEVELS[0], 0.0, back=False)
-    with pytest.raises(ValueError, match="a power of two, not 48"):
-        reached(problem.scene, scenario.start, scenario.goal.pose_chain, steps, 48)

@@ -21,7 +21,7 @@ from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
 
-NAMES = ["free-space", "two-crates", "carts", "narrow-gap"]
+NAMES = ["free-space", "carts", "narrow-gap"]
 
 
 def _posed(name: str) -> tuple[Scenario, Problem]:
@@ -50,7 +50,7 @@ def test_changed_paths_reach_the_goal_free_stable_and_never_dearer(name: str) ->
     scenario, problem = _posed(name)
     path, state = _first_path(scenario, problem, 3), _random(5)
     before, kept = objective_value(problem.objective, path), 0
-    for _ in range(2000):
+    for _ in range(1000):
         new = vary(problem, scenario.start, path, state)
         now = objective_value(problem.objective, new)
         assert now <= before

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from pushplan.cli.main import main
-from pushplan.cli.replay import WRITERS
 from pushplan.logging.writer import RunLogWriter
 from pushplan.scenario.file import load_scenario
 
@@ -18,31 +17,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("replay") / "run.mcap"
     assert main(["plan", "free-space", "--first", "-o", str(path)]) == 0
     return path
-
-
-def test_plain_exports_are_written_in_one_call(log: Path, tmp_path: Path) -> None:
-    files = {name: tmp_path / f"out.{name}" for name in ("html", "csv", "layout")}
-    words = [word for name, path in files.items() for word in (f"--{name}", str(path))]
-    assert main(["replay", str(log), *words]) == 0
-    assert files["html"].read_text().startswith("<!doctype html>")
-    assert files["csv"].read_text().count("\n") > 100
-    assert '"3D' in files["layout"].read_text()
-
-
-@pytest.mark.parametrize("name", sorted(WRITERS))
-def test_every_export_is_written_or_names_its_extra(
-    name: str, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    if name == "mp4":
-        pytest.skip("a film takes most of a minute; tests/store films a short run")
-    path = tmp_path / f"out.{name}"
-    code = main(["replay", str(log), f"--{name}", str(path)])
-    if code == 0:
-        assert path.stat().st_size > 100
-    else:
-        assert code == 2
-        assert "pip install 'pushplan[" in capsys.readouterr().err
-        assert not path.exists()
 
 
 def test_what_a_log_says_is_shown_escaped_and_told_exactly(

@@ -10,11 +10,22 @@ import yaml
 
 import pushplan
 from pushplan.cli.main import main
-from pushplan.logging.shown import MOST_VIEWED, smoothed_times, viewed
+from pushplan.logging import shown
+from pushplan.logging.shown import smoothed_times, viewed
 from pushplan.logging.writer import _parts_of
 from pushplan.planners.clearance import MOST
-from pushplan.plans.trajectory import MOST_SAMPLES, Trajectory
+from pushplan.plans import trajectory as trajectories
+from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.file import example_text
+
+MOST_SAMPLES, MOST_VIEWED = 2_000, 1_500
+
+
+@pytest.fixture(autouse=True)
+def _fewer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Still more samples than viewers are shown."""
+    monkeypatch.setattr(trajectories, "MOST_SAMPLES", MOST_SAMPLES)
+    monkeypatch.setattr(shown, "MOST_VIEWED", MOST_VIEWED)
 
 
 def _with_limit(name: str, limit: tuple[str, float], path: Path) -> Path:
@@ -36,7 +47,7 @@ def test_the_log_of_a_slow_drive_is_read_and_verified(tmp_path: Path) -> None:
 
 
 def test_a_drive_of_hours_has_a_bounded_number_of_exact_samples(tmp_path: Path) -> None:
-    file = _with_limit("one-box", ("speed", 1e-4), tmp_path / "slow.yaml")
+    file = _with_limit("one-box", ("speed", 1e-3), tmp_path / "slow.yaml")
     result = pushplan.plan(pushplan.load_scenario(file), first=True, time_limit=60.0)
     assert result.trajectory is not None
     assert result.execution is not None
@@ -44,7 +55,7 @@ def test_a_drive_of_hours_has_a_bounded_number_of_exact_samples(tmp_path: Path) 
     assert len(result.trajectory.t) <= MOST_SAMPLES + 2
     assert len(result.execution.t) == len(result.trajectory.t)
     assert 0.9 * MOST_VIEWED < len(viewed(result.execution)) <= MOST_VIEWED + 3
-    assert len(smoothed_times(result.trajectory)) <= MOST_VIEWED + 1
+    assert len(smoothed_times(result.trajectory)) <= MOST_VIEWED + 2
     assert result.trajectory.t[-1] == result.trajectory.duration
     assert np.max(result.execution.goal_error) < 1e-9
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,21 +33,6 @@ def one_sided(make_chain: ChainMaker) -> Chain:
     chain = make_chain.boxes(1, pusher_friction=0.2)
     edge = Contact(np.array([0.0, -0.05]), np.array([0.0, -0.02]), 0.2, 0, -1)
     return replace(chain, contacts=(edge,))
-
-
-def test_sphere_angles_go_there_and_back() -> None:
-    rng = np.random.default_rng(0)
-    lon, lat = rng.uniform(-3.1, 3.1, 100), rng.uniform(-1.5, 1.5, 100)
-    back = angles_of(twists_at(lon, lat, 0.3), 0.3)
-    np.testing.assert_allclose(back, [lon, lat], atol=1e-12)
-
-
-def test_twists_about_a_point_leave_it_at_rest() -> None:
-    for sense in (-1, 1):
-        vx, vy, omega = twists_about([0.3, -0.2], sense)
-        assert (vx - omega * -0.2, vy + omega * 0.3, omega) == (0.0, 0.0, sense)
-    with pytest.raises(PushplanError, match="sense is 2"):
-        twists_about([0.3, -0.2], 2)
 
 
 @pytest.mark.parametrize("minimum", [0.0, 0.05])
@@ -187,13 +171,6 @@ def test_turning_radii_are_those_of_the_tightest_stable_turns(make_chain: ChainM
         assert radius <= tightest < 1.05 * radius
 
 
-def test_radii_of_a_symmetric_chain_are_equal_and_grow_with_the_chain(make_chain: ChainMaker) -> None:
-    radii = [stable_set(make_chain.boxes(n)).turning_radii() for n in (1, 2, 3, 4)]
-    for left, right in radii:
-        assert left == pytest.approx(right, rel=1e-6)
-    assert all(a.left < b.left for a, b in pairwise(radii))
-
-
 def test_a_push_beside_the_middle_turns_one_way_only(make_chain: ChainMaker) -> None:
     stable = stable_set(one_sided(make_chain))
     assert stable.translation_cone() is None
@@ -201,15 +178,6 @@ def test_a_push_beside_the_middle_turns_one_way_only(make_chain: ChainMaker) -> 
     assert np.isfinite(stable.turning_radii().left)
     assert stable.cor_region(-1).is_empty
     assert stable.cor_region(+1).area > 0.0
-
-
-def test_an_empty_set_has_empty_answers(make_chain: ChainMaker) -> None:
-    stable = stable_set(make_chain.boxes(2, contact_friction=0.0))
-    assert len(stable.meridians()) == 0
-    assert stable.cor_region(+1).is_empty
-    assert stable.translation_cone() is None
-    assert stable.turning_radii() == (np.inf, np.inf)
-    assert stable.area() == 0.0
 
 
 def test_answers_do_not_depend_on_the_order_of_questions(make_chain: ChainMaker) -> None:

@@ -118,27 +118,12 @@ def test_wrong_feet_are_refused(fractions: FloatArray | None, center: FloatArray
     assert type(caught.value).__module__ == "pushplan.errors"
 
 
-def test_load_fractions_are_scaled_to_a_sum_of_one() -> None:
-    feet = FeetSupport(BOX, np.array([0.25, 0.25, 0.25, 0.25 + 9e-7]))
-    assert feet.fractions is not None
-    assert feet.fractions.sum() == pytest.approx(1.0, abs=1e-15)
-    np.testing.assert_allclose(feet.fractions[3] / feet.fractions[0], 1.0 + 3.6e-6, rtol=1e-12)
-
-
 def test_one_foot_carries_everything_wherever_it_is() -> None:
     for foot in ([0.0, 0.0], [1e-3, 0.0], [0.0, 1e3]):
         support = FeetSupport(np.array([foot]), center_of_mass=np.array(foot))
         np.testing.assert_array_equal(support.center, foot)
         with pytest.raises(SupportError, match="lies outside the convex hull of the feet"):
             FeetSupport(np.array([foot]), center_of_mass=np.add(foot, [1e-6, 0.0]))
-
-
-def test_two_feet_have_a_segment_as_hull() -> None:
-    pair = np.array([[0.0, 0.0], [0.1, 0.0]])
-    feet = FeetSupport(pair, center_of_mass=np.array([0.02, 0.0]))
-    assert feet.hull.shape == (2, 2)
-    with pytest.raises(SupportError, match="outside"):
-        FeetSupport(pair, center_of_mass=np.array([0.02, 0.01]))
 
 
 def test_pressures_that_are_given_are_known() -> None:
@@ -184,11 +169,6 @@ def test_wrong_pressure_maps_name_file_and_line(tmp_path: Path, text: str, findi
     with pytest.raises(SupportError) as caught:
         PressureMapSupport.from_csv(path)
     assert finding in str(caught.value)
-
-
-def test_missing_pressure_map_is_an_error_of_ours(tmp_path: Path) -> None:
-    with pytest.raises(SupportError, match="cannot read the pressure map"):
-        PressureMapSupport.from_csv(tmp_path / "none.csv")
 
 
 class Ring(Support):

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from pushplan.mechanics.chain import Limits
 from pushplan.planners.timing.arc_limits import Bounds, arc_limits
-from pushplan.planners.timing.exact_timing import rest_to_rest, time_path
+from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
-from pushplan.plans.trajectory import Trajectory
 
 
 def _path(rng: np.random.Generator, arcs: int) -> PushPath:
@@ -35,10 +33,7 @@ def test_speed_acceleration_and_jerk_in_the_world_stay_within_the_limits(seed: i
             continue
         t = np.arange(begin, end, h)
         poses = trajectory.poses_at(t)
-        for columns, bounds in (
-            (poses[:, :2], (0.2, 0.5, 5.0)),
-            (poses[:, 2:], (1.0, 2.0, 20.0)),
-        ):
+        for columns, bounds in ((poses[:, :2], (0.2, 0.5, 5.0)), (poses[:, 2:], (1.0, 2.0, 20.0))):
             for order, bound in enumerate(bounds, start=1):
                 derivative = np.diff(columns, n=order, axis=0) / h**order
                 assert _within(np.linalg.norm(derivative, axis=1), bound)
@@ -69,26 +64,6 @@ def test_one_limit_is_always_reached() -> None:
     assert tuple(straight) == pytest.approx((0.2, 0.5, 0.5, 5.0))
     pivot = arc_limits(np.array([0.0, 0.0, 10.0]), Limits())
     assert tuple(pivot) == pytest.approx((0.1, 0.2, 0.2, 2.0))
-
-
-def test_phases_cover_the_length() -> None:
-    for length in (1e-6, 1e-3, 0.1, 10.0):
-        durations, phases = rest_to_rest(length, arc_limits(np.array([1.0, 0.0, 0.0]), Limits()))
-        covered = sum(float(phases[:, k] @ durations ** (k + 1)) / (k + 1) for k in range(3))
-        assert covered == pytest.approx(length, rel=1e-9)
-
-
-def test_poses_of_a_twist_that_changes_direction_agree_with_an_ode_solver() -> None:
-    coefficients = np.array([[[0.1, 0.0, 0.2], [0.05, 0.1, 0.5], [0.02, -0.1, -0.3]]])
-    trajectory = Trajectory(np.array([0.3, -0.2, 0.5]), np.array([0.0, 0.2]), coefficients, np.zeros(1))
-
-    def rate(t: float, pose: np.ndarray) -> np.ndarray:
-        vx, vy, omega = coefficients[0, 0] + t * coefficients[0, 1] + t * t * coefficients[0, 2]
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        return np.array([c * vx - s * vy, s * vx + c * vy, omega])
-
-    solved = solve_ivp(rate, (0.0, 0.2), trajectory.start, rtol=1e-12, atol=1e-13)
-    np.testing.assert_allclose(trajectory.poses_at([0.2])[0], solved.y[:, -1], atol=1e-7)
 
 
 def test_a_path_of_no_arcs_takes_no_time() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import pushplan.core.contacts as contacts
 from pushplan.mechanics.contacts import carried_objects, contact_state, ecof, friction_wrench
-from pushplan.mechanics.packed import pack_chain, pack_object
+from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.support import UniformSupport
 from pushplan.sets.named import stable_set
 
@@ -50,26 +50,6 @@ def test_every_contact_transmits_the_friction_of_what_it_carries(
         np.testing.assert_allclose(together, alone[carried].sum(axis=0), atol=1e-11)
 
 
-def test_a_far_and_a_near_way_to_integrate_agree_for_every_object_of_a_chain(make_chain: ChainMaker) -> None:
-    """About a far centre the wrench is nearly that of the translation, and its change is linear in omega."""
-    chain = make_chain.random(9, 3)
-    for obj in chain.objects:
-        still, slow, fast = friction_wrench(obj, [[1.0, 0.2, 0.0], [1.0, 0.2, 1e-4], [1.0, 0.2, 2e-4]])
-        np.testing.assert_allclose(fast - still, 2.0 * (slow - still), atol=1e-6 * obj.friction_load)
-        assert np.abs(slow - still).max() < 1e-3 * obj.friction_load
-
-
-def test_speed_does_not_matter_at_any_size(make_chain: ChainMaker) -> None:
-    (obj,) = make_chain.boxes(1).objects
-    packed = pack_object(obj, 0.0)
-    for factor in (1e-6, 1e6):
-        np.testing.assert_allclose(
-            contacts.object_wrenches_of(packed, TWISTS * factor),
-            contacts.object_wrenches_of(packed, TWISTS),
-            atol=1e-9,
-        )
-
-
 def test_the_ecof_of_a_push_above_the_floor_takes_its_height(make_chain: ChainMaker) -> None:
     (obj,) = make_chain.boxes(1).objects
     low, high = ecof(obj, (0.05, 0.3)), ecof(obj, (0.05, 0.3), contact_height=0.03)
@@ -84,6 +64,8 @@ def test_without_force_a_contact_is_at_its_friction_angle_outside(make_chain: Ch
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         state = contact_state(chain, TWISTS[:3])
+    np.testing.assert_array_equal(state.margins[:, 1], 0.0)
+    assert (state.margins[0] >= 0.0).all()
     np.testing.assert_allclose(state.friction_margins[:, 1], -np.arctan(0.5))
     assert np.isinf(state.lambdas[:, 1]).all()
     for array in (state.margins, state.friction_margins, state.lambdas, state.forces, state.wrenches):
@@ -123,8 +105,3 @@ def test_the_first_margin_at_the_floor_asked_for_is_returned(make_chain: ChainMa
             assert contacts.margins_of(packed, twist, last) == last
             lower += margins.min() < last
     assert lower > 10
-
-
-def test_rest_transmits_nothing(make_chain: ChainMaker) -> None:
-    wrenches = contacts.wrenches_of(pack_chain(make_chain.boxes(3)), np.zeros((1, 3)))
-    np.testing.assert_array_equal(wrenches, np.zeros((1, 3, 3)))

@@ -48,7 +48,7 @@ def test_no_path_of_stable_twists_beats_the_bound(name: str) -> None:
     scenario, stable = set_of(name)
     known, finer = (control_segments(stable, scenario.chain.pusher.drive, 0.05, k) for k in (512, 4099))
     rng = np.random.default_rng(7)
-    for _ in range(60):
+    for _ in range(40):
         path = random_path(finer, rng)
         assert turn_bound(path.start, path.end, known) <= path.cost + 1e-9
 
@@ -64,7 +64,7 @@ def test_no_word_of_a_car_beats_the_bound_and_some_reach_it() -> None:
     assert np.quantile(shares, 0.5) > 0.97
 
 
-@pytest.mark.parametrize("name", ["free-space", "two-crates", "asymmetric", "feet", "carts"])
+@pytest.mark.parametrize("name", ["free-space", "asymmetric", "carts"])
 def test_the_bound_is_near_the_best_path_in_a_free_room(name: str) -> None:
     scenario, _ = set_of(name)
     free = replace(
@@ -78,11 +78,6 @@ def test_the_bound_is_near_the_best_path_in_a_free_room(name: str) -> None:
     assert result.gap < 0.02
 
 
-def test_straight_ahead_costs_the_way() -> None:
-    for goal in ([2.0, 0.0, 0.0], [0.3, 0.0, 0.0]):
-        assert turn_bound(ORIGIN, np.array(goal), CAR) == pytest.approx(goal[0], abs=1e-12)
-
-
 def test_a_turn_that_a_car_has_to_make_counts_with_its_way() -> None:
     """A quarter turn to the left along the tightest arc is the best path to its end."""
     path = PushPath(ORIGIN, np.array([[1.0, 0.0, 2.0]]) / 1.2, np.array([0.25 * math.pi * 1.2]))
@@ -94,11 +89,6 @@ def test_translations_alone_cannot_turn() -> None:
     assert turn_bound(ORIGIN, np.array([1.0, 0.1, 0.0]), TRANSLATIONS) == pytest.approx(math.hypot(1.0, 0.1))
 
 
-def test_the_same_place_with_another_heading_costs_turns() -> None:
-    assert turn_bound(ORIGIN, np.array([0.0, 0.0, 1.0]), CAR) >= TURN_WEIGHT * 1.0
-    assert turn_bound(ORIGIN, ORIGIN, CAR) == 0.0
-
-
 def test_a_rigid_motion_changes_nothing() -> None:
     rng = np.random.default_rng(11)
     _, stable = set_of("asymmetric")
@@ -108,12 +98,6 @@ def test_a_rigid_motion_changes_nothing() -> None:
         moved = turn_bound(se2.compose(motion, start), se2.compose(motion, goal), segments)
         # the bins of the heading lie elsewhere then
         assert moved == pytest.approx(turn_bound(start, goal, segments), rel=2e-3)
-
-
-def test_a_mirror_image_has_the_same_bound() -> None:
-    rng, flip = np.random.default_rng(13), np.array([1.0, -1.0, -1.0])
-    for goal in rng.uniform([-3.0, -3.0, -math.pi], [3.0, 3.0, math.pi], (20, 3)):
-        assert turn_bound(ORIGIN, goal * flip, CAR) == pytest.approx(turn_bound(ORIGIN, goal, CAR), rel=1e-3)
 
 
 @pytest.mark.parametrize("goal", [(0.0, 0.02, 0.0), (-0.2, 0.0, 0.0), (0.0, 0.0, 0.3)])

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -131,9 +132,9 @@ def _go_wrong(fate: str) -> None:
             sys.exit(3)
 
 
-def suite_text(seeds: int, first: int = 0) -> str:
+def suite_text(seeds: Iterable[int]) -> str:
     """Return a suite of planted runs."""
     return (
         "format: pushplan-suite/1\nname: planted\nproblems: [one-box]\n"
-        f"seeds: {list(range(first, first + seeds))}\nlimits: {{run: {SECONDS} s, memory: 100 MB}}\n"
+        f"seeds: {[*seeds]}\nlimits: {{run: {SECONDS} s, memory: 100 MB}}\n"
     )

@@ -139,14 +139,6 @@ def test_a_filter_that_fits_nothing_leaves_no_folder(tmp_path: Path, capsys: Cap
     assert not (tmp_path / "a").exists()
 
 
-def test_a_wrong_suite_is_told_with_its_places(tmp_path: Path, capsys: Captured) -> None:
-    (tmp_path / "wrong.yaml").write_text("format: pushplan-suite/1\nproblem: [one-box]\n")
-    assert main(["bench", str(tmp_path / "wrong.yaml"), "-o", str(tmp_path / "x")]) == 2
-    err = capsys.readouterr().err
-    assert "wrong.yaml:1:1: problems: is missing" in err
-    assert "wrong.yaml:2:1: problem: unknown key; did you mean 'problems'?" in err
-
-
 def test_progress_says_what_is_done_and_left() -> None:
     tally = Tally(total=40, before=8, counts={"ok": 9, "no plan": 2, "crash": 1}, seconds=60.0)
     assert progress_text(tally) == "20 of 40 done, 9 solved, 1 failed, 20 left, about 2 min to go"

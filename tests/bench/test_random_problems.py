@@ -90,10 +90,6 @@ def test_obstacles_stop_where_they_cover_enough() -> None:
     assert shapely.union_all(covered[:-1]).area < 0.1 * area
 
 
-def test_eight_objects_are_possible() -> None:
-    assert len(_scenario(ProblemParameters(objects=(8, 8)), 0).chain.objects) == 8
-
-
 def test_wide_turns_get_a_large_workspace() -> None:
     larger = enlarged(ProblemParameters(turning_radius=0.5, workspace=(2.0, 3.0)), 1.0)
     assert larger.workspace == (4.0, 6.0)

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushplan.bench.statistics import (
-    holm,
-    log_ratios,
-    median_interval,
-    percentiles,
-    rank_test,
-    success_test,
-)
+from pushplan.bench.statistics import holm, log_ratios, median_interval, percentiles, rank_test, success_test
 from pushplan.util.wilson import wilson
 
 INF = np.inf

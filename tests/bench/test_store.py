@@ -16,15 +16,7 @@ import pytest
 
 from pushplan.bench.batch import run_suite
 from pushplan.bench.outcome import ATTRIBUTES, STATUSES, Outcome
-from pushplan.bench.store import (
-    PARAMETERS,
-    SAMPLES,
-    ResultsFolder,
-    Store,
-    StoreError,
-    read_results,
-    sampled,
-)
+from pushplan.bench.store import PARAMETERS, SAMPLES, ResultsFolder, Store, StoreError, read_results, sampled
 from pushplan.bench.suite import RunSpec, suite_from_text
 
 SUITE = """\

@@ -21,7 +21,6 @@ from pushplan.bench.suite import (
     Suite,
     SuiteError,
     load_suite,
-    run_with_key,
     select,
     suite_from_text,
     suite_names,
@@ -73,15 +72,6 @@ def test_what_is_left_out_has_a_default() -> None:
     (run, *_) = _runs(suite)
     assert str(run) == "problem=feet planner=auto set=ecof seed=1"
     assert (run.seconds, run.megabytes) == (7.0, 2000.0)
-
-
-def test_scenario_files_are_looked_for_beside_the_suite(tmp_path: Path) -> None:
-    (tmp_path / "mine.yaml").write_text(example_text("one-box"))
-    (tmp_path / "suite.yaml").write_text(
-        "format: pushplan-suite/1\nproblems: [two-crates, {scenario: mine.yaml, name: mine}]\n"
-    )
-    suite = load_suite(tmp_path / "suite.yaml")
-    assert [problem.name for problem in suite.problems] == ["two-crates", "mine"]
 
 
 def test_keys_change_with_all_that_bears_on_results_and_nothing_else() -> None:
@@ -203,14 +193,6 @@ def test_filters_that_fit_nothing_say_what_there_is(text: str, message: str) -> 
     with pytest.raises(SelectionError) as caught:
         select(_runs(suite_from_text(SMALL)), [text])
     assert message in str(caught.value)
-
-
-def test_a_run_is_found_by_the_beginning_of_its_key() -> None:
-    runs = _runs(suite_from_text(SMALL))
-    assert run_with_key(runs, runs[4].key[:9]) is runs[4]
-    for key, message in (("x", "no run"), ("", "24 runs")):
-        with pytest.raises(SelectionError, match=message):
-            run_with_key(runs, key)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -60,6 +61,16 @@ def pushed(
 
 def packed_of(world: World) -> slip.World:
     return pack_world(world, world.chain)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _rougher() -> Iterator[None]:
+    """Half of the samples and of the starts: intervals of these few unknowns are as long."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pushplan.sim.identify.posterior.ENOUGH", 100.0)
+        patch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 64)
+        patch.setattr("pushplan.sim.identify.identify.STARTS", 2)
+        yield
 
 
 @pytest.fixture(scope="module")

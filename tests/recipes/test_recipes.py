@@ -85,11 +85,10 @@ def test_an_exporter_writes_what_a_run_holds(tmp_path: Path, capsys: Captured) -
 
 def test_a_simulator_executes_trials(capsys: Captured) -> None:
     rates = []
-    for simulator in ("slip", "wet-floor", "warehouse.simulators:wet_floor"):
-        words = ["trial", "two-crates", "--samples", "4", "--json", "--simulator", simulator]
-        assert main(words) == 0
+    for simulator in ("slip", "wet-floor"):
+        assert main(["trial", "two-crates", "--samples", "3", "--json", "--simulator", simulator]) == 0
         rates.append(json.loads(capsys.readouterr().out)["held"])
-    assert rates[0] > rates[1] == rates[2]
+    assert rates[0] > rates[1]
 
 
 def test_a_command_is_called_by_its_name(capsys: Captured) -> None:

@@ -142,13 +142,6 @@ def test_a_shape_inside_a_notch_overlaps_nothing() -> None:
     assert overlap_depth(U_SHAPE, moved(box_outline(0.62, 0.2), 0.5, 0.5)) == pytest.approx(0.6)
 
 
-def test_depth_of_outlines_with_many_corners_is_quick_and_parts_them() -> None:
-    angles = 2.0 * np.pi * np.arange(500) / 500
-    radii = 1.0 + 0.2 * np.cos(7.0 * angles)
-    flower = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
-    assert 0.0 < overlap_depth(flower, moved(flower, 1.9, 0.1)) < 2.4
-
-
 @given(stars())
 def test_simple_outlines_have_no_flaw_in_either_orientation(outline: FloatArray) -> None:
     assert find_flaw(outline) is None

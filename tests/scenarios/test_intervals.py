@@ -80,19 +80,6 @@ def test_intervals_are_read_in_every_place() -> None:
     assert chain.objects[1].support.fractions == pytest.approx([0.265, 0.22, 0.25, 0.265])
 
 
-@pytest.mark.parametrize("name", ["ecof", "translation"])
-def test_the_set_of_a_scenario_holds_for_random_members(name: str) -> None:
-    """It is smaller than that of the middle values, and inside that of every member."""
-    twists = np.random.default_rng(1).normal(size=(400, 3)) * [0.2, 0.2, 2.0] + [1.0, 0.0, 0.0]
-    twists *= [1.0, 1.0, 0.0 if name == "translation" else 1.0]
-    found, rng = scenario().stable_set(name).contains(twists), np.random.default_rng(2)
-    for _ in range(50):
-        assert not (found & ~stable_set(member(scenario().chain, rng), name).contains(twists)).any()
-    assert found.sum() > 50
-    if name == "ecof":
-        assert found.sum() < stable_set(scenario().chain, name).contains(twists).sum()
-
-
 def at_the_limit() -> Scenario:
     """Return the scenario with a margin of 0, for the least travel, inertia left out."""
     text = TEXT.replace("[0.5, 0.6]}", "[0.5, 0.6], limits: {contact: quasi-static}}")

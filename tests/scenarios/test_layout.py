@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 import numpy as np
 import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from scenarios.conftest import Changed
 
 from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import PLATE
 from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
-
-
-class Changed(Protocol):
-    """The fixture `valid`."""
-
-    def scenario(self, *changes: tuple[str, str]) -> Scenario: ...
 
 
 def chain_file(*objects: str, pusher: str = "width: 0.4, friction: 0.5") -> str:

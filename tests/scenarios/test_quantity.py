@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import TypeAdapter
 from pydantic_core import PydanticCustomError
 
 from pushplan.scenario import units
-from pushplan.scenario.fields import Coordinate, Seed
 from pushplan.scenario.units import Quantity, Stated, either_way, friction, or_interval
 
 LENGTH = Quantity("a length", units.LENGTH, 1e-3, 1e3, "5 mm")
@@ -77,22 +74,3 @@ def test_wrong_ones_are_named_with_what_is_allowed(quantity: Stated, value: obje
 def test_a_unit_is_a_factor(value: float, unit: str) -> None:
     wide = Quantity("a length", units.LENGTH, 0.0, 1e9)
     assert wide.read(f"{value!r} {unit}") == value * units.LENGTH[unit]
-
-
-def test_no_unit_belongs_to_two_dimensions() -> None:
-    every = [unit for table in units.DIMENSIONS.values() for unit in table]
-    assert len(every) == len(set(every))
-
-
-def test_whole_numbers_stay_whole() -> None:
-    seed = TypeAdapter(Seed).validate_python(7)
-    assert seed == 7
-    assert isinstance(seed, int)
-
-
-def test_the_json_schema_takes_what_the_loader_takes() -> None:
-    schema = TypeAdapter(Coordinate).json_schema()
-    number, text = schema["anyOf"]
-    assert (number["minimum"], number["maximum"]) == (-1e4, 1e4)
-    assert re.search(text["pattern"], "5 mm")
-    assert not re.search(text["pattern"], "5 deg")

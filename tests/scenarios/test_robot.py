@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 import pytest
 import shapely
+from scenarios.conftest import Changed
 
 from pushplan.mechanics.body import BodyKind
 from pushplan.scenario.file import scenario_from_document
-from pushplan.scenario.model import Scenario
-
-
-class Changed(Protocol):
-    """The fixture `valid`."""
-
-    def scenario(self, *changes: tuple[str, str]) -> Scenario: ...
-
-    def findings(self, *changes: tuple[str, str]) -> list[str]: ...
-
 
 ROOMY = "  - {circle: 0.1, center: [1.0, 0.2]}\n", ""
 """The change that leaves room for a robot at the goal."""

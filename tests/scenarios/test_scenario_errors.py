@@ -3,25 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
 
 import pytest
+from scenarios.conftest import Changed
 
 from pushplan.errors import ScenarioError
 from pushplan.scenario.file import load_scenario
-from pushplan.scenario.model import Scenario
 from pushplan.util import names
-
-
-class Changed(Protocol):
-    """The fixture `valid`."""
-
-    def __call__(self, *changes: tuple[str, str]) -> str: ...
-
-    def scenario(self, *changes: tuple[str, str]) -> Scenario: ...
-
-    def findings(self, *changes: tuple[str, str]) -> list[str]: ...
-
 
 MASS = 'a mass in kg from 1e-06 to 1000000, or with a unit, e.g. "800 g"'
 OBJECT_KEYS = "name, shape, mass, support, center_of_mass, floor_friction, offset, pose"
@@ -104,10 +92,7 @@ def test_the_error_carries_path_line_column_and_findings(valid: Changed) -> None
 
 
 def test_a_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
-    for path, reason in (
-        (tmp_path / "none.yaml", "No such file or directory"),
-        (tmp_path, "Is a directory"),
-    ):
+    for path, reason in ((tmp_path / "none.yaml", "No such file or directory"), (tmp_path, "Is a directory")):
         with pytest.raises(ScenarioError) as caught:
             load_scenario(path)
         assert str(caught.value) == f"{path}: cannot read the file: {reason}"

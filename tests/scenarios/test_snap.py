@@ -64,9 +64,7 @@ errors = st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 
 @settings(max_examples=60)
 @given(st.lists(st.tuples(size, size, st.floats(-0.4, 0.4), errors), min_size=1, max_size=5))
-def test_a_perturbed_stack_snaps_back(
-    boxes: list[tuple[float, float, float, tuple[float, float]]],
-) -> None:
+def test_a_perturbed_stack_snaps_back(boxes: list[tuple[float, float, float, tuple[float, float]]]) -> None:
     """Gaps up to 1.5 mm each and turns up to 1 deg, in either direction; sideways everything keeps its place."""
     texts, x, y, before = [], 0.0, 0.0, 0.6
     for i, (length, width, share, (gap, turn)) in enumerate(boxes):

@@ -72,11 +72,7 @@ def test_every_float_that_python_prints_is_read_back(value: float) -> None:
 
 
 def test_quoted_scalars_are_text() -> None:
-    assert Source(b"a: '1'\nb: \"true\"\nc: |\n  1\n").root.plain() == {
-        "a": "1",
-        "b": "true",
-        "c": "1\n",
-    }
+    assert Source(b"a: '1'\nb: \"true\"\nc: |\n  1\n").root.plain() == {"a": "1", "b": "true", "c": "1\n"}
 
 
 def test_findings_know_their_place() -> None:
@@ -111,10 +107,7 @@ def test_findings_know_their_place() -> None:
             "a: b: c",
             "f:1:5: not valid YAML: a ':' cannot stand here; indent the line like its neighbours, or quote the text",
         ),
-        (
-            'a: "\\U00110000"',
-            "f:1:7: not valid YAML: a number or an escape is out of range",
-        ),
+        ('a: "\\U00110000"', "f:1:7: not valid YAML: a number or an escape is out of range"),
         ("a: x\x00y", "f:1:5: the control character U+0000 is not allowed"),
         ("a: 1\nb: \u2028", "f:2:4: the control character U+2028 is not allowed"),
         (b"a: 1\nb: '\xff'", "f:2:5: the byte 0xff is not UTF-8; save the file as UTF-8"),

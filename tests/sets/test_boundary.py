@@ -61,11 +61,11 @@ def test_compiled_margins_and_those_of_contacts_give_the_same_set(
 
 
 @pytest.mark.parametrize("name", ["ecof", "cof", "stable", "robust", "both"])
-@pytest.mark.parametrize(("seed", "n", "minimum"), [(5, 1, 0.0), (6, 2, 0.02), (7, 3, 0.0), (9, 9, 0.0)])
+@pytest.mark.parametrize(("seed", "n", "minimum"), [(5, 1, 0.0), (6, 2, 0.02), (7, 4, 0.0)])
 def test_dense_samples_agree_with_the_boundary_between_meridians(
     make_chain: ChainMaker, name: str, seed: int, n: int, minimum: float
 ) -> None:
-    """On 60 random meridians, farther than 5e-6 rad from the ends that great circles between found ones give."""
+    """On 20 random meridians, farther than 5e-6 rad from the ends that great circles between found ones give."""
     chain = make_chain.random(seed, n, tree=seed % 2 == 1, feet=seed == 7)
     stable = (
         IntersectionSet(stable_set(chain), stable_set(chain, "stable"))
@@ -74,7 +74,7 @@ def test_dense_samples_agree_with_the_boundary_between_meridians(
     )
     refined, rng = stable.refined_meridians(minimum), np.random.default_rng(seed)
     latitude = np.linspace(-0.5, 0.5, 1001) * np.pi
-    for longitude in rng.uniform(-np.pi, np.pi, 60):
+    for longitude in rng.uniform(-np.pi, np.pi, 20):
         held, near = held_between(refined, longitude, latitude)
         margins = stable.margin(twists_at(longitude, latitude, chain.characteristic_length))
         assert ((held == (margins > minimum)) | near).all()
@@ -98,42 +98,6 @@ def held_between(
         held |= (latitude >= low) & (latitude <= high)
         near |= (np.abs(latitude - low) < 5e-6) | (np.abs(latitude - high) < 5e-6)
     return held, near
-
-
-@pytest.mark.parametrize("name", ["ecof", "robust"])
-def test_ends_are_roots_of_the_margin(make_chain: ChainMaker, name: str) -> None:
-    """Inside by less than 2e-12 rad, on every one of the meridians."""
-    stable = stable_set(make_chain.random(6, 2), name)
-    rows, length = stable.refined_meridians().meridians, stable.chain.characteristic_length
-    assert len(rows) > 100
-    for ends, outward in ((rows.lower, -2e-12), (rows.upper, +2e-12)):
-        assert (stable.margin(twists_at(rows.longitude, ends, length)) > 0.0).all()
-        assert (stable.margin(twists_at(rows.longitude, ends + outward, length)) <= 0.0).all()
-
-
-@pytest.mark.parametrize("name", ["ecof", "robust"])
-def test_great_circles_between_meridians_stay_on_the_boundary(make_chain: ChainMaker, name: str) -> None:
-    """To 3e-6 rad, where the set is wider than a ten-thousandth; there is one interval on every meridian."""
-    stable = stable_set(make_chain.boxes(3), name)
-    refined, length = stable.refined_meridians(), stable.chain.characteristic_length
-    rows = refined.meridians
-    assert (np.diff(rows.longitude) > 0.0).all()
-    wide = rows.upper - rows.lower > 1e-4
-    wide = wide[:-1] & wide[1:]
-    a, b = rows.longitude[:-1][wide], rows.longitude[1:][wide]
-    for share in (0.25, 0.5, 0.75):
-        middle = a + share * (b - a)
-        for ends, outward in ((rows.lower, -3e-6), (rows.upper, +3e-6)):
-            weights = np.sin(b - middle) / np.sin(b - a), np.sin(middle - a) / np.sin(b - a)
-            chord = np.arctan(weights[0] * np.tan(ends[:-1][wide]) + weights[1] * np.tan(ends[1:][wide]))
-            assert (stable.margin(twists_at(middle, chord - outward, length)) > 0.0).all()
-            assert (stable.margin(twists_at(middle, chord + outward, length)) <= 0.0).all()
-
-
-def test_a_set_without_twists_is_found_empty(make_chain: ChainMaker) -> None:
-    stable = stable_set(make_chain.boxes(2, contact_friction=0.0))
-    assert len(stable.refined_meridians().meridians) == 0
-    assert len(stable_set(make_chain.boxes(1)).refined_meridians(0.999).meridians) == 0
 
 
 def test_a_narrow_cone_of_translations_is_found(make_chain: ChainMaker) -> None:

@@ -32,13 +32,6 @@ def test_cells_agree_with_the_exact_set(make_chain: ChainMaker, seed: int) -> No
         assert cells.any()
 
 
-def test_a_cell_at_the_centre_of_friction_is_not_stable(make_chain: ChainMaker) -> None:
-    """There is no ECOF: the friction force vanishes."""
-    grid = grid_cor_set(make_chain.boxes(1), (-0.05, -0.1, 0.15, 0.1), (1, 1))
-    assert not grid.counter_clockwise.any()
-    assert not grid.clockwise.any()
-
-
 def test_what_the_grid_cannot_answer_is_refused(make_chain: ChainMaker) -> None:
     window = (-1.0, -1.0, 1.0, 1.0)
     with pytest.raises(PushplanError, match="must be at least 1"):

@@ -11,7 +11,6 @@ import pytest
 
 from pushplan.errors import ChainError, PushplanError, SupportError
 from pushplan.mechanics.chain import GRAVITY, Chain
-from pushplan.mechanics.contacts import center_range
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.sets.interval_set import stable_set_over
@@ -149,22 +148,6 @@ def test_vertices_do_not_suffice_for_cof(make_chain: ChainMaker) -> None:
     assert found > 0
     with pytest.raises(PushplanError, match="'cof' is not linear in the loads"):
         stable_set_over(interval, "cof")
-
-
-def test_common_centers_reach_the_stated_corners() -> None:
-    """The polygon of centres holds every centre, and its corners are reached by vertices of the loads."""
-    rng = np.random.default_rng(2)
-    for m in (1, 2, 3, 5):
-        centers, low = rng.normal(size=(m, 2)), rng.uniform(0.0, 1.0, m)
-        loads = np.stack([low, low + rng.uniform(0.0, 2.0, m)], axis=1)
-        corners = center_range(loads, centers)
-        vertices = np.array([np.array(v) @ centers / np.sum(v) for v in itertools.product(*loads)])
-        assert np.linalg.norm(corners[:, None] - vertices, axis=2).min(axis=1).max() < 1e-12
-        if m > 2:
-            step = np.roll(corners, -1, axis=0) - corners
-            outward = np.stack([step[:, 1], -step[:, 0]], axis=1)
-            height = ((vertices[:, None] - corners) * outward).sum(axis=2)
-            assert height.max() < 1e-12
 
 
 def test_heights_need_floor_friction_as_a_number(make_chain: ChainMaker) -> None:

@@ -34,12 +34,12 @@ def near_boundary(stable: StableSet, rng: np.random.Generator, count: int) -> Fl
     return np.asarray(np.concatenate([near, forward]), dtype=np.float64)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+@pytest.mark.parametrize("n", [1, 2, 4, 6])
 def test_stable_is_inside_robust_is_inside_ecof(make_chain: ChainMaker, pressures: Pressures, n: int) -> None:
     """For random polygons, and pressures with the same centres: on few points, and all over the hull."""
     inside = 0
-    for seed in range(4):
-        chain = make_chain.random(seed + 10 * n, n, tree=seed == 3)
+    for seed in range(2):
+        chain = make_chain.random(seed + 10 * n, n, tree=seed == 1)
         robust, rng = stable_set(chain, "robust"), np.random.default_rng(seed)
         twists = np.concatenate(
             [near_boundary(each, rng, 40) for each in (robust, stable_set(chain, "stable"))]
@@ -60,7 +60,7 @@ def test_nesting_holds_for_pushes_above_the_floor(
 ) -> None:
     """The load shifts with the friction force, in `ecof` by an affine pressure, in the others in any way."""
     inside = tried = 0
-    for seed in range(12):
+    for seed in range(0, 12, 2):
         chain = raised(make_chain.random(seed, n), 0.05 + 0.05 * seed)
         robust, rng = stable_set(chain, "robust"), np.random.default_rng(seed)
         twists = np.concatenate(
@@ -77,7 +77,7 @@ def test_nesting_holds_for_pushes_above_the_floor(
             tried += 1
             assert not ((margins > 0.0) & (exact < margins - 1e-9)).any()
     assert inside > 0
-    assert tried > 5
+    assert tried > 2
 
 
 def raised(chain: Chain, part: float) -> Chain:

@@ -190,7 +190,7 @@ def test_symmetries_of_the_worst_case(make_chain: ChainMaker) -> None:
     """Mirroring and scaling a chain mirrors and scales its set; turning it about the origin turns the set."""
     chain = make_chain.random(3, 3)
     twists = np.random.default_rng(0).normal(size=(60, 3)) * [0.4, 0.4, 2.0] + [1.0, 0.0, 0.0]
-    for name in ("cof", "stable", "robust"):
+    for name in ("ecof", "cof", "stable", "robust"):
         margin = stable_set(chain, name).margin(twists)
         mirrored = stable_set(make_chain.mirrored(chain), name).margin(twists * [1.0, -1.0, -1.0])
         scaled = stable_set(make_chain.scaled(chain, 3.0), name).margin(twists * [3.0, 3.0, 1.0])

@@ -20,9 +20,6 @@ EXACT = {1: 0.81527, 2: 1.08427, 3: 1.32519, 4: 1.60345}
 """From the lower envelope in closed form, to 1e-5. The package takes off what its samples of an outline may
 miss: its radii are never smaller, and at most 0.1 % larger."""
 
-SEARCHED = {1: 0.88, 2: 1.18, 3: 1.44, 4: 1.76}
-"""The same radii as once found by a search in steps."""
-
 
 def least_row(n: int, cor: tuple[float, float], cells: int) -> float:
     """Return the least of all 4 n contact conditions, over all pressures on a grid under every square.
@@ -59,27 +56,10 @@ def tightest(make_chain: ChainMaker, n: int) -> FloatArray:
     return np.asarray(corners[corners[:, 1].argmin()])
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 4])
+@pytest.mark.parametrize("n", [1, 2, 4])
 def test_smallest_turns_agree_with_linear_programs(make_chain: ChainMaker, n: int) -> None:
     """No pressure on a grid breaks a turn 0.1 % wider; 1 % tighter, some pressure on 41 x 41 points does."""
     x, radius = tightest(make_chain, n)
     assert EXACT[n] - 2e-5 < radius < 1.001 * EXACT[n]
     assert least_row(n, (x, 1.001 * radius), 40) > 0.0
     assert least_row(n, (x, 0.99 * radius), 40) < 0.0
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 4])
-def test_radii_found_in_steps_are_not_the_smallest(make_chain: ChainMaker, n: int) -> None:
-    """Turns tighter than those hold for all pressures; they are what steps of a quarter in x lead to, nearly.
-
-    The smallest radius over x lies in a narrow valley: between places x that are a quarter apart, it is missed. A
-    coarse grid of support points would have made radii smaller, not larger, as it has fewer pressures.
-    """
-    x, _ = tightest(make_chain, n)
-    assert least_row(n, (x, 0.95 * SEARCHED[n]), 40) > 0.0
-    chain = make_chain.boxes(n, (1.0, 1.0), contact_friction=MU, pusher_friction=MU)
-    region = stable_set(chain, "robust").cor_region(+1, (-9.0, -9.0, 9.0, 9.0))
-    lines = shapely.linestrings([[[at, 0.0], [at, 9.0]] for at in np.arange(0.0, n + 0.1, 0.25)])
-    in_steps = min(line.intersection(region).bounds[1] for line in lines if line.intersects(region))
-    assert in_steps == pytest.approx(SEARCHED[n], rel=0.03)
-    assert in_steps > 1.05 * EXACT[n]

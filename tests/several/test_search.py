@@ -11,7 +11,7 @@ import pytest
 from several.conftest import Problem, problem_document
 
 from pushplan.core.pushes import ARCS, approaches_are_free, find_push, word_costs
-from pushplan.core.samples import descend, random_descent, straight_crossings
+from pushplan.core.samples import descend, random_descent
 from pushplan.core.sequences import cheapest_sequence
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import places
@@ -208,25 +208,6 @@ def test_a_contact_is_pickled_whole(problem: Problem) -> None:
         np.testing.assert_array_equal(getattr(again, name), getattr(packed, name))
     for name in ("settle", "approach", "retreat", "clearance", "faster"):
         assert getattr(again, name) == getattr(packed, name)
-
-
-def test_what_does_not_fit_together_is_refused(problem: Problem) -> None:
-    modes = [contact.packed for contact in prepared_of(problem()).room(0).contacts]
-    poses, state, one = np.zeros((2, 3)), np.array([1], dtype=np.uint64), np.zeros(1)
-    with pytest.raises(ValueError, match="costs are"):
-        cheapest_sequence(np.zeros((2, 3, 3)), np.zeros((2, 2, 2)), np.zeros(2), 1, 2)
-    with pytest.raises(ValueError, match="one goal or more"):
-        cheapest_sequence(np.zeros((2, 3, 3)), np.zeros((3, 2, 2)), np.zeros(2), 3, 2)
-    with pytest.raises(ValueError, match="a cost is needed"):
-        word_costs(modes[0], poses, poses, one, np.zeros(2), np.inf)
-    with pytest.raises(ValueError, match="a descent has"):
-        descend(modes, np.array([0, 1]), poses, poses, 0.1, 1, state)
-    with pytest.raises(ValueError, match="there is no contact 9"):
-        descend(modes, np.array([0, 9]), poses, poses[:1], 0.1, 1, state)
-    with pytest.raises(ValueError, match="what changes"):
-        random_descent(modes, poses[0], poses, np.arange(2), np.arange(2), 1, np.zeros((4, 4)), 1.0, state)
-    with pytest.raises(ValueError, match="two columns"):
-        straight_crossings(poses[0], poses, np.zeros((2, 3)))
 
 
 @pytest.mark.parametrize("drive", ["car", "differential", "omnidirectional"])

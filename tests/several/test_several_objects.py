@@ -76,11 +76,7 @@ def test_every_object_is_where_its_pose_says_and_has_its_own_goals(file: Path) -
             "15:9: goals.blue: at the goal, 'blue' leaves the workspace",
         ),
         ("pose: [3.0, 3.0, 0.0]", "pose: [1.2, 1.1, 0.0]", "objects[2].pose: 'bin' is 0 mm from 'red';"),
-        (
-            ", pose: [3.0, 3.0, 0.0]",
-            "",
-            "objects[2].pose: is missing; needed: [x, y, theta] in the world",
-        ),
+        (", pose: [3.0, 3.0, 0.0]", "", "objects[2].pose: is missing; needed: [x, y, theta] in the world"),
         ("name: bin", "name: red", "7:12: objects[2].name: 'red' is also objects[0]; give it another"),
         ("  start: [2.4, 1.6, 0.0]\n", "", "robot.start: is missing"),
         ("workspace:", "goal: {pose: [0, 0, 0]}\nworkspace:", "goal: does not go together with goals"),

@@ -14,13 +14,11 @@ from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.mechanics.support import FeetSupport, UniformSupport
 from pushplan.scenario.parts import CircleObstacle
-from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 
 make = ChainMaker()
-COLUMNS = "feet first_foot loads center corners parts circles pairs friction length order"
 
 
 def four_feet(outline: FloatArray) -> FeetSupport:
@@ -87,16 +85,6 @@ def test_steps_of_five_millimetres_come_close_to_short_ones() -> None:
     assert np.percentile(changes, 90) < 6e-4
 
 
-def test_the_same_push_is_the_same_to_the_last_bit() -> None:
-    world = World.from_chain(make.boxes(3, contact_friction=0.2))
-    runs = []
-    for _ in range(2):
-        simulator = SlipSimulator(world)
-        simulator.move([0.1, 0.05, 0.3], 1.0)
-        runs.append(simulator.object_poses)
-    assert (runs[0] == runs[1]).all()
-
-
 def test_a_simulator_from_another_process_goes_on_as_the_one_that_stayed() -> None:
     simulator = SlipSimulator(World.from_chain(make.boxes(3, contact_friction=0.2)))
     simulator.move([0.1, 0.05, 0.3], 0.5)
@@ -115,33 +103,3 @@ def test_more_contacts_than_there_is_room_for_are_refused() -> None:
     simulator = SlipSimulator(replace(World.from_chain(make.boxes(1)), obstacles=pins))
     with pytest.raises(PushplanError, match="more than 32 contacts at once"):
         simulator.move([0.1, 0.0, 0.0], 0.1)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"feet": np.zeros((3, 4))}, "every foot is of an object"),
-        ({"loads": np.zeros((1, 4))}, "loads have 5 columns"),
-        ({"first_foot": np.array([1, 4])}, "one object after another"),
-        ({"parts": np.array([[0, 0, 4], [1, 4, 99]])}, "a piece is of a body, and has corners"),
-        ({"pairs": np.array([[0, 7, 0]])}, "a pair is of two pieces"),
-        ({"pairs": np.array([[1, 0, 3]])}, "a contact is that of an object"),
-        ({"order": np.array([1])}, "names every object once"),
-    ],
-)
-def test_worlds_of_numbers_that_do_not_fit_are_refused(change: dict[str, FloatArray], message: str) -> None:
-    world = pack_world(box := World.from_chain(make.boxes(1, support=four_feet)), box.chain)
-    columns = {name: getattr(world, name) for name in COLUMNS.split()}
-    assert slip.World(**columns).room == world.room
-    with pytest.raises(ValueError, match=message):
-        slip.World(**(columns | change))
-
-
-def test_states_of_another_shape_are_refused() -> None:
-    world = pack_world(World.from_chain(make.boxes(2)))
-    with pytest.raises(ValueError, match="a pose for every object"):
-        slip.Simulation(world, np.zeros((3, 3)), np.zeros(3))
-    with pytest.raises(ValueError, match="twists are v_x, v_y, omega"):
-        slip.Simulation(world, np.zeros((2, 3)), np.zeros(3)).march(np.zeros((2, 2)))
-    with pytest.raises(ValueError, match="a load for every object"):
-        world.with_loads(np.ones(1), np.ones(8), np.ones(2))

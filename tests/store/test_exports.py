@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -126,12 +127,17 @@ def test_tables_hold_every_number(kind: str, runs: dict[str, RecordedRun], tmp_p
     assert [segment["kind"] for segment in told["segments"]] == [s.kind for s in run.plan.segments]
 
 
+@cache
+def messages_of_ros() -> Any:
+    typesys = pytest.importorskip("rosbags.typesys")
+    return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+
+
 @EXECUTED
 def test_rosbags_reads_the_bag_and_rviz_finds_its_topics(
     kind: str, runs: dict[str, RecordedRun], tmp_path: Path
 ) -> None:
-    rosbag2, typesys = pytest.importorskip("rosbags.rosbag2"), pytest.importorskip("rosbags.typesys")
-    run, store = runs[kind], typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    rosbag2, (run, store) = pytest.importorskip("rosbags.rosbag2"), (runs[kind], messages_of_ros())
     execution = run.execution
     assert execution is not None
     write_ros2(run, tmp_path / "bag.mcap", frames=Frames("world", "odom", "robot"), epoch=1000.5)

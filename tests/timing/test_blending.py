@@ -119,16 +119,6 @@ def test_a_fifth_of_the_time_is_saved_or_nearly_all_that_can_be(planned: Planned
     assert blended > _least_time(straight, limits)
 
 
-def test_blending_saves_a_fifth_of_the_time_at_higher_speed(planned: Planned) -> None:
-    saved = []
-    for name in example_names():
-        scenario, path = planned(name)
-        faster = replace(scenario.chain.pusher.limits, speed=max(0.3, scenario.chain.pusher.limits.speed))
-        blend = _blend(_with_limits(scenario, faster), path)
-        saved.append(1.0 - blend.trajectory.duration / time_path(path, Bounds(faster)).duration)
-    assert np.mean(saved) > 0.2
-
-
 @pytest.mark.parametrize("name", ["free-space", "one-box"])
 def test_a_faster_pusher_takes_no_longer(planned: Planned, name: str) -> None:
     """At full speed, some corners of these would need a stop; at a lower pace, none or fewer do.
@@ -298,13 +288,6 @@ def test_blends_keep_contacts_that_inertia_would_open(planned: Planned) -> None:
         least.append(contacts.margins(trajectory.twists_at(times)[moving], rates[moving]).min())
         assert trajectory.duration <= time_path(path, Bounds(fast, used)).duration
     assert least[0] < 0.0 < least[1]
-
-
-def test_the_same_path_gives_the_same_trajectory(planned: Planned) -> None:
-    scenario, path = planned("narrow-gap")
-    first, second = (_blend(scenario, path).trajectory for _ in range(2))
-    np.testing.assert_array_equal(first.breaks, second.breaks)
-    np.testing.assert_array_equal(first.coefficients, second.coefficients)
 
 
 def test_a_section_that_would_be_a_million_times_slower_takes_no_memory() -> None:

@@ -33,14 +33,3 @@ def test_twists_that_change_more_slowly_by_what_is_told_just_keep_the_contacts()
     assert (use.slowing[~strained] == 1.0).all()
     eased = bounds_use(slower(pieces, use.slowing), bounds).shares[:, 3]
     np.testing.assert_allclose(eased[strained], 1.0, rtol=1e-9)
-
-
-def test_a_margin_to_keep_makes_it_a_bound() -> None:
-    scenario = load_plain("three-boxes-clutter")
-    bounds = Bounds(scenario.chain.pusher.limits, ContactDynamics(scenario.chain), margin=0.02)
-    pieces = fast_blend(bounds)
-    use = bounds_use(pieces, bounds)
-    strained = use.shares[:, 3] > 1.0
-    eased = bounds_use(slower(pieces, use.slowing), bounds).shares[:, 3]
-    assert strained.any()
-    assert (eased[strained] <= 1.0 + 1e-9).all()

@@ -61,8 +61,10 @@ def check(result: Plan, chains: Iterator[Chain]) -> None:
         assert least_margin(chain, result.trajectory) > SHARE * result.margin - ROUNDING
 
 
-@pytest.mark.parametrize("trajectory", ["exact", "blended"])
-@pytest.mark.parametrize("name", example_names())
+@pytest.mark.parametrize(
+    ("name", "trajectory"),
+    [*((name, "blended") for name in example_names()), ("hook", "exact"), ("carts", "exact")],
+)
 def test_packaged_scenarios_keep_half_of_their_margin(name: str, trajectory: str) -> None:
     scenario, result = planned(name, trajectory)
     check(result, iter([scenario.chain]))

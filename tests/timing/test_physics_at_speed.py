@@ -57,9 +57,7 @@ def _least_margin(contacts: ContactDynamics, twists: FloatArray, rates: FloatArr
 
 @pytest.mark.parametrize("blended", [False, True])
 def test_the_engine_sees_what_the_dynamic_rows_say(
-    make_chain: ChainMaker,
-    planned: Callable[[str], tuple[Scenario, PushPath]],
-    blended: bool,
+    make_chain: ChainMaker, planned: Callable[[str], tuple[Scenario, PushPath]], blended: bool
 ) -> None:
     chain = make_chain.boxes(2, size=(0.1, 0.2))
     stable, contacts = stable_set(chain, "ecof"), ContactDynamics(chain)

@@ -11,7 +11,7 @@ import pytest
 import pushplan
 from pushplan.errors import TimingError
 from pushplan.planners.timing.arc_limits import ArcLimits
-from pushplan.planners.timing.exact_timing import Profile, rest_to_rest, split, step_widths
+from pushplan.planners.timing.exact_timing import Profile, rest_to_rest, split
 
 LIMITS = ArcLimits(0.2, 0.5, 0.3, 5.0)
 
@@ -53,17 +53,6 @@ def test_a_cut_profile_is_the_same_motion_and_begins_phases_where_it_is_told(len
     assert (np.diff(passed) >= 0).all()
 
 
-@pytest.mark.parametrize(
-    ("acceleration", "jerk", "long", "short"), [(2.5, 25.0, 0.4, 0.1), (10.0, 25.0, 0.2, 0.2)]
-)
-def test_a_step_is_the_one_of_the_textbook(
-    acceleration: float, jerk: float, long: float, short: float
-) -> None:
-    """1/a and a/j when the rate is reached, sqrt(1/j) twice when it is not."""
-    found = step_widths(np.array([1.0 / acceleration]), np.array([1.0 / jerk]))
-    np.testing.assert_allclose(found, [[long, short]], rtol=1e-12)
-
-
 @pytest.mark.parametrize("limits", [LIMITS._replace(deceleration=0.0), LIMITS._replace(speed=float("nan"))])
 def test_limits_that_allow_nothing_are_refused(limits: ArcLimits) -> None:
     with pytest.raises(TimingError, match="Ruckig"):
@@ -79,8 +68,3 @@ def test_no_module_uses_what_ruckig_computes_in_the_cloud() -> None:
     for path in sources:
         found = re.search(r"intermediate_positions|per_section|\bcloud\b", path.read_text(encoding="utf-8"))
         assert found is None, f"{path}: {found}"
-
-
-def test_the_search_for_cloud_features_sees_them() -> None:
-    text = "request.intermediate_positions = [[0.1]]"
-    assert re.search(r"intermediate_positions|per_section|\bcloud\b", text)

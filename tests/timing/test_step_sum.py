@@ -77,15 +77,6 @@ def test_the_sum_stays_in_the_hull_of_its_levels(seed: int, steps: int) -> None:
     assert ((values @ directions.T) <= (levels @ directions.T).max(axis=0) + 1e-9).all()
 
 
-def test_without_ordered_widths_it_would_leave_the_hull() -> None:
-    """A narrow step before the end of a wide one takes more than there is."""
-    levels = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]])
-    centers, widths = np.array([0.5, 0.6, 2.0]), np.array([[1.0, 0.1], [0.05, 0.05], [0.1, 0.1]])
-    times = np.linspace(0.0, 1.5, 500)
-    assert _at(Pieces.through(levels, centers, widths), times).min() < -0.01
-    assert _at(Pieces.through(levels, centers, timing.ordered_widths(centers, widths)), times).min() > -1e-12
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_ordered_widths_are_the_least_that_change_no_faster_than_the_centres(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -99,17 +90,6 @@ def test_ordered_widths_are_the_least_that_change_no_faster_than_the_centres(see
     held[1:] |= np.abs(found[1:] - (found[:-1] - apart)) < 1e-12
     held[:-1] |= np.abs(found[:-1] - (found[1:] - apart)) < 1e-12
     assert (held | ~raised).all()
-
-
-def test_a_step_between_equal_levels_only_marks_a_time() -> None:
-    levels = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, 0]])
-    centers, widths = np.array([0.2, 1.0, 2.0]), np.full((3, 2), 0.2)
-    pieces = Pieces.through(levels, centers, widths)
-    plain = Pieces.through(levels[[0, 1, 3]], centers[[0, 2]], widths[[0, 2]])
-    times = np.linspace(0.0, 2.2, 100)
-    np.testing.assert_allclose(_at(pieces, times), _at(plain, times), atol=1e-12)
-    begins = np.concatenate([[0.0], np.cumsum(pieces.durations)])
-    assert begins[int(np.argmax(pieces.level == 2))] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -126,17 +106,6 @@ def test_the_motion_agrees_with_an_ode_solver(seed: int) -> None:
     np.testing.assert_allclose(pieces.motion, solved.y[:, -1], atol=2e-7)
 
 
-def test_where_a_motion_leads_is_the_same_compiled_and_in_numpy() -> None:
-    levels, centers, widths = _random(3, 7)
-    pieces = Pieces.through(levels, centers, widths)
-    breaks = np.concatenate([[0.0], np.cumsum(pieces.durations)])
-    start = np.array([0.3, -0.2, 2.5])
-    motion = Trajectory(start, breaks, pieces.coefficients, pieces.level.astype(np.float64))
-    np.testing.assert_allclose(
-        motion.break_poses, timing.poses_after(start, pieces.coefficients, pieces.durations), atol=1e-13
-    )
-
-
 @pytest.mark.parametrize("slower", [1.0, 100.0])
 def test_slow_steps_have_few_pieces_and_are_as_exact(slower: float) -> None:
     """The same turns, a hundred times slower, in a tenth of the pieces: each is cut into ten and integrated again."""
@@ -149,20 +118,3 @@ def test_slow_steps_have_few_pieces_and_are_as_exact(slower: float) -> None:
     piece = np.repeat(np.arange(len(pieces.durations)), 10)
     steps = advance(whole.columns.take(piece, axis=2), tau, tau + pieces.durations[piece] / 10.0)
     np.testing.assert_allclose(chained(np.zeros(3), steps)[-1], pieces.motion, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("levels", "centers", "widths", "message"),
-    [
-        (np.zeros((1, 3)), np.zeros(0), np.zeros((0, 2)), "at least one"),
-        (np.zeros((3, 3)), np.zeros(3), np.ones((3, 2)), r"levels must be \(m \+ 1, 3\)"),
-        (np.zeros((4, 2)), np.zeros(3), np.ones((3, 2)), r"levels must be \(m \+ 1, 3\)"),
-        (np.zeros((4, 3)), np.zeros(3), np.ones((2, 2)), r"widths must be \(m, 2\)"),
-        (np.zeros((4, 3)), np.zeros((3, 1)), np.ones((3, 2)), "one dimension"),
-    ],
-)
-def test_levels_steps_and_widths_belong_together(
-    levels: FloatArray, centers: FloatArray, widths: FloatArray, message: str
-) -> None:
-    with pytest.raises(ValueError, match=message):
-        Pieces.through(levels, centers, widths)

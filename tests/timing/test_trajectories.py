@@ -43,26 +43,6 @@ def test_the_word_chooses(planned: Planned, word: str) -> None:
     assert (found.duration < exact.duration) == (word == "blended")
 
 
-@pytest.mark.parametrize("word", ["exact", "blended"])
-def test_dynamic_limits_keep_contacts_that_a_fast_pusher_loses(planned: Planned, word: str) -> None:
-    scenario, _ = planned("two-crates")
-    scenario = replace(scenario, trajectory=word, stability=replace(scenario.stability, margin=0.05))
-    path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
-    assert path is not None
-    contacts = ContactDynamics(scenario.chain)
-    least = {}
-    for choice in ("quasi-static", "dynamic"):
-        fast = _with(
-            scenario, contact=choice, speed=0.6, acceleration=3.0, angular_acceleration=9.0, jerk=60.0
-        )
-        trajectory = timed(fast, path, "ecof")
-        times = np.linspace(1e-3, trajectory.duration - 1e-3, 5000)
-        rates = (trajectory.twists_at(times + 1e-6) - trajectory.twists_at(times - 1e-6)) / 2e-6
-        moving = np.abs(trajectory.twists_at(times)).max(axis=1) > 1e-6
-        least[choice] = contacts.margins(trajectory.twists_at(times)[moving], rates[moving]).min()
-    assert least["quasi-static"] < 0.0 < least["dynamic"]
-
-
 def test_without_a_margin_dynamic_limits_are_refused(planned: Planned) -> None:
     """Planned turns lie on the boundary of the stable set then, where inertia has no room at all."""
     scenario, path = planned("one-box")
