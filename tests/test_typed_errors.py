@@ -36,6 +36,10 @@ CALLS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "samples": (lambda: pushplan.trial(plan(), 0.5), "the number of samples is 0.5"),  # type: ignore[arg-type]
     "seed": (lambda: pushplan.trial(plan(), 2, seed=-1), "the seed is -1"),
+    "iterations": (
+        lambda: pushplan.plan(plan().scenario, iterations=10**400),
+        "allowed: a whole number from 1",
+    ),
     "simulator": (lambda: pushplan.trial(plan(), 2, simulator=7), "7 is no simulator"),  # type: ignore[arg-type]
     "follower": (lambda: pushplan.Follower(7), "nothing to follow in 7"),  # type: ignore[arg-type]
     "move": (lambda: pushplan.SlipSimulator(world()).move({}, 1.0), "twist cannot be read"),  # type: ignore[arg-type]

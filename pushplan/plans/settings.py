@@ -101,8 +101,9 @@ class PlanSettings:
                 raise PlanningError(f"{name} is {value!r}; allowed: a number")
         if self.seed is not None and not (0 <= self.seed < 2**32 and float(self.seed).is_integer()):
             raise PlanningError(f"the seed is {self.seed}; allowed: a whole number from 0 to 2^32 - 1")
-        if self.iterations is not None and not (self.iterations >= 1 and float(self.iterations).is_integer()):
-            raise PlanningError(f"iterations is {self.iterations}; allowed: a whole number from 1")
+        count = self.iterations
+        if count is not None and not (1 <= count < 2**63 and float(count).is_integer()):
+            raise PlanningError(f"iterations is {count}; allowed: a whole number from 1 to below 2^63")
         if self.time_limit is not None and not 0.0 <= self.time_limit < 1e6:
             raise PlanningError(f"the time limit is {self.time_limit} s; allowed: from 0 to below a million")
         if self.gap is not None and not 0.0 <= self.gap < float("inf"):
