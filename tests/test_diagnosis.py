@@ -218,23 +218,6 @@ def test_iterations_end_a_search_that_has_no_path_at_the_same_place() -> None:
     assert min(counts) >= 20_000
 
 
-@pytest.mark.parametrize(("patience", "steps"), [(0.0, 10), (1e9, 1)])
-def test_steps_of_finding_out_are_taken_in_proportion_to_the_search(
-    patience: float, steps: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """With no patience, one at each look."""
-    monkeypatch.setattr(diagnosis, "PATIENCE", patience)
-    monkeypatch.setattr(pocket, "LOOKS", (100, 200, 400))
-    taken = _counted(monkeypatch)
-    monitor = _monitor(gap(1.26))
-    assert not monitor.settled(0.5 * diagnosis.FIRST_STEP)
-    assert (taken[0], monitor.reasons) == (0, [])
-    for _ in range(10):
-        assert not monitor.settled(10.0)
-    assert taken[0] == steps
-    assert [item.cause for item in diagnose(monitor, 10, (0.1, 0.1))] == ["gap", "time"]
-
-
 def test_a_passage_that_is_proven_too_narrow_ends_the_search_before_its_width_is_known() -> None:
     monitor = _monitor(WALLED_IN)
     assert monitor.settled(diagnosis.FIRST_STEP)
@@ -248,18 +231,6 @@ def test_a_passage_that_is_proven_too_narrow_ends_the_search_before_its_width_is
 def _monitor(scenario: Scenario, limit: float = math.inf) -> InfeasibilityMonitor:
     stable = stable_set(scenario.chain)
     return InfeasibilityMonitor(scenario, stable, build_problem(scenario, stable), limit)
-
-
-def _counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Count the steps that are taken from now on."""
-    taken, take_step = [0], InfeasibilityMonitor._take_step
-
-    def counted(self: InfeasibilityMonitor) -> None:
-        taken[0] += 1
-        take_step(self)
-
-    monkeypatch.setattr(InfeasibilityMonitor, "_take_step", counted)
-    return taken
 
 
 @pytest.mark.parametrize("planner", [*PLANNERS])

@@ -88,24 +88,6 @@ def test_a_path_leads_free_from_start_to_goal_at_the_cost_that_is_said(
     assert arcs[:, 3].sum() == pytest.approx(bound, abs=1e-9)
 
 
-def test_a_cell_remembers_its_cheapest_node(problem: Problem, scenario: Scenario) -> None:
-    lattice, _ = _searched(problem, scenario, 0)
-    nodes = lattice.nodes[1:]
-    xy, headings = nodes[:, :2] - lattice.box[:2], nodes[:, 2] % (2.0 * np.pi)
-    cells = np.column_stack([np.floor(xy / lattice.side), np.floor(headings / lattice.angle)])
-    found, owner = np.unique(cells, axis=0, return_inverse=True)
-    cheapest = np.full(len(found), np.inf)
-    np.minimum.at(cheapest, owner, nodes[:, 3])
-    np.testing.assert_array_equal(np.sort(lattice.cell_costs), np.sort(cheapest))
-
-
-def test_no_path_above_the_bound_is_found(problem: Problem, scenario: Scenario) -> None:
-    _, best = _searched(problem, scenario, 0)
-    lattice, bound = _searched(problem, scenario, 0, 0.5 * best)
-    assert lattice.path is None
-    assert bound == 0.5 * best
-
-
 @pytest.mark.parametrize(("lower", "side"), [(-0.2, 1.0), (0.2, -1.0)])
 def test_the_shorter_of_two_passages_is_found(lower: float, side: float) -> None:
     text = TWO_PASSAGES.replace("LOWER", str(lower))

@@ -17,7 +17,7 @@ from pushplan.planners.search.planners import StableSparseRRT
 from pushplan.planners.search.search import Search
 from pushplan.planners.search.session import Budget, Session
 from pushplan.sets.named import stable_set
-from pushplan.util.arrays import FloatArray, IntArray
+from pushplan.util.arrays import IntArray
 
 HEADING_LENGTH = 0.4
 RADII = (HEADING_LENGTH, 0.5, 0.25)
@@ -50,11 +50,6 @@ def _rows(tree: SparseTree) -> IntArray:
     return np.setdiff1d(np.arange(len(tree.nodes)), tree.unused)
 
 
-def _distance(a: FloatArray, b: FloatArray) -> FloatArray:
-    turn = np.abs(se2.wrap_angle(a[..., 2] - b[..., 2]))
-    return np.asarray(np.hypot(a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]) + HEADING_LENGTH * turn)
-
-
 def test_every_branch_is_a_free_arc_with_the_right_cost(problem: Problem, tree: SparseTree) -> None:
     rows = _rows(tree)
     assert len(rows) > 100
@@ -66,30 +61,6 @@ def test_every_branch_is_a_free_arc_with_the_right_cost(problem: Problem, tree: 
         assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-12)
         assert sweep_is_free(problem.scene, *parent[:3], *node[5:9])
         assert to_go[row] <= np.hypot(*(problem.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
-
-
-def test_witnesses_are_apart_and_each_keeps_one_near_node(tree: SparseTree) -> None:
-    witnesses = tree.witnesses
-    apart = _distance(witnesses[:, None, :3], witnesses[None, :, :3])
-    np.fill_diagonal(apart, np.inf)
-    assert apart.min() >= RADII[2]
-    standing = witnesses[:, 3].astype(int)
-    assert len(np.unique(standing)) == len(standing)
-    np.testing.assert_array_equal(np.sort(standing), _rows(tree)[tree.active[_rows(tree)]])
-    assert _distance(witnesses[:, :3], tree.nodes[standing, :3]).max() < RADII[2]
-
-
-def test_nothing_is_kept_that_leads_nowhere(tree: SparseTree) -> None:
-    rows = _rows(tree)
-    parents = tree.nodes[rows[1:], 4].astype(int)
-    assert np.isin(parents, rows).all()
-    children = np.bincount(parents, minlength=len(tree.nodes))
-    np.testing.assert_array_equal(tree.children[rows], children[rows])
-    idle = ~tree.active[rows] & (children[rows] == 0)
-    assert not idle.any()
-    witnesses = tree.witnesses
-    replaced = (tree.nodes[witnesses[:, 3].astype(int), :3] != witnesses[:, :3]).any(axis=1)
-    assert replaced.sum() > 50
 
 
 def test_longer_rounds_find_shorter_paths(problem: Problem) -> None:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from ompl import base as ob
 
-from pushplan.core.problem import LEFT, MOST_FAMILIES, RIGHT, STRAIGHT, connect, find_words
+from pushplan.core.problem import LEFT, RIGHT, STRAIGHT, find_words
 from pushplan.geometry import se2
-from pushplan.planners.scene import scene_of
 from pushplan.plans.path import cost_rate
 from pushplan.util.arrays import FloatArray
 
@@ -82,15 +81,3 @@ def test_a_straight_goal_costs_no_needless_turn() -> None:
     start = np.array([0.3, 0.2, 0.7])
     goal = se2.compose(start, np.array([1.5, 0.0, 0.0]))
     assert find_words(family, start, goal)[:, 0].min() == pytest.approx(1.5, abs=1e-9)
-
-
-def test_there_is_room_for_so_many_families_and_no_more() -> None:
-    scene = scene_of([0.1 * np.eye(3, 2)], [], np.zeros((0, 3)), np.array([-9.0, -9.0, 9.0, 9.0]), 5e-4)
-    family = np.stack([_turning((0.0, 0.2), 1.0), np.array([1.0, 0.0, 0.0]), _turning((0.0, -0.2), -1.0)])
-    goal = np.array([1.0, 0.5, 1.0])
-    full = np.repeat(family[None], MOST_FAMILIES, axis=0)
-    cost, promise, arcs = connect(scene, full, np.zeros(3), goal)
-    assert arcs is not None
-    assert cost == promise == pytest.approx(arcs[:, 3].sum())
-    with pytest.raises(ValueError, match="more families"):
-        connect(scene, np.concatenate([full, family[None]]), np.zeros(3), goal)

@@ -25,7 +25,7 @@ from pushplan.plans.run import Execution
 from pushplan.scenario.file import scenario_from_document
 from pushplan.sim.identify.course import Course, Identification, piece_of, with_learned
 from pushplan.sim.identify.identify import identify_courses
-from pushplan.sim.identify.posterior import Near, sample, worth
+from pushplan.sim.identify.posterior import Near, sample
 from pushplan.sim.identify.unknowns import PressedOutline, Unknowns
 from pushplan.sim.slip.packing import pack_world
 from pushplan.sim.slip.simulator import simulate_poses
@@ -249,16 +249,6 @@ def test_logs_are_of_one_chain_and_there_is_one(tmp_path: Path) -> None:
         pushplan.identify([tmp_path / "one-box.mcap", tmp_path / "two-crates.mcap"])
     with pytest.raises(PushplanError, match="there is no log"):
         pushplan.identify([])
-
-
-def test_chains_are_worth_as_many_samples_as_they_have_independent_ones() -> None:
-    rng = np.random.default_rng(4)
-    steps = rng.standard_normal((400, 80, 1))
-    assert worth(steps) == pytest.approx(400 * 80, rel=0.4)
-    r = 0.9  # of neighbours in an autoregressive chain: worth (1 - r) / (1 + r) of its length
-    for k in range(1, 400):
-        steps[k] = r * steps[k - 1] + np.sqrt(1.0 - r * r) * steps[k]
-    assert worth(steps) == pytest.approx(400 * 80 * (1.0 - r) / (1.0 + r), rel=0.4)
 
 
 def test_a_course_that_does_not_fit_is_refused() -> None:
