@@ -21,7 +21,7 @@ class Outcome:
     """What a search found.
 
     Attributes:
-        candidates: Plans, not timed, the best one first; the one that is driven soonest counts. None where none was
+        candidates: Plans, not timed, the best one first; the one that is driven fastest counts. None where none was
             found.
         margin_asked: What the twists' margins had to exceed at first.
         margin: What they had to exceed in the end.

@@ -377,7 +377,7 @@ class Planner:
         return modes[0].stable.name
 
     def _soonest(self, scenario: Scenario, outcome: Outcome, set_name: str | None) -> tuple[Segments, str]:
-        """Return the plan that is driven soonest, timed; or the best one, and why none can be driven.
+        """Return the plan that is driven fastest, timed; or the best one, and why none can be driven.
 
         Where paths are ranked by time, the ones that were best by travel are driven as well: an objective knows a
         motion only roughly.

@@ -2,8 +2,8 @@
 
 The states are poses of the chain frame (`SE2StateSpace`), the controls three coordinates in [0, 1] that chart the
 stable set: which segment of it, where on that, and how long the arc is, in units of the longest one. Propagation is
-exact; an arc that touches something ends out of bounds. The goal is the region from which a free word of stable arcs
-leads exactly to the goal pose.
+exact; an arc that touches something ends out of bounds. The goal is the region from which a free steering path
+of stable arcs leads exactly to the goal pose.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pushplan.logging.recorded import RecordedRun
 
 SLIPPED = (0.005, float(np.radians(2.0)))
-"""How far (m, rad) an object may be off its place in the chain: five times what cameras that see markers err by."""
+"""How far (m, rad) an object may be away from its pose in the chain: five times what cameras err by."""
 SHARE = 0.5
 """Of its margin that a plan keeps while errors are corrected."""
 STEERING_DISTANCE = 0.3
@@ -96,7 +96,7 @@ class Follower:
         period: For how long the robot keeps a twist, s.
         speed: Factor of the plan's speed, in (0, 1]; may be set at any time.
         off: How far (m, rad) the base may be off the path; None for the goal's tolerance.
-        slipped: How far (m, rad) a measured object may be off its place in the plan.
+        slipped: How far (m, rad) a measured object may be away from its pose in the plan.
 
     Attributes:
         plan: What is followed.
@@ -190,7 +190,7 @@ class Follower:
         Args:
             base_pose: (3,) measured pose of the base in the world; None goes by time alone.
             object_poses: (n, 3) measured poses of the objects in the world, in the order of `scenario.poses`, None or
-                NaN where one was not seen; one that is off its place in the plan by more than `slipped` aborts the
+                NaN where one was not seen; one that is off its planned pose by more than `slipped` aborts the
                 plan.
             elapsed: Time since the last step, s; None for `period`, and 0 at the first. Where it is none, the twist
                 is 0.
@@ -250,7 +250,7 @@ class Follower:
         for (name, place), pose in zip(wanted.items(), poses, strict=True):
             if not np.isnan(pose).any():
                 off = se2.pose_error(pose, place)
-                self._check(f"'{name}'", "off its place in the chain", *off, self._slipped)
+                self._check(f"'{name}'", "away from its pose in the chain", *off, self._slipped)
 
     def _check(self, who: str, what: str, far: float, turned: float, allowed: tuple[float, float]) -> None:
         if far > allowed[0] or turned > allowed[1]:

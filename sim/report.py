@@ -124,7 +124,7 @@ class ContactReport(Execution):
         return se2.pose_errors(self.objects[-1], self.wanted)
 
     def goal_errors(self, scenario: Scenario) -> FloatArray:
-        """Return (n, 2) how far (m) and by what angle (rad) each object ends off its place at the goal."""
+        """Return (n, 2) how far (m) and by what angle (rad) each object ends away from its pose at the goal."""
         return errors_at_goal(scenario, self.objects[-1])
 
     def arrived(self, scenario: Scenario) -> bool:

@@ -190,7 +190,7 @@ class Trials:
         uncertainty: What the worlds were drawn from; None for the scenario's own intervals.
         seed: Of the random numbers; sample i depends on it and on i only.
         simulator: What executed it.
-        errors: (k, n, 2) how far (m) and by what angle (rad) every object ends off its place at the goal.
+        errors: (k, n, 2) how far (m) and by what angle (rad) every object ends away from its pose at the goal.
         object_poses: (k, n, 3) where they end, in the world.
         arrived: (k,) whether the goal's object, or every object, ends within the goal's tolerances.
         losses: The first contact that moved in each sample, or None.

@@ -196,7 +196,7 @@ def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
     assert follower.step(start, objects).state is FollowerState.FOLLOWING
     objects[1, 1] += 0.02
     command = follower.step(start, objects)
-    assert "'far' is 20 mm and 0 deg off its place in the chain" in command.reason
+    assert "'far' is 20 mm and 0 deg away from its pose in the chain" in command.reason
     assert follower.step(start).state is FollowerState.ABORTED
     follower = Follower(run)
     follower.abort("operator")

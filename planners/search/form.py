@@ -86,7 +86,7 @@ class Propagator:
         return (x, y, theta) == self._last or self.tree.room_at(x, y, theta) >= 0.0
 
     def distance_to_goal(self, state: Any) -> float:
-        """Return 0 where a free word leads to the goal and makes the best path so far, else the cheapest word's cost.
+        """Return 0 where a free steering path to the goal makes the best path so far, else the cheapest one's cost.
 
         The distance is infinite where no word leads to the goal, free or not.
         """
@@ -152,7 +152,7 @@ def arcs_to_goal(definition: Any) -> FloatArray:
         return arcs
     word = free_word(session, end, session.problem.goal)
     if word is None:
-        raise PlanningError("the planner left a path that ends where no free word leads to the goal")
+        raise PlanningError("the planner left a path that ends where no free steering path leads to the goal")
     return np.concatenate([arcs, word])
 
 
@@ -222,7 +222,7 @@ class PushInformation(oc.SpaceInformation):  # type: ignore[misc]
 
 
 class FreeWords(ob.MotionValidator):  # type: ignore[misc]
-    """Says of two states whether a free word of stable arcs leads from one to the other."""
+    """Says of two states whether a free steering path of stable arcs leads from one to the other."""
 
     def __init__(self, information: Any, session: Session) -> None:
         super().__init__(information)
@@ -234,7 +234,7 @@ class FreeWords(ob.MotionValidator):  # type: ignore[misc]
 
 
 class WordGoal(ob.GoalSampleableRegion):  # type: ignore[misc]
-    """The poses from which a free word of stable arcs leads exactly to the goal; its samples are the goal itself."""
+    """The poses from which a free steering path leads exactly to the goal; its samples are the goal itself."""
 
     def __init__(self, information: PushInformation) -> None:
         super().__init__(information)
@@ -275,7 +275,7 @@ def pose_problem(session: Session, box: Box, heading_length: float) -> tuple[Pus
 
 
 def free_word(session: Session, begin: FloatArray, end: FloatArray) -> FloatArray | None:
-    """Return the arcs (3, 4) of the cheapest free word between two poses (3,), None where all are blocked."""
+    """Return the arcs (3, 4) of the cheapest free steering path between two poses (3,); None without one."""
     problem = session.problem
     _, _, arcs = connect(problem.scene, problem.families, begin, end)
     return arcs

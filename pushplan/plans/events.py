@@ -9,7 +9,7 @@ from pushplan.util.arrays import FloatArray, frozen
 
 KINDS = {
     "plan": "the plan that is executed first",
-    "left": "an object is off its place in the plan",
+    "left": "an object is away from its pose in the plan",
     "look": "the plate stands still, and what was measured since is averaged",
     "replan": "a plan was made on the way",
     "close": "a short push begins that closes contacts",

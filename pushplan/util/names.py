@@ -68,7 +68,7 @@ COLLISION_CLEARANCE = 0.0005
 
 TRANSIT_CLEARANCE = 0.01
 """Distance that a robot keeps from the load, at least, while it drives alone, m: one that stands 2 mm and half a
-degree off its place is not touched."""
+degree away from its pose is not touched."""
 
 MOST_FRICTION = 10.0
 """Largest coefficient of friction of a scenario; rubber on rubber has 1 to 2, a larger number is a slip."""

@@ -1,6 +1,6 @@
 """The closed loop: measured poses of the objects in, twists of the plate out.
 
-The plate follows a plan. When measurements say that an object is off its place, it slows down along the path and
+The plate follows a plan. When measurements say that an object is away from its pose, it slows down along the path and
 stands still: objects on the floor then stand still, too, and every measurement from then on tells the same, so that
 noise averages out and delay does not matter. From what was seen the controller closes contacts that are open, plans
 again, or gives up.
@@ -331,7 +331,7 @@ class Controller:
                     spread = UNSURE * self._estimator.spread(recent[-1])[i]
                     most = most + (spread if self._settled else np.hypot(spread, gaps))
                 if (apart > most).any():
-                    return f"{obj.name} is {_words(*apart)} off its place in the plan"
+                    return f"{obj.name} is {_words(*apart)} away from its pose in the plan"
         return ""
 
     def _look(self) -> None:

@@ -28,7 +28,7 @@ class ControlSettings:
         position_noise: Standard deviation of each coordinate of a measured position, m.
         angle_noise: Standard deviation of a measured angle, rad.
         looks: Measurements at rest that a decision rests on; while it moves, half as many have to agree.
-        position_slack: How far an object may be off its place in the plan while the plan goes on, m.
+        position_slack: How far an object may be away from its pose in the plan while the plan goes on, m.
         angle_slack: By what angle it may be, rad.
         position_tolerance: Distance from its goal within which the goal's object has arrived, m. The goal's own
             tolerance counts where it is wider.
