@@ -125,14 +125,21 @@ def time_bound(scenario: Scenario, segments: FloatArray) -> float:
     limits = scenario.chain.pusher.limits
     speed, turning = (max(limits.both(name)) for name in ("speed", "angular_speed"))
     gain, spin = (max(limits.both(name)) for name in ("acceleration", "angular_acceleration"))
-    disc = disc_at(scenario.chain, np.zeros(2))
-    way = max(
-        _way_around(scenario, disc, math.inf),
-        turn_bound(scenario.start, scenario.goal.pose_chain, segments, price=Price(speed / turning, 0.0)),
+    start, goal = scenario.start, scenario.goal.pose_chain
+    around = _way_around(scenario, disc_at(scenario.chain, np.zeros(2)), math.inf)
+    bend = turn_bound(start, goal, segments, price=Price(speed / turning, 0.0))
+    # The share of the top speed, max(|v| / speed, |omega| / turning), changes by `rate` at most.
+    rate = max(gain / speed, spin / turning)
+    return max(
+        _from_rest_to_rest(max(around, bend), speed, rate * speed),
+        _from_rest_to_rest(around, speed, gain),
+        _from_rest_to_rest(abs(float(se2.wrap_angle(goal[2] - start[2]))), turning, spin),
     )
-    # The share u of the top speed, max(|v| / speed, |omega| / turning), rises and falls by `rate` at most.
-    rest_to_rest, rate = way / speed, max(gain / speed, spin / turning)
-    return rest_to_rest + 1.0 / rate if rest_to_rest >= 1.0 / rate else 2.0 * math.sqrt(rest_to_rest / rate)
+
+
+def _from_rest_to_rest(length: float, speed: float, gain: float) -> float:
+    """Return the least time (s) over a length with a top speed and an acceleration."""
+    return length / speed + speed / gain if length >= speed**2 / gain else 2.0 * math.sqrt(length / gain)
 
 
 def _discs(scenario: Scenario) -> list[Disc]:
