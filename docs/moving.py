@@ -26,8 +26,9 @@ FRAMES, PACE = 40, 100
 DRAGGED = -3
 """The obstacle among those of `two-crates`: the disc above the middle."""
 FAR = np.array([-0.32, -0.62])
-"""How far it is dragged, m, before it is brought back another way."""
+"""How far it is dragged, m, before it is brought back on another path."""
 ASIDE = 0.22
+"""How far the path bends to either side, m."""
 SIDE, PIXELS = 4.6, 640
 """Of the picture, inches and pixels."""
 

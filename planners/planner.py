@@ -326,7 +326,7 @@ class Planner:
         set_name = settings.set_name
         with watch("timing"):
             if segments and timed:
-                segments, reason = self._soonest(scenario, outcome, set_name)
+                segments, reason = self._fastest(scenario, outcome, set_name)
         executed = bool(segments) and timed and not reason
         name = self._set_name(segments)
         with watch("execution"):
@@ -376,7 +376,7 @@ class Planner:
         modes = search.modes if isinstance(search, MultiPushSearch) else search.pieces[0].search.modes
         return modes[0].stable.name
 
-    def _soonest(self, scenario: Scenario, outcome: Outcome, set_name: str | None) -> tuple[Segments, str]:
+    def _fastest(self, scenario: Scenario, outcome: Outcome, set_name: str | None) -> tuple[Segments, str]:
         """Return the plan that is driven fastest, timed; or the best one, and why none can be driven.
 
         Where paths are ranked by time, the ones that were best by travel are driven as well: an objective knows a

@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -168,7 +169,7 @@ class PushSearch:
             session.extensions,
             tuple(improvements.found),
             _cost,
-            lambda found: _least_ranked(posed, segments, found),
+            lambda found: _bound_of_objective(posed, segments, found),
             session.branches.ends,
             lambda: self._explain(attempt, monitor(), settings, until - time.perf_counter()),
             session.problem.scene,
@@ -199,7 +200,7 @@ def _cost(segments: Segments) -> float:
     return segments[0].cost
 
 
-def _least_ranked(posed: Scenario, segments: FloatArray, found: Segments) -> float | None:
+def _bound_of_objective(posed: Scenario, segments: FloatArray, found: Segments) -> float | None:
     """Return what no plan beats of what ranks plans: travel (m) or time (s); of margins nothing is known."""
     if posed.planner.cost == "margin":
         return None
@@ -313,8 +314,12 @@ class _Searches:
         return Attempt(posed, self._search(posed, session))
 
     def _session(self, posed: Scenario, problem: Problem, budget: Budget, before: Session | None) -> Session:
+        bound = cache(lambda: lower_bound(posed, self._of.posing.controls(posed, self._of.stable).segments))
+
         def improved(path: PushPath, cost: float, iterations: int, seconds: float) -> None:
             self._improvements.add(cost, iterations, self._of.segments(posed, path), seconds)
+            if self._good_enough > 0.0:  # it takes longer than most first paths, which need not wait for it
+                session.raise_lower_bound(bound())
 
         session = Session(
             problem,
@@ -326,10 +331,6 @@ class _Searches:
             before,
             time.perf_counter() - self._began,
         )
-        if self._good_enough > 0.0:
-            session.raise_lower_bound(
-                lower_bound(posed, self._of.posing.controls(posed, self._of.stable).segments)
-            )
         return session
 
     def _search(self, posed: Scenario, session: Session) -> Search:

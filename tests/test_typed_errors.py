@@ -1,4 +1,7 @@
-"""What is no number or cannot be ends in an error of pushplan's own that says so."""
+"""What is no number or cannot be ends in an error of pushplan's own that says so.
+
+Arguments of a wrong type are the point here: that is what mypy is told to ignore.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,8 @@ import pytest
 
 import pushplan
 from pushplan.errors import PushplanError
+from pushplan.plans.path import PushPath
+from pushplan.plans.trajectory import Trajectory
 
 
 @cache
@@ -19,14 +24,26 @@ def plan() -> pushplan.Plan:
     return pushplan.plan(pushplan.load_scenario("two-crates"), first=True, time_limit=60.0)
 
 
+def path() -> PushPath:
+    found = plan().path
+    assert found is not None
+    return found
+
+
+def trajectory() -> Trajectory:
+    found = plan().trajectory
+    assert found is not None
+    return found
+
+
 def world() -> pushplan.World:
     return pushplan.World.from_scenario(plan().scenario)
 
 
 CALLS: dict[str, tuple[Callable[[], Any], str]] = {
-    "path": (lambda: plan().path.poses_at([math.nan]), "costs hold NaN"),  # type: ignore[union-attr]
-    "trajectory": (lambda: plan().trajectory.poses_at([math.nan]), "times hold NaN"),  # type: ignore[union-attr]
-    "huge": (lambda: plan().trajectory.poses_at([10**400]), "times cannot be read"),  # type: ignore[union-attr]
+    "path": (lambda: path().poses_at([math.nan]), "costs hold NaN"),
+    "trajectory": (lambda: trajectory().poses_at([math.nan]), "times hold NaN"),
+    "huge": (lambda: trajectory().poses_at([10**400]), "times cannot be read"),
     "margin": (lambda: plan().scenario.stable_set().margin("ab"), "twists cannot be read as numbers"),
     "window": (lambda: plan().scenario.stable_set().cor_region(1, (1.0, 2.0)), "window is"),  # type: ignore[arg-type]
     "start": (lambda: pushplan.Planner(plan().scenario).plan(start="ab"), "start cannot be read"),

@@ -120,7 +120,7 @@ def lower_bound(scenario: Scenario, segments: FloatArray, most: float = math.inf
 def time_bound(scenario: Scenario, segments: FloatArray) -> float:
     """Return a time (s) in which no path from rest to rest can be driven; see `lower_bound`.
 
-    Of the limits it knows the speeds and the accelerations, not the jerk, nor what contacts bear of inertia.
+    It knows the limits of speed and acceleration, neither the jerk nor what contacts allow with inertia.
     """
     limits = scenario.chain.pusher.limits
     speed, turning = (max(limits.both(name)) for name in ("speed", "angular_speed"))

@@ -5,11 +5,11 @@ p . R(theta) v <= |v| for all straight pushes v at all headings theta in I. Then
 
     int c dt = p . d + int (c - p . R(theta) v) / |omega| |dtheta| >= p . d + int_sweep rho_p(theta) |dtheta|
 
-with the way d from start to goal, the cost c >= |v| of a twist (v, omega), and the least rho_p(theta) >= 0 of that
-integrand over the stable twists that turn to that side. The shortest sweep that fills I goes from the start to one
-end of I, to the other, and to the goal. The most of that over p, and the least over I and the order of its ends, is
-the bound. I is looked for by branch and bound: over a range of intervals p is held to the widest of them, the sweep
-to the narrowest.
+with the displacement d from start to goal, the cost c >= |v| of a twist (v, omega), and the least rho_p(theta) >= 0
+of that integrand over stable twists that turn to that side. The shortest sweep that fills I goes from the start to
+one end of I, to the other, and to the goal. The most of that over p, and the least over I and the order of its ends,
+is the bound. I is looked for by branch and bound: over a range of intervals p is held to the widest of them, the
+sweep to the narrowest.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class _Range(NamedTuple):
 
 
 class _Rates:
-    """What turns cost for vectors p: of `LENGTHS`, in directions `STRIDE` bins apart; the first is that of the way.
+    """What turns cost for vectors p of `LENGTHS`, in directions `STRIDE` bins apart from that of the displacement on.
 
     Args:
         turns: What is known of the twists.
@@ -95,32 +95,31 @@ class _Rates:
         sides = [_Side.of(sectors, price) for sectors in (turns.left, turns.right)]
         self._sums = [_sums(side.rho) for side in sides]
         self._straight = turns.straight
-        self._way = math.atan2(away[1], away[0])
+        self._toward = math.atan2(away[1], away[0])
         self._first = STRIDE * np.arange(BINS // STRIDE)
         self._along = math.hypot(*away) * np.cos(BIN * self._first)
-        self._longest = [
-            np.minimum(sides[0].longest, sides[1].longest)
-        ]  # over 1, 2, 4, ... bins from each on
+        # Over 1, 2, 4, ... bins from each on.
+        self._longest = [np.minimum(sides[0].longest, sides[1].longest)]
         for k in range(BINS.bit_length() - 1):
             self._longest.append(np.minimum(self._longest[-1], np.roll(self._longest[-1], -(1 << k))))
         self.swept = lru_cache(maxsize=None)(self._swept)
 
     def longest(self, low: float, high: float) -> FloatArray:
         """Lengths (directions,) that p may have for headings from low to high, so that no push costs less than it."""
-        first = math.floor((low - self._way) / BIN)
-        bins = min(max(math.ceil((high - self._way) / BIN) - first, 1), BINS)
+        first = math.floor((low - self._toward) / BIN)
+        bins = min(max(math.ceil((high - self._toward) / BIN) - first, 1), BINS)
         level = bins.bit_length() - 1
         starts, table = first - self._first, self._longest[level]
         longest = np.minimum(table[starts % BINS], table[(starts + bins - (1 << level)) % BINS])
         if self._straight is None:
             return np.asarray(longest)
-        low, high = low + self._straight[0] - self._way, high + self._straight[1] - self._way
+        low, high = low + self._straight[0] - self._toward, high + self._straight[1] - self._toward
         off = np.abs(se2.wrap_angle(BIN * self._first - 0.5 * (low + high))) - 0.5 * (high - low)
         return np.asarray(np.minimum(longest, 1.0 / np.maximum(np.cos(np.maximum(off, 0.0)), 1e-9)))
 
     def _swept(self, side: int, heading: float) -> FloatArray:
-        """Integrals (lengths, directions) of rho of turns to the left (0) or right, from p's way to a heading."""
-        at = (heading - self._way) / BIN - self._first
+        """Integrals (lengths, directions) of rho of turns to the left (0) or right, from p to a heading."""
+        at = (heading - self._toward) / BIN - self._first
         whole = np.floor(at).astype(int)
         sums, turn = self._sums[side], self._sums[side][:, -1:]
         rounds, first = np.divmod(whole, BINS)
@@ -134,8 +133,8 @@ class _Rates:
         cost = LENGTHS[:, None] * self._along
         for k, (here, there) in enumerate(pairwise(stops)):
             side = (k + one.low_first) % 2
-            way = self.swept(side, there) - self.swept(side, here)
-            cost += -way if side else way
+            turned = self.swept(side, there) - self.swept(side, here)
+            cost += -turned if side else turned
         longest = np.minimum(self.longest(one.low[0], one.high[1]), LENGTHS[-1])
         k = np.clip(np.searchsorted(LENGTHS, longest, side="right") - 1, 0, len(LENGTHS) - 2)
         share, each = (longest - LENGTHS[k]) / (LENGTHS[k + 1] - LENGTHS[k]), np.arange(len(longest))
@@ -169,9 +168,8 @@ class _Side(NamedTuple):
         for radius in (tightest, widest, np.clip(price.radius, tightest, widest)):
             cost, ahead = price.weight + np.maximum(radius, price.radius), radius * cosines
             rho = np.minimum(rho, [np.min(cost - p * ahead, axis=1) for p in LENGTHS])
-            held = np.where(
-                np.isinf(sectors[:, 1]) & (radius == WIDEST), 0.0, ahead
-            )  # straight pushes hold p there
+            # Where v may go straight, the straight pushes hold p.
+            held = np.where(np.isinf(sectors[:, 1]) & (radius == WIDEST), 0.0, ahead)
             longest = np.minimum(longest, np.min(cost / np.maximum(held, 1e-12), axis=1))
         return cls(rho, longest)
 

@@ -329,7 +329,7 @@ def blend_path(
     full = paced(1.0)
     blend = full.blended(exact.duration, stops=0)
     if blend is None:
-        blend = _soonest([*map(paced, LOWER_PACES), full], exact.duration)
+        blend = _fastest([*map(paced, LOWER_PACES), full], exact.duration)
     if blend is None:
         return Blend(exact, corners_of(path))
     arcs = inset.owner[blend.trajectory.arc.astype(np.int64)].astype(np.float64)
@@ -337,7 +337,7 @@ def blend_path(
     return Blend(replace(blend.trajectory, arc=arcs), stops)
 
 
-def _soonest(searches: list[BlendSearch], within: float) -> Blend | None:
+def _fastest(searches: list[BlendSearch], within: float) -> Blend | None:
     """The blend over soonest; None when none takes less than `within` (s)."""
     best: Blend | None = None
     for search in searches:

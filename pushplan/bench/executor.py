@@ -244,9 +244,8 @@ def _with_output(text: str, folder: Path) -> str:
     """Add the beginning and the end of what the process of a run has written on its standard streams."""
     path = folder / OUTPUT
     written = path.read_text(errors="replace").strip() if path.exists() else ""
-    if (
-        len(written) > MOST_OUTPUT
-    ):  # a crash says what it was at its beginning, its modules take pages after that
+    if len(written) > MOST_OUTPUT:
+        # A crash says what it was at its beginning; its modules take pages after that.
         written = f"{written[: MOST_OUTPUT // 2]}\n...\n{written[-MOST_OUTPUT // 2 :]}"
     return f"{text}\n{written}" if written else text
 

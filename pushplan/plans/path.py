@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.util.arrays import FloatArray, frozen, instants
+from pushplan.util.arrays import FloatArray, frozen, parameters
 
 TURN_WEIGHT = 0.1
 """Metres of travel that one radian of turning counts as in the path cost."""
@@ -80,7 +80,7 @@ class PushPath:
         Raises:
             PushplanError: When a cost is no number.
         """
-        s = np.clip(instants(s, "costs"), 0.0, self.cost)
+        s = np.clip(parameters(s, "costs"), 0.0, self.cost)
         if len(self.lengths) == 0:
             return np.broadcast_to(self.start, (*s.shape, 3)).copy()
         begins = np.concatenate([[0.0], np.cumsum(self.lengths)])

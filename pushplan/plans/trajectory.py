@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry import se2
-from pushplan.util.arrays import FloatArray, columns_of, frozen, instants
+from pushplan.util.arrays import FloatArray, columns_of, frozen, parameters
 
 SAMPLE_RATE = 100.0
 """Default rate at which trajectories are sampled and executed, Hz."""
@@ -210,7 +210,7 @@ class Trajectory:
         Raises:
             PushplanError: When a time is no number.
         """
-        t = np.clip(instants(t, "times"), 0.0, self.duration)
+        t = np.clip(parameters(t, "times"), 0.0, self.duration)
         if len(self.coefficients) == 0:
             return np.broadcast_to(self.start, (*t.shape, 3)).copy()
         piece = self.piece_at(t)

@@ -29,8 +29,8 @@ def numbers(values: ArrayLike, name: str) -> FloatArray:
         raise PushplanError(f"{name} cannot be read as numbers: {error}") from error
 
 
-def instants(values: ArrayLike, name: str) -> FloatArray:
-    """Return places along a way, infinite ones too, as floats.
+def parameters(values: ArrayLike, name: str) -> FloatArray:
+    """Return parameters along a path or a trajectory, infinite ones too, as floats.
 
     Raises:
         PushplanError: When one is no number.
