@@ -37,7 +37,7 @@ from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.course import Course, Kick, OpenLoop, course_in
+from pushplan.sim.control.course import Course, Disturbance, OpenLoop, course_in
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.physics.engine import SLIPPING
 from pushplan.sim.physics.simulate import simulate_trajectory
@@ -81,8 +81,8 @@ def random_scenarios(count: int) -> list[tuple[Scenario, Plan]]:
     return found
 
 
-def disturbed(scenario: Scenario, duration: float, random: np.random.Generator) -> tuple[World, Kick]:
-    """Return a world whose friction is off, and a kick."""
+def disturbed(scenario: Scenario, duration: float, random: np.random.Generator) -> tuple[World, Disturbance]:
+    """Return a world whose friction is off, and a disturbance."""
     world = World.from_scenario(scenario)
     for obj in scenario.chain.objects:
         world = world.with_contact_friction(1.0 + OFF * random.choice([-1.0, 1.0]), obj.name)
@@ -91,7 +91,7 @@ def disturbed(scenario: Scenario, duration: float, random: np.random.Generator) 
     turn = TURNED * random.choice([-1.0, 1.0])
     index = int(random.integers(len(scenario.chain.objects)))
     x, y = DISPLACED * np.cos(way), DISPLACED * np.sin(way)
-    return world, Kick(random.uniform(0.0, duration), index, float(x), float(y), float(turn))
+    return world, Disturbance(random.uniform(0.0, duration), index, float(x), float(y), float(turn))
 
 
 def judge(scenario: Scenario, object_poses: FloatArray) -> FloatArray:
@@ -120,17 +120,17 @@ def one(scenario: Scenario, result: Plan, seed: int, verbose: bool, physics: boo
     """Run both loops in one world."""
     assert result.trajectory is not None
     random = np.random.default_rng([seed, len(scenario.name)])
-    world, kick = disturbed(scenario, result.trajectory.duration, random)
+    world, disturbance = disturbed(scenario, result.trajectory.duration, random)
     controller = Controller(scenario)
     began = time.process_time()
-    course = course_in(world, controller, controller.settings.rate, [kick], seed=seed)
+    course = course_in(world, controller, controller.settings.rate, [disturbance], seed=seed)
     seconds = time.process_time() - began
-    blind = course_in(world, OpenLoop(result, 50.0), 50.0, [kick])
+    blind = course_in(world, OpenLoop(result, 50.0), 50.0, [disturbance])
     errors = [judge(scenario, run.object_poses[-1]) for run in (course, blind)]
     closed, opened = (bool((error <= [POSITION, ANGLE]).all()) for error in errors)
     why = "jammed" if course.jammed else controller.reason
     if verbose:
-        print(kick, [c.friction for c in world.chain.contacts])
+        print(disturbance, [c.friction for c in world.chain.contacts])
         for event in controller.events:
             print(f"    {event.time:7.2f} {event.kind:8} {event.text}")
     found = in_physics(scenario, world, controller, course) if physics and closed else None

@@ -1,9 +1,9 @@
 """The closed loop where sensors and robots err: every packaged push with each error, in the world as planned.
 
-Run `python benchmarks/sensors.py [--seeds 101 102 103] [--only NAME ...] [--filter ERROR ...] [--kicks] [--told]
+Run `python benchmarks/sensors.py [--seeds 101 102 103] [--only NAME ...] [--filter ERROR ...] [--disturbances]
 [--jobs 2]`; prints a line an error: runs that arrive with at most three replans, travel over the plan's, and, with
-`--kicks` (5 mm and 3 deg, friction off by 20 %), how many of them are noticed within a second. Tuned on seeds 1 to 3,
-judged on 101 to 103. `--told` gives today's noise to the settings.
+`--disturbances` (5 mm and 3 deg, friction off by 20 %), how many of them are noticed within a second. Tuned on seeds
+1 to 3, judged on 101 to 103. `--told` gives today's noise to the settings.
 
 An error of the camera is injected between world and controller, one of odometry between controller and world: the
 plate moves otherwise than it was told, and no `plate_pose` says so but in runs in which that jumps. A run arrives if
@@ -31,7 +31,7 @@ from pushplan.plans.plan import Load, Plan
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller, Phase
-from pushplan.sim.control.course import Kick, course_in
+from pushplan.sim.control.course import Disturbance, course_in
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
@@ -192,17 +192,17 @@ def _settings(told: bool) -> ControlSettings:
 
 def run(job: tuple[str, str, Errors, int, bool, bool]) -> Row:
     """Run one scenario with one error."""
-    name, _, errors, seed, kicks, told = job
+    name, _, errors, seed, disturbances, told = job
     scenario, plan = _first(name, told)
     assert plan.trajectory is not None
     assert plan.path is not None
     random = np.random.default_rng([seed, *name.encode()])
     controller = Controller(scenario, _settings(told), plan=plan)
     driver = Erring(controller, errors, random, 0.5 * plan.trajectory.duration)
-    world, kick = World.from_scenario(scenario), None
+    world, disturbance = World.from_scenario(scenario), None
     if errors.start != (0.0, 0.0):
         world = _beside(world, errors.start, random)
-    if kicks:
+    if disturbances:
         for obj in scenario.chain.objects:
             world = world.with_contact_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), obj.name)
             world = world.with_floor_friction(1.0 + 0.2 * random.choice([-1.0, 1.0]), obj.name)
@@ -211,11 +211,17 @@ def run(job: tuple[str, str, Errors, int, bool, bool]) -> Row:
             random.uniform(0.1, 0.9) * plan.trajectory.duration,
             int(random.integers(len(world.names))),
         )
-        kick = Kick(at, index, 5e-3 * math.cos(way), 5e-3 * math.sin(way), turn)
+        disturbance = Disturbance(at, index, 5e-3 * math.cos(way), 5e-3 * math.sin(way), turn)
     sensor = Sensor(delay=errors.unstamped or 0.1, position=errors.noise[0], angle=errors.noise[1])
     began = time.process_time()
     course = course_in(
-        world, driver, controller.settings.rate, [kick] if kick else [], sensor, seed, time_limit=LONGEST
+        world,
+        driver,
+        controller.settings.rate,
+        [disturbance] if disturbance else [],
+        sensor,
+        seed,
+        time_limit=LONGEST,
     )
     aim = Aim.of(scenario.goal, scenario.chain, 5e-3, DEG)
     true = aim.errors(course.object_poses[-1])
@@ -231,9 +237,9 @@ def run(job: tuple[str, str, Errors, int, bool, bool]) -> Row:
     replans = sum(replan.solved for replan in controller.replans)
     travel = float(np.hypot(*np.diff(course.poses[:, :2], axis=0).T).sum())
     noticed = None
-    if kick is not None:
-        stops = ("left", "look", "slide", "bump")
-        noticed = any(e.kind in stops and kick.time <= e.time <= kick.time + 1.0 for e in controller.events)
+    if disturbance is not None:
+        stops = ("deviation", "re-localisation", "slide", "bump")
+        noticed = any(e.kind in stops and 0.0 <= e.time - disturbance.time <= 1.0 for e in controller.events)
     outcome = "jammed" if course.jammed else controller.reason or controller.phase.value
     outcome = "arrived elsewhere" if outcome == "arrived" and not there else outcome
     planned = float(np.hypot(*np.diff(plan.trajectory.poses[:, :2], axis=0).T).sum())
@@ -257,7 +263,7 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", help="names of scenarios")
     parser.add_argument("--filter", nargs="*", help="parts of names of errors")
     parser.add_argument("--pairs", type=int, default=12, help="pairs of errors, drawn by the first seed")
-    parser.add_argument("--kicks", action="store_true")
+    parser.add_argument("--disturbances", action="store_true")
     parser.add_argument("--told", action="store_true", help="settings know of noise of 2 mm and 0.6 deg")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--verbose", action="store_true", help="print runs that do not arrive")
@@ -272,7 +278,10 @@ def main() -> int:
         errors = {name: e for name, e in errors.items() if any(part in name for part in asked.filter)}
     scenarios = [n for n in example_names() if load_scenario(n).kind == "push" and n in (asked.only or [n])]
     jobs = [
-        (n, e, errors[e], s, asked.kicks, asked.told) for e in errors for n in scenarios for s in asked.seeds
+        (n, e, errors[e], s, asked.disturbances, asked.told)
+        for e in errors
+        for n in scenarios
+        for s in asked.seeds
     ]
     every: list[Row] = []
     with ProcessPoolExecutor(asked.jobs) as pool:
@@ -295,8 +304,8 @@ def _words(rows: list[Row]) -> str:
     low, high = wilson(good, len(rows))
     travel = np.array([row.travel / row.planned for row in rows])
     far = sum(row.travel > 2.0 * row.planned + 1.0 for row in rows)
-    kicked = [row.noticed for row in rows if row.noticed is not None]
-    noticed = f", {sum(kicked)} of {len(kicked)} kicks noticed" if kicked else ""
+    disturbed = [row.noticed for row in rows if row.noticed is not None]
+    noticed = f", {sum(disturbed)} of {len(disturbed)} disturbances noticed" if disturbed else ""
     return (
         f"{good:3} of {len(rows):3} ({100 * low:.0f} to {100 * high:.0f} %), travel {np.median(travel):.2f}, "
         f"{far} beyond 2 x + 1 m, {np.mean([row.replans for row in rows]):.1f} replans, "

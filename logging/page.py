@@ -58,8 +58,7 @@ def render(run: Run | RecordedRun) -> str:
 
 def _events(run: Run | RecordedRun) -> list[tuple[float, str]]:
     """Return what a closed loop noticed and did."""
-    events = () if run.feedback is None else run.feedback.events
-    return [(event.time, f"{event.kind}: {event.text}") for event in events]
+    return [(event.time, f"{event.kind}: {event.text}") for event in run.events]
 
 
 def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pushplan.logging.mcap_file import Channel
-from pushplan.plans.events import Feedback
+from pushplan.plans.events import Event, Feedback
 from pushplan.plans.plan import Improvement, Plan
 from pushplan.plans.run import Execution, TrialEnd
 from pushplan.scenario.model import Scenario
@@ -72,6 +72,11 @@ class RecordedRun:
     def log(self) -> Path:
         """The log, as `plans.run.Run` calls it."""
         return self.path
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What happened, was noticed and was done in a closed loop."""
+        return () if self.feedback is None else self.feedback.events
 
     @property
     def outcome(self) -> str:

@@ -24,7 +24,7 @@ from pushplan.run import fields_of
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.again import CONTROL
 from pushplan.sim.control.controller import DEFAULTS, SILENT, Controller
-from pushplan.sim.control.course import SENSOR, Course, Kick, OpenLoop, course_in
+from pushplan.sim.control.course import SENSOR, Course, Disturbance, OpenLoop, course_in
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.report import at_poses, judged, worst_at_goal
@@ -42,14 +42,14 @@ class ClosedLoopRun:
         scenario: What was believed.
         plan: What was planned at first.
         course: What happened in the world.
-        events: What the controller noticed and did; empty in open loop.
+        events: What happened to objects, and what the controller noticed and did.
         replans: All attempts to plan after the first one.
         outcome: `arrived`, `gave up`, `missed`, `jammed` or `time limit`.
         reason: Why it did not arrive; empty if it did.
         settings: Of the controller; None in open loop.
         sensor: How objects were measured.
         seed: Of the sensor's noise.
-        kicks: What happened to objects.
+        disturbances: What happened to objects.
         log: The log that was written meanwhile; None where there is none, or it could not be written.
     """
 
@@ -63,7 +63,7 @@ class ClosedLoopRun:
     settings: ControlSettings | None
     sensor: Sensor
     seed: int
-    kicks: tuple[Kick, ...]
+    disturbances: tuple[Disturbance, ...]
     log: Path | None = None
 
     @property
@@ -94,7 +94,7 @@ class ClosedLoopRun:
         Raises:
             OutputError: When the file cannot be written.
         """
-        asked = self.scenario, self.plan, self.settings, self.sensor, self.seed, self.kicks
+        asked = self.scenario, self.plan, self.settings, self.sensor, self.seed, self.disturbances
         with _Growing(*asked, SILENT, None, path, None) as growing:
             growing.begin(self.plan)
             growing.end(self)
@@ -123,6 +123,15 @@ def execution_of(scenario: Scenario, plan: Plan, course: Course) -> Execution:
     )
 
 
+def events_until(
+    now: float, names: Sequence[str], disturbances: Sequence[Disturbance], controller: Controller | None
+) -> tuple[Event, ...]:
+    """Return what happened to objects, and what a controller noticed and did, up to a time, s; causes come first."""
+    happened = [one.event(names) for one in disturbances if one.time <= now]
+    noticed = [] if controller is None else controller.events
+    return tuple(sorted([*happened, *noticed], key=lambda event: event.time))
+
+
 class _Growing:
     """The log of a simulated push: a context manager; what it has written outlives a kill."""
 
@@ -133,7 +142,7 @@ class _Growing:
         settings: ControlSettings | None,
         sensor: Sensor,
         seed: int,
-        kicks: Sequence[Kick],
+        disturbances: Sequence[Disturbance],
         observer: Observer,
         progress: Callable[[float], None] | None,
         log: Where,
@@ -143,11 +152,11 @@ class _Growing:
         if plan is not None:
             fields |= {"planner": plan.planner, "set": plan.stable_set}
         self._recording = Recording(scenario, fields, log, runs, observer.message)
-        self._scenario, self._progress = scenario, progress
+        self._scenario, self._progress, self._disturbances = scenario, progress, disturbances
         found = {
             "settings": None if settings is None else asdict(settings),
             "sensor": asdict(sensor),
-            "kicks": [asdict(kick) for kick in kicks],
+            "disturbances": [asdict(disturbance) for disturbance in disturbances],
         }
         words = {name: json.dumps(value) for name, value in found.items()}
         self._recording.write(lambda log: log.note(CONTROL, words))
@@ -171,8 +180,8 @@ class _Growing:
         moves = np.flatnonzero(course.twists[:-1].any(axis=1))
         known = int(moves[-1]) + 2 if len(moves) else 0  # margins at rest are of the twist that comes next
         execution = execution_of(self._scenario, self._plan, course).until(known)
-        told = self._controller
-        events, replans = ((), ()) if told is None else (tuple(told.events), tuple(told.replans))
+        replans = () if self._controller is None else tuple(self._controller.replans)
+        events = events_until(float(course.t[-1]), course.names, self._disturbances, self._controller)
         self._write_feedback(Feedback(course.measured, events, replans))
         self._recording.write(lambda log: log.samples(execution))
         if self._progress is not None:
@@ -211,7 +220,7 @@ class _Growing:
 def run_closed_loop(
     scenario: Scenario,
     world: World | None = None,
-    kicks: Sequence[Kick] = (),
+    disturbances: Sequence[Disturbance] = (),
     *,
     plan: Plan | None = None,
     settings: ControlSettings = DEFAULTS,
@@ -227,7 +236,7 @@ def run_closed_loop(
     Args:
         scenario: What is believed: a single push.
         world: What is there; None for the world as the scenario states it.
-        kicks: What happens to objects meanwhile.
+        disturbances: What happens to objects meanwhile.
         plan: What to do at first; see `Controller`.
         settings: Of the controller.
         sensor: How objects are measured.
@@ -243,25 +252,28 @@ def run_closed_loop(
         OutputError: As `pushplan.run`.
     """
     there = World.from_scenario(scenario) if world is None else world
-    asked = scenario, plan, settings, sensor, seed, tuple(kicks)
+    asked = scenario, plan, settings, sensor, seed, tuple(disturbances)
     with _Growing(*asked, observer, progress, log, runs) as growing:
         controller = Controller(scenario, settings, plan=plan, observer=observer)
         growing.begin(controller.plan, controller)
-        course = course_in(there, controller, settings.rate, kicks, sensor, seed, progress=growing.grown)
+        course = course_in(
+            there, controller, settings.rate, disturbances, sensor, seed, progress=growing.grown
+        )
         outcome, reason = controller.phase.value, controller.reason
         if course.jammed:
             outcome, reason = "jammed", JAMMED
         elif not course.over:
             outcome, reason = "time limit", f"it was not there after {course.t[-1]:.0f} s"
-        events, replans = tuple(controller.events), tuple(controller.replans)
+        events = events_until(float(course.t[-1]), course.names, disturbances, controller)
+        replans = tuple(controller.replans)
         made = scenario, controller.plan, course, events, replans, outcome, reason, settings, sensor, seed
-        return growing.end(ClosedLoopRun(*made, tuple(kicks)))
+        return growing.end(ClosedLoopRun(*made, tuple(disturbances)))
 
 
 def run_open_loop(
     scenario: Scenario,
     world: World | None = None,
-    kicks: Sequence[Kick] = (),
+    disturbances: Sequence[Disturbance] = (),
     *,
     plan: Plan | None = None,
     settings: ControlSettings = DEFAULTS,
@@ -278,13 +290,13 @@ def run_open_loop(
         OutputError: As `pushplan.run`.
     """
     there = World.from_scenario(scenario) if world is None else world
-    with _Growing(scenario, plan, None, SENSOR, 1, kicks, observer, progress, log, runs) as growing:
+    with _Growing(scenario, plan, None, SENSOR, 1, disturbances, observer, progress, log, runs) as growing:
         plan = plan_in(scenario, observer=observer) if plan is None else plan
         if plan.trajectory is None:
             raise PlanningError(f"there is no plan: {plan.reason}")
         growing.begin(plan)
         driver = OpenLoop(plan, settings.rate)
-        course = course_in(there, driver, settings.rate, kicks, progress=growing.grown)
+        course = course_in(there, driver, settings.rate, disturbances, progress=growing.grown)
         goals = [goal for task in scenario.tasks for goal in task.goals]
         tolerance = (
             max(settings.position_tolerance, min(goal.position_tolerance for goal in goals)),
@@ -294,5 +306,6 @@ def run_open_loop(
         reached = off[0] <= tolerance[0] and off[1] <= tolerance[1]
         outcome = "jammed" if course.jammed else "arrived" if reached else "missed"
         reason = {"jammed": JAMMED, "missed": MISSED}.get(outcome, "")
-        made = scenario, plan, course, (), (), outcome, reason, None, SENSOR, 1
-        return growing.end(ClosedLoopRun(*made, tuple(kicks)))
+        events = events_until(float(course.t[-1]), course.names, disturbances, None)
+        made = scenario, plan, course, events, (), outcome, reason, None, SENSOR, 1
+        return growing.end(ClosedLoopRun(*made, tuple(disturbances)))

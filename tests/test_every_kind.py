@@ -27,7 +27,7 @@ from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Plan
 from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario
-from pushplan.sim.control.course import Kick
+from pushplan.sim.control.course import Disturbance
 from pushplan.sim.identify import posterior
 from pushplan.sim.report import worst_at_goal
 from pushplan.sim.trials import TrialUncertainty
@@ -53,8 +53,8 @@ class Made:
 def made(kind: str) -> Made:
     if kind == "closed loop":
         whole = made("push")
-        kick = Kick(0.5 * float(whole.execution.t[-1]), 1, 0.0, 0.005, 0.0)
-        loop = run_closed_loop(whole.scenario, kicks=[kick], plan=whole.plan)
+        disturbance = Disturbance(0.5 * float(whole.execution.t[-1]), 1, 0.0, 0.005, 0.0)
+        loop = run_closed_loop(whole.scenario, disturbances=[disturbance], plan=whole.plan)
         assert loop.outcome == "arrived", loop.reason
         return Made(whole.scenario, loop.plan, loop.execution, loop)
     text = {"multi-push": MULTI, "rearrangement": SWAP}.get(kind)

@@ -291,9 +291,14 @@ def test_events_of_a_closed_loop_are_marked_where_the_plate_was(
     plans: dict[str, Plan], tmp_path: Path
 ) -> None:
     plan = plans["push"]
-    events = [Event(0.0, "plan", ""), Event(2.0, "left", ""), Event(4.5, "replan", "")]
+    events = [
+        Event(0.0, "plan", ""),
+        Event(1.8, "disturbance", ""),
+        Event(2.0, "deviation", ""),
+        Event(4.5, "replan", ""),
+    ]
     scene = Scene.of(plan.scenario, plan, events=events)
-    assert [mark.kind for mark in scene.marks] == ["left", "replan"]
+    assert [mark.kind for mark in scene.marks] == ["disturbance", "deviation", "replan"]
     for mark in scene.marks:
         pose = plan.segments[0].path.poses_at([SPEED * mark.time])[0]
         np.testing.assert_allclose(mark.place, pose[:2], atol=1e-3)

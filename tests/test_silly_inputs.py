@@ -17,7 +17,7 @@ from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
 from pushplan.plans.plan import Plan
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.course import Kick
+from pushplan.sim.control.course import Disturbance
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.follower import PATIENCE, Follower, FollowerState
@@ -140,7 +140,7 @@ def test_a_follower_without_a_pose_that_can_be_is_aborted_and_says_why() -> None
     [
         *(lambda v, f=f: Sensor(**{f: v}) for f in ("rate", "delay", "position", "angle")),
         *(lambda v, f=f: ControlSettings(**{f: v}) for f in ("rate", "looks", "position_noise", "patience")),
-        *(lambda v, k=k: Kick(*[v if j == k else 1 for j in range(5)]) for k in (0, 1, 4)),
+        *(lambda v, k=k: Disturbance(*[v if j == k else 1 for j in range(5)]) for k in (0, 1, 4)),
         lambda v: Follower(plan(), off=(v, v)),
         lambda v: Follower(plan(), slipped=(0.1, v)),
         lambda v: Follower(plan(), period=v),

@@ -26,7 +26,7 @@ from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.course import Kick
+from pushplan.sim.control.course import Disturbance
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.follower import Follower
@@ -99,9 +99,11 @@ WITH_NUMBERS: dict[str, Call] = {
         for name in ("contact_friction", "load", "position", "angle")
     },
     "closed loop(seed)": partial(_loop, "seed"),
-    "Kick(time)": lambda value: Kick(value, 0, 0.0, 0.0, 0.0),
-    "Kick(x)": lambda value: Kick(1.0, 0, value, 0.0, 0.0),
-    "closed loop(Kick(index))": lambda value: _loop("kicks", [Kick(1.0, value, 0.0, 0.001, 0.0)]),
+    "Disturbance(time)": lambda value: Disturbance(value, 0, 0.0, 0.0, 0.0),
+    "Disturbance(x)": lambda value: Disturbance(1.0, 0, value, 0.0, 0.0),
+    "closed loop(Disturbance(index))": lambda value: _loop(
+        "disturbances", [Disturbance(1.0, value, 0.0, 0.001, 0.0)]
+    ),
     **{
         f"Sensor({name})": lambda value, name=name: Sensor(**{name: value})  # type: ignore[misc]
         for name in ("rate", "delay", "position", "angle")

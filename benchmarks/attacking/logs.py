@@ -24,7 +24,7 @@ from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
 from pushplan.scenario.file import example_text, scenario_from_document
 from pushplan.scenario.model import Scenario
-from pushplan.sim.control.course import Kick
+from pushplan.sim.control.course import Disturbance
 from pushplan.sim.trials import TrialUncertainty
 from pushplan.trial import write_trial
 
@@ -45,7 +45,7 @@ def sound(folder: Path) -> dict[str, Path]:
     pushplan.run(several, log=logs["several-pushes"], **options)  # type: ignore[arg-type]
     apart = pushplan.scenario_from_text(REARRANGEMENT)
     pushplan.run(apart, log=logs["rearrangement"], **options)  # type: ignore[arg-type]
-    run_closed_loop(_short(), kicks=[Kick(1.0, 1, 0.0, -5e-3, 0.05)], log=logs["closed-loop"])
+    run_closed_loop(_short(), disturbances=[Disturbance(1.0, 1, 0.0, -5e-3, 0.05)], log=logs["closed-loop"])
     trials = pushplan.trial(run.plan, 3, uncertainty=SLIPPERY, seed=3, log=logs["trials"])
     write_trial(trials, trials.worst, logs["trial"])
     for path in logs.values():

@@ -11,14 +11,15 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console
 from pushplan.cli.main import DEFECT, MISMATCH, error_document
-from pushplan.errors import OutputError
+from pushplan.cli.page import no_page_option, write_page
 from pushplan.util.interruption import INTERRUPTED, Interruption, leaving_at_once
 from pushplan.util.names import COSTS
 
 if TYPE_CHECKING:
+    from pushplan.logging.recorded import RecordedRun
     from pushplan.logging.recording import IncompleteLogError
     from pushplan.plans.plan import Improvement, Plan
-    from pushplan.plans.run import Execution, Run
+    from pushplan.plans.run import Run
     from pushplan.scenario.model import Scenario
 
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 @p.file_option(
     "-o", "--output", help="Write the run's log (MCAP), solved or not, here, and its page beside it."
 )
-@click.option("--no-page", is_flag=True, help="Write no page beside the log.")
+@no_page_option
 @p.no_log_option
 @p.runs_option
 @click.option("--planner", type=p.PLANNER, help="Name of the planner, or module:attribute.")
@@ -77,9 +78,7 @@ def plan(
             _prepare(stated, search, physics, console)
         interruption = Interruption()
         done, incomplete = _run(stated, search, log, runs, interruption, console)
-    page = html or (None if output is None or no_page else _page_beside(output, console))
-    if page is not None:
-        page = _write_page(done, page, html is not None, console)
+    page = write_page(done, html, None if no_page else output, console)
     document = plan_document(done.plan, done.log)
     document |= {"page": page, "interrupted": interruption.requested}
     headline(document, console)
@@ -97,40 +96,12 @@ def plan(
         document["physics"], kept = execute(stated, done.plan, console)
         code = code if kept or incomplete is not None else MISMATCH
     if plot is not None:
-        draw(done.plan, done.execution, plot, console)
+        draw(done, done.plan, plot, console)
     console.emit(document)
     return code
 
 
 command = plan
-
-
-def _page_beside(output: Path, console: Console) -> Path | None:
-    """Return where the page goes that is written beside a log; None where something else is there."""
-    from pushplan.util.files import check_output
-
-    page = output.with_suffix(".html")
-    if check_output(output).streamed or page == output:
-        return None
-    if page.is_file() and b'id="run"' not in page.read_bytes():
-        console.note(f"{page} exists and is no page of a run; --html names another one")
-        return None
-    return page
-
-
-def _write_page(done: Run, page: Path, asked: bool, console: Console) -> Path | None:
-    """Write the page of a run; where nobody has asked for it, what hinders that is only a remark."""
-    from pushplan.logging.page import write_html
-
-    try:
-        with console.working(f"writing {page}"):
-            write_html(done, page)
-    except OutputError as error:
-        if asked:
-            raise
-        console.note(f"no page: {error}")
-        return None
-    return page
 
 
 def _load(source: str, maps: tuple[Path, ...], console: Console) -> Scenario:
@@ -193,9 +164,9 @@ def _run(
     return done, None
 
 
-def draw(plan: Plan, execution: Execution | None, path: Path, console: Console) -> None:
-    """Draw a plan and its execution into a file."""
+def draw(done: Run | RecordedRun, plan: Plan, path: Path, console: Console) -> None:
+    """Draw a run with its plan into a file."""
     with console.working(f"drawing {path}"):
         from pushplan.drawing.plans import plot_plan
 
-        plot_plan(plan, path, execution)
+        plot_plan(plan, path, done.execution, done.events)

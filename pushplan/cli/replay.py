@@ -269,7 +269,7 @@ def _draw(run: RecordedRun, path: Path, console: Console) -> None:
         raise RunLogError(str(run.path), "the log ends before a plan, so there is nothing to draw")
     from pushplan.cli.plan import draw
 
-    draw(run.plan, run.execution, path, console)
+    draw(run, run.plan, path, console)
 
 
 def _write(name: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console: Console) -> None:

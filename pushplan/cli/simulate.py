@@ -11,6 +11,7 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console
 from pushplan.cli.main import DEFECT, DONE, MISMATCH, NO_PLAN, error_document
+from pushplan.cli.page import no_page_option, write_page
 from pushplan.cli.trial import UNCERTAINTY
 from pushplan.errors import PlanningError
 from pushplan.scenario import units
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from pushplan.closed_loop import ClosedLoopRun
     from pushplan.logging.recording import IncompleteLogError
     from pushplan.scenario.model import Scenario
-    from pushplan.sim.control.course import Kick
+    from pushplan.sim.control.course import Disturbance
     from pushplan.sim.control.sensing import Sensor
 
 _TIME = {"s": 1.0, "ms": 1e-3}
@@ -73,7 +74,8 @@ DISTURBANCE = p.Named(
 @click.option(
     "--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of world and noise."
 )
-@p.file_option("-o", "--output", help="Write the run's log (MCAP) here.")
+@p.file_option("-o", "--output", help="Write the run's log (MCAP) here, and its page beside it.")
+@no_page_option
 @p.no_log_option
 @p.runs_option
 @p.file_option("--html", help="Write a page that plays the run.")
@@ -87,6 +89,7 @@ def simulate(
     sensor: Any,
     seed: int,
     output: Path | None,
+    no_page: bool,
     no_log: bool,
     runs: Path | None,
     html: Path | None,
@@ -99,23 +102,19 @@ def simulate(
     p.check_outputs([scenario], None, html, log=output)
     with p.code_of(scenario, console.note, no_code):
         stated = load_scenario(scenario)
-        kicks = _kicks(stated, disturbances)
+        displaced = _disturbances(stated, disturbances)
         incomplete = None
         recorded: dict[str, Any] = {"log": False if no_log else output, "runs": runs}
         try:
-            done = _simulated(stated, closed_loop, kicks, uncertainty, sensor, seed, recorded, console)
+            done = _simulated(stated, closed_loop, displaced, uncertainty, sensor, seed, recorded, console)
         except PlanningError as error:
             console.say((stated.name, "bold"), f": {error}")
             console.emit({"scenario": stated.name, "outcome": "no plan", "reason": str(error)})
             return NO_PLAN
         except IncompleteLogError as error:
             done, incomplete = error.run, error
-    if html is not None:
-        from pushplan.logging.page import write_html
-
-        with console.working(f"writing {html}"):
-            write_html(done.recorded, html)
-    _tell(done, incomplete, console)
+    page = write_page(done.recorded, html, None if no_page else output, console)
+    _tell(done, page, incomplete, console)
     if incomplete is not None:
         console.note(f"error: {incomplete}")
         return DEFECT
@@ -125,21 +124,21 @@ def simulate(
 command = simulate
 
 
-def _kicks(scenario: Scenario, disturbances: tuple[dict[str, Any], ...]) -> list[Kick]:
+def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list[Disturbance]:
     """Return disturbances with the indices of their objects.
 
     Raises:
         ChainError: When there is no such object.
     """
-    from pushplan.sim.control.course import Kick
+    from pushplan.sim.control.course import Disturbance
 
     return [
-        Kick(
+        Disturbance(
             one["time"],
             _index(scenario, one["object"]),
             *(one.get(k, 0.0) for k in ("x", "y", "turn")),
         )
-        for one in disturbances
+        for one in words
     ]
 
 
@@ -155,7 +154,7 @@ def _index(scenario: Scenario, name: str) -> int:
 def _simulated(
     scenario: Scenario,
     closed_loop: bool,
-    kicks: list[Kick],
+    disturbances: list[Disturbance],
     uncertainty: Any,
     sensor: Any,
     seed: int,
@@ -178,11 +177,11 @@ def _simulated(
         if uncertainty is not None:
             world = sampled_world(scenario, uncertainty, np.random.default_rng([seed, 0]))
         if not closed_loop:
-            return run_open_loop(scenario, world, kicks, observer=observer, progress=told, **recorded)
+            return run_open_loop(scenario, world, disturbances, observer=observer, progress=told, **recorded)
         return run_closed_loop(
             scenario,
             world,
-            kicks,
+            disturbances,
             sensor=sensor or USUAL,
             seed=seed,
             observer=observer,
@@ -191,7 +190,9 @@ def _simulated(
         )
 
 
-def _tell(done: ClosedLoopRun, incomplete: IncompleteLogError | None, console: Console) -> None:
+def _tell(
+    done: ClosedLoopRun, page: Path | None, incomplete: IncompleteLogError | None, console: Console
+) -> None:
     position, angle = done.goal_errors
     console.say((done.scenario.name, "bold"), f": {done.outcome}{f': {done.reason}' if done.reason else ''}")
     of = "worst object"
@@ -199,7 +200,8 @@ def _tell(done: ClosedLoopRun, incomplete: IncompleteLogError | None, console: C
         of = done.scenario.goal.of
     rows = [(f"{event.time:.2f} s", f"{event.kind}: {event.text}") for event in done.events]
     rows.append(("goal error", f"{1e3 * position:.3g} mm, {degrees(angle):.3g} deg ({of})"))
-    console.table([*rows, *([] if done.log is None else [("log", str(done.log))])])
+    rows += [(name, str(file)) for name, file in (("log", done.log), ("page", page)) if file is not None]
+    console.table(rows)
     console.emit(
         {
             "scenario": done.scenario.name,
@@ -211,6 +213,7 @@ def _tell(done: ClosedLoopRun, incomplete: IncompleteLogError | None, console: C
             "events": [{"time": e.time, "kind": e.kind, "text": e.text} for e in done.events],
             "replans": [{"time": r.time, "solved": r.solved, "seconds": r.seconds} for r in done.replans],
             "log": done.log,
+            "page": page,
             **({} if incomplete is None else {"error": error_document(incomplete)}),
         }
     )

@@ -12,6 +12,7 @@ import click
 from pushplan.cli import parameters as p
 from pushplan.cli.console import Console, angle_text, length_text
 from pushplan.cli.main import DEFECT, DONE, NO_PLAN, error_document
+from pushplan.cli.page import no_page_option, write_page
 from pushplan.errors import PlanningError
 from pushplan.scenario import units
 from pushplan.util.names import SIMULATORS
@@ -60,7 +61,8 @@ UNCERTAINTY = p.Named(_UNITS, _uncertainty)
     show_default=True,
     help="What executes the plan.",
 )
-@p.file_option("-o", "--output", help="Write the log (MCAP) here: the plan, and how each sample ended.")
+@p.file_option("-o", "--output", help="Write the log (MCAP) here: plan and ends; beside it the plan's page.")
+@no_page_option
 @p.no_log_option
 @p.runs_option
 @p.plot_option
@@ -75,6 +77,7 @@ def trial(
     jobs: int | None,
     simulator: str,
     output: Path | None,
+    no_page: bool,
     no_log: bool,
     runs: Path | None,
     plot: Path | None,
@@ -122,7 +125,11 @@ def trial(
     low, high = trials.interval
     rate = f"arrives in {100 * trials.success:.1f} % of {trials.samples} worlds"
     console.say((name, "bold"), f": {rate} ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
-    console.table(_rows(trials))
+    from pushplan.plans.run import Run
+
+    planned = Run(trials.scenario, trials.plan, trials.plan.execution)
+    page = write_page(planned, None, None if no_page else output, console)
+    console.table([*_rows(trials), *([] if page is None else [("page", str(page))])])
     if plot is not None:
         with console.working(f"drawing {plot}"):
             from pushplan.drawing.trials import plot_trials
@@ -135,7 +142,7 @@ def trial(
         position, angle = trials.goal_errors[trials.worst]
         off = f"sample {trials.worst}, {1e3 * position:.3g} mm and {degrees(angle):.3g} deg off"
         console.say(f"{worst}: the worst, {off}")
-    document = _document(trials, worst)
+    document = _document(trials, worst) | {"page": page}
     if incomplete is not None:
         console.note(f"error: {incomplete}")
         document["error"] = error_document(incomplete)

@@ -36,13 +36,13 @@ _PATH = 2.0
 """Width of the path, points."""
 _DASHES: Any = (0, (4, 2))
 _GOAL: Any = {"edgecolor": GOAL, "linestyle": (0, (3, 1.5))}
-_EVENT_MARKS = {"left": "v", "replan": "D", "room": "s", "unseen": "o", "gave up": "X"}
-_EVENT_NAMES = {
-    "left": "deviation",
-    "replan": "replan",
-    "room": "room changed",
-    "unseen": "unseen",
-    "gave up": "gave up",
+_EVENT_MARKS = {
+    "disturbance": "*",
+    "deviation": "v",
+    "replan": "D",
+    "room": "s",
+    "unseen": "o",
+    "gave up": "X",
 }
 _JUMP = 0.02
 """Change of the margin between two neighbouring points that is a jump: the pusher stops, and sets off differently."""
@@ -330,7 +330,7 @@ def _path_keys(scene: Scene) -> Iterator[Artist]:
 def _event_keys(scene: Scene) -> Iterator[Artist]:
     for kind in dict.fromkeys(mark.kind for mark in scene.marks):
         look: Any = {"marker": _EVENT_MARKS[kind], "color": palette.EVENTS[kind]}
-        yield Line2D([], [], linestyle="none", markersize=5.0, label=_EVENT_NAMES[kind], **look)
+        yield Line2D([], [], linestyle="none", markersize=5.0, label=kind, **look)
 
 
 def polygon_patches(geometry: shapely.Geometry) -> Iterator[PathPatch]:

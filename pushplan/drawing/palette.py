@@ -51,8 +51,15 @@ TURNS = {+1: "#2c6fa6", -1: "#c0622d"}
 INK, FAINT = "#2f3338", "#9aa1a9"
 """Text and the outlines that matter; axes and what stays in the background."""
 
-EVENTS = {"left": "#c2186b", "replan": "#8e3fb0", "room": "#8a6d00", "unseen": "#7d8794", "gave up": SLIPS}
-"""Of what is noticed and done in a closed loop."""
+EVENTS = {
+    "disturbance": "#d3540f",
+    "deviation": "#c2186b",
+    "replan": "#8e3fb0",
+    "room": "#8a6d00",
+    "unseen": "#7d8794",
+    "gave up": SLIPS,
+}
+"""Of what happens, is noticed and is done in a closed loop; other kinds of events are not marked."""
 
 ARRIVED, MISSED = "#2f9a55", "#c8322b"
 """Of trials."""

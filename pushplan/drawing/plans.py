@@ -70,6 +70,7 @@ def plot_plan(
         PlotError: On a suffix that is none of these.
     """
     execution = plan.execution if execution is None else execution
+    events = tuple(events)
     scene = Scene.of(plan.scenario, plan, execution, events)
     view = view_of(scene.window)
     width = float(_HEIGHT * view.size[0] / view.size[1])
@@ -86,7 +87,12 @@ def plot_plan(
         )
         bottom = low + (0.0 if steps is None else steps.height) + _AXIS - 0.15
         over = 0.0 if plan.solved else 0.24  # a reason is as wide as the picture, above the title of the set
-        lines = _title(plan, int(letters_across_inches(width if plan.solved else full - 2.0 * _LEFT, _TITLE)))
+        lines = _title(
+            plan,
+            scene,
+            bool(events),
+            int(letters_across_inches(width if plan.solved else full - 2.0 * _LEFT, _TITLE)),
+        )
         figure.set_size_inches(full, bottom + _HEIGHT + _TOP + over + 0.17 * (len(lines) - 1))
         floor = axes_at(figure, _LEFT, bottom, width, _HEIGHT)
         set_view(floor, view)
@@ -197,14 +203,18 @@ class _Steps:
             before = rest.poses
 
 
-def _title(plan: Plan, letters: int) -> list[str]:
-    """Return the lines of the title: what the plan comes to, or why there is none."""
+def _title(plan: Plan, scene: Scene, executed: bool, letters: int) -> list[str]:
+    """Return the lines of the title: what the plan, or another execution, comes to, or why there is none."""
     if not plan.solved:
         return textwrap.wrap(f"{cut(plan.scenario.name, letters // 2)}: no plan, {plan.reason}", letters)[:4]
-    duration = "" if plan.duration is None else f", {plan.duration:.1f} s"
-    count = len(plan.pushes)
-    pushes = "" if plan.path is not None else f" in {count} push{'es' if count > 1 else ''}"
-    outcome = f": {plan.pushed_distance:.2f} m{pushes}{duration}"
+    if executed:
+        replans = sum(mark.kind == "replan" for mark in scene.marks)
+        outcome = f": executed in {scene.t[-1]:.1f} s, {replans} replan{'' if replans == 1 else 's'}"
+    else:
+        duration = "" if plan.duration is None else f", {plan.duration:.1f} s"
+        count = len(plan.pushes)
+        pushes = "" if plan.path is not None else f" in {count} push{'es' if count > 1 else ''}"
+        outcome = f": {plan.pushed_distance:.2f} m{pushes}{duration}"
     return [cut(plan.scenario.name, max(8, letters - len(outcome))) + outcome]
 
 

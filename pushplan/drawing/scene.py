@@ -29,9 +29,6 @@ if TYPE_CHECKING:
     from pushplan.plans.run import Execution
     from pushplan.scenario.model import Scenario
 
-MARKED = ("left", "replan", "room", "unseen", "gave up")
-"""Kinds of events that are marked."""
-
 PATH_SPACING = 0.01
 """Of the points of a path, m of path cost."""
 
@@ -381,7 +378,7 @@ def _marks(events: Iterable[Event], execution: Execution | None) -> Iterator[Mar
     """Yield where the plate was at the events worth a mark; the first plan and its end need none."""
     if execution is not None and len(execution.t):
         for event in events:
-            if event.kind in MARKED:
+            if event.kind in palette.EVENTS:
                 yield Mark(event.time, event.kind, execution.poses_at(event.time)[0][:2])
 
 

@@ -8,9 +8,10 @@ from pushplan.plans.plan import Plan
 from pushplan.util.arrays import FloatArray, frozen
 
 KINDS = {
+    "disturbance": "an object was displaced in the simulated world",
     "plan": "the plan that is executed first",
-    "left": "an object is away from its pose in the plan",
-    "look": "the plate stands still, and what was measured since is averaged",
+    "deviation": "an object is away from its pose in the plan",
+    "re-localisation": "the plate stands still, and what was measured since is averaged",
     "replan": "a plan was made on the way",
     "close": "a short push begins that closes contacts",
     "room": "what stands in the room has changed, and with it the way to go",
@@ -23,7 +24,7 @@ KINDS = {
 }
 """Kinds of events, and what they mean."""
 
-WARNINGS = ("left", "dropped", "unseen", "gave up")
+WARNINGS = ("deviation", "dropped", "unseen", "gave up")
 """Kinds that are told as warnings."""
 
 

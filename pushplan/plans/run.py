@@ -15,7 +15,7 @@ from pushplan.plans.plan import Plan, Poses
 from pushplan.util.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from pushplan.plans.events import Feedback
+    from pushplan.plans.events import Event, Feedback
     from pushplan.scenario.model import Scenario
 
 
@@ -157,6 +157,11 @@ class Run:
     log: Path | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     feedback: Feedback | None = None
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What happened, was noticed and was done in a closed loop."""
+        return () if self.feedback is None else self.feedback.events
 
 
 def inertia_warning(scenario: Scenario, execution: Execution) -> str:

@@ -301,8 +301,8 @@ class Controller:
         """Stop when an object has left its place, or nothing is seen any more."""
         kind, what = "unseen", f"no measurement has come for {unseen:.2f} s"
         if unseen <= self.settings.patience and self.phase is Phase.PUSHING:
-            kind, what = "left", self._departure()
-        if what and (kind == "left" or unseen > self.settings.patience):
+            kind, what = "deviation", self._departure()
+        if what and (kind == "deviation" or unseen > self.settings.patience):
             self._tell(kind, what)
             self._estimator.forget(self._now - 2.0 * HOLD, self._now)
             self._driving.stop()
@@ -349,7 +349,7 @@ class Controller:
         contacts = contacts_at(self.scenario.chain, places)
         off = _words(*self.goal_errors(poses))
         open_by = _words(max(float(contacts.opening.max()), 0.0), float(np.abs(contacts.rotation).max()))
-        self._tell("look", f"the goal is {off} away; contacts are open by up to {open_by}")
+        self._tell("re-localisation", f"the goal is {off} away; contacts are open by up to {open_by}")
         nearer = self._could_be_nearer(poses, contacts.slide)
         aim = self._replanner.aim
         flush = contacts.flush(*self._closed()) or self._persists(contacts, open_by)

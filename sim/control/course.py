@@ -16,7 +16,7 @@ from pushplan.geometry.polygon import exit_distance
 from pushplan.geometry.se2 import compose, exp, log, relative, rotate, transform_points, twist_of
 from pushplan.mechanics.chain import PLATE
 from pushplan.mechanics.contacts import carried_objects
-from pushplan.plans.events import Measured
+from pushplan.plans.events import Event, Measured
 from pushplan.plans.plan import Load, Plan
 from pushplan.sim.control.sensing import Measurements, Sensor
 from pushplan.sim.intake import FARTHEST
@@ -31,7 +31,7 @@ TIME_LIMIT = 600.0
 
 
 @dataclass(frozen=True)
-class Kick:
+class Disturbance:
     """A displacement of one object, at once.
 
     Attributes:
@@ -54,9 +54,14 @@ class Kick:
         if not (fine and isinstance(self.index, int) and self.index >= 0):
             raise PushplanError(f"{self}; allowed: an object's index, and numbers up to {FARTHEST:g}")
 
+    def event(self, names: Sequence[str]) -> Event:
+        """Return it as logs tell it, the objects having names."""
+        moved = f"{1e3 * math.hypot(self.x, self.y):.1f} mm and {math.degrees(self.turn):.2g} deg"
+        return Event(self.time, "disturbance", f"{names[self.index]} was displaced by {moved}")
 
-def kicked(simulator: SlipSimulator, frame: FloatArray, kick: Kick) -> FloatArray:
-    """Return the poses (n, 3) of the objects after a kick.
+
+def disturbed(simulator: SlipSimulator, frame: FloatArray, disturbance: Disturbance) -> FloatArray:
+    """Return the poses (n, 3) of the objects after a disturbance.
 
     Bodies do not overlap: of what is pushed, the object is kept off what pushes it, and what it carries is moved
     ahead of it.
@@ -64,17 +69,19 @@ def kicked(simulator: SlipSimulator, frame: FloatArray, kick: Kick) -> FloatArra
     Args:
         simulator: With the objects as they were.
         frame: (3,) pose of the frame that the plate is moved in.
-        kick: See there.
+        disturbance: See there.
     """
     poses, chain, names = simulator.object_poses, simulator.chain, simulator.world.names
-    if kick.index >= len(poses):
-        raise PushplanError(f"{kick}; there are {len(poses)} objects, counted from 0")
-    poses[kick.index] = compose(poses[kick.index], [kick.x, kick.y, kick.turn])
-    if chain is None or names[kick.index] not in (own := [obj.name for obj in chain.objects]):
+    if disturbance.index >= len(poses):
+        raise PushplanError(f"{disturbance}; there are {len(poses)} objects, counted from 0")
+    poses[disturbance.index] = compose(
+        poses[disturbance.index], [disturbance.x, disturbance.y, disturbance.turn]
+    )
+    if chain is None or names[disturbance.index] not in (own := [obj.name for obj in chain.objects]):
         return poses
     columns = columns_of(chain, names)
     carried = carried_objects(chain)
-    for k in np.flatnonzero(carried[own.index(names[kick.index])]):
+    for k in np.flatnonzero(carried[own.index(names[disturbance.index])]):
         contact = chain.contacts[k]
         ahead = rotate(frame[2], contact.normal)
         behind = transform_points(frame, chain.pusher.outline)
@@ -166,7 +173,7 @@ def course_in(
     world: World,
     driver: Driver,
     rate: float,
-    kicks: Sequence[Kick] = (),
+    disturbances: Sequence[Disturbance] = (),
     sensor: Sensor = SENSOR,
     seed: int = 1,
     time_limit: float = TIME_LIMIT,
@@ -178,7 +185,7 @@ def course_in(
         world: What is pushed; it need not be what the driver believes.
         driver: What moves the plate.
         rate: Steps per second.
-        kicks: What happens to objects meanwhile.
+        disturbances: What happens to objects meanwhile.
         sensor: What the driver sees.
         seed: Of the sensor's noise.
         time_limit: Simulated seconds, at most.
@@ -189,7 +196,7 @@ def course_in(
     """
     simulator, seen, held = SlipSimulator(world), Measurements(sensor, seed), None
     frame = simulator.plate_pose
-    left = deque(sorted(kicks, key=lambda kick: kick.time))
+    left = deque(sorted(disturbances, key=lambda disturbance: disturbance.time))
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
     wrenches: list[FloatArray] = []
 
@@ -207,7 +214,7 @@ def course_in(
             simulator.hold(None if held is None else world.pushed(held.chain))
             frame = simulator.plate_pose
         while left and left[0].time <= now:
-            simulator.place(kicked(simulator, frame, left.popleft()), frame)
+            simulator.place(disturbed(simulator, frame, left.popleft()), frame)
         seen.take(now, simulator.object_poses)
         came = seen.arrived(now)
         twist = driver.step(now) if came is None else driver.step(now, *came)

@@ -16,7 +16,7 @@ from pushplan.planners.clearance import find_collision
 from pushplan.plans.plan import Load, Plan
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.control.controller import Controller, Phase
-from pushplan.sim.control.course import Course, Kick, OpenLoop, course_in
+from pushplan.sim.control.course import Course, Disturbance, OpenLoop, course_in
 from pushplan.sim.control.sensing import Sensor
 from pushplan.util.arrays import FloatArray
 
@@ -33,12 +33,12 @@ def plan_of(name: str) -> Plan:
     return Controller(scenario(name)).plan
 
 
-def kick(name: str, share: float, index: int, way: float, turn: float = 3.0) -> Kick:
-    """A kick of 5 mm, after a share of the plan."""
+def disturbance(name: str, share: float, index: int, way: float, turn: float = 3.0) -> Disturbance:
+    """A disturbance of 5 mm, after a share of the plan."""
     trajectory = plan_of(name).trajectory
     assert trajectory is not None
     x, y = 5e-3 * np.cos(way), 5e-3 * np.sin(way)
-    return Kick(share * trajectory.duration, index, float(x), float(y), float(np.radians(turn)))
+    return Disturbance(share * trajectory.duration, index, float(x), float(y), float(np.radians(turn)))
 
 
 def off_by_a_fifth(name: str) -> pushplan.World:
@@ -60,28 +60,30 @@ def test_in_an_undisturbed_world_the_plate_goes_along_the_plan_and_arrives() -> 
 
 def test_a_kicked_object_is_brought_to_the_goal_that_the_plan_alone_misses() -> None:
     name = "hook"
-    plan, world, kicks = plan_of(name), off_by_a_fifth(name), [kick(name, 0.4, 1, -1.5)]
+    plan, world, disturbances = plan_of(name), off_by_a_fifth(name), [disturbance(name, 0.4, 1, -1.5)]
     assert plan.trajectory is not None
-    run = run_closed_loop(scenario(name), world, kicks, plan=plan)
+    run = run_closed_loop(scenario(name), world, disturbances, plan=plan)
     assert run.outcome == "arrived", run.reason
     assert (np.array(run.goal_errors) <= [5e-3, np.radians(1.0)]).all()
     assert any(replan.solved for replan in run.replans)
-    blind = course_in(world, OpenLoop(plan, 50.0), 50.0, kicks)
+    blind = course_in(world, OpenLoop(plan, 50.0), 50.0, disturbances)
     missed = replace(run, course=blind).goal_errors
     assert (np.array(missed) > [5e-3, np.radians(1.0)]).any()
 
 
 def test_the_same_seeds_give_the_same_run() -> None:
     name = "two-crates"
-    plan, world, kicks = plan_of(name), off_by_a_fifth(name), [kick(name, 0.3, 0, 1.0)]
-    first, second = (run_closed_loop(scenario(name), world, kicks, plan=plan, seed=3) for _ in range(2))
+    plan, world, disturbances = plan_of(name), off_by_a_fifth(name), [disturbance(name, 0.3, 0, 1.0)]
+    first, second = (
+        run_closed_loop(scenario(name), world, disturbances, plan=plan, seed=3) for _ in range(2)
+    )
     assert first.events == second.events
     np.testing.assert_array_equal(first.course.object_poses, second.course.object_poses)
 
 
 def test_an_object_that_is_carried_away_is_given_up_with_the_reason() -> None:
-    far = Kick(3.0, 1, 0.3, 0.0, 0.5)
-    run = run_closed_loop(scenario("two-crates"), kicks=[far], plan=plan_of("two-crates"))
+    far = Disturbance(3.0, 1, 0.3, 0.0, 0.5)
+    run = run_closed_loop(scenario("two-crates"), disturbances=[far], plan=plan_of("two-crates"))
     assert run.outcome == "gave up"
     assert run.reason == "no push of up to 50 mm closes the contacts"
     assert run.events[-1].kind == "gave up"
@@ -89,10 +91,10 @@ def test_an_object_that_is_carried_away_is_given_up_with_the_reason() -> None:
 
 
 def test_objects_that_slid_too_far_against_one_another_for_the_goal_are_given_up_at_its_end() -> None:
-    aside = Kick(3.0, 1, 0.0, -0.03, 0.0)
+    aside = Disturbance(3.0, 1, 0.0, -0.03, 0.0)
     everything = replace(scenario("two-crates").goal, of=None)
     asked = replace(scenario("two-crates"), goal=everything)
-    run = run_closed_loop(asked, kicks=[aside], plan=plan_of("two-crates"))
+    run = run_closed_loop(asked, disturbances=[aside], plan=plan_of("two-crates"))
     assert run.outcome == "gave up"
     assert run.reason.startswith("objects have slid against one another: they cannot all be nearer than 1")
 
@@ -191,4 +193,4 @@ def test_a_better_way_is_taken_and_what_changes_nothing_is_not_minded() -> None:
     assert sum(r.result.path.cost for r in controller.replans if r.result and r.result.path) < 5.6
     aside = CircleObstacle(np.array([50.0, 50.0]), 0.1)
     controller, _ = noticing("free-space", aside)
-    assert [event.kind for event in controller.events] == ["plan", "look", "arrived"]
+    assert [event.kind for event in controller.events] == ["plan", "re-localisation", "arrived"]

@@ -17,7 +17,7 @@ from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
-from pushplan.sim.control.course import Kick, kicked
+from pushplan.sim.control.course import Disturbance, disturbed
 from pushplan.sim.control.estimator import Estimator, Sample
 from pushplan.sim.control.replanner import SHARE, Aim
 from pushplan.sim.control.sensing import Measurements, Sensor, Sightings
@@ -184,8 +184,8 @@ def test_a_kick_leaves_no_overlap_and_moves_what_is_carried_ahead(crates: pushpl
     random = np.random.default_rng(2)
     for _ in range(20):
         way, index = random.uniform(-np.pi, np.pi), int(random.integers(2))
-        kick = Kick(0.0, index, 5e-3 * np.cos(way), 5e-3 * np.sin(way), 0.05)
-        poses = kicked(pushplan.SlipSimulator(world), world.start, kick)
+        disturbance = Disturbance(0.0, index, 5e-3 * np.cos(way), 5e-3 * np.sin(way), 0.05)
+        poses = disturbed(pushplan.SlipSimulator(world), world.start, disturbance)
         outlines = [transform_points(p, o.outline) for p, o in zip(poses, crates.chain.objects, strict=True)]
         outlines.append(transform_points(world.start, crates.chain.pusher.outline))
         shapes = [shapely.Polygon(outline) for outline in outlines]
@@ -196,8 +196,8 @@ def test_a_push_that_closes_contacts_does_so_in_other_worlds_too(
     crates: pushplan.Scenario, queries: Planner
 ) -> None:
     world = pushplan.World.from_scenario(crates)
-    kick = Kick(0.0, 0, 4e-3, 2e-3, 0.03)
-    poses = kicked(pushplan.SlipSimulator(world), world.start, kick)
+    disturbance = Disturbance(0.0, 0, 4e-3, 2e-3, 0.03)
+    poses = disturbed(pushplan.SlipSimulator(world), world.start, disturbance)
     assert contacts_at(crates.chain, relative(world.start, poses)).opening.max() > 1e-3
     push = closing_push(world, world.start, poses, queries.twists, SPREAD)
     assert isinstance(push, ClosingPush)

@@ -17,17 +17,17 @@ from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.sim.control.again import check_closed_loop
-from pushplan.sim.control.course import Kick
+from pushplan.sim.control.course import Disturbance
 
-KICK = "time=4s,object=far,y=-5mm,turn=3deg"
+DISTURBANCE = "time=4s,object=far,y=-5mm,turn=3deg"
 
 
 @pytest.fixture(scope="module")
 def run() -> ClosedLoopRun:
     scenario = pushplan.load_scenario("two-crates")
-    kick = Kick(4.0, 1, 0.0, -5e-3, 0.05)
+    disturbance = Disturbance(4.0, 1, 0.0, -5e-3, 0.05)
     world = pushplan.World.from_scenario(scenario).with_contact_friction(0.8)
-    return run_closed_loop(scenario, world, [kick], seed=7)
+    return run_closed_loop(scenario, world, [disturbance], seed=7)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ def test_a_loop_that_is_killed_leaves_what_has_happened(
         try:
             world = pushplan.World.from_scenario(run.scenario).with_contact_friction(0.8)
             again = {"plan": run.plan, "seed": run.seed, "log": tmp_path / "cut.mcap", "progress": told}
-            run_closed_loop(run.scenario, world, run.kicks, **again)  # type: ignore[arg-type]
+            run_closed_loop(run.scenario, world, run.disturbances, **again)  # type: ignore[arg-type]
         finally:
             os._exit(0)
     os.waitpid(child, 0)
@@ -124,7 +124,7 @@ def test_the_command_arrives_in_closed_loop_and_verifies(
         "two-crates",
         "--closed-loop",
         "--disturb",
-        KICK,
+        DISTURBANCE,
         "-o",
         str(out),
         "--html",
@@ -135,7 +135,14 @@ def test_the_command_arrives_in_closed_loop_and_verifies(
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "arrived"
     assert told["log"] == str(out)
-    assert {event["kind"] for event in told["events"]} >= {"plan", "left", "look", "replan", "arrived"}
+    assert {event["kind"] for event in told["events"]} >= {
+        "plan",
+        "disturbance",
+        "deviation",
+        "re-localisation",
+        "replan",
+        "arrived",
+    }
     assert page.stat().st_size > 10_000
     assert load_run(out).outcome == "arrived"
 
