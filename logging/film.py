@@ -21,6 +21,7 @@ from pushplan.drawing import palette
 from pushplan.drawing.floor import (
     draw_goals,
     draw_lines,
+    draw_marks,
     draw_nearest,
     draw_outlines,
     draw_room,
@@ -31,7 +32,7 @@ from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
 from pushplan.logging.contacts import LoadContacts
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import contact_names, worst_contacts
+from pushplan.logging.shown import contact_names, part_at, worst_contacts
 from pushplan.plans.plan import Load
 from pushplan.plans.run import Execution, Run
 from pushplan.util.arrays import FloatArray
@@ -46,8 +47,8 @@ STILL = 4.0
 WIDTH, HEIGHT, DPI = 1280, 960, 100
 """Size of a picture, pixels; even, as video encoders want it."""
 
-_FLOOR, _PLOT = (0.0, 0.25, 1.0, 0.75), (0.05, 0.05, 0.92, 0.15)
-"""Left, bottom, width and height of the parts, as shares of the picture."""
+_FLOOR, _PLOT, _HEAD = (0.02, 0.25, 0.96, 0.68), (0.05, 0.05, 0.92, 0.15), (0.02, 0.965)
+"""Left, bottom, width and height of the parts, left and middle of the title, as shares of the picture."""
 
 Picture = NDArray[np.uint8]
 """(height, width, 3): red, green, blue."""
@@ -79,7 +80,7 @@ def pictures(run: Run | RecordedRun, rate: float = 1.0) -> Iterator[Picture]:
         still = Still(run).picture()
         yield from (still for _ in range(round(STILL * PICTURES_PER_SECOND)))
         return
-    film, end = Film(run, execution), float(execution.t[-1])
+    film, end = Film(run, execution, rate), float(execution.t[-1])
     for time in np.append(np.arange(0.0, end, rate / PICTURES_PER_SECOND), end):
         yield film.picture(float(time))
 
@@ -101,11 +102,12 @@ class Still:
 
     def __init__(self, run: Run | RecordedRun) -> None:
         self.run = run
-        self.scene = Scene.of(run.scenario, run.plan, run.execution)
+        self.scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
         figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
         self.canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
         self.floor, self.plot = figure.add_axes(_FLOOR), figure.add_axes(_PLOT)
         self._draw_floor(self.floor)
+        figure.text(*_HEAD, cut(run.scenario.name, 60), color=INK, fontsize=15, va="center")
         if run.execution is None or len(run.execution.t) == 0:
             self._write_why(self.plot)
 
@@ -128,6 +130,7 @@ class Still:
             draw_tree(axes, scene)
             draw_nearest(axes, scene)
         draw_lines(axes, scene.lines)
+        draw_marks(axes, scene)
 
     def _write_why(self, axes: Axes) -> None:
         plan = self.run.plan
@@ -144,7 +147,7 @@ class Still:
 class Film(Still):
     """The pictures of a run that was executed: only what moves is drawn anew, over what stands still."""
 
-    def __init__(self, run: Run | RecordedRun, execution: Execution) -> None:
+    def __init__(self, run: Run | RecordedRun, execution: Execution, rate: float = 1.0) -> None:
         super().__init__(run)
         self._execution = execution
         self._contacts = LoadContacts(run.scenario, execution)
@@ -160,9 +163,14 @@ class Film(Still):
         lines = [self.floor.plot([], [], color=colour)[0] for colour in marks]
         now = self.plot.axvline(0.0, color=INK, linewidth=0.8)
         words = self.plot.text(1.0, 1.04, "", transform=self.plot.transAxes, ha="right", color=INK)
-        self._moving: list[Artist] = [*bodies, *lines, now, words]
-        self._bodies, self._lines, self._now, self._words = bodies, lines, now, words
-        for k, artist in enumerate(self._moving[:-2]):
+        figure = self.plot.figure
+        figure.text(
+            1.0 - _HEAD[0], _HEAD[1], f"speed x {rate:g}", color=FAINT, fontsize=12, ha="right", va="center"
+        )
+        part = figure.text(0.5, _HEAD[1], "", color=INK, fontsize=12, ha="center", va="center")
+        self._moving: list[Artist] = [*bodies, *lines, now, words, part]
+        self._bodies, self._lines, self._now, self._words, self._part = bodies, lines, now, words, part
+        for k, artist in enumerate(self._moving[:-3]):
             artist.set(zorder=4.0 + 0.01 * k)
         for artist in self._moving:
             artist.set_animated(True)
@@ -181,6 +189,7 @@ class Film(Still):
         margin = self.scene.margins[sample]
         told = "nothing is pushed" if np.isnan(margin) else f"smallest margin {margin:.3f}"
         self._words.set_text(f"{time:6.2f} s    {told}")
+        self._part.set_text(part_at(self.run, time))
         self.canvas.restore_region(self._background)
         for artist in self._moving:
             self.canvas.figure.draw_artist(artist)
@@ -212,6 +221,12 @@ class Film(Still):
         for k, mark in enumerate(marks):
             axes.plot(execution.t, execution.margins[:, k], color=mark, linewidth=1.2)
         axes.axhline(0.0, color=palette.SLIPS, linewidth=0.8)
+        kept = None if self.run.plan is None else self.run.plan.margin
+        if kept is not None:
+            axes.axhline(kept, color=INK, linewidth=0.7, linestyle=(0, (3, 2)))
+        for event in self.scene.marks:
+            axes.axvline(event.time, color=palette.EVENTS[event.kind], linewidth=1.0)
+        axes.set_yticks(palette.MARGIN_TICKS, [f"{tick:g}" for tick in palette.MARGIN_TICKS])
         axes.set_xlim(0.0, float(execution.t[-1]) or 1.0)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=FAINT)

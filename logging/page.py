@@ -19,7 +19,7 @@ from pushplan.drawing.scene import Line, Scene, piece_colours
 from pushplan.geometry import se2
 from pushplan.logging.contacts import cone_height, largest_force, longest_arrow, object_size
 from pushplan.logging.recorded import RecordedRun
-from pushplan.logging.shown import contact_names, viewed, worst_contacts
+from pushplan.logging.shown import contact_names, parts_of, viewed, worst_contacts
 from pushplan.mechanics.contacts import friction_cone
 from pushplan.plans.plan import Load, Plan
 from pushplan.plans.run import Execution, Run
@@ -42,23 +42,27 @@ def write_html(run: Run | RecordedRun, path: Path | str) -> None:
 
 def render(run: Run | RecordedRun) -> str:
     """Return the page of `run`."""
-    scene = Scene.of(run.scenario, run.plan, run.execution)
+    scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
     data = {
         **_world(run.scenario, scene),
         **_plan(run.scenario, run.plan, scene),
         **_execution(run.scenario, run.execution),
         "window": scene.window,
         "why": _why(run),
+        "parts": parts_of(run),
         "events": _events(run),
+        "kept": None if run.plan is None else run.plan.margin,
     }
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")  # no </script>
     page = files("pushplan.logging").joinpath("player.html").read_text(encoding="utf-8")
     return page.replace("@TITLE@", html.escape(f"{run.scenario.name} - pushplan")).replace("@RUN@", text)
 
 
-def _events(run: Run | RecordedRun) -> list[tuple[float, str]]:
-    """Return what a closed loop noticed and did."""
-    return [(event.time, f"{event.kind}: {event.text}") for event in run.events]
+def _events(run: Run | RecordedRun) -> list[tuple[float, str, str | None]]:
+    """Return what happened, was noticed and was done in a closed loop, with the colour of those that are marked."""
+    return [
+        (event.time, f"{event.kind}: {event.text}", palette.EVENTS.get(event.kind)) for event in run.events
+    ]
 
 
 def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
@@ -77,7 +81,10 @@ def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
     return {
         "name": scenario.name,
         "workspace": None if scene.walls is None else scene.walls.tolist(),
-        "obstacles": [{"outline": _plain(one.outline), "unknown": one.unknown} for one in scene.obstacles],
+        "obstacles": [
+            {"outline": _plain(one.outline), "unknown": one.unknown, "colour": one.colour}
+            for one in scene.obstacles
+        ],
         "start": scenario.plate_start.tolist(),
         "first": [pose.tolist() for pose in scenario.poses.values()],
         "before": list(map(_plain, scene.outlines(scene.start))),
@@ -88,11 +95,11 @@ def _world(scenario: Scenario, scene: Scene) -> dict[str, Any]:
         "reach": reach,
         "longest_arrow": longest_arrow(scenario),
         "margin_ticks": palette.MARGIN_TICKS,
+        "marks": [{"place": _plain(mark.place), "colour": palette.EVENTS[mark.kind]} for mark in scene.marks],
         "colours": {
             "goal": palette.GOAL,
             "nearest": palette.NEAREST,
             "alone": palette.ALONE,
-            "obstacle": palette.OBSTACLE,
             "obstacle_edge": palette.OBSTACLE_EDGE,
             "wall": palette.WALL,
         },

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from pushplan.plans.run import Execution
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from pushplan.logging.recorded import RecordedRun
+    from pushplan.plans.plan import Plan
+    from pushplan.plans.run import Run
 
 WORLD, CHAIN = "world", "chain"
 """Frames of every run, beside the plate's, `PUSHER`; each object adds one of its own name. `CHAIN` is that of the
@@ -30,6 +37,34 @@ def contact_names(scenario: Scenario) -> list[str]:
         chain = scenario.chain
         return [chain.contact_name(k) for k in range(len(chain.contacts))]
     return list(scenario.poses)
+
+
+def parts_of(run: Run | RecordedRun) -> list[tuple[float, float, str]]:
+    """Return begin and end, s, and a name for each segment that was executed, in order: what is on a time line."""
+    execution, plan = run.execution, run.plan
+    if execution is None or plan is None or len(execution.t) < 2:
+        return []
+    owner = execution.segment
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1]).tolist()
+    edges = [float(execution.t[k]) for k in begins] + [float(execution.t[-1])]
+    count = {k: f"{k + 1}. " for k in range(len(plan.segments))} if len(plan.segments) > 1 else {}
+    return [
+        (low, high, count.get(int(owner[k]), "") + _part_name(plan, int(owner[k])))
+        for k, low, high in zip(begins, edges, edges[1:], strict=False)
+    ]
+
+
+def part_at(run: Run | RecordedRun, time: float) -> str:
+    """Return the name of the segment that is executed at a time, s."""
+    begun = [name for low, _, name in parts_of(run) if low <= time]
+    return begun[-1] if begun else ""
+
+
+def _part_name(plan: Plan, number: int) -> str:
+    segment = plan.segments[min(number, len(plan.segments) - 1)]
+    if segment.load is None or not segment.pushes:
+        return segment.kind
+    return f"{segment.kind} {', '.join(segment.load.names)}"
 
 
 def smoothed_times(trajectory: Trajectory) -> FloatArray:

@@ -50,9 +50,9 @@ def words(command: str, option: str, path: Path, log: Path) -> list[str]:
         case "replay", _:
             return ["replay", str(log), f"--{option}", str(path)]
         case "trial", _:
-            return ["trial", str(log), "--samples", "3", f"--{option}", str(path)]
+            return ["trial", str(log), "--samples", "3", "--no-page", f"--{option}", str(path)]
         case "simulate", _:
-            return ["simulate", "one-box", f"--{option}", str(path)]
+            return ["simulate", "one-box", "--no-page", f"--{option}", str(path)]
         case "plan", _:
             return ["plan", "one-box", "--first", "--no-page", f"--{option}", str(path)]
         case "check" | "stable-set", _:

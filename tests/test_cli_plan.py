@@ -78,7 +78,7 @@ def test_plan_tells_all_numbers_and_they_fit_together(planned: Mapping[str, Any]
 
 def test_plan_writes_what_was_asked_for(planned: Mapping[str, Any]) -> None:
     assert planned["log"].read_bytes().startswith(b"\x89MCAP0")
-    assert "<!-- two-crates: " in planned["plot"].read_text()
+    assert ">two-crates: " in planned["plot"].read_text()
     assert "two-crates" in planned["html"].read_text()
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from panels import chain_named, draw_roles, row_of_panels
+from panels import chain_named, draw_roles, row_of_panels, run
 from scipy.stats import qmc
 
 from pushplan.drawing.palette import INK
@@ -98,3 +98,7 @@ def _legend() -> list[Artist]:
     ]
     lines = zip(LINE_STYLES, ALGORITHMS.values(), strict=False)
     return entries + [Line2D([], [], color=INK, linewidth=1.1, linestyle=s, label=name) for s, name in lines]
+
+
+if __name__ == "__main__":
+    run(lambda path: draw(path, 400, print), __file__)

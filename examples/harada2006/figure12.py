@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from panels import HERE, draw_roles
+from panels import HERE, draw_roles, run
 
 from pushplan.drawing.figure import axes_at, figure_for
 from pushplan.drawing.palette import FAINT, INK, OBJECTS, PLATE
@@ -116,3 +116,7 @@ def draw_body(axes: Axes, pose: FloatArray, outline: FloatArray, colour: str) ->
     """Draw one body at a pose (3,)."""
     corners = se2.transform_points(pose, outline)
     axes.fill(*corners.T, facecolor=colour, edgecolor=INK, linewidth=0.8, zorder=3.0)
+
+
+if __name__ == "__main__":
+    run(lambda path: draw(path, print), __file__)

@@ -14,6 +14,7 @@ from panels import (
     draw_wedge,
     legend_below,
     row_of_panels,
+    run,
     sense_entries,
     wedge,
 )
@@ -45,3 +46,7 @@ def draw(path: Path) -> None:
             draw_region(panels[2], cof.cor_region(sense, (-0.1, -0.3, 0.3, 0.3)), sense)
         cones = Patch(facecolor=CONE, alpha=0.5, label="directions of motion at the centre of friction")
         legend_below(figure, [*sense_entries(), cones], columns=2)
+
+
+if __name__ == "__main__":
+    run(draw, __file__)

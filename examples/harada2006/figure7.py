@@ -5,7 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from panels import allowed_directions, carried_center, chain_named, draw_directions, draw_roles, row_of_panels
+from panels import (
+    allowed_directions,
+    carried_center,
+    chain_named,
+    draw_directions,
+    draw_roles,
+    row_of_panels,
+    run,
+)
 
 from pushplan.drawing.palette import FAINT
 from pushplan.mechanics.chain import Chain
@@ -39,3 +47,7 @@ def common_cone(chain: Chain) -> np.ndarray:
     cone = stable_set(chain, "translation").translation_cone()
     assert cone is not None
     return cone
+
+
+if __name__ == "__main__":
+    run(draw, __file__)

@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib.artist import Artist
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from panels import chain_named, draw_roles, legend_below, row_of_panels, sense_entries
+from panels import chain_named, draw_roles, legend_below, row_of_panels, run, sense_entries
 
 from pushplan.drawing.palette import CONE, INK
 from pushplan.drawing.sets import LINE_STYLES, draw_contacts, draw_sets
@@ -30,3 +30,7 @@ def draw(path: Path) -> None:
         lines = zip(LINE_STYLES, ALGORITHMS.values(), strict=False)
         algorithms = [Line2D([], [], color=INK, linewidth=1.1, linestyle=s, label=name) for s, name in lines]
         legend_below(figure, [*sense_entries(), cones, *algorithms], columns=2)
+
+
+if __name__ == "__main__":
+    run(draw, __file__)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -31,6 +31,13 @@ _LEFT, _GAP, _AXIS, _TITLE = 0.62, 0.3, 0.42, 0.3
 def chain_named(name: str) -> Chain:
     """Return the chain of a scenario beside this file."""
     return load_scenario(HERE / f"{name}.yaml").chain
+
+
+def run(draw: Callable[[Path], None], script: str) -> None:
+    """Draw a figure into the present folder, and say where; what its script does when it is run by itself."""
+    path = Path(script).with_suffix(".png").name
+    draw(Path(path))
+    print(path)
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from pushplan.core.problem import remaining
@@ -55,15 +56,19 @@ def disc_at(chain: Chain, center: FloatArray) -> Disc:
 
 def blocked(obstacles: Sequence[Obstacle], radius: float) -> BaseGeometry:
     """Return where the centre of a disc cannot be for the obstacles."""
+    return shapely.disjoint_subset_union_all(
+        grown(obstacles, radius)
+    )  # a quarter of the time of `union_all` where most are apart
+
+
+def grown(obstacles: Sequence[Obstacle], radius: float) -> NDArray[np.object_]:
+    """Return where the centre of a disc cannot be for each of the obstacles."""
     shapes = [
         shapely.Point(o.center) if isinstance(o, CircleObstacle) else shapely.Polygon(o.outline)
         for o in obstacles
     ]
     own = [o.radius if isinstance(o, CircleObstacle) else 0.0 for o in obstacles]
-    grown = shapely.buffer(shapes, np.array(own) + radius, quad_segs=ARC_SEGMENTS)
-    return shapely.disjoint_subset_union_all(
-        grown
-    )  # a quarter of the time of `union_all` where most are apart
+    return np.asarray(shapely.buffer(shapes, np.array(own) + radius, quad_segs=ARC_SEGMENTS))
 
 
 def room(scenario: Scenario, radius: float) -> BaseGeometry:

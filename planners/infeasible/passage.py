@@ -6,13 +6,14 @@ the clearance, part its centre at the start from its centre at the goal, no moti
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
 
 from pushplan.mechanics.body import as_one
-from pushplan.planners.infeasible.bounds import largest_disc, room
+from pushplan.planners.infeasible.bounds import TOUCH, grown, largest_disc, room
 from pushplan.plans.plan import Diagnosis
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
@@ -41,9 +42,10 @@ def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Di
         return bool((near[0] & near[1]).any())
 
     if not joined(needed):
-        yield [_proven(2.0 * disc.radius, 2.0 * needed, None)]
+        between = _between(scenario, needed, ends, 1e-6)
+        yield [replace(_proven(2.0 * disc.radius, 2.0 * needed, None), blocking=between)]
         widest = yield from _widest(joined, 0.0, needed)
-        yield [_proven(2.0 * disc.radius, 2.0 * needed, 2.0 * widest)]
+        yield [replace(_proven(2.0 * disc.radius, 2.0 * needed, 2.0 * widest), blocking=between)]
         return
     yield []
     swept, reach = _swept_width(scenario, headings), _reach(scenario)
@@ -52,7 +54,19 @@ def passage_faults(scenario: Scenario, headings: FloatArray) -> Iterator[list[Di
         return
     yield []
     widest = yield from _widest(lambda r: joined(r, reach), needed, wanted)
-    yield [_guess(swept, 2.0 * wanted, 2.0 * widest)]
+    guess = _guess(swept, 2.0 * wanted, 2.0 * widest)
+    yield [replace(guess, blocking=_between(scenario, wanted, ends, reach))]
+
+
+def _between(
+    scenario: Scenario, radius: float, ends: Sequence[shapely.Point], within: float
+) -> tuple[int, ...]:
+    """Return the obstacles that part two ends: they bound what a disc can reach from either."""
+    parts = shapely.get_parts(room(scenario, radius))
+    sides = [shapely.union_all(parts[shapely.distance(parts, end) <= within]) for end in ends]
+    each = grown(scenario.obstacles, radius)
+    near = [shapely.distance(each, side) <= TOUCH for side in sides]
+    return tuple(np.flatnonzero(near[0] & near[1]).tolist())
 
 
 def _widest(

@@ -13,6 +13,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
+from pushplan.drawing import PANELS
 from pushplan.errors import OutputError, PushplanError
 from pushplan.util.names import AUTO, LOG_MAGIC
 
@@ -226,11 +227,30 @@ class Export(click.ParamType[Any]):
         return OpenName(exporter_names).convert(name, param, ctx), Path(path)
 
 
+class Words(click.ParamType[Any]):
+    """Some of a few words, separated by commas."""
+
+    name = "words"
+
+    def __init__(self, known: tuple[str, ...]) -> None:
+        self.known = known
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the words."""
+        words = tuple(value.split(",")) if isinstance(value, str) else value
+        for word in words:
+            if word not in self.known:
+                hint = nearest(word, self.known) or ";"
+                self.fail(f"{word!r} is none of them{hint} allowed: {', '.join(self.known)}", param, ctx)
+        return words
+
+
 _TIME = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 PLANNER, STABLE_SET, SCENARIO, PATH = OpenName(_planners), OpenName(_sets), Scenario(), AnyPath()
 SIMULATOR, EXPORT = OpenName(_simulators), Export()
 SECONDS = Number("time limit", 0.0, units=_TIME, above=True)
 COUNT = Number("number", 1, whole=True)
+RATE = Number("rate", 0.0, 1000.0, above=True)
 SHARE = Number("share", 0.0, units={"%": 0.01})
 MARGIN = Number("margin", 0.0, 0.99, words=(AUTO,))
 SEED = Number("seed", 0, 2**31 - 1, whole=True)
@@ -265,6 +285,9 @@ def file_option(*names: str, help: str) -> Callable[[Any], Any]:
 
 
 plot_option = file_option("--plot", help="Draw a picture (PNG, SVG or PDF by the suffix).")
+panels_option = click.option(
+    "--panels", type=Words(PANELS), metavar="P,...", help=f"With --plot: of {', '.join(PANELS)}."
+)
 scenario_argument = click.argument("scenario", type=SCENARIO, metavar="SCENARIO")
 map_option = click.option(
     "--map",

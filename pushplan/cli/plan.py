@@ -12,6 +12,7 @@ from pushplan.cli import parameters as p
 from pushplan.cli.console import Console
 from pushplan.cli.main import DEFECT, MISMATCH, error_document
 from pushplan.cli.page import no_page_option, write_page
+from pushplan.drawing import PANELS
 from pushplan.util.interruption import INTERRUPTED, Interruption, leaving_at_once
 from pushplan.util.names import COSTS
 
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 @click.option("--margin", type=p.MARGIN, metavar="X", help="Margin that contacts keep: a number, or auto.")
 @click.option("--seed", type=p.SEED, metavar="N", help="Seed of the random numbers.")
 @p.plot_option
+@p.panels_option
 @p.file_option("--html", help="Write the page that plays the run here.")
 @p.physics_option
 @p.no_code_option
@@ -56,6 +58,7 @@ def plan(
     no_log: bool,
     runs: Path | None,
     plot: Path | None,
+    panels: tuple[str, ...] | None,
     html: Path | None,
     physics: bool,
     no_code: bool,
@@ -96,7 +99,7 @@ def plan(
         document["physics"], kept = execute(stated, done.plan, console)
         code = code if kept or incomplete is not None else MISMATCH
     if plot is not None:
-        draw(done, done.plan, plot, console)
+        draw(done, done.plan, plot, panels, console)
     console.emit(document)
     return code
 
@@ -164,9 +167,11 @@ def _run(
     return done, None
 
 
-def draw(done: Run | RecordedRun, plan: Plan, path: Path, console: Console) -> None:
-    """Draw a run with its plan into a file."""
+def draw(
+    done: Run | RecordedRun, plan: Plan, path: Path, panels: tuple[str, ...] | None, console: Console
+) -> None:
+    """Draw a run with its plan, or some panels of the picture, into a file."""
     with console.working(f"drawing {path}"):
         from pushplan.drawing.plans import plot_plan
 
-        plot_plan(plan, path, done.execution, done.events)
+        plot_plan(plan, path, done.execution, done.events, panels or PANELS)

@@ -62,12 +62,20 @@ def option_of(name: str) -> str:
 @click.argument("recovered", type=p.PATH, metavar="[OUT]", required=False)
 @p.runs_option
 @click.option("--recover", is_flag=True, help="Write what is whole of the damaged RUN to OUT.")
-@click.option("--verify", is_flag=True, help="Execute the recorded plan again and compare; exit code 4.")
-@click.option("--physics", is_flag=True, help="Execute the plan in MuJoCo, too; exit code 4 if it slips.")
+@click.option("--verify", is_flag=True, help="Execute the plan again and compare.")
+@click.option("--physics", is_flag=True, help="Execute the plan in MuJoCo, too.")
 @p.plot_option
+@p.panels_option
 @_writer_options
 @click.option(
     "--export", "exports", type=p.EXPORT, multiple=True, help="Write a FILE by an exporter of yours."
+)
+@click.option(
+    "--rate",
+    type=p.RATE,
+    default=1.0,
+    metavar="X",
+    help="With --mp4: seconds of the run in each of the film.",
 )
 @click.option("--frames", metavar="MAP,BASE", help="With --ros2: frames above the chain, or MAP,ODOM,BASE.")
 @click.option(
@@ -85,6 +93,8 @@ def replay(
     verify: bool,
     physics: bool,
     plot: Path | None,
+    panels: tuple[str, ...] | None,
+    rate: float,
     frames: str | None,
     epoch: float | None,
     exports: tuple[tuple[str, Path], ...],
@@ -116,11 +126,11 @@ def replay(
         document["physics"], kept = execute(run.scenario, run.plan, console)
         matches = matches and kept
     if plot is not None or wanted:
-        how: dict[str, Any] = {}
+        how: dict[str, dict[str, Any]] = {"plot": {"panels": panels}, "mp4": {"rate": rate}}
         if "ros2" in wanted:
             from pushplan.logging.bag import Frames
 
-            how = {"frames": Frames.from_text(frames) if frames else None, "epoch": epoch}
+            how["ros2"] = {"frames": Frames.from_text(frames) if frames else None, "epoch": epoch}
         _export(run, plot, wanted, how, console)
     console.emit(document)
     return DONE if matches else MISMATCH
@@ -239,7 +249,7 @@ def _export(
     run: RecordedRun,
     plot: Path | None,
     wanted: Mapping[str, Path],
-    how_of_ros2: Mapping[str, Any],
+    how: Mapping[str, Mapping[str, Any]],
     console: Console,
 ) -> None:
     """Write the files asked for: all that can be, then say which cannot.
@@ -248,10 +258,10 @@ def _export(
         PushplanError: When a package is missing, or a file cannot be written or cannot be made of this run.
     """
     tasks: dict[str, Callable[[], None]] = (
-        {} if plot is None else {"plot": partial(_draw, run, plot, console)}
+        {} if plot is None else {"plot": partial(_draw, run, plot, how["plot"]["panels"], console)}
     )
     for name, path in wanted.items():
-        tasks[name] = partial(_write, name, run, path, how_of_ros2 if name == "ros2" else {}, console)
+        tasks[name] = partial(_write, name, run, path, how.get(name, {}), console)
     failures: dict[str, PushplanError] = {}
     for name, task in tasks.items():
         try:
@@ -264,12 +274,12 @@ def _export(
         raise ExportsError(failures, [option_of(name) for name in tasks if name not in failures])
 
 
-def _draw(run: RecordedRun, path: Path, console: Console) -> None:
+def _draw(run: RecordedRun, path: Path, panels: tuple[str, ...] | None, console: Console) -> None:
     if run.plan is None:
         raise RunLogError(str(run.path), "the log ends before a plan, so there is nothing to draw")
     from pushplan.cli.plan import draw
 
-    draw(run, run.plan, path, console)
+    draw(run, run.plan, path, panels, console)
 
 
 def _write(name: str, run: RecordedRun, path: Path, how: Mapping[str, Any], console: Console) -> None:

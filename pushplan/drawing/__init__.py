@@ -11,6 +11,9 @@ from pushplan.errors import PushplanError
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 
+PANELS = ("floor", "set", "margin", "steps")
+"""Parts of the picture of a plan."""
+
 
 class PlotError(PushplanError, ValueError):
     """A picture cannot be drawn, or not written in the asked form."""

@@ -45,6 +45,7 @@ _STYLE: Any = {  # Any, because the type of the keys differs between versions of
     "legend.fontsize": 8.5,
     "hatch.linewidth": 0.5,
     "svg.hashsalt": "pushplan",
+    "svg.fonttype": "none",  # text that can be searched and edited
     "figure.dpi": 100.0,
 }
 _DPI = 200
@@ -128,8 +129,7 @@ def draw_footer(figure: Figure, left: float, entries: Sequence[Artist], sentence
         entries: Of the key; they take as few rows as the figure's width allows.
         sentence: Broken into lines where it is longer than the figure is wide.
     """
-    legend = _key(figure, left, entries)
-    top = float(legend.get_window_extent().y1) / figure.dpi
+    top = float(_key(figure, left, entries).get_window_extent().y1) / figure.dpi if entries else _EDGE
     if not sentence:
         return top
     letters = int(72.0 * (figure.get_figwidth() - 1.5 * left) / (_LETTER * 7.0))

@@ -254,6 +254,34 @@ def draw_names(axes: Axes, scene: Scene, poses: FloatArray, letters: int = 16) -
             )
 
 
+def draw_path_name(axes: Axes, scene: Scene) -> None:
+    """Write beside the middle of a single push what its colours mean, on the side that has more room."""
+    if not is_single(scene) or len(scene.lines[0].points) < 3:
+        return
+    line = scene.lines[0]
+    k = len(line.points) // 2
+    along = line.points[k + 1] - line.points[k - 1]
+    across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
+    reach = 12.0 * float(np.ptp(axes.get_xlim())) * axes.figure.dpi / 72.0 / axes.get_window_extent().width
+    standing = shapely.union_all([shapely.Polygon(one.outline) for one in scene.obstacles])
+    sides = [line.points[k] + side * 2.5 * reach * across for side in (+1.0, -1.0)]
+    spot = max(
+        sides, key=lambda at: shapely.distance(standing, shapely.Point(at)) if scene.obstacles else 0.0
+    )
+    look: Any = {"fontsize": SMALL, "color": INK, "bbox": HALO, "zorder": _z(Layer.MARK)}
+    line_to: Any = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.6}
+    place, beside = ((float(x), float(y)) for x, y in (line.points[k], spot))
+    axes.annotate(
+        "path, coloured\nby its margin",
+        place,
+        beside,
+        ha="center",
+        va="center",
+        arrowprops=line_to,
+        **look,
+    )
+
+
 def draw_scene(axes: Axes, scene: Scene) -> None:
     """Draw everything that there is to see of a plan, from start to goal, into axes whose view is set."""
     draw_room(axes, scene)
@@ -304,8 +332,9 @@ def scene_keys(scene: Scene) -> list[Artist]:
         keys += [Patch(facecolor=one.colour, edgecolor=INK, label=cut(one.name, 20)) for one in objects]
     keys.append(Patch(facecolor="none", label="goal", **_GOAL))
     known = {one.unknown for one in scene.obstacles}
-    if False in known:
-        keys.append(Patch(facecolor=palette.OBSTACLE, edgecolor=palette.OBSTACLE_EDGE, label="obstacle"))
+    named = {palette.OBSTACLE: "obstacle", palette.BLOCKING: "parts start and goal"}
+    for colour in sorted({one.colour for one in scene.obstacles if not one.unknown}):
+        keys.append(Patch(facecolor=colour, edgecolor=palette.OBSTACLE_EDGE, label=named[colour]))
     if True in known:
         keys.append(Patch(facecolor="none", edgecolor=palette.OBSTACLE, hatch="////", label="unknown"))
     return [*keys, *_path_keys(scene), *_event_keys(scene)]

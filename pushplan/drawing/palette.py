@@ -42,6 +42,9 @@ ALONE, TREE = "#7d8794", "#7f9fd6"
 OBSTACLE, OBSTACLE_EDGE, WALL = "#b9bfc8", "#8b939d", "#8b939d"
 """What stands in the way, its edge, and the walls of the workspace. Unknown space is hatched in these colours."""
 
+BLOCKING = "#dc9a8e"
+"""An obstacle that parts the start from the goal."""
+
 SWEPT, CONE = "#f3eee2", "#4f8a5b"
 """The floor that is passed over; friction cones."""
 

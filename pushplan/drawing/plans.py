@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from pushplan.drawing import palette
+from pushplan.drawing import PANELS, PlotError, palette
 from pushplan.drawing.figure import axes_at, draw_footer, figure_for, letters_across
 from pushplan.drawing.floor import (
     draw_bodies,
@@ -21,6 +21,7 @@ from pushplan.drawing.floor import (
     draw_goals,
     draw_lines,
     draw_names,
+    draw_path_name,
     draw_room,
     draw_scene,
     names_fit,
@@ -30,7 +31,7 @@ from pushplan.drawing.floor import (
 )
 from pushplan.drawing.palette import FAINT, INK
 from pushplan.drawing.scene import Line, Scene, Window
-from pushplan.drawing.sets import draw_set, name_objects, turn_keys
+from pushplan.drawing.sets import draw_set, name_objects
 from pushplan.util.printable import cut
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 # The layout, in inches.
 _LEFT, _TOP, _RIGHT, _GAP, _AXIS = 0.62, 0.34, 0.2, 0.78, 0.52
 _HEIGHT, _SIDE, _MARGIN_HEIGHT = 4.0, 2.2, 1.05
-_SCENARIO_SIDE = 2.6
+_SCENARIO_SIDE, _LEAST_WIDTH = 2.6, 4.5
 _STEPS_IN_A_ROW, _MOST_STEPS, _STEP_GAP, _STEP_TITLE = 4, 12, 0.15, 0.26
 """Small pictures of single pushes: how many, and inches between them and for the title of each."""
 _LINE = 0.155
@@ -55,7 +56,11 @@ _LETTERS = 7.5
 
 
 def plot_plan(
-    plan: Plan, path: str | Path, execution: Execution | None = None, events: Iterable[Event] = ()
+    plan: Plan,
+    path: str | Path,
+    execution: Execution | None = None,
+    events: Iterable[Event] = (),
+    panels: Sequence[str] = PANELS,
 ) -> None:
     """Draw a plan: the way from start to goal, the margin on it, and the stable set or the pushes.
 
@@ -64,54 +69,58 @@ def plot_plan(
             nearest are drawn, and the reason is the title.
         path: File to write; its suffix says whether PNG, SVG or PDF.
         execution: What happened; by default the plan's own. Paths and margins are taken from it.
-        events: Of a closed loop: deviations and replans are marked.
+        events: Of a closed loop: disturbances, deviations and replans are marked.
+        panels: Which of `PANELS` to draw: the floor, the stable set or the list of pushes, the margin over time, and
+            a small picture for each push of a rearrangement.
 
     Raises:
-        PlotError: On a suffix that is none of these.
+        PlotError: On a suffix that is none of these, or a panel that is none.
     """
+    if not panels or not set(panels) <= set(PANELS):
+        raise PlotError(f"panels {', '.join(panels) or 'none'}: allowed are some of {', '.join(PANELS)}")
     execution = plan.execution if execution is None else execution
     events = tuple(events)
     scene = Scene.of(plan.scenario, plan, execution, events)
     view = view_of(scene.window)
-    width = float(_HEIGHT * view.size[0] / view.size[1])
-    side = _LEFT + width + _GAP
-    full = side + _SIDE + _RIGHT
-    single = plan.scenario.kind == "push"
+    width = float(_HEIGHT * view.size[0] / view.size[1]) if "floor" in panels else 0.0
+    side = _LEFT + (width + _GAP if width else 0.0)
+    beside = {"set", "margin"} & set(panels)
+    full = max((side + _SIDE if beside else _LEFT + width) + _RIGHT, _LEAST_WIDTH)
+    tall = _HEIGHT if width or "set" in panels else _MARGIN_HEIGHT if beside else 0.0
     with figure_for(path, full, _HEIGHT) as figure:
         robustness = plan.robustness if plan.solved else None
         sentence = "" if robustness is None or not robustness.known else robustness.sentence
-        keys = [*scene_keys(scene), *(turn_keys() if single else [])]
+        keys = scene_keys(scene) if width or "steps" in panels else []
         low = draw_footer(figure, _LEFT, keys, sentence) + 0.15
-        steps = (
-            _Steps.of(scene, view, full - _LEFT - _RIGHT) if plan.scenario.kind == "rearrangement" else None
-        )
+        steps = None
+        if "steps" in panels and plan.scenario.kind == "rearrangement":
+            steps = _Steps.of(scene, view, full - _LEFT - _RIGHT)
         bottom = low + (0.0 if steps is None else steps.height) + _AXIS - 0.15
-        over = 0.0 if plan.solved else 0.24  # a reason is as wide as the picture, above the title of the set
-        lines = _title(
-            plan,
-            scene,
-            bool(events),
-            int(letters_across_inches(width if plan.solved else full - 2.0 * _LEFT, _TITLE)),
-        )
-        figure.set_size_inches(full, bottom + _HEIGHT + _TOP + over + 0.17 * (len(lines) - 1))
-        floor = axes_at(figure, _LEFT, bottom, width, _HEIGHT)
-        set_view(floor, view)
+        over = 0.24 if beside and not (plan.solved and width) else 0.0  # above the titles of what is beside
+        across = width if plan.solved and width else full - _LEFT - _RIGHT
+        lines = _title(plan, scene, bool(events), int(letters_across_inches(across, _TITLE)))
+        figure.set_size_inches(full, bottom + tall + _TOP + over + 0.17 * (len(lines) - 1))
         title: Any = {"transform": figure.dpi_scale_trans, "fontsize": _TITLE, "va": "bottom"}
-        figure.text(_LEFT, bottom + _HEIGHT + 0.1 + over, "\n".join(lines), **title)
-        draw_scene(floor, scene)
+        figure.text(_LEFT, bottom + tall + 0.1 + over, "\n".join(lines), **title)
+        if width:
+            floor = axes_at(figure, _LEFT, bottom, width, _HEIGHT)
+            set_view(floor, view)
+            draw_scene(floor, scene)
+            draw_path_name(floor, scene)
         if steps is not None:
             steps.draw(figure, _LEFT, low)
         above = bottom
-        if scene.lines and execution is not None and len(execution.t) > 1:
-            _draw_margins(axes_at(figure, side, bottom, _SIDE, _MARGIN_HEIGHT), scene, plan)
+        if "margin" in panels and scene.lines and execution is not None and len(execution.t) > 1:
+            draw_margins(axes_at(figure, side, bottom, _SIDE, _MARGIN_HEIGHT), scene, plan.margin)
             above += _MARGIN_HEIGHT + _GAP
-        elif len(plan.why_not) > 1:
+        elif "set" in panels and len(plan.why_not) > 1:
             above += _tell_more(figure, side, bottom, plan)
-        beside = axes_at(figure, side, above, _SIDE, bottom + _HEIGHT - above)
-        if single:
-            draw_set(beside, plan.scenario.chain, plan.scenario.stable_set(plan.stable_set or None))
-        else:
-            _list_pushes(beside, scene, plan)
+        if "set" in panels:
+            column = axes_at(figure, side, above, _SIDE, bottom + tall - above)
+            if plan.scenario.kind == "push":
+                draw_set(column, plan.scenario.chain, plan.scenario.stable_set(plan.stable_set or None))
+            else:
+                _list_pushes(column, scene, plan)
 
 
 def plot_scenario(scenario: Scenario, path: str | Path, stable: StableSet | None = None) -> None:
@@ -131,7 +140,7 @@ def plot_scenario(scenario: Scenario, path: str | Path, stable: StableSet | None
     side = _LEFT + width + _GAP
     full = _LEFT + width + _RIGHT if stable is None else side + _SCENARIO_SIDE + _RIGHT
     with figure_for(path, full, _HEIGHT) as figure:
-        bottom = draw_footer(figure, _LEFT, [*scene_keys(scene), *(turn_keys() if stable else [])]) + _AXIS
+        bottom = draw_footer(figure, _LEFT, scene_keys(scene)) + _AXIS
         figure.set_size_inches(full, bottom + _HEIGHT + _TOP)
         floor = axes_at(figure, _LEFT, bottom, width, _HEIGHT)
         set_view(floor, view)
@@ -229,7 +238,7 @@ def _tell_more(figure: Figure, left: float, bottom: float, plan: Plan) -> float:
     return height + 0.5
 
 
-def _draw_margins(axes: Axes, scene: Scene, plan: Plan) -> None:
+def draw_margins(axes: Axes, scene: Scene, kept: float | None = None) -> None:
     """Draw the smallest margin over time in the colours of the path, and the margin that the plan keeps."""
     known = ~np.isnan(scene.margins)
     edges = np.flatnonzero(np.diff(known.astype(int), prepend=0, append=0)).reshape(-1, 2)
@@ -245,7 +254,6 @@ def _draw_margins(axes: Axes, scene: Scene, plan: Plan) -> None:
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     for tick, label in zip(ticks, axes.get_yticklabels(), strict=True):
         label.set_color(palette.margin_colour(tick) or INK)
-    kept = plan.margin
     if kept is not None:
         axes.axhline(kept, color=INK, linewidth=0.7, linestyle=(0, (3, 2)), zorder=1.5)
     for mark in scene.marks:

@@ -230,6 +230,7 @@ class Scene:
         if execution is not None and len(execution.t):
             t, poses, margins = execution.t, _executed_poses(bodies, execution), smallest(execution.margins)
             lines, rests = _executed(bodies, segments, execution, poses, margins)
+        blocking = () if plan is None or plan.solved else plan.blocking
         nearest: tuple[Line, ...] = ()
         last: FloatArray | None = None
         if plan is not None and plan.nearest is not None and plan.nearest.segments:
@@ -238,7 +239,7 @@ class Scene:
         return cls(
             scenario.name,
             None if area is None else area.outline,
-            tuple(_obstacle(one) for one in scenario.obstacles),
+            tuple(_obstacle(one, k in blocking) for k, one in enumerate(scenario.obstacles)),
             bodies,
             tuple(_goals(scenario, colours)),
             t,
@@ -337,9 +338,10 @@ def obstacle_outline(obstacle: Obstacle) -> FloatArray:
     return obstacle.center + obstacle.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def _obstacle(obstacle: Obstacle) -> Fixed:
+def _obstacle(obstacle: Obstacle, blocking: bool) -> Fixed:
     unknown = isinstance(obstacle, PolygonObstacle) and obstacle.unknown
-    return Fixed("", obstacle_outline(obstacle), palette.OBSTACLE, Layer.OBSTACLE, unknown)
+    colour = palette.BLOCKING if blocking else palette.OBSTACLE
+    return Fixed("", obstacle_outline(obstacle), colour, Layer.OBSTACLE, unknown)
 
 
 def _bodies(scenario: Scenario) -> Iterator[Body]:

@@ -15,6 +15,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from pushplan.drawing import palette
 from pushplan.drawing.figure import HALO, SMALL, axes_at, equal_ticks, figure_for, outline_width
@@ -44,6 +45,9 @@ _ACROSS = 14
 _ROWS = ("slips to the right", "slips to the left", "tips about the right end", "tips about the left end")
 _ROW_STYLES = ("-", "-", "--", "--")
 _TOUCHING = 1e-9
+_NAMED = 2
+"""Contacts up to which each is named where it is."""
+_LABEL: Any = {"fontsize": SMALL, "bbox": HALO, "zorder": 9.0}
 
 
 def plot_stable_sets(
@@ -76,9 +80,52 @@ def plot_stable_sets(
 
 def draw_set(axes: Axes, chain: Chain, stable: StableSet) -> None:
     """Draw a stable set with the chain and its friction cones, in the chain frame, without names of axes."""
-    _draw_with_chain(axes, chain, [stable], default_window(chain, [stable]))
+    window = default_window(chain, [stable])
+    _draw_with_chain(axes, chain, [stable], window)
     axes.set(xlabel="", ylabel="", anchor="NW")
-    axes.set_title(f"stable CORs [m], {stable.name}", loc="left", fontsize=9.0)
+    axes.set_title("stable centres of rotation [m]", loc="left", fontsize=9.0)
+    for sense, name in TURN_NAMES.items():
+        inside = _beyond(stable.cor_region(sense, window), chain, sense, window)
+        if not inside.is_empty:
+            at = inside.representative_point()
+            axes.text(
+                at.x, at.y, name.replace(" ", "\n"), color=TURNS[sense], ha="center", va="center", **_LABEL
+            )
+    _label_contacts(axes, chain)
+
+
+def _beyond(region: BaseGeometry, chain: Chain, sense: int, window: Window) -> BaseGeometry:
+    """Return the part of a region far to that side of the chain that it lies on; all of it where there is none."""
+    xmin, ymin, xmax, ymax = window
+    y = np.concatenate([obj.outline_chain[:, 1] for obj in chain.objects])
+    low, high = (0.5 * (y.max() + ymax), ymax) if sense > 0 else (ymin, 0.5 * (ymin + y.min()))
+    part = region.intersection(shapely.box(xmin, low, xmax, high))
+    return region if part.is_empty else part
+
+
+def _label_contacts(axes: Axes, chain: Chain) -> None:
+    """Write the names of a few contacts beside them, below and above in turn, and what the cones are."""
+    low = min(float(obj.outline_chain[:, 1].min()) for obj in chain.objects)
+    high = max(float(obj.outline_chain[:, 1].max()) for obj in chain.objects)
+    line: Any = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.6}
+    look: Any = {"textcoords": "offset points", "ha": "center", "arrowprops": line, "annotation_clip": True}
+    contacts = chain.contacts if len(chain.contacts) <= _NAMED else ()
+    for k, (contact, colour) in enumerate(zip(contacts, palette.contact_colours(_NAMED), strict=False)):
+        end, y = (contact.left, high) if k % 2 else (contact.right, low)
+        place: Any = {"xytext": (0.0, 9.0 if k % 2 else -9.0), "va": "bottom" if k % 2 else "top"}
+        place["xytext"] = (0.0, place["xytext"][1] + _points(axes, y - float(end[1])))
+        axes.annotate(chain.contact_name(k), tuple(end), color=colour, **place, **look, **_LABEL)
+    first = chain.contacts[0]
+    cone = friction_cone(first, first.left, 0.5 * first.length)
+    tip = cone[np.argmax(cone[:, 1])]
+    axes.annotate(
+        "friction\ncone", tuple(tip), (-26.0, 16.0), va="bottom", color=palette.CONE, **look, **_LABEL
+    )
+
+
+def _points(axes: Axes, length: float) -> float:
+    """Return a length of the drawing, m, in points."""
+    return 72.0 * length * axes.get_window_extent().height / axes.figure.dpi / float(np.ptp(axes.get_ylim()))
 
 
 def _draw_with_chain(axes: Axes, chain: Chain, sets: Sequence[StableSet], window: Window) -> None:

@@ -324,12 +324,14 @@ class Diagnosis:
         text: The same in a sentence, with the numbers.
         proven: There is no plan for this reason; False stands for a guess.
         numbers: The numbers by name, SI units.
+        blocking: Indices of the scenario's obstacles that part start and goal, where they are known.
     """
 
     cause: str
     text: str
     proven: bool
     numbers: Mapping[str, float] = field(default_factory=dict)
+    blocking: tuple[int, ...] = ()
 
 
 CAUSES = {
@@ -488,6 +490,11 @@ class Plan:
         if not self.segments:
             return f"margins from {self.margin_asked:.2g} down to {self.margin:.2g} were tried"
         return f"margin {self.margin:.2g} instead of {self.margin_asked:.2g}: no path was found with more"
+
+    @property
+    def blocking(self) -> frozenset[int]:
+        """Indices of the scenario's obstacles that part start and goal, as far as that is known."""
+        return frozenset(k for found in self.diagnosis for k in found.blocking)
 
     @property
     def why_not(self) -> list[str]:
