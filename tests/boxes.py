@@ -38,7 +38,7 @@ def chromium(folder: Path) -> Iterator[Any]:
         yield browser
 
 
-def show(browser: Any, page: Path, width: int, dark: bool = False, height: int = 800) -> None:
+def show(browser: Any, page: Path | str, width: int, dark: bool = False, height: int = 800) -> None:
     """Open a file as a screen of some size shows it."""
     theme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
     browser.call("Emulation.setEmulatedMedia", features=theme)

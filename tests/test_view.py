@@ -190,16 +190,42 @@ def test_a_pose_that_is_no_number_moves_nothing(scenario: Scenario) -> None:
     assert [pose.tolist() for pose in taken] == [[0.3, 0.0, 0.0]]
 
 
+def test_a_body_is_dragged_by_itself(scenario: Scenario) -> None:
+    pytest.importorskip("viser")
+    from pushplan.view.stage import Stage
+
+    seen, draft, taken = Seen(), Draft.of(scenario), list[tuple[FloatArray, bool]]()
+    stage = Stage(seen, draft)
+    stage.handle("/start", draft.poses["start"], lambda pose, dropped: taken.append((pose, dropped)))
+    stage.draw_bodies(draft, Scene.of(scenario))
+    for phase, end in (
+        ("start", (0.1, 0.0)),
+        ("update", (0.2, 0.1)),
+        ("update", (np.nan, 0.0)),
+        ("end", (0.3, 0.1)),
+    ):
+        event = SimpleNamespace(phase=phase, start_position=(0.1, 0.0, 0.04), end_position=(*end, 0.04))
+        asyncio.run(seen.drags["/start/body0"](event))
+    moves = np.array([pose - draft.poses["start"] for pose, _ in taken])
+    np.testing.assert_allclose(moves, [[0.0, 0.0, 0.0], [0.1, 0.1, 0.0], [0.2, 0.1, 0.0]], atol=1e-12)
+    assert [dropped for _, dropped in taken] == [False, False, True]
+
+
 class Seen:
     """Stands for viser's scene, and keeps what is drawn."""
 
     def __init__(self) -> None:
         self.meshes: dict[str, tuple[FloatArray, FloatArray]] = {}
         self.lines: dict[str, SimpleNamespace] = {}
+        self.colours: dict[str, tuple[int, int, int]] = {}
+        self.drags: dict[str, Callable[[Any], Any]] = {}
         self.update: Callable[[Any], Any] = lambda _: None
 
-    def add_mesh_simple(self, name: str, vertices: FloatArray, faces: FloatArray, **_: object) -> None:
-        self.meshes[name] = vertices, faces
+    def add_mesh_simple(
+        self, name: str, vertices: FloatArray, faces: FloatArray, **look: Any
+    ) -> SimpleNamespace:
+        self.meshes[name], self.colours[name] = (vertices, faces), look["color"]
+        return SimpleNamespace(on_drag=lambda function: self.drags.update({name: function}))
 
     def add_line_segments(
         self, name: str, points: FloatArray, colors: FloatArray, **look: Any
@@ -211,7 +237,8 @@ class Seen:
         return SimpleNamespace(visible=visible, position=(0.0, 0.0, 0.0), wxyz=(1.0, 0.0, 0.0, 0.0))
 
     def add_transform_controls(self, *_: object, **__: object) -> SimpleNamespace:
-        return SimpleNamespace(on_update=lambda function: setattr(self, "update", function))
+        placed = {"position": (0.0, 0.0, 0.0), "wxyz": (1.0, 0.0, 0.0, 0.0)}
+        return SimpleNamespace(on_update=lambda function: setattr(self, "update", function), **placed)
 
     def __getattr__(self, name: str) -> Callable[..., None]:
         return lambda *_, **__: None  # lights and axes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -19,6 +20,9 @@ from pushplan.view.draft import ROBOT, Draft
 
 SEARCH = {"push": 0.5, "multi-push": 2.0, "rearrangement": 5.0}
 """Time limit of a search for the first plan, s: most are found in milliseconds, an order of objects in seconds."""
+
+SHORTENING = 0.02
+"""For which a first path of a single push is shortened before it is shown, s: it has detours else."""
 
 POLISHING = {"push": 0.6, "multi-push": 1.5, "rearrangement": 5.0}
 """Time limit of the search for better plans, s."""
@@ -90,16 +94,18 @@ class Answers:
             planner = self._for(draft, scenario)
             goals = np.array([goal.pose_chain for goal in scenario.tasks[0].goals]).reshape(-1, 3)
             one = kind != "rearrangement"
-            plan = planner.plan(
+            ask = partial(
+                planner.plan,
                 scenario.start if one else None,
                 goals if one else None,
                 robot=draft.poses[ROBOT] if kind == "multi-push" else None,
                 timed=stage != "path",
-                explain=stage != "path",
-                first=first,
-                time_limit=(SEARCH if first else POLISHING)[kind],
                 observer=observer,
             )
+            plan = ask(time_limit=SHORTENING, explain=False) if first and kind == "push" else None
+            if plan is None or not plan.solved:
+                limit = (SEARCH if first else POLISHING)[kind]
+                plan = ask(time_limit=limit, explain=stage != "path", first=first)
         except (EmptyStableSetError, PlanningError) as error:
             return Answer(draft, scenario, None, None, (str(error),), stage)
         stable = planner.stable if kind == "push" else None

@@ -23,6 +23,9 @@ START, GOAL, ROBOT = "start", "goal", "robot"
 Where several objects stand apart, `start/NAME` and `goal/NAME` are an object's own frame; `obstacle/K` is one.
 """
 
+MOST_DRAGGED = 40
+"""Obstacles up to which each can be dragged; those of a map stand still."""
+
 _TOUCHING = 1e-6
 """Distance from the plate's front at which a corner still lies on it, m."""
 

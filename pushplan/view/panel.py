@@ -8,6 +8,7 @@ from math import degrees
 import numpy as np
 import shapely
 
+from pushplan.drawing.palette import ALONE as GREY
 from pushplan.drawing.palette import PLATE, SLIPS, TURNS, object_colours
 from pushplan.plans.plan import Segment
 from pushplan.sets.cor import Window
@@ -15,8 +16,25 @@ from pushplan.sets.cor_window import default_window
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray
 from pushplan.view.answers import Answer
+from pushplan.view.draft import MOST_DRAGGED, ROBOT, START, Draft
 
 _STYLE = "padding:0 12px;font-size:13px;line-height:1.45"
+_RULES = """<style>
+#pushplan-answer { height: 13.5em; overflow-y: auto; overflow-wrap: anywhere; }
+@media (max-width: 576px) { #pushplan-answer { height: 6.5em; } .pushplan-set { display: none; } }
+</style>"""
+"""The plan's height does not change, so that nothing below it jumps; on phones the floor needs the room."""
+
+
+def help_html(draft: Draft) -> str:
+    """Return the line that says what can be dragged."""
+    what = ["start", "goal"] if START in draft.poses else ["objects", "goals"]
+    what += ["robot"] * (ROBOT in draft.poses)
+    if 0 < len(draft.original.obstacles) <= MOST_DRAGGED:
+        what.append("obstacles")
+    slides = ", slide objects along their contacts" if len(draft.slides) else ""
+    said = f"Drag {', '.join(what[:-1])} and {what[-1]}, turn them by the arcs{slides}."
+    return f'{_RULES}<div style="{_STYLE};color:{GREY}">{said}</div>'
 
 
 def answer_html(answer: Answer, number: int, milliseconds: float, dropped: bool) -> str:
@@ -77,7 +95,7 @@ def stable_set_html(stable: StableSet | None) -> str:
     fills = [PLATE] * len(chain.carried) + object_colours([obj.name for obj in chain.objects])
     bodies = "".join(_body(body.outline, fill) for body, fill in zip(chain.bodies, fills, strict=True))
     return (
-        f'<div style="{_STYLE}"><b>stable centres of rotation</b> '
+        f'<div class="pushplan-set" style="{_STYLE}"><b>stable centres of rotation</b> '
         f'(<span style="color:{TURNS[+1]}">left turns</span>, '
         f'<span style="color:{TURNS[-1]}">right turns</span>){_cone(stable)}'
         f'<svg id="pushplan-set" viewBox="{_view(window)}" style="width:100%;max-height:230px">'

@@ -15,10 +15,7 @@ from pushplan.drawing.scene import Line, Scene, piece_colours
 from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.util.arrays import FloatArray
-from pushplan.view.draft import GOAL, ROBOT, START, Draft
-
-MOST_DRAGGED = 40
-"""Obstacles up to which each is dragged by handles of its own; those of a map stand still."""
+from pushplan.view.draft import GOAL, MOST_DRAGGED, ROBOT, START, Draft
 
 _HEIGHT = 0.04
 """Of all bodies in the picture, m."""
@@ -51,6 +48,7 @@ class Stage:
     def __init__(self, scene: Any, draft: Draft) -> None:
         self._scene = scene
         self._drawn: dict[str, Any] = {}
+        self._handles: dict[str, tuple[Any, Moved]] = {}
         self.handle_size = 0.8 * max(task.chain.reach for task in draft.original.tasks)
         scene.set_up_direction("+z")
         # Without a graphics card shadows cost most of the time; viser's lights, standard material and grid cost
@@ -87,6 +85,27 @@ class Stage:
                 moved(now, event.phase == "end")
 
         controls.on_update(update)
+        self._handles[name] = controls, moved
+
+    def _dragged_itself(self, mesh: Any, name: str) -> None:
+        """Let a body be dragged with the mouse; what it hangs under goes with it."""
+        if name not in self._handles:  # one of the many obstacles of a map
+            return
+        controls, moved = self._handles[name]
+        held: dict[str, FloatArray] = {}
+
+        async def drag(event: Any) -> None:
+            if event.phase == "start":
+                held.update(pose=_pose(controls), point=np.array(event.start_position))
+            if not held:
+                return
+            shift = (np.array(event.end_position) - held["point"])[:2]
+            pose = held["pose"] + [*shift, 0.0]
+            if np.isfinite(pose).all():
+                controls.position = (float(pose[0]), float(pose[1]), 0.0)
+                moved(pose, event.phase == "end")
+
+        mesh.on_drag(drag)
 
     def draw_obstacles(self, draft: Draft) -> None:
         """Draw each obstacle under its own frame."""
@@ -96,19 +115,22 @@ class Stage:
             if len(draft.original.obstacles) > MOST_DRAGGED:
                 self._scene.add_frame(f"/{key}", show_axes=False, **_placed(place))
             colour = palette.mixed(one.colour, "#ffffff", 0.5) if one.unknown else one.colour
-            self._body(f"/{key}/body", se2.transform_points(se2.inverse(place), one.outline), colour)
+            mesh = self._body(f"/{key}/body", se2.transform_points(se2.inverse(place), one.outline), colour)
+            self._dragged_itself(mesh, f"/{key}")
 
     def draw_bodies(self, draft: Draft, scene: Scene) -> None:
         """Draw bodies and goals under what they are dragged by, and those that play the plan."""
         for k, (body, pose) in enumerate(zip(scene.bodies, scene.start, strict=True)):
             key = _key_of(draft, body.name, body.kind)
             local = se2.relative(draft.poses[key], pose)
-            self._body(f"/{key}/body{k}", se2.transform_points(local, body.outline), body.colour)
+            mesh = self._body(f"/{key}/body{k}", se2.transform_points(local, body.outline), body.colour)
+            self._dragged_itself(mesh, f"/{key}")
             self._body(f"/played/{k}/body", body.outline, body.colour, z=_PLAYED)
         for k, goal in enumerate(scene.goals):
             key = GOAL if GOAL in draft.poses else f"{GOAL}/{goal.name}"
             outline = se2.transform_points(se2.inverse(draft.poses[key]), goal.outline)
-            self._body(f"/{key}/body{k}", outline, palette.mixed(goal.colour, palette.GOAL, 0.5), opacity=0.5)
+            tinted = palette.mixed(goal.colour, palette.GOAL, 0.5)
+            self._dragged_itself(self._body(f"/{key}/body{k}", outline, tinted, opacity=0.5), f"/{key}")
             ring = np.stack([outline, np.roll(outline, -1, axis=0)], axis=1)
             self._lines(f"/{key}/edge{k}", ring, [palette.GOAL] * len(ring), 3.0)
 
@@ -169,9 +191,9 @@ class Stage:
 
     def _body(
         self, name: str, outline: FloatArray, colour: str, opacity: float | None = None, z: float = 0.0
-    ) -> None:
+    ) -> Any:
         vertices, faces = _solid(outline)
-        self._scene.add_mesh_simple(
+        return self._scene.add_mesh_simple(
             name,
             vertices + np.array([0.0, 0.0, z]),
             faces,

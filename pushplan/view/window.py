@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pushplan.drawing.scene import Scene
+from pushplan.plans.run import Run
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
 from pushplan.view.answers import Answer, Answers, Worker
-from pushplan.view.draft import START, Draft
+from pushplan.view.draft import MOST_DRAGGED, START, Draft
 from pushplan.view.server import serve
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ _FRAME = 1.0 / 30.0
 _DRAWING = 0.1
 """For which an answer is let be sent and drawn before the next work begins, s: compiled code holds the interpreter,
 and a browser without a graphics card draws on the same processors."""
+_PANEL = 0.25
+"""How far the middle of a phone's picture is moved up, over the distance of the camera."""
+
 _REST = 0.2
 """Without another move after which a plan is polished, s."""
 
@@ -135,8 +139,6 @@ class Window:
 
     def _handles(self) -> None:
         """Add what things are dragged by."""
-        from pushplan.view.stage import MOST_DRAGGED
-
         draft, stage = self.draft, self.stage
         for key, pose in draft.poses.items():
             standing = key.startswith("obstacle/")
@@ -161,11 +163,14 @@ class Window:
         self.move(lambda it: it.slid(k, float((pose - along)[:2] @ tangent)), dropped)
 
     def _panel(self) -> None:
+        from pushplan.view.panel import help_html
+
         gui = self.server.gui
+        gui.add_html(help_html(self.draft))
         self._said = gui.add_html("")
         self._play = gui.add_button("Play", disabled=True, hint="drive the plan at its own speed")
         self._set = gui.add_html("")
-        save = gui.add_button_group("Save", ("YAML", "JSON"))
+        save = gui.add_button_group("Save", ("YAML", "JSON", "page"))
         save.on_click(lambda event: self._save(event.client, save.value))
         self._play.on_click(lambda _: self._perform())
 
@@ -182,20 +187,40 @@ class Window:
         self._playing.clear()
 
     def _save(self, client: Any, kind: str) -> None:
-        """Send the scenario to the browser as a file, or tell why it would be none."""
+        """Send the scenario, or the page of its plan, to the browser as a file, or tell why it would be none."""
         answer = self.answer
         if answer is None or answer.scenario is None or answer.draft is not self.draft:
             client.add_notification("Not saved", "The scenario is not valid, or still being planned.")
             return
-        text = self.draft.to_yaml() if kind == "YAML" else answer.scenario.to_json()
-        client.send_file_download(
-            f"{answer.scenario.name}.{kind.lower()}", text.encode(), save_immediately=True
-        )
+        if kind == "page":
+            from pushplan.logging.page import render
+
+            if answer.plan is None:
+                client.add_notification("Not saved", "There is no plan to play.")
+                return
+            text = render(Run(answer.scenario, answer.plan, answer.plan.execution))
+        else:
+            text = self.draft.to_yaml() if kind == "YAML" else answer.scenario.to_json()
+        suffix = "html" if kind == "page" else kind.lower()
+        client.send_file_download(f"{answer.scenario.name}.{suffix}", text.encode(), save_immediately=True)
 
     def _look_at_all(self) -> None:
         window = Scene.of(self.draft.original).window
         x, y = 0.5 * (window.xmin + window.xmax), 0.5 * (window.ymin + window.ymax)
         reach = max(task.chain.reach for task in self.draft.original.tasks)
         away = 0.95 * max(float(window.size.max()), 4.0 * reach)
-        self.server.initial_camera.position = (x, y - 0.25 * away, away)
+        self.server.initial_camera.position = (
+            x,
+            y - 1e-3 * away,
+            away,
+        )  # from above: the plane is dragged in
         self.server.initial_camera.look_at = (x, y, 0.0)
+
+        def narrow(client: Any) -> None:  # a phone's page is higher than wide, and its panel lies below
+            aspect = float(client.camera.aspect)
+            if aspect < 1.0:
+                below = _PANEL * away / aspect
+                client.camera.position = (x, y - below - 1e-3 * away, away / aspect)
+                client.camera.look_at = (x, y - below, 0.0)
+
+        self.server.on_client_connect(narrow)

@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from boxes import SCREENS, assert_tidy, chromium, show
 from mcap.reader import make_reader
 from several.conftest import Problem, problem_document
 
 from pushplan.cli.main import main
 from pushplan.drawing.scene import Scene
 from pushplan.geometry import se2
-from pushplan.logging.page import write_html
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify import verify
@@ -68,14 +66,6 @@ def test_a_segment_that_was_changed_is_found(recorded: RecordedRun, change: str)
         "time": (replace(transit, trajectory=slower), *plan.segments[1:]),
     }[change]
     assert not verify(replace(recorded, plan=replace(plan, segments=segments)), execute_again).matches
-
-
-def test_the_page_is_right_on_every_screen(recorded: RecordedRun, tmp_path: Path) -> None:
-    write_html(recorded, tmp_path / "run.html")
-    with chromium(tmp_path / "profile") as browser:
-        for width, dark in SCREENS:
-            show(browser, tmp_path / "run.html", width, dark)
-            assert_tidy(browser, "h1, #facts, canvas, #legend > *, footer > *", width)
 
 
 def test_an_object_that_its_symmetry_covers_is_outlined_once(problem: Problem) -> None:

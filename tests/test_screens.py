@@ -1,0 +1,254 @@
+"""What is seen of every kind of run, in picture, page, film and window, on phones and desks, light and dark.
+
+Nothing overlaps or spills, no console has an error, and one thing has one colour everywhere. Plans are made by hand;
+one browser shows everything.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from base64 import b64encode
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from boxes import SCREENS, assert_tidy, boxes, chromium, overlapping, show
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.image import imsave
+from matplotlib.patches import Polygon
+from matplotlib.text import Text
+from planned_by_hand import MULTI, SWAP, one_push, pushes
+from test_view import Seen
+
+from pushplan.drawing import palette
+from pushplan.drawing.floor import draw_scene, set_view, view_of
+from pushplan.drawing.plans import plot_plan
+from pushplan.drawing.scene import Scene
+from pushplan.logging.film import Film, Still
+from pushplan.logging.page import render, write_html
+from pushplan.logging.scene import scene as messages_of
+from pushplan.plans.events import Event, Feedback, Measured
+from pushplan.plans.plan import Diagnosis, Nearest, Plan
+from pushplan.plans.run import Run
+from pushplan.scenario.file import load_scenario, scenario_from_text
+
+KINDS = ("push", "multi-push", "rearrangement", "closed loop", "unsolved", "not executed")
+EVERY = pytest.mark.parametrize("kind", KINDS)
+EVENTS = (
+    Event(0.0, "plan", "1.300 m in 6.5 s"),
+    Event(2.0, "disturbance", "far was displaced by 5.0 mm and 3 deg"),
+    Event(2.2, "deviation", "far is 5.1 mm and 2.9 deg away from its pose in the plan"),
+    Event(4.5, "replan", "0.700 m in 3.5 s"),
+)
+WALL = """\
+format: pushplan/1
+name: walled-in
+floor: {friction: 0.3}
+objects: [{name: blue-box, shape: {box: [0.2, 0.2]}, mass: 1.0}]
+pusher: {width: 0.2, friction: 0.5}
+start: [0.0, 0.0, 0.0]
+goal: {pose: [1.6, 0.4, 0.0], of: blue-box}
+workspace: {x: [-0.5, 2.0], y: [-1.0, 1.0]}
+obstacles:
+  - {polygon: [[0.8, -1.0], [0.9, -1.0], [0.9, 1.0], [0.8, 1.0]]}
+  - {circle: 0.1, center: [0.3, 0.6]}
+"""
+
+
+@cache
+def made(kind: str) -> Run:
+    arcs = (((1.0, 0.0, 0.0), 0.4), ((1.0, -0.05, 1.0), 0.6), ((1.0, 0.0, 0.0), 0.3))
+    if kind == "multi-push":
+        plan = pushes(scenario_from_text(MULTI), (("box", "rear", 0.5), ("box", "right", 0.4)))
+    elif kind == "rearrangement":
+        turns = (("red-box", "rear", 0.8), ("other", "rear", 0.3), ("red-box", "left", 0.4))
+        plan = pushes(scenario_from_text(SWAP), turns)
+    elif kind == "unsolved":
+        plan = unsolved()
+    else:
+        plan = one_push(load_scenario("two-crates"), arcs)
+    if kind == "not executed":
+        plan = replace(plan, execution=None)
+    names = len(plan.scenario.poses)
+    feedback = Feedback(Measured(np.zeros(0), np.zeros((0, names, 3))), EVENTS, ())
+    return Run(plan.scenario, plan, plan.execution, feedback=feedback if kind == "closed loop" else None)
+
+
+def unsolved() -> Plan:
+    plan = one_push(scenario_from_text(WALL), (((1.0, 0.0, 0.0), 0.4),))
+    reason = "obstacles and walls separate the start from the goal: no passage joins them"
+    return replace(
+        plan,
+        segments=(),
+        execution=None,
+        reason=reason,
+        tree=np.random.default_rng(0).uniform(0.0, 0.7, (50, 2, 3)),
+        diagnosis=(Diagnosis("gap", reason, True, blocking=(0,)),),
+        nearest=Nearest(plan.segments, (1.2, 0.1)),
+    )
+
+
+def film_of(run: Run) -> Still:
+    return Still(run) if run.execution is None else Film(run, run.execution)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    with chromium(tmp_path_factory.mktemp("screens")) as found:
+        yield found
+
+
+@EVERY
+def test_a_page_is_tidy_on_every_screen(kind: str, browser: Any, tmp_path: Path) -> None:
+    run = made(kind)
+    write_html(run, tmp_path / "run.html")
+    for width, dark in SCREENS:
+        show(browser, tmp_path / "run.html", width, dark)
+        assert browser.evaluate("pushplan.state.playing") == (run.execution is not None)
+        for share in (0.0, 0.35, 1.0):
+            browser.evaluate(f"pushplan.play(false), pushplan.seek({share} * (pushplan.last ?? 0))")
+            written = browser.evaluate("pushplan.labels()")
+            for canvas in ("world", "plot"):
+                assert overlapping([one for one in written if one["canvas"] == canvas]) == []
+        assert_tidy(browser, "h1, #facts, #why, #event, canvas, #legend > *, footer > *", width)
+        assert browser.evaluate("document.documentElement.scrollHeight") <= 1300
+
+
+@EVERY
+def test_a_picture_and_a_frame_of_the_film_are_tidy_on_every_screen(
+    kind: str, browser: Any, tmp_path: Path
+) -> None:
+    run = made(kind)
+    plot_plan(run.plan, tmp_path / "run.svg", run.execution, run.events)
+    picture = re.sub(r'width="[\d.]+pt" height="[\d.]+pt"', "", (tmp_path / "run.svg").read_text(), count=1)
+    film = film_of(run)
+    imsave(tmp_path / "frame.png", film.picture())
+    frame = b64encode((tmp_path / "frame.png").read_bytes()).decode()
+    (tmp_path / "all.html").write_text(
+        '<!doctype html><meta name="viewport" content="width=device-width"><style>img, svg { width: 100% }</style>'
+        f'{picture[picture.index("<svg") :]}<img src="data:image/png;base64,{frame}">'
+    )
+    for width, dark in SCREENS:
+        show(browser, tmp_path / "all.html", width, dark)
+        assert_tidy(browser, "svg text, img", width)
+        words = boxes(browser, "svg text")
+        (around,) = boxes(browser, "svg")
+        for word in words:
+            assert around["left"] - 1.0 <= word["left"] <= word["right"] <= around["right"] + 1.0, word
+            assert around["top"] - 1.0 <= word["top"] <= word["bottom"] <= around["bottom"] + 1.0, word
+        assert browser.evaluate("document.querySelector('img').naturalWidth") == 1280
+
+
+@EVERY
+def test_the_words_of_a_film_do_not_overlap(kind: str) -> None:
+    film = film_of(made(kind))
+    film.picture()
+    figure: Figure = film.canvas.figure
+    written = [one for one in figure.findobj(Text) if isinstance(one, Text) and one.get_text().strip()]
+    beyond = [one for one in film.plot.get_xticklabels() if one.get_position()[0] > film.plot.get_xlim()[1]]
+    written = [
+        one for one in written if one.axes is not film.floor and one not in beyond
+    ]  # of which none is drawn
+    extents = [one.get_window_extent() for one in written if one.get_visible()]
+    assert len(extents) >= 2
+    assert not any(one.overlaps(other) for one, other in combinations(extents, 2))
+    assert all(0.0 <= box.x0 <= box.x1 <= 1280.0 and 0.0 <= box.y0 <= box.y1 <= 960.0 for box in extents)
+
+
+@EVERY
+def test_one_thing_has_one_colour_everywhere(kind: str) -> None:
+    from pushplan.view.draft import Draft
+    from pushplan.view.stage import Stage
+
+    run = made(kind)
+    scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
+    expected = {body.name: body.colour for body in scene.bodies}
+    axes = Figure().add_subplot()
+    set_view(axes, view_of(scene.window))
+    draw_scene(axes, scene)
+    drawn = {to_hex(patch.get_facecolor()) for patch in axes.patches}
+    moving = {body.name for body, moves in zip(scene.bodies, scene.moved, strict=True) if moves}
+    assert {expected[name] for name in moving or expected} <= drawn
+    film = film_of(run)
+    if isinstance(film, Film):
+        shown = [to_hex(one.get_facecolor()) for one in film.floor.patches if isinstance(one, Polygon)]
+        assert shown[-len(scene.bodies) :] == [body.colour for body in scene.bodies]
+    found = re.search(r'application/json">(.*?)</script>', render(run), re.DOTALL)
+    assert found is not None
+    page = json.loads(found[1])
+    assert {body["name"]: body["colour"] for body in page["bodies"]} == expected
+    assert [one["colour"] for one in page["obstacles"]] == [one.colour for one in scene.obstacles]
+    assert page["colours"]["goal"] == palette.GOAL
+    if kind == "unsolved":
+        assert [one.colour for one in scene.obstacles] == [palette.BLOCKING, palette.OBSTACLE]
+    for entity in messages_of(run.scenario).entities:
+        name = entity.id.removeprefix("object/")
+        if name in expected and entity.triangles:
+            paint = entity.triangles[0].color
+            rgb = tuple(round(255 * part) for part in (paint.r, paint.g, paint.b))
+            assert rgb == palette.red_green_blue(expected[name])
+    pytest.importorskip("viser")
+    seen, draft = Seen(), Draft.of(run.scenario)
+    stage = Stage(seen, draft)
+    stage.draw_bodies(draft, Scene.of(run.scenario))
+    played = [seen.colours[f"/played/{k}/body"] for k in range(len(scene.bodies))]
+    assert played == [palette.red_green_blue(body.colour) for body in scene.bodies]
+
+
+@dataclass(frozen=True)
+class Shown:
+    kind: str
+    solved: bool
+
+
+@pytest.mark.parametrize(
+    "shown", [Shown("push", True), Shown("multi-push", True), Shown("rearrangement", True), Shown("unsolved", False)],
+    ids=lambda shown: shown.kind,
+)  # fmt: skip
+def test_the_window_is_tidy_on_every_screen(
+    shown: Shown, browser: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("viser")
+    from pushplan.view import answers
+    from pushplan.view.window import Window
+
+    kinds = ("push", "multi-push", "rearrangement")
+    monkeypatch.setattr(answers, "SEARCH", dict.fromkeys(kinds, 20.0 if shown.solved else 0.2))
+    monkeypatch.setattr(answers, "POLISHING", dict.fromkeys(kinds, 0.2))
+    with closing(Window(made(shown.kind).scenario, 8493)) as window:
+        for width, dark in SCREENS:
+            show(browser, window.url, width, dark)
+            said = wait_for_answer(browser)
+            assert ("no plan" in said) == (not shown.solved)
+            assert browser.evaluate("document.body.innerText").count("Drag ") == 1
+            found = boxes(browser, "#pushplan-answer, button, svg#pushplan-set")
+            assert len(found) >= 3
+            assert overlapping(found) == []
+            assert [one["text"] for one in found if one["left"] < 0.0 or one["right"] > width + 0.5] == []
+            assert browser.evaluate("document.documentElement.scrollWidth") <= width
+            told = browser.told("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
+            levels = [
+                one["params"].get("type") or one["params"].get("entry", {}).get("level") for one in told
+            ]
+            assert "error" not in levels, told
+            assert "exceptionDetails" not in json.dumps(told)
+
+
+def wait_for_answer(browser: Any) -> str:
+    """Return what the panel says as soon as it is timed or there is no plan."""
+    end = time.monotonic() + 60.0
+    stage = "document.querySelector('#pushplan-answer')?.dataset.stage"
+    while browser.evaluate(stage) not in ("timed", "polished"):
+        assert time.monotonic() < end, "waited in vain for an answer"
+        time.sleep(0.05)
+    said: str = browser.evaluate("document.querySelector('#pushplan-answer').innerText")
+    return said
