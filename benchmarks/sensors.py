@@ -30,8 +30,9 @@ from pushplan.geometry.se2 import compose, exp
 from pushplan.plans.plan import Load, Plan
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
-from pushplan.sim.control.controller import Controller, Phase
+from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.course import Disturbance, course_in
+from pushplan.sim.control.pushing import Phase
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
@@ -128,11 +129,15 @@ class Erring:
         turned = self.sign * e.turned
         self.shift = np.array([e.bias * math.cos(way), e.bias * math.sin(way), turned])
         self.leap = np.array([e.jump[0] * math.cos(jump), e.jump[0] * math.sin(jump), self.sign * e.jump[1]])
-        self.plate = np.array(self.controller.scenario.start)
+        self.plate = np.array(self.controller.scenario.plate_start)
 
     @property
-    def load(self) -> Load:
+    def load(self) -> Load | None:
         return self.controller.load
+
+    @property
+    def segment(self) -> int:
+        return self.controller.segment
 
     @property
     def over(self) -> bool:

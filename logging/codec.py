@@ -259,7 +259,11 @@ def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float) 
         load = Load.of(scenario)
     else:
         base = scenario if scenario.kind == "multi-push" else scenario.alone(names[0])
-        load = Load.pushed_from(base, pushed_at(base.chain, face, offset), face, offset)
+        if face:
+            load = Load.pushed_from(base, pushed_at(base.chain, face, offset), face, offset)
+        else:  # near which the plate stands at first, at no face
+            load = Load.of(base)
+            load = replace(load, links=tuple(replace(link, face="", offset=0.0) for link in load.links))
     if load.names != names:
         raise CodecError(f"no load of the scenario is {', '.join(names)}")
     return load

@@ -34,7 +34,7 @@ from pushplan.logging.contacts import LoadContacts
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.shown import contact_names, part_at, worst_contacts
 from pushplan.plans.plan import Load
-from pushplan.plans.run import Execution, Run
+from pushplan.plans.run import Execution, Run, segments_of
 from pushplan.util.arrays import FloatArray
 from pushplan.util.extras import optional
 from pushplan.util.files import write_whole
@@ -210,10 +210,10 @@ class Film(Still):
 
     def _load(self, sample: int) -> Load | None:
         """Return what is pushed at a sample; None where nothing is."""
-        plan, k = self.run.plan, int(self._execution.segment[sample])
-        if plan is None or k >= len(plan.segments):
+        segments, k = segments_of(self.run.plan, self.run.feedback), int(self._execution.segment[sample])
+        if k >= len(segments):
             return Load.of(self.run.scenario) if self.run.scenario.kind == "push" else None
-        segment = plan.segments[k]
+        segment = segments[k]
         return segment.load if segment.pushes else None
 
     def _draw_margins(self, marks: list[str]) -> None:

@@ -21,8 +21,8 @@ from pushplan.logging.contacts import cone_height, largest_force, longest_arrow,
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.shown import contact_names, parts_of, viewed, worst_contacts
 from pushplan.mechanics.contacts import friction_cone
-from pushplan.plans.plan import Load, Plan
-from pushplan.plans.run import Execution, Run
+from pushplan.plans.plan import Load
+from pushplan.plans.run import Execution, Run, segments_of
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.files import write_whole
@@ -45,7 +45,7 @@ def render(run: Run | RecordedRun) -> str:
     scene = Scene.of(run.scenario, run.plan, run.execution, run.events)
     data = {
         **_world(run.scenario, scene),
-        **_plan(run.scenario, run.plan, scene),
+        **_plan(run, scene),
         **_execution(run.scenario, run.execution),
         "window": scene.window,
         "why": _why(run),
@@ -130,7 +130,8 @@ def _why(run: Run | RecordedRun) -> list[str]:
     return run.plan.why_not
 
 
-def _plan(scenario: Scenario, plan: Plan | None, scene: Scene) -> dict[str, Any]:
+def _plan(run: Run | RecordedRun, scene: Scene) -> dict[str, Any]:
+    scenario, plan = run.scenario, run.plan
     lines, last = scene.lines or scene.nearest, scene.nearest_poses
     shown: dict[str, Any] = {
         "ways": [_way(line, bool(scene.lines)) for line in lines],
@@ -140,7 +141,7 @@ def _plan(scenario: Scenario, plan: Plan | None, scene: Scene) -> dict[str, Any]
     }
     if plan is None:
         return {"facts": [], **shown}
-    loads = [s.load if s.pushes else None for s in plan.segments]
+    loads = [s.load if s.pushes else None for s in segments_of(plan, run.feedback)]
     shown["loads"] = [None if load is None else _contacts(scenario, load) for load in loads]
     facts = [f"{plan.planner}, set {plan.stable_set}, seed {plan.seed}"]
     if not plan.segments:

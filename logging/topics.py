@@ -29,7 +29,7 @@ from pushplan.logging.schemas import MessageClass, Topic
 from pushplan.logging.shown import CHAIN, WORLD, contact_names, smoothed_times, viewed
 from pushplan.plans.events import WARNINGS, Feedback
 from pushplan.plans.plan import Improvement, Load, Plan
-from pushplan.plans.run import Execution, inertia_warning
+from pushplan.plans.run import Execution, inertia_warning, segments_of
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray, IntArray
 from pushplan.util.names import PUSHER
@@ -56,8 +56,7 @@ def messages(run: RecordedRun) -> Iterator[Sent]:
 
 def pushed_at_samples(run: RecordedRun, samples: IntArray) -> Iterator[tuple[Load | None, IntArray]]:
     """Yield what is pushed, None for nothing, and the indices of the samples (n,) at which it is, in their order."""
-    plan, execution = run.plan, run.execution
-    segments = () if plan is None else plan.segments
+    execution, segments = run.execution, segments_of(run.plan, run.feedback)
     owner = np.zeros(1, dtype=np.int64) if execution is None else execution.segment[samples]
     for part in np.split(np.arange(len(owner)), np.flatnonzero(np.diff(owner)) + 1):
         k = int(owner[part[0]])
@@ -121,7 +120,16 @@ class _Messages:
         plan, execution = self._run.plan, self._execution
         if plan is None or execution is None:
             return
-        for segment, begin in zip(plan.segments, plan.times.tolist(), strict=False):
+        begun = list(zip(plan.segments, plan.times.tolist(), plan.times[1:].tolist(), strict=False))
+        if self._run.feedback is not None:
+            every = segments_of(plan, self._run.feedback)
+            changes = np.flatnonzero(np.diff(execution.segment, prepend=-1))
+            ends = execution.t[np.append(changes[1:], len(execution.t) - 1)].tolist()
+            owners = execution.segment[changes].tolist()
+            begun = [
+                (every[k], t, e) for k, t, e in zip(owners, execution.t[changes].tolist(), ends, strict=True)
+            ]
+        for segment, begin, end in begun:
             if begin <= execution.t[-1]:
                 load = segment.load
                 message = schemas.Segment(
@@ -132,7 +140,7 @@ class _Messages:
                     cost=segment.cost,
                     margin=segment.margin,
                     t0=begin,
-                    t1=begin + segment.duration,
+                    t1=end,
                 )
                 yield self._sent(schemas.SEGMENT, begin, message)
 

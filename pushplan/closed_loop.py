@@ -18,7 +18,7 @@ from pushplan.logging.writer import RunLogWriter
 from pushplan.planners.planner import plan as plan_in
 from pushplan.plans.events import Event, Feedback, Measured, Replan
 from pushplan.plans.plan import Load, Plan
-from pushplan.plans.run import Execution
+from pushplan.plans.run import Execution, segments_of
 from pushplan.plans.settings import Observer, PlanSettings
 from pushplan.run import fields_of
 from pushplan.scenario.model import Scenario
@@ -74,7 +74,7 @@ class ClosedLoopRun:
     @property
     def execution(self) -> Execution:
         """The course as logs and pictures know it."""
-        made = execution_of(self.scenario, self.plan, self.course)
+        made = execution_of(self.scenario, self.plan, self.course, self.feedback)
         return replace(made, goal_error=self.goal_errors)
 
     @property
@@ -100,14 +100,13 @@ class ClosedLoopRun:
             growing.end(self)
 
 
-def execution_of(scenario: Scenario, plan: Plan, course: Course) -> Execution:
+def execution_of(scenario: Scenario, plan: Plan, course: Course, feedback: Feedback) -> Execution:
     """Return a course as logs and pictures know it, without an error at the goal."""
     if scenario.kind == "push":
         loads: list[Load | None] = [Load.of(scenario)]
     else:
-        loads = [segment.load if segment.pushes else None for segment in plan.segments]
-    segment = plan.segment_at(course.t)
-    judge, margins = judged(loads, scenario.stability.set, course.names, segment, course.twists)
+        loads = [s.load if s.pushes else None for s in segments_of(plan, feedback)]
+    judge, margins = judged(loads, scenario.stability.set, course.names, course.segment, course.twists)
     return Execution(
         course.names,
         judge,
@@ -115,7 +114,7 @@ def execution_of(scenario: Scenario, plan: Plan, course: Course) -> Execution:
         course.poses,
         course.twists,
         course.object_poses,
-        segment,
+        course.segment,
         margins,
         None,
         (math.nan, math.nan),
@@ -133,7 +132,7 @@ def events_until(
 
 
 class _Growing:
-    """The log of a simulated push: a context manager; what it has written outlives a kill."""
+    """The log of a simulated run: a context manager; what it has written outlives a kill."""
 
     def __init__(
         self,
@@ -179,10 +178,11 @@ class _Growing:
         """Write what has come since the last time; the `progress` of `course_in`."""
         moves = np.flatnonzero(course.twists[:-1].any(axis=1))
         known = int(moves[-1]) + 2 if len(moves) else 0  # margins at rest are of the twist that comes next
-        execution = execution_of(self._scenario, self._plan, course).until(known)
         replans = () if self._controller is None else tuple(self._controller.replans)
         events = events_until(float(course.t[-1]), course.names, self._disturbances, self._controller)
-        self._write_feedback(Feedback(course.measured, events, replans))
+        feedback = Feedback(course.measured, events, replans)
+        execution = execution_of(self._scenario, self._plan, course, feedback).until(known)
+        self._write_feedback(feedback)
         self._recording.write(lambda log: log.samples(execution))
         if self._progress is not None:
             self._progress(float(course.t[-1]))
@@ -231,10 +231,10 @@ def run_closed_loop(
     observer: Observer = SILENT,
     progress: Callable[[float], None] | None = None,
 ) -> ClosedLoopRun:
-    """Push a chain to its goal in a simulated world, watching it.
+    """Push objects to their goals in a simulated world, watching them.
 
     Args:
-        scenario: What is believed: a single push.
+        scenario: What is believed.
         world: What is there; None for the world as the scenario states it.
         disturbances: What happens to objects meanwhile.
         plan: What to do at first; see `Controller`.
@@ -247,7 +247,7 @@ def run_closed_loop(
         progress: Called with the simulated time now and then.
 
     Raises:
-        PlanningError: When there is no plan to begin with, or the scenario is not of a single push.
+        PlanningError: When there is no plan to begin with.
         SupportError: When the load under an object is not known.
         OutputError: As `pushplan.run`.
     """

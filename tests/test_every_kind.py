@@ -22,23 +22,29 @@ from pushplan.bench.store import ResultsFolder, read_results
 from pushplan.bench.suite import suite_from_text
 from pushplan.closed_loop import ClosedLoopRun, run_closed_loop
 from pushplan.drawing.scene import Scene
-from pushplan.errors import PlanningError, RunLogError
+from pushplan.errors import RunLogError
+from pushplan.logging.page import write_html
+from pushplan.logging.tables import write_csv
 from pushplan.planners.validator import Validator
-from pushplan.plans.plan import Plan
+from pushplan.plans.plan import Plan, Segment
 from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.course import Disturbance
+from pushplan.sim.control.settings import ControlSettings
 from pushplan.sim.identify import posterior
 from pushplan.sim.report import worst_at_goal
 from pushplan.sim.trials import TrialUncertainty
 from pushplan.trial import write_trial
 from pushplan.util.arrays import FloatArray
+from pushplan.verification import verify_log
 from pushplan.view.answers import Answers
 from pushplan.view.draft import Draft
 
 KINDS = ("push", "multi-push", "rearrangement")
 EVERY = pytest.mark.parametrize("kind", KINDS)
-EXECUTED = pytest.mark.parametrize("kind", [*KINDS, "closed loop"])
+LOOPS = tuple(f"{kind} in closed loop" for kind in KINDS)
+CLOSED = pytest.mark.parametrize("kind", LOOPS)
+EXECUTED = pytest.mark.parametrize("kind", [*KINDS, *LOOPS])
 
 
 @dataclass(frozen=True)
@@ -51,10 +57,12 @@ class Made:
 
 @cache
 def made(kind: str) -> Made:
-    if kind == "closed loop":
-        whole = made("push")
-        disturbance = Disturbance(0.5 * float(whole.execution.t[-1]), 1, 0.0, 0.005, 0.0)
-        loop = run_closed_loop(whole.scenario, disturbances=[disturbance], plan=whole.plan)
+    if kind in LOOPS:
+        whole = made(kind.split(" ")[0])
+        index = 1 if len(whole.execution.names) > 1 else 0
+        disturbance = Disturbance(0.5 * float(whole.execution.t[-1]), index, 0.0, 0.005, 0.0)
+        settings = ControlSettings(time_limit=60.0)  # iterations end searches, whatever the machine does
+        loop = run_closed_loop(whole.scenario, disturbances=[disturbance], plan=whole.plan, settings=settings)
         assert loop.outcome == "arrived", loop.reason
         return Made(whole.scenario, loop.plan, loop.execution, loop)
     text = {"multi-push": MULTI, "rearrangement": SWAP}.get(kind)
@@ -64,6 +72,10 @@ def made(kind: str) -> Made:
     assert plan.solved, plan.reason
     assert plan.execution is not None
     return Made(scenario, plan, plan.execution)
+
+
+def names_of(segment: Segment) -> tuple[str, ...]:
+    return () if segment.load is None else segment.load.names
 
 
 def at_goals(scenario: Scenario, objects: FloatArray) -> bool:
@@ -133,7 +145,7 @@ def test_a_picture_shows_the_path_and_where_everything_ends(kind: str, tmp_path:
         np.testing.assert_allclose(scene.end[place], pose, atol=1e-12)
     moved = {name for push in one.plan.pushes if push.load is not None for name in push.load.names}
     assert {name for line in scene.lines for name in line.load} == moved
-    assert bool(scene.marks) == (kind == "closed loop")
+    assert bool(scene.marks) == (kind in LOOPS)
     pushplan.plot_plan(one.plan, tmp_path / "run.png", one.execution, events)
     assert image.imread(tmp_path / "run.png").std() > 0.02
 
@@ -159,16 +171,34 @@ def test_trials_arrive_in_a_world_as_planned_and_can_be_looked_at(kind: str, tmp
     np.testing.assert_allclose(read.execution.objects[-1, :, :2], trials.object_poses[0][:, :2], atol=1e-12)
 
 
-def test_a_closed_loop_is_a_run_that_trials_can_repeat() -> None:
-    loop = made("closed loop").loop
+@CLOSED
+def test_a_closed_loop_is_a_run_that_can_be_repeated_shown_and_verified(kind: str, tmp_path: Path) -> None:
+    loop = made(kind).loop
     assert loop is not None
     assert pushplan.trial(loop.plan, 2).samples == 2
+    loop.write(tmp_path / "loop.mcap")
+    report = verify_log(tmp_path / "loop.mcap")
+    assert report.matches, [check.text for check in report.mismatches]
+    assert {"twist", "number of events"} <= {check.quantity for check in report.checks}
+    back = pushplan.load_run(tmp_path / "loop.mcap")
+    write_csv(back, tmp_path / "loop.csv")
+    columns = np.genfromtxt(tmp_path / "loop.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(columns["t"], loop.course.t, atol=1e-9)
+    write_html(back, tmp_path / "loop.html")
+    told = (tmp_path / "loop.html").read_text()
+    assert all(event.text in told for event in loop.events)
 
 
-@pytest.mark.parametrize("kind", KINDS[1:])
-def test_a_closed_loop_of_other_kinds_says_that_it_cannot(kind: str) -> None:
-    with pytest.raises(PlanningError, match="single push"):
-        run_closed_loop(made(kind).scenario, plan=made(kind).plan)
+@CLOSED
+def test_a_closed_loop_pushes_what_the_plan_pushes_to_its_goals(kind: str) -> None:
+    one = made(kind)
+    assert one.loop is not None
+    assert at_goals(one.scenario, one.execution.objects[-1])
+    assert max(one.loop.goal_errors) < 0.018
+    drives = [event for event in one.loop.events if event.kind == "drive"]
+    assert len(drives) >= sum(segment.kind == "transit" for segment in one.plan.segments)
+    pushed = {k for k, row in enumerate(~np.isnan(one.execution.margins).T) if row.any()}
+    assert {one.execution.names[k] for k in pushed} == {n for s in one.plan.pushes for n in names_of(s)}
 
 
 def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,7 +206,7 @@ def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: pytest.Mon
         monkeypatch.setattr(posterior, name, value)  # a rough answer is one, too
     monkeypatch.setattr("pushplan.sim.identify.identify.LOOKED_AT", 16)
     monkeypatch.setattr("pushplan.sim.identify.identify.STARTS", 1)
-    made_loop = made("closed loop").loop
+    made_loop = made("push in closed loop").loop
     assert made_loop is not None
     made_loop.write(tmp_path / "loop.mcap")
     found = pushplan.identify([tmp_path / "loop.mcap"], seed=1)

@@ -13,10 +13,11 @@ from pushplan.core.problem import MOST_FAMILIES
 from pushplan.core.pushes import PackedMode
 from pushplan.core.transit import find_transit, shortened
 from pushplan.errors import EmptyStableSetError
+from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.controls import MARGIN_FLOOR
 from pushplan.planners.multi.contact_modes import ContactMode
-from pushplan.planners.problem import open_scene
+from pushplan.planners.problem import open_scene, sampling_box
 from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of
 from pushplan.plans.path import TURN_WEIGHT, cost_rate
 from pushplan.scenario.model import Scenario
@@ -24,6 +25,9 @@ from pushplan.util.arrays import FloatArray
 from pushplan.util.names import TRANSIT_CLEARANCE
 
 NOWHERE = np.zeros(3)
+
+DRIVES = (30, 200, 1000)
+"""Poses drawn in search of a way of the robot, one after the other until there is one."""
 
 TOUCHING = 1e-3
 """Up to so far before the contact (m) the robot is proven not to touch the load elsewhere."""
@@ -138,6 +142,33 @@ class Question:
     robot: FloatArray
     load: FloatArray
     goals: FloatArray
+
+
+def find_drive(
+    problem: Scenario, load: FloatArray, start: FloatArray, approach: float, seed: int
+) -> FloatArray | None:
+    """Return arcs (k, 4) by which the robot drives up to a load where that stands; None where none are found.
+
+    Args:
+        problem: Of the load, with the plate at the face that it shall push, among what stands in the room.
+        load: (3,) pose of the contact's frame, on the load.
+        start: (3,) pose of the contact's frame, on the robot.
+        approach: Length of the straight way ahead that leads to the contact, and is looked at, too, m.
+        seed: Of the random numbers.
+    """
+    robot, objects = _scenes(problem)
+    goal = se2.compose(load, [-approach, 0.0, 0.0])
+    x, y, theta = (float(value) for value in goal)
+    if not sweep_is_free(robot, x, y, theta, 1.0, 0.0, 0.0, approach):
+        return None
+    wheels = wheels_of(problem.chain.pusher.drive, bounding_circle(robot.body.corners[:, :2])[:2])
+    around, state = Surroundings(robot, objects, load), np.array([seed], dtype=np.uint64)
+    reach = 1.0 + problem.chain.reach
+    for effort in DRIVES:
+        arcs = find_transit(around, wheels, start, goal, sampling_box(problem), reach, state, effort)
+        if arcs is not None:
+            return shortened(around, wheels, start, arcs, state, 200)
+    return None
 
 
 def wheels_of(drive: Drive, middle: FloatArray) -> Wheels:

@@ -39,6 +39,7 @@ _GOAL: Any = {"edgecolor": GOAL, "linestyle": (0, (3, 1.5))}
 _EVENT_MARKS = {
     "disturbance": "*",
     "deviation": "v",
+    "moved": "^",
     "replan": "D",
     "room": "s",
     "unseen": "o",

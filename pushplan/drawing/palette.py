@@ -57,6 +57,7 @@ INK, FAINT = "#2f3338", "#9aa1a9"
 EVENTS = {
     "disturbance": "#d3540f",
     "deviation": "#c2186b",
+    "moved": "#a3265e",
     "replan": "#8e3fb0",
     "room": "#8a6d00",
     "unseen": "#7d8794",

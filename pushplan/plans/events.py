@@ -14,6 +14,10 @@ KINDS = {
     "re-localisation": "the plate stands still, and what was measured since is averaged",
     "replan": "a plan was made on the way",
     "close": "a short push begins that closes contacts",
+    "drive": "the plate drives to an object",
+    "touch": "an object that was driven up to tells where the plate is",
+    "pushed": "a push of several is over",
+    "moved": "an object that is not pushed stands elsewhere than before",
     "room": "what stands in the room has changed, and with it the way to go",
     "dropped": "what came in cannot be: no numbers, absurd ones, or a time that is none",
     "jump": "the measured pose of the plate jumped",
@@ -24,7 +28,7 @@ KINDS = {
 }
 """Kinds of events, and what they mean."""
 
-WARNINGS = ("deviation", "dropped", "unseen", "gave up")
+WARNINGS = ("deviation", "moved", "dropped", "unseen", "gave up")
 """Kinds that are told as warnings."""
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pushplan.geometry import se2
-from pushplan.plans.plan import Plan, Poses
+from pushplan.plans.plan import Plan, Poses, Segment
 from pushplan.util.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Execution:
         poses: (m, 3) integrated pose of the plate frame in the world.
         twists: (m, 3) executed body twists of the plate frame.
         objects: (m, n, 3) poses of the objects' own frames in the world.
-        segment: (m,) index of the segment.
+        segment: (m,) index of the segment, see `segments_of`.
         margins: (m, n) margin of each contact; where the pusher rests, that of the twist it is about to take (at
             the end: has just taken). Where contacts may slip: what the twists would have if nothing had.
         loss: The first loss of stability, or None.
@@ -106,6 +106,17 @@ class Execution:
             return np.array([np.interp(time, self.t, column) for column in columns.T])
 
         return at(self.poses), {name: at(self.objects[:, k]) for k, name in enumerate(self.names)}
+
+
+def segments_of(plan: Plan | None, feedback: Feedback | None) -> tuple[Segment, ...]:
+    """Return what `Execution.segment` counts: the segments of a plan, and of plans for the rest that a loop made.
+
+    Another path of a push that was begun is still that push.
+    """
+    replans = () if feedback is None else feedback.replans
+    plans = [] if plan is None else [plan]
+    plans += [r.result for r in replans if r.solved and r.result is not None and r.result.path is None]
+    return tuple(segment for one in plans for segment in one.segments)
 
 
 def _least(margins: FloatArray) -> float | None:

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from pushplan.errors import PushplanError, RunLogError
-from pushplan.geometry.se2 import twist_of
 from pushplan.logging.recorded import RecordedRun
 from pushplan.logging.verify import Check, check_way
 from pushplan.plans.events import Feedback
@@ -61,7 +60,7 @@ def _twists(controller: Controller, execution: Execution, feedback: Feedback, se
     for now in execution.t:
         came = seen.arrived(float(now))
         twists.append(controller.step(float(now)) if came is None else controller.step(float(now), *came))
-    return np.asarray(twist_of(controller.load.chain.pusher.plate_pose, np.array(twists)))
+    return np.array(twists)
 
 
 def _said(controller: Controller, feedback: Feedback) -> Iterator[Check]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import exit_distance
-from pushplan.geometry.se2 import compose, exp, log, relative, rotate, transform_points, twist_of
+from pushplan.geometry.se2 import compose, exp, inverse, log, relative, rotate, transform_points, twist_of
 from pushplan.mechanics.chain import PLATE
 from pushplan.mechanics.contacts import carried_objects
 from pushplan.plans.events import Event, Measured
@@ -23,7 +23,7 @@ from pushplan.sim.intake import FARTHEST
 from pushplan.sim.report import columns_of
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.world import World
-from pushplan.util.arrays import FloatArray
+from pushplan.util.arrays import FloatArray, IntArray
 
 SENSOR = Sensor()
 TIME_LIMIT = 600.0
@@ -97,7 +97,11 @@ class Driver(Protocol):
 
     @property
     def load(self) -> Load | None:
-        """What is pushed now: twists are of its contact's frame, and of the plate frame where nothing is."""
+        """What is pushed now, come up to or left."""
+
+    @property
+    def segment(self) -> int:
+        """Index of the segment that is executed."""
 
     @property
     def over(self) -> bool:
@@ -106,7 +110,7 @@ class Driver(Protocol):
     def step(
         self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
     ) -> FloatArray:
-        """Return the twist (3,) until the next step."""
+        """Return the twist (3,) of the plate frame until the next step."""
 
 
 class OpenLoop:
@@ -124,7 +128,12 @@ class OpenLoop:
     @property
     def load(self) -> Load | None:
         """See `Driver`."""
-        return self._plan.segments[int(self._plan.segment_at(np.array([self._at]))[0])].load
+        return self._plan.segments[self.segment].load
+
+    @property
+    def segment(self) -> int:
+        """See `Driver`."""
+        return int(self._plan.segment_at(np.array([self._at]))[0])
 
     @property
     def over(self) -> bool:
@@ -135,10 +144,8 @@ class OpenLoop:
         self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
     ) -> FloatArray:
         """Return the twist (3,) until the next step; what is measured does not matter."""
-        load = self.load
         begin, self._at = self._at, min(self._at + 1.0 / self._rate, self._trajectory.duration)
-        plates = self._trajectory.poses_at([begin, self._at])
-        before, after = plates if load is None else compose(plates, load.frame_plate)
+        before, after = self._trajectory.poses_at([begin, self._at])
         return np.asarray(log(relative(before, after)) * self._rate)
 
 
@@ -153,6 +160,7 @@ class Course:
         object_poses: (m, n, 3) of the objects in the world.
         wrenches: (m - 1, 3) of the plate between each pose and the next, in the contact's frame: N, N, N m.
         twists: (m, 3) of the plate frame from then on.
+        segment: (m,) index of the segment that was executed then.
         measured: What the sensor said.
         jammed: Nothing could give way; everything ends there.
         over: What moves the plate came to its end.
@@ -164,6 +172,7 @@ class Course:
     object_poses: FloatArray
     wrenches: FloatArray
     twists: FloatArray
+    segment: IntArray
     measured: Measured
     jammed: bool
     over: bool
@@ -197,15 +206,15 @@ def course_in(
     simulator, seen, held = SlipSimulator(world), Measurements(sensor, seed), None
     frame = simulator.plate_pose
     left = deque(sorted(disturbances, key=lambda disturbance: disturbance.time))
-    rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
+    rows: list[tuple[float, FloatArray, FloatArray, FloatArray, int]] = []
     wrenches: list[FloatArray] = []
 
     def so_far() -> Course:
         columns = (np.array(column) for column in zip(*rows, strict=True))
-        t, poses, object_poses, twists = columns
+        t, poses, object_poses, twists, segment = columns
         pushed = np.array(wrenches).reshape(-1, 3)
         ended = simulator.jammed, driver.over
-        return Course(world.names, t, poses, object_poses, pushed, twists, seen.measured, *ended)
+        return Course(world.names, t, poses, object_poses, pushed, twists, segment, seen.measured, *ended)
 
     for k in range(int(time_limit * rate) + 1):
         now = k / rate
@@ -217,13 +226,14 @@ def course_in(
             simulator.place(disturbed(simulator, frame, left.popleft()), frame)
         seen.take(now, simulator.object_poses)
         came = seen.arrived(now)
+        plate, segment = simulator.plate_in_frame, driver.segment
         twist = driver.step(now) if came is None else driver.step(now, *came)
-        plate = simulator.plate_in_frame
-        rows.append((now, compose(frame, plate), simulator.object_poses, twist_of(plate, twist)))
+        rows.append((now, compose(frame, plate), simulator.object_poses, twist, segment))
         if progress is not None and k % math.ceil(rate) == 0:
             progress(so_far())
         if simulator.jammed or (driver.over and not twist.any()):
             break
+        twist = twist_of(inverse(plate), twist)
         wrenches.append(simulator.move(twist, 1.0 / rate).wrenches.mean(axis=0))
         frame = compose(frame, exp(twist / rate))
     return so_far()

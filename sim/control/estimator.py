@@ -40,6 +40,8 @@ NOISY = 24
 """Measurements of an object from which noise is estimated."""
 COMMON = 7
 """Numbers that all objects share: x, y and theta of C, tau, s_v, c, s_w."""
+OWN = slice(3, COMMON)
+"""Those of clock and wheels, which stay the same from one push to the next."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,7 @@ class Estimator:
     Args:
         settings: Its priors.
         count: Number of objects.
+        known: Of a push before: what it found of clock and wheels is the prior.
 
     Attributes:
         values: (7 + 3 n,) x, y (m), theta (rad) of C, tau (s), s_v, c, s_w, and of each object x, y, theta of B_i.
@@ -64,18 +67,22 @@ class Estimator:
         noise: (2,) standard deviations of measurements, m and rad, as stated or as found where that is more.
     """
 
-    def __init__(self, settings: ControlSettings, count: int) -> None:
+    def __init__(self, settings: ControlSettings, count: int, known: Estimator | None = None) -> None:
         self._settings, self._count = settings, count
         gauge = [settings.start_error[0]] * 2 + [settings.start_error[1]]
         scale = settings.odometry_error
         bias = [settings.bias[0]] * 2 + [settings.bias[1]]
         self._prior = np.array([*gauge, settings.delay_error, scale, scale, scale, *(bias * count)])
-        self.values, self.covariance = np.zeros(len(self._prior)), np.diag(self._prior**2)
+        self._center = np.zeros(len(self._prior))
+        if known is not None:
+            self._center[OWN] = known.values[OWN]
+            self._prior[OWN] = np.sqrt(np.diag(known.covariance)[OWN])
+        self.values: FloatArray = self._center.copy()
+        self.covariance: FloatArray = np.diag(self._prior**2)
         self.noise = np.array([settings.position_noise, settings.angle_noise])
         self._history, self._count_moved = np.zeros((1024, 4)), 0
         self._knots: list[FloatArray] = []
         self._samples: list[Sample] = []
-        self._center = np.zeros(len(self._prior))
 
     def unstamped(self) -> None:
         """Expect what comes without a time to be late."""

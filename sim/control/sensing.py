@@ -126,23 +126,22 @@ class Sightings:
         last = self._ahead or self._seen
         return last[-1][0] if last else -np.inf
 
-    def unseen(self, since: float) -> FloatArray:
-        """Return when each object was seen last (n,), or `since` where that is later or it never was."""
-        found = [np.where(np.isnan(poses[:, 0]), since, max(time, since)) for time, poses in self._seen]
+    def unseen(self, since: float, columns: list[int]) -> FloatArray:
+        """Return when each of some objects was seen last (n,), or `since` where that is later or it never was."""
+        found = [np.where(np.isnan(poses[columns, 0]), since, max(time, since)) for time, poses in self._seen]
         return np.max(found, axis=0) if found else np.array([since])
 
-    def mean(self, around: FloatArray, last: int, since: float = -np.inf) -> FloatArray | None:
-        """Return the mean poses (n, 3) of the last measurements of each object; None when there are less than that.
+    def mean(self, around: FloatArray, last: int, since: float, columns: list[int]) -> FloatArray | None:
+        """Return the mean poses (n, 3) of the last measurements of some objects; None when there are less than that.
 
         Args:
             around: (n, 3) poses about which angles are taken.
             last: Number of measurements.
             since: Only those from this time on count.
+            columns: Numbers of the objects among all.
         """
-        off = (
-            np.array([poses for time, poses in self._seen if time >= since]).reshape(-1, *around.shape)
-            - around
-        )
+        counted = [poses[columns] for time, poses in self._seen if time >= since]
+        off = np.array(counted).reshape(-1, *around.shape) - around
         off[..., 2] = wrap_angle(off[..., 2])
         there = ~np.isnan(off[..., 0])
         if (there.sum(axis=0) < last).any():

@@ -40,6 +40,7 @@ class ControlSettings:
             gives up.
         bias: Standard deviation of what is measured of an object beside its noise, always the same, m and rad.
         start_error: Likewise of where the plate is at first, m and rad.
+        approach_error: Likewise of where it is against an object that it has driven up to, m and rad.
         delay_error: Likewise of the times of measurements, s.
         late: By how much measurements without times come late, and by what that may be off, s.
         odometry_error: Standard deviation of the share that the plate goes too far, or aside.
@@ -59,6 +60,7 @@ class ControlSettings:
     patience: float = 0.5
     bias: tuple[float, float] = (2e-3, math.radians(0.6))
     start_error: tuple[float, float] = (4e-3, math.radians(0.6))
+    approach_error: tuple[float, float] = (4e-3, math.radians(1.5))
     delay_error: float = 0.03
     late: float = 0.1
     odometry_error: float = 0.015
@@ -76,7 +78,7 @@ class ControlSettings:
     def __post_init__(self) -> None:
         for field in fields(self):
             value, least = getattr(self, field.name), _LEAST.get(field.name)
-            if field.name in ("bias", "start_error"):
+            if field.name in ("bias", "start_error", "approach_error"):
                 object.__setattr__(self, field.name, tuple(frozen(value, (2,), field.name).tolist()))
                 value = min(getattr(self, field.name))
             whole = field.name in ("looks", "replans")

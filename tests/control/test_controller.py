@@ -15,8 +15,9 @@ from pushplan.mechanics.support import UnknownSupport
 from pushplan.planners.clearance import find_collision
 from pushplan.plans.plan import Load, Plan
 from pushplan.scenario.parts import CircleObstacle
-from pushplan.sim.control.controller import Controller, Phase
+from pushplan.sim.control.controller import Controller
 from pushplan.sim.control.course import Course, Disturbance, OpenLoop, course_in
+from pushplan.sim.control.pushing import Phase
 from pushplan.sim.control.sensing import Sensor
 from pushplan.util.arrays import FloatArray
 
@@ -152,8 +153,12 @@ class NoticedOnTheWay:
         self.controller, self._obstacles = controller, obstacles
 
     @property
-    def load(self) -> Load:
+    def load(self) -> Load | None:
         return self.controller.load
+
+    @property
+    def segment(self) -> int:
+        return self.controller.segment
 
     @property
     def over(self) -> bool:

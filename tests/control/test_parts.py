@@ -94,12 +94,12 @@ def test_measurements_are_averaged_object_by_object_and_those_ahead_wait() -> No
         sightings.see(0.1 * k, pose)
         sightings.come(0.1 * k - 0.05)
     assert sightings.latest() == pytest.approx(0.5)
-    np.testing.assert_allclose(sightings.unseen(0.0), [0.4, 0.4])
-    assert sightings.mean(around, 4) is None
-    seen = sightings.mean(around, 3)
+    np.testing.assert_allclose(sightings.unseen(0.0, [0, 1]), [0.4, 0.4])
+    assert sightings.mean(around, 4, -np.inf, [0, 1]) is None
+    seen = sightings.mean(around, 3, -np.inf, [0, 1])
     assert seen is not None
     np.testing.assert_allclose(seen, [[0.03, 0.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-12)
-    assert sightings.mean(around, 2, since=0.25) is None
+    assert sightings.mean(around, 2, 0.25, [0, 1]) is None
 
 
 TRUTHS = {

@@ -1,0 +1,438 @@
+"""One push in closed loop: measured poses of its objects in, twists of the plate out.
+
+The plate follows a path. When measurements say that an object is away from its pose, it slows down along the path and
+stands still: objects on the floor then stand still, too, and every measurement from then on tells the same, so that
+noise averages out and delay does not matter. From what was seen the controller closes contacts that are open, plans
+again, or gives up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from pushplan.errors import ChainError
+from pushplan.geometry.se2 import compose, exp, inverse, log, relative, rotate, transform_points, wrap_angle
+from pushplan.mechanics.chain import PLATE
+from pushplan.mechanics.perturb import slid
+from pushplan.planners.timing.arc_limits import motion_bounds
+from pushplan.planners.timing.exact_timing import time_path
+from pushplan.plans.events import Replan
+from pushplan.plans.path import PushPath, cost_rate
+from pushplan.plans.plan import Plan
+from pushplan.plans.trajectory import Trajectory
+from pushplan.scenario.model import Obstacle, Scenario
+from pushplan.sim.control.closing import ClosingPush, Contacts, Spread, closing_push, contacts_at
+from pushplan.sim.control.estimator import HOLD, Estimator, Sample
+from pushplan.sim.control.following import Following
+from pushplan.sim.control.replanner import Replanner
+from pushplan.sim.control.sensing import Sightings
+from pushplan.sim.control.settings import SIGMAS, ControlSettings
+from pushplan.sim.follower import Steering
+from pushplan.sim.world import World
+from pushplan.util.arrays import FloatArray
+
+CLOSINGS = 3
+"""Pushes in a row that may fail to close contacts."""
+ATTEMPTS = 24
+"""Replans in a row that may find nothing."""
+CLEARLY, BARELY, HARDLY = 0.8, 0.95, 0.05
+"""Shares of the tolerances: nothing need be better, arrived for all the noise, hardly more than asked for."""
+FREE = 3
+"""Plans on the way that are made whatever they cost; later ones only up to twice the first plan, and 1 m."""
+WORTH = 0.5
+"""Way (m) that it is worth to come nearer by no more than that."""
+SLOW, QUICK, UNSURE = 4.0, 5.0, 3.0
+"""Standard deviations of the mean of many measurements, of two, and of what is expected, by which an object has to be
+off."""
+SETTLE, UNSETTLED = 0.02, (1.5e-3, math.radians(0.4))
+"""Way after which contacts that were open at first are closed, m, and by what they may have been (m, rad)."""
+REFIT = 0.25
+"""Time between two fits, s."""
+FOUND = 3.0
+"""A contact that is found by approach is off where it is believed to be by so many times what is likely, at most."""
+
+
+class Phase(Enum):
+    """What a controller is doing."""
+
+    DRIVING = "driving"
+    PUSHING = "pushing"
+    CLOSING = "closing"
+    LOOKING = "looking"
+    ARRIVED = "arrived"
+    GAVE_UP = "gave up"
+
+
+@dataclass(frozen=True, eq=False)
+class PushJob:
+    """A push that is to be done.
+
+    Attributes:
+        scenario: The push problem: the load, where it shall go, and what stands in the room.
+        plan: Of this push alone, to begin with.
+        columns: Numbers of the load's objects among all that are measured.
+        settle: Length of the straight push that closes the contacts after an approach, m; 0 where they are closed.
+    """
+
+    scenario: Scenario
+    plan: Plan
+    columns: list[int]
+    settle: float = 0.0
+
+
+class PushLoop:
+    """Pushes a load to its goal and watches it.
+
+    Args:
+        job: What to do.
+        replanner: Of its scenario.
+        settings: See there.
+        sightings: What was measured of all objects.
+        tell: Takes kind and text of events.
+        record: Takes attempts to plan.
+        now: Time, s.
+        plate: (3,) pose of the contact's frame in the world, as believed.
+        odometry: (3,) likewise by odometry.
+        known: Of a push before: what it found of clocks and wheels holds on.
+
+    Attributes:
+        load: What is pushed: twists are of its contact's frame.
+        phase: What it is doing.
+        text: How it ended: what is left, or why it gave up.
+        plate: (3,) pose of the contact's frame in the world, as believed.
+        places: (n, 3) poses of the objects in that frame, as believed.
+        way: Driven so far, m.
+        estimator: What sensors and wheels err by.
+    """
+
+    def __init__(
+        self,
+        job: PushJob,
+        replanner: Replanner,
+        settings: ControlSettings,
+        sightings: Sightings,
+        tell: Callable[[str, str], None],
+        record: Callable[[Replan], None],
+        now: float,
+        plate: FloatArray,
+        odometry: FloatArray,
+        known: Estimator | None = None,
+    ) -> None:
+        scenario, plan = job.scenario, job.plan
+        assert plan.path is not None
+        self.scenario, self.settings = scenario, settings
+        self._job, self._replanner, self._sightings = job, replanner, sightings
+        self._tell, self._record, self._replans = tell, record, 0
+        segment = plan.segments[0]
+        assert segment.load is not None
+        self.load, self.phase, self.text = segment.load, Phase.PUSHING, ""
+        self._closer = World.from_scenario(scenario)
+        self._known = known
+        self.estimator = Estimator(settings, len(scenario.chain.objects), known)
+        self._normals = np.array([contact.normal for contact in scenario.chain.contacts])
+        self.plate, self._odometry, self._told = plate, plate, odometry
+        self._now, self._began, self._fitted, self.way = now, now, -math.inf, 0.0
+        self._recent: deque[Sample] = deque(maxlen=max(2, settings.looks // 2))
+        self.places = scenario.chain.places
+        self._open: Contacts | None = None
+        self._since, self._closings, self._settled = now, 0, False
+        self._path: PushPath = plan.path
+        self._touching = job.settle > 0.0
+        if self._touching:
+            self._straight(plan.path.twists[0], job.settle)
+        else:
+            self._drive_on(plan)
+
+    @property
+    def over(self) -> bool:
+        """Whether it arrived or gave up."""
+        return self.phase in (Phase.ARRIVED, Phase.GAVE_UP)
+
+    @property
+    def driving(self) -> bool:
+        """Whether it follows a path, and nothing has made it stop."""
+        return self.phase is Phase.PUSHING and not self._following.drive.stopping
+
+    def moved(self, now: float, odometry: FloatArray, localised: bool) -> None:
+        """Take down where the plate is by odometry (3,), and whether that was measured."""
+        self._now = now
+        self._odometry = compose(self._odometry, relative(self._told, odometry))
+        self._told = odometry
+        self.estimator.moved(now, self._odometry)
+        if localised:
+            self.plate = self.estimator.plate(now)
+
+    def learn(self, time: float, poses: FloatArray) -> None:
+        """Take a measurement (n, 3) of all objects into account while contacts are taken for closed."""
+        sample = Sample(time, poses[self._job.columns], self._replanner.chain.places)
+        self._recent.append(sample)
+        if not self.driving:
+            return
+        self.estimator.add(sample)
+        if not self._settled and self.way > SETTLE:
+            self._settled = True
+            self.estimator.forget(-math.inf, self._now)  # gaps were closing
+        if self._now >= self._fitted + REFIT:
+            self._fitted = self._now
+            self.estimator.fit(self._now)
+            self.plate = self.estimator.plate(self._now)
+
+    def notice(self, obstacles: tuple[Obstacle, ...]) -> None:
+        """Take over what stands in the way now.
+
+        Where the rest of the path is not free any more, or another one has become shorter by a tenth, the plate stops
+        and plans again.
+        """
+        self._replanner.take_obstacles(obstacles)
+        if not self.driving:
+            return
+        drive = self._following.drive
+        ahead = drive.trajectory.poses_at(np.arange(drive.at, drive.trajectory.duration, 0.02))
+        if len(ahead) < 2:
+            return
+        rest = float(cost_rate(log(relative(ahead[:-1], ahead[1:]))).sum())
+        why = self._replanner.reason_to_replan(ahead, rest)
+        if why:
+            self._tell("room", why)
+            drive.stop()
+
+    def twist(self) -> FloatArray:
+        """Return the twist (3,) to tell the plate: what leads it along the path, and back to it as contacts bear."""
+        if self.over or self._following.drive.over:
+            return np.zeros(3)
+        period = 1.0 / self.settings.rate
+        twist = self._following.twist(self.plate)
+        self.plate = compose(self.plate, exp(twist * period))
+        self.way += float(np.hypot(twist[0], twist[1])) * period
+        return self.estimator.asked(twist)
+
+    def decide(self) -> None:
+        """Stop where something is not as it should be, and decide what to do once it has been looked at."""
+        unseen = self._now - float(self._sightings.unseen(self._began, self._job.columns).min())
+        if unseen > 10.0 * self.settings.patience:
+            self._give_up(f"no measurement has come for {unseen:.1f} s")
+        elif self.phase is Phase.LOOKING:
+            self._look()
+        elif self._following.drive.over:
+            self.phase, self._since = Phase.LOOKING, self._now
+        elif not self._following.drive.stopping:
+            self._watch(unseen)
+
+    def _watch(self, unseen: float) -> None:
+        """Stop when an object has left its place, or nothing is seen any more."""
+        kind, what = "unseen", f"no measurement has come for {unseen:.2f} s"
+        if unseen <= self.settings.patience and self.phase is Phase.PUSHING:
+            kind, what = "deviation", self._departure()
+        if what and (kind == "deviation" or unseen > self.settings.patience):
+            self._tell(kind, what)
+            self.estimator.forget(self._now - 2.0 * HOLD, self._now)
+            self._following.drive.stop()
+
+    def _departure(self) -> str:
+        """Return which object has left its place and by how much; empty if none has.
+
+        Half of the measurements of a look tell of a slow departure, two of a quick one: the mean of what they are off
+        what was expected from all that was learned before.
+        """
+        recent = [sample for sample in self._recent if sample.time >= self._since]
+        if len(recent) < 2:
+            return ""
+        names, settings, noise = self.scenario.chain.objects, self.settings, self.estimator.noise
+        slack, gaps = np.array([settings.position_slack, settings.angle_slack]), UNSURE * np.array(UNSETTLED)
+        off = self.estimator.residuals(recent)
+        for i, obj in enumerate(names):
+            own = off[~np.isnan(off[:, i, 0]), i]
+            for last, sigmas in ((self._recent.maxlen, SLOW), (2, QUICK)):
+                if last is None or len(own) < last:
+                    continue
+                mean = own[-last:].mean(axis=0)
+                apart = np.array([np.hypot(mean[0], mean[1]), abs(mean[2])])
+                most = np.maximum(slack, sigmas / math.sqrt(last) * noise)
+                if (apart > most).any():
+                    spread = UNSURE * self.estimator.spread(recent[-1])[i]
+                    most = most + (spread if self._settled else np.hypot(spread, gaps))
+                if (apart > most).any():
+                    return f"{obj.name} is {words(*apart)} away from its pose in the plan"
+        return ""
+
+    def _look(self) -> None:
+        """Once there are enough measurements at rest, decide."""
+        estimator = self.estimator
+        late = max(0.0, estimator.values[3] + 2.0 * math.sqrt(estimator.covariance[3, 3]))
+        self.plate = estimator.plate(self._now)
+        expected = compose(self.plate, self.places)
+        measured = self._sightings.mean(expected, self.settings.looks, self._since + late, self._job.columns)
+        if measured is None:
+            return
+        if self._touching:
+            self._touch(measured)
+            estimator = self.estimator
+        chain = self._replanner.chain
+        poses = estimator.unbiased(measured, chain.places, self._normals)
+        self.places = places = relative(self.plate, poses)
+        contacts = contacts_at(self.scenario.chain, places)
+        off = words(*self._replanner.aim.errors(poses))
+        open_by = words(max(float(contacts.opening.max()), 0.0), float(np.abs(contacts.rotation).max()))
+        self._tell("re-localisation", f"the goal is {off} away; contacts are open by up to {open_by}")
+        nearer = self._could_be_nearer(poses, contacts.slide)
+        aim = self._replanner.aim
+        flush = contacts.flush(*self._closed()) or self._persists(contacts, open_by)
+        if aim.reached(poses, CLEARLY) or (aim.reached(poses, 1.0) and not nearer):
+            self._end(Phase.ARRIVED, f"{off} off the goal")
+        elif self._replans >= self.settings.replans:
+            self._give_up(f"{self.settings.replans} plans were made on the way, and it is not there")
+        elif not flush:
+            self._close(poses)
+        elif not nearer:
+            self._give_up(f"objects have slid against one another: they cannot all be nearer than {off}")
+        else:
+            self._replan(contacts, measured, off)
+
+    def _closed(self) -> tuple[float, float]:
+        """Return the gap (m) and turn (rad) up to which contacts count as closed, by all that is not known."""
+        share = SIGMAS / math.sqrt(self.settings.looks)
+        resting = Sample(self._now, np.zeros_like(self.places), self._replanner.chain.places)
+        gap, turn = share * self.estimator.noise + 2.0 * self.estimator.spread(resting).max(axis=0)
+        return max(self.settings.gap, float(gap)), max(self.settings.turn, float(turn))
+
+    def _persists(self, contacts: Contacts, open_by: str) -> bool:
+        """Tell whether contacts seem as open as before a push that closes them: that is the camera's error."""
+        before, self._open = self._open, contacts
+        if before is None or self._closings == 0:
+            return False
+        gap, turn = self._closed()
+        same = np.abs(contacts.opening - before.opening) <= gap
+        same &= np.abs(contacts.rotation - before.rotation) <= turn
+        most = [SIGMAS * value for value in self.settings.bias]
+        if not (same.all() and contacts.flush(*most)):
+            return False
+        self._tell("sensor", f"a push does not change that contacts seem open by {open_by}: cameras err so")
+        return True
+
+    def _could_be_nearer(self, poses: FloatArray, slides: FloatArray) -> bool:
+        """Tell whether the objects, where they have slid to, could stand much nearer to the goal than they do."""
+        aim = self._replanner.aim
+        try:
+            best = aim.best(slid(self.scenario.chain, slides))
+        except ChainError:
+            return True
+        return bool(((aim.errors(poses) - best) / aim.tolerance).max() > 1.0 - CLEARLY)
+
+    def _replan(self, contacts: Contacts, measured: FloatArray, off: str) -> None:
+        """Go on with a new plan, from objects that are flush and have slid, unless it costs more than it gains."""
+        self._closings, self._open = 0, None
+        for attempt in range(ATTEMPTS):
+            replan = self._replanner.replan(self._now, self.plate, self._path, contacts.slide, attempt)
+            self._record(replan)
+            if replan.solved:
+                self._replans += 1
+                break
+        result = replan.result
+        if result is not None and result.path is not None and result.trajectory is not None:
+            if self._is_too_far(result.path.cost, off):
+                return
+            self._tell("replan", f"{result.path.cost:.3f} m in {result.trajectory.duration:.1f} s")
+            self._path, self.places = result.path, self._replanner.chain.places
+            self._take_for_closed(measured)
+            self._drive_on(result)
+        elif self._replanner.aim.reached(compose(self.plate, self.places), BARELY):
+            self._end(Phase.ARRIVED, "within the tolerances, and there is no plan to come nearer")
+        else:
+            self._give_up(f"there is no plan from here: {replan.reason}")
+
+    def _is_too_far(self, cost: float, off: str) -> bool:
+        """End where a plan costs more than it gains, m, or too much was driven already."""
+        aim = self._replanner.aim
+        errors = aim.errors(compose(self.plate, self.places))
+        excess = float((errors / aim.tolerance).max()) - 1.0
+        path = self._job.plan.path
+        first = 0.0 if path is None else path.cost
+        if excess < HARDLY and cost > WORTH:
+            why = f"coming nearer takes {cost:.1f} m"
+        elif self.way + cost > 2.0 * first + 1.0 and self._replans > FREE:
+            why = f"{self.way:.1f} m were driven, and it takes another {cost:.1f} m"
+        else:
+            return False
+        if aim.reached(compose(self.plate, self.places)):
+            self._end(Phase.ARRIVED, f"{off} off the goal; {why}")
+        else:
+            self._give_up(f"{off} remain to the goal; {why}")
+        return True
+
+    def _take_for_closed(self, measured: FloatArray) -> None:
+        """Take the objects for being in contact at their new places; what they still seem off is the sensor's."""
+        places = self._replanner.chain.places
+        self.estimator.take_slides(places, self._normals)
+        (rest,) = self.estimator.residuals([Sample(self._now, measured, places)])
+        self.estimator.absorb(rest)
+
+    def _touch(self, measured: FloatArray) -> None:
+        """Take the first object that the plate pushes, measured like all (n, 3) at rest after a push, for flush.
+
+        So the contact tells where the plate is across it and how it is turned; along it, what was believed holds.
+        Where that is far from what was believed, the object is taken not to be flush.
+        """
+        self._touching = False
+        chain = self.scenario.chain
+        k = next(k for k, contact in enumerate(chain.contacts) if contact.pusher == PLATE)
+        contact = chain.contacts[k]
+        carried = relative(self.plate, compose(measured[k], inverse(chain.places[k])))
+        middle = 0.5 * (contact.right + contact.left)
+        there = transform_points(carried, middle[None])[0]
+        turned = float(wrap_angle(carried[2]))
+        slide = float(rotate(-turned, there - middle) @ contact.tangent)
+        shift = np.append(there - rotate(turned, middle + slide * contact.tangent), turned)
+        off = float(np.hypot(shift[0], shift[1])), abs(turned)
+        most = FOUND * np.array(self.settings.approach_error)
+        if off[0] > most[0] or off[1] > most[1]:
+            return
+        self._tell("touch", f"{chain.objects[k].name} tells that the plate is {words(*off)} off")
+        self.plate = self._odometry = compose(self.plate, shift)
+        self.estimator = Estimator(self.settings, len(chain.objects), self.estimator)
+        self.estimator.moved(self._now, self._odometry)
+
+    def _drive_on(self, plan: Plan) -> None:
+        """Follow a plan, with corrections that its contacts bear."""
+        self._start(plan.segments[0].contact_trajectory, Phase.PUSHING, Steering(plan))
+
+    def _close(self, poses: FloatArray) -> None:
+        """Push so that open contacts close."""
+        push: ClosingPush | str = f"{CLOSINGS} pushes did not close the contacts"
+        if self._closings < CLOSINGS:
+            twists = self._replanner.planner(0.0).twists
+            push = closing_push(self._closer, self.plate, poses, twists, Spread.of(self.settings))
+        if isinstance(push, str):
+            self._give_up(push)
+            return
+        self._closings += 1
+        self._tell("close", f"a push of {1e3 * push.length:.0f} mm closes the contacts")
+        self._straight(push.twist, push.length)
+
+    def _straight(self, twist: FloatArray, length: float) -> None:
+        """Push along one twist (3,) by a length (m of path cost), to close contacts."""
+        planner = self._replanner.planner(0.0)
+        path = PushPath(self.plate, twist[None], np.array([length]))
+        bounds = motion_bounds(planner.scenario.with_margin(planner.margin), planner.stable)
+        self._start(time_path(path, bounds), Phase.CLOSING, None)
+
+    def _start(self, trajectory: Trajectory, phase: Phase, steering: Steering | None) -> None:
+        limits, rate = self.scenario.chain.pusher.limits, self.settings.rate
+        self._following = Following(trajectory, limits, rate, self.load.frame_plate, steering)
+        self.phase, self._since = phase, self._now
+
+    def _give_up(self, reason: str) -> None:
+        self._end(Phase.GAVE_UP, reason)
+
+    def _end(self, phase: Phase, text: str) -> None:
+        self.phase, self.text = phase, text
+
+
+def words(distance: float, angle: float) -> str:
+    """Return a distance (m) and an angle (rad) for people."""
+    return f"{1e3 * distance:.1f} mm and {np.degrees(angle):.2f} deg"

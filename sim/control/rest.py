@@ -1,0 +1,179 @@
+"""How the plate gets to the next object from where everything was measured, and plans for what is left to do."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pushplan.errors import PushplanError
+from pushplan.geometry.se2 import compose, inverse, pose_error
+from pushplan.mechanics.chain import PLATE
+from pushplan.planners.multi.room import find_drive
+from pushplan.planners.planner import Planner, time_segments
+from pushplan.plans.events import Replan
+from pushplan.plans.path import PushPath
+from pushplan.plans.plan import Load, Plan, Poses, Segment
+from pushplan.plans.settings import Observer, PlanSettings
+from pushplan.scenario.model import Obstacle, Scenario
+from pushplan.scenario.parts import Goal
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import APPROACH, TRANSIT
+
+TIME_LIMIT = 20.0
+"""Of a plan for the rest, s: its search ends by itself, so that runs repeat."""
+BATCHES = 4
+"""Of poses that the search for several pushes of one load draws, at most."""
+SAME = 1e-4, 1e-4
+"""Up to so far (m, rad) off its beginning a planned way is driven as it is."""
+AHEAD = np.array([[1.0, 0.0, 0.0]])
+Leg = tuple[int, Segment]
+"""Index of a segment of the plan, and how it is driven."""
+
+
+def standing_obstacles(
+    scenario: Scenario, obstacles: Sequence[Obstacle], poses: Poses, leave_out: tuple[str, ...]
+) -> tuple[Obstacle, ...]:
+    """Return obstacles and all objects of a scenario where they stand, but for some."""
+    nowhere = PushPath(np.zeros(3), np.zeros((0, 3)), np.zeros(0))
+    resting = Segment(TRANSIT, nowhere, poses, poses)
+    return (*obstacles, *resting.standing_obstacles(scenario, leave_out))
+
+
+def carried_by(load: Load, poses: Poses) -> FloatArray:
+    """Return the pose (3,) that the load's contact frame has where its first object is flush with the plate."""
+    first = next(contact.pushed for contact in load.chain.contacts if contact.pusher == PLATE)
+    obj = load.chain.objects[first]
+    return compose(poses[obj.name], inverse(obj.pose_chain))
+
+
+def legs_to(
+    plan: Plan,
+    begin: int,
+    plate: FloatArray,
+    poses: Poses,
+    obstacles: Sequence[Obstacle],
+    near: tuple[float, float],
+    rate: float,
+) -> list[Leg]:
+    """Return how the plate drives up to the load of the next push; nothing where there is no way.
+
+    Args:
+        plan: With what is to be done.
+        begin: Index of the segment that comes next.
+        plate: (3,) pose of the plate frame.
+        poses: Of all objects, as measured.
+        obstacles: What else stands in the room.
+        near: How far (m, rad) the load may be off its planned place so that planned ways are driven as they are.
+        rate: Of trajectories, Hz.
+    """
+    scenario, segments = plan.scenario, plan.segments
+    k = next(k for k in range(begin, len(segments)) if segments[k].pushes)
+    load = segments[k].load
+    assert load is not None
+    contact = carried_by(load, poses)
+    off, away = (
+        pose_error(contact, segments[k].contact_path.start),
+        pose_error(plate, segments[begin].path.start),
+    )
+    if all(e <= m for e, m in zip((*off, *away), (*near, *SAME), strict=True)):
+        return [(i, segments[i]) for i in range(begin, k)]
+    pushes = scenario.pushes
+    assert pushes is not None
+    around = standing_obstacles(scenario, obstacles, poses, load.names)
+    problem = replace(
+        load.problem,
+        obstacles=around,
+        workspace=scenario.workspace,
+        clearance=scenario.clearance,
+        start=contact,
+        goal=Goal(contact, None, contact, 0.0, 0.0),
+    )
+    robot = compose(plate, load.frame_plate)
+    arcs = find_drive(problem, contact, robot, pushes.approach, plan.seed)
+    if arcs is None:
+        return []
+    ways = {
+        TRANSIT: PushPath(robot, arcs[:, :3], arcs[:, 3]),
+        APPROACH: PushPath(
+            compose(contact, [-pushes.approach, 0.0, 0.0]), AHEAD, np.array([pushes.approach])
+        ),
+    }
+    kinds = {TRANSIT: None, APPROACH: load}
+    made = [
+        Segment(kind, way.of_frame(load.chain.pusher.plate_pose), poses, poses, kinds[kind])
+        for kind, way in ways.items()
+        if len(way.lengths)
+    ]
+    last = [i for i in range(begin, k) if segments[i].kind == APPROACH]
+    index = {TRANSIT: begin, APPROACH: last[-1] if last else begin}
+    return [(index[one.kind], one) for one in time_segments(scenario, tuple(made), rate)]
+
+
+class RestPlanner:
+    """Plans what is left to do from where everything was measured.
+
+    Args:
+        scenario: What is believed.
+        observer: Takes messages about what takes long.
+    """
+
+    def __init__(self, scenario: Scenario, observer: Observer) -> None:
+        self._scenario, self._observer = scenario, observer
+
+    def plan(
+        self,
+        now: float,
+        plate: FloatArray,
+        poses: Poses,
+        obstacles: tuple[Obstacle, ...],
+        delivered: frozenset[str],
+        seed: int,
+    ) -> Replan:
+        """Return a plan for the rest.
+
+        Args:
+            now: For the record.
+            plate: (3,) pose of the plate frame.
+            poses: Of all objects.
+            obstacles: What else stands in the room.
+            delivered: Objects that stay where they are.
+            seed: Of the random numbers.
+        """
+        began, reason, result = time.process_time(), "", None
+        try:
+            asked = self._asked(plate, poses, obstacles, delivered)
+            settings = PlanSettings(
+                first=bool(asked.bodies),
+                time_limit=TIME_LIMIT,
+                iterations=None if asked.bodies else BATCHES,
+                seed=seed,
+                observer=self._observer,
+            )
+            result = Planner(asked, settings=settings).plan(first=bool(asked.bodies), explain=False)
+            reason = result.reason
+        except PushplanError as error:
+            reason = str(error)
+        return Replan(now, result, reason, time.process_time() - began)
+
+    def _asked(
+        self, plate: FloatArray, poses: Poses, obstacles: tuple[Obstacle, ...], delivered: frozenset[str]
+    ) -> Scenario:
+        """Return the scenario with everything where it is now."""
+        scenario = self._scenario
+        assert scenario.pushes is not None
+        pushes = replace(scenario.pushes, robot_start=plate)
+        if not scenario.bodies:
+            first = scenario.chain.objects[0]
+            start = compose(poses[first.name], inverse(first.pose_chain))
+            return replace(scenario, start=start, pushes=pushes, obstacles=obstacles)
+        bodies = {}
+        for name, body in scenario.bodies.items():
+            bodies[name] = replace(body, pose=poses[name])
+            if name in delivered:
+                there, goal = bodies[name].start, body.goals[0]
+                stay = replace(goal, pose=there, of=None, pose_chain=there)
+                bodies[name] = replace(bodies[name], goals=(stay,))
+        return replace(scenario, bodies=bodies, pushes=pushes, obstacles=obstacles)

@@ -1,0 +1,99 @@
+"""Where objects are believed to stand, and whether one has moved that nothing pushed."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from pushplan.geometry.se2 import wrap_angle
+from pushplan.plans.plan import Poses
+from pushplan.sim.control.pushing import SLOW, words
+from pushplan.sim.control.sensing import Sightings
+from pushplan.sim.control.settings import ControlSettings
+from pushplan.util.arrays import FloatArray
+
+PATIENT = 4.0
+"""So many times the patience of the settings is waited for objects that are not seen."""
+
+
+class Standing:
+    """Where all objects of a scenario are believed to stand.
+
+    Args:
+        poses: Of all objects, as stated.
+        settings: See there.
+        sightings: What was measured.
+
+    Attributes:
+        names: Of the objects.
+        poses: (n, 3) as believed.
+    """
+
+    def __init__(self, poses: Poses, settings: ControlSettings, sightings: Sightings) -> None:
+        self.names = tuple(poses)
+        self.poses = np.array(list(poses.values()))
+        self._settings, self._sightings = settings, sightings
+        self._resting = np.full_like(self.poses, np.nan)
+        self._recent: deque[FloatArray] = deque(maxlen=max(2, settings.looks // 2))
+
+    @property
+    def by_name(self) -> dict[str, FloatArray]:
+        """Poses (3,) by name."""
+        return dict(zip(self.names, self.poses, strict=True))
+
+    def columns(self, names: Iterable[str]) -> list[int]:
+        """Return the numbers of some objects."""
+        return [self.names.index(name) for name in names]
+
+    def let_go(self, columns: list[int]) -> None:
+        """Watch some objects no longer: they are pushed from now on."""
+        self._resting[columns] = np.nan
+
+    def put(self, columns: list[int], poses: FloatArray) -> None:
+        """Take objects to be at poses (k, 3)."""
+        self.poses[columns] = poses
+
+    def measured(self, poses: FloatArray) -> None:
+        """Take down measured poses (n, 3), NaN where unseen."""
+        self._recent.append(poses)
+
+    def look(self, since: float, now: float) -> bool:
+        """Take over where objects were measured at rest since a time; False while that is not known of all.
+
+        Objects that are not seen are waited for a while, then taken to stand where they were.
+        """
+        count, patient = self._settings.looks, PATIENT * self._settings.patience
+        for k in range(len(self.names)):
+            mean = self._sightings.mean(self.poses[k, None], count, since, [k])
+            if mean is not None:
+                self.poses[k] = self._resting[k] = mean[0]
+            elif now - since < patient:
+                return False
+        return True
+
+    def watch(self, moved: Callable[[str, str], None]) -> bool:
+        """Call `moved` with name and deviation of each object that has moved; return whether there is one.
+
+        As for the load, several measurements tell of a slow departure, two of a quick one.
+        """
+        before = self._resting.copy()
+        for k, name in enumerate(self.names):
+            off = [poses[k] - self._resting[k] for poses in self._recent]
+            off = [one for one in off if not np.isnan(one[0])]
+            for last in (self._recent.maxlen or 2, 2):
+                mean = np.mean(off[-last:], axis=0) if len(off) >= last else np.zeros(3)
+                mean[2] = np.mean([wrap_angle(one[2]) for one in off[-last:]]) if len(off) >= last else 0.0
+                if self._is_off(mean, last):
+                    self.poses[k], self._resting[k] = self._resting[k] + mean, np.nan
+                    moved(name, words(float(np.hypot(*mean[:2])), abs(float(mean[2]))))
+                    break
+        return not np.array_equal(before, self._resting, equal_nan=True)
+
+    def _is_off(self, mean: FloatArray, count: int) -> bool:
+        s = self._settings
+        noise = np.array([s.position_noise, s.angle_noise])
+        most = np.maximum([s.position_slack, s.angle_slack], SLOW / math.sqrt(count) * noise) + noise
+        return bool(np.hypot(mean[0], mean[1]) > most[0] or abs(mean[2]) > most[1])
