@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import runpy
+import shutil
 from pathlib import Path
 
 from pybind11 import get_include
@@ -21,11 +23,18 @@ class BuildCore(build_ext):
     """Builds the core on all processors, with the digest of its sources compiled in."""
 
     def build_extensions(self) -> None:
-        """Build; without a compiler, say what is missing in one sentence."""
+        """Build, or take a core that was built of the same sources; without a compiler, say what is missing."""
+        if built := os.environ.get("PUSHPLAN_CORE"):
+            path = Path(self.get_ext_fullpath("pushplan.core"))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(built, path)
+            return
         sources = DIGEST_OF(CORE)
         for extension in self.extensions:
             extension.include_dirs.append(get_include())
-            extension.extra_compile_args += [*FLAGS, f'-DPUSHPLAN_SOURCES="{sources}"']
+            more = os.environ.get("PUSHPLAN_CORE_FLAGS", "").split()  # those of sanitizers, see .ci/sanitize
+            extension.extra_compile_args += [*FLAGS, *more, f'-DPUSHPLAN_SOURCES="{sources}"']
+            extension.extra_link_args += more
         try:
             with ParallelCompile(default=0):
                 super().build_extensions()

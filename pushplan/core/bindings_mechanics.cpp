@@ -8,3 +8,4 @@
 #include "contacts.cpp"
 #include "robustness.cpp"
 #include "sphere.cpp"
+#include "uncertain_module.cpp"

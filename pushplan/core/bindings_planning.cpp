@@ -8,3 +8,4 @@
 #include "timing.cpp"
 #include "driving.cpp"
 #include "transit.cpp"
+#include "module.cpp"

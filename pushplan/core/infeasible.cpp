@@ -27,7 +27,7 @@ py::tuple bind_spread(const Scene &scene, const Numbers &begin, const Steps &ste
         found = spread(scene, first, steps, last, slots);
     }
     py::array_t<std::int64_t> cells({static_cast<py::ssize_t>(found.cells.size()), py::ssize_t{3}});
-    std::memcpy(cells.mutable_data(), found.cells.data(), found.cells.size() * sizeof(Cell));
+    copy_bytes(cells.mutable_data(), found.cells.data(), found.cells.size() * sizeof(Cell));
     return py::make_tuple(static_cast<int>(found.end), cells);
 }
 

@@ -22,15 +22,13 @@ void bind_sphere(py::module_ &);
 void bind_timing(py::module_ &);
 void bind_transit(py::module_ &);
 void bind_uncertain(py::module_ &);
-} // namespace pushplan
 
-#ifndef PUSHPLAN_SOURCES
-#define PUSHPLAN_SOURCES "unknown"
-#endif
+extern const char *const SOURCES; // in sources.cpp, which alone is compiled anew with every change
+} // namespace pushplan
 
 PYBIND11_MODULE(core, m) {
     m.attr("__doc__") = "Compiled inner loops: collision, steering, search, timing, mechanics, driving, slip.";
-    m.attr("SOURCES") = PUSHPLAN_SOURCES;
+    m.attr("SOURCES") = pushplan::SOURCES;
     pushplan::bind_boundary(m);
     pushplan::bind_collision(m);
     pushplan::bind_contacts(m);

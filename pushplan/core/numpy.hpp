@@ -13,6 +13,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <cstring>
 #include <vector>
 
 namespace pushplan {
@@ -62,6 +63,12 @@ template <class Array> auto written_row(Array &array) {
     if (array.ndim() != 1)
         throw std::invalid_argument("a row has one dimension, not " + std::to_string(array.ndim()));
     return Row<Number>{array.mutable_data(), array.shape(0)};
+}
+
+// std::memcpy, also of nothing: an empty vector has no address, and memcpy must not be given none.
+inline void copy_bytes(void *to, const void *from, std::size_t count) {
+    if (count != 0)
+        std::memcpy(to, from, count);
 }
 
 // Numbers that `owner` keeps, to be read only: nothing is copied.

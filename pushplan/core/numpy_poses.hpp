@@ -4,7 +4,6 @@
 #include "numpy.hpp"
 #include "poses.hpp"
 
-#include <cstring>
 #include <vector>
 
 namespace pushplan {
@@ -28,7 +27,7 @@ template <class Struct> std::vector<Struct> to_rows(const Numbers &array, const 
         throw std::invalid_argument(std::string(what) + " is no table of " + std::to_string(columns) +
                                     " numbers a row");
     std::vector<Struct> rows(static_cast<std::size_t>(array.shape(0)));
-    std::memcpy(static_cast<void *>(rows.data()), array.data(), rows.size() * sizeof(Struct));
+    copy_bytes(rows.data(), array.data(), rows.size() * sizeof(Struct));
     return rows;
 }
 
@@ -39,7 +38,7 @@ inline std::vector<Arc> to_arcs(const Numbers &array) { return to_rows<Arc>(arra
 template <class Struct> py::array_t<double> to_table(const Struct *rows, std::size_t count) {
     constexpr auto columns = static_cast<py::ssize_t>(sizeof(Struct) / sizeof(double));
     py::array_t<double> made({static_cast<py::ssize_t>(count), columns});
-    std::memcpy(made.mutable_data(), static_cast<const void *>(rows), count * sizeof(Struct));
+    copy_bytes(made.mutable_data(), rows, count * sizeof(Struct));
     return made;
 }
 

@@ -16,7 +16,7 @@ Objective to_objective(int kind, double per_arc, double lowest, double length, c
     if (kind < TRAVEL || kind > PASSING)
         throw std::invalid_argument("there is no objective of kind " + std::to_string(kind));
     std::vector<Objective::Entry> entries(static_cast<std::size_t>(table.shape(0) * table.shape(1)));
-    std::memcpy(entries.data(), table.data(), entries.size() * sizeof(Objective::Entry));
+    copy_bytes(entries.data(), table.data(), entries.size() * sizeof(Objective::Entry));
     const double *of = box.data();
     return {kind, per_arc, lowest, length, {of[0], of[1], of[2], of[3]}, table.shape(0),
             std::make_shared<const std::vector<Objective::Entry>>(std::move(entries))};

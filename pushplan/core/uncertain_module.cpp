@@ -38,7 +38,7 @@ PackedLoads without_miss(PackedLoads packed) {
     return packed;
 }
 
-py::array_t<double> margins_of(const PackedLoads &packed, const Numbers &twists, double floor) {
+py::array_t<double> least_margins_of(const PackedLoads &packed, const Numbers &twists, double floor) {
     const auto rows = twist_table(twists);
     py::array_t<double> out(rows.rows);
     double *margins = out.mutable_data();
@@ -51,7 +51,7 @@ py::array_t<double> margins_of(const PackedLoads &packed, const Numbers &twists,
     return out;
 }
 
-py::array_t<double> contact_margins_of(const PackedLoads &packed, const Numbers &twists) {
+py::array_t<double> least_contact_margins_of(const PackedLoads &packed, const Numbers &twists) {
     const auto rows = twist_table(twists);
     const std::ptrdiff_t n = packed.count();
     py::array_t<double> out({rows.rows, n});
@@ -183,8 +183,8 @@ void bind_uncertain(py::module_ &core) {
     using namespace mechanics;
     py::module_ m = core.def_submodule("uncertain", "The least of the contact conditions over uncertain loads.");
     bind_packed_loads(m);
-    m.def("margins_of", &margins_of, py::arg("packed"), py::arg("twists"), py::arg("floor"));
-    m.def("contact_margins_of", &contact_margins_of, py::arg("packed"), py::arg("twists"));
+    m.def("margins_of", &least_margins_of, py::arg("packed"), py::arg("twists"), py::arg("floor"));
+    m.def("contact_margins_of", &least_contact_margins_of, py::arg("packed"), py::arg("twists"));
     m.def("rows_of", &rows_of, py::arg("packed"), py::arg("twists"));
     m.def("inertia_rows_of", &inertia_rows_of, py::arg("packed"), py::arg("masses"), py::arg("known"),
           py::arg("pulls"));
