@@ -63,8 +63,11 @@ def chained(start: FloatArray, steps: FloatArray) -> FloatArray:
 def inverse(pose_a_b: ArrayLike) -> FloatArray:
     """Return the pose(s) (..., 3) of a in b, from the pose of b in a."""
     pose = np.asarray(pose_a_b, dtype=np.float64)
-    position = rotate(-pose[..., 2], -pose[..., :2])
-    return np.concatenate([position, -pose[..., 2:]], axis=-1)
+    x, y, theta = pose[..., 0], pose[..., 1], pose[..., 2]
+    c, s = np.cos(theta), np.sin(theta)
+    back = np.empty(pose.shape)
+    back[..., 0], back[..., 1], back[..., 2] = -c * x - s * y, s * x - c * y, -theta
+    return back
 
 
 def relative(pose_a_b: ArrayLike, pose_a_c: ArrayLike) -> FloatArray:
@@ -106,7 +109,11 @@ def exp(twist: ArrayLike) -> FloatArray:
 def log(pose: ArrayLike) -> FloatArray:
     """Return the body twist(s) (..., 3) that reach the pose(s) (..., 3) from the origin in unit time; see `exp`."""
     p = np.asarray(pose, dtype=np.float64)
-    phi = p[..., 2]
-    half = np.sinc(phi / (2.0 * np.pi))
-    a, b = np.cos(phi / 2.0) / half, np.sin(phi / 2.0) / half
-    return np.stack([a * p[..., 0] + b * p[..., 1], a * p[..., 1] - b * p[..., 0], phi], axis=-1)
+    half = np.asarray(0.5 * p[..., 2])
+    sine, straight = np.sin(half), half == 0.0
+    chord = np.where(straight, 1.0, sine / np.where(straight, 1.0, half))  # sin(phi/2) / (phi/2)
+    a, b = np.cos(half) / chord, sine / chord
+    twist = np.empty(p.shape)
+    twist[..., 0], twist[..., 1] = a * p[..., 0] + b * p[..., 1], a * p[..., 1] - b * p[..., 0]
+    twist[..., 2] = p[..., 2]
+    return twist

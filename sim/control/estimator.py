@@ -283,4 +283,6 @@ def _scaled(twists: FloatArray, values: FloatArray) -> FloatArray:
     """Return the twists (k, 3) that the plate does when it is told others."""
     s, c, w = values[4:7]
     x, y, turn = twists.T
-    return np.stack([(1 + s) * x - c * y, (1 + s) * y + c * x, (1 + w) * turn], axis=-1)
+    scaled = np.empty(twists.shape)
+    scaled[:, 0], scaled[:, 1], scaled[:, 2] = (1 + s) * x - c * y, (1 + s) * y + c * x, (1 + w) * turn
+    return scaled

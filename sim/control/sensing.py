@@ -106,6 +106,7 @@ class Sightings:
     def __init__(self) -> None:
         self._seen: deque[tuple[float, FloatArray]] = deque()
         self._ahead: deque[tuple[float, FloatArray]] = deque()
+        self._last = np.zeros(0)  # when each object was seen last (n,); empty before the first measurement
 
     def see(self, time: float, object_poses: FloatArray) -> None:
         """Take down measured poses (n, 3) of the objects in the world, NaN where unseen."""
@@ -117,6 +118,9 @@ class Sightings:
         while self._ahead and self._ahead[0][0] <= now:
             come.append(self._ahead.popleft())
         self._seen.extend(come)
+        for time, poses in come:
+            seen = np.where(np.isnan(poses[:, 0]), -np.inf, time)
+            self._last = np.maximum(self._last, seen) if len(self._last) else seen
         while self._seen and self._seen[0][0] < now - MEMORY:
             self._seen.popleft()
         return come
@@ -128,8 +132,7 @@ class Sightings:
 
     def unseen(self, since: float, columns: list[int]) -> FloatArray:
         """Return when each of some objects was seen last (n,), or `since` where that is later or it never was."""
-        found = [np.where(np.isnan(poses[columns, 0]), since, max(time, since)) for time, poses in self._seen]
-        return np.max(found, axis=0) if found else np.array([since])
+        return np.maximum(self._last[columns], since) if len(self._last) else np.array([since])
 
     def mean(self, around: FloatArray, last: int, since: float, columns: list[int]) -> FloatArray | None:
         """Return the mean poses (n, 3) of the last measurements of some objects; None when there are less than that.
