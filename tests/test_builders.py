@@ -68,13 +68,6 @@ def test_what_is_no_plain_data_is_refused(value: object) -> None:
         _row(planner={"seed": value})
 
 
-def test_data_that_hold_themselves_are_refused() -> None:
-    loop: dict[str, Any] = {}
-    loop["loop"] = loop
-    with pytest.raises(ScenarioError, match="is no plain data"):
-        _row(planner=loop)
-
-
 def test_a_pressure_map_is_attached() -> None:
     table = b"x,y,pressure\n0.01,0,1\n-0.01,0,1\n"
     bodies = [box("a", 0.1, 0.08, 1.2, support={"pressure_map": "map.csv"})]

@@ -36,26 +36,6 @@ def lane() -> Scenario:
     return scenario_from_text(TEXT, "lane.yaml")
 
 
-def test_a_thin_obstacle_between_two_far_poses_is_found(lane: Scenario) -> None:
-    found = find_collision(lane, np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
-    assert found is not None
-    assert (found.body, found.obstacle) == ("pusher", 0)
-    assert found.pose[0] == pytest.approx(0.499, abs=2 * SPACING)
-
-
-def test_the_object_that_hits_is_named(lane: Scenario) -> None:
-    found = find_collision(lane, np.array([[0.6, 0.0, 0.0], [0.75, -0.05, 0.0]]))
-    assert found is not None
-    assert (found.body, found.obstacle) == ("box", 1)
-
-
-def test_a_wall_of_the_workspace_is_no_obstacle_but_found(lane: Scenario) -> None:
-    found = find_collision(lane, np.array([[0.0, 0.0, 0.0], [0.0, -0.4, 0.0]]))
-    assert found is not None
-    assert (found.body, found.obstacle) == ("pusher", None)
-    assert found.pose[1] == pytest.approx(-0.35, abs=2 * SPACING)
-
-
 def test_coming_nearer_than_the_clearance_is_a_collision_that_tells_the_gap(lane: Scenario) -> None:
     poses = np.array([[0.6, -0.008, 0.0], [0.7, -0.008, 0.0]])
     assert find_collision(lane, poses) is None
@@ -65,15 +45,6 @@ def test_coming_nearer_than_the_clearance_is_a_collision_that_tells_the_gap(lane
     assert found.gap == pytest.approx(0.003, abs=SPACING)
     assert "'box' is 2" in str(found)
     assert "mm from obstacles[1] with the chain frame at (0." in str(found)
-
-
-def test_the_gap_to_a_circle_is_exact(lane: Scenario) -> None:
-    """The polygon that stands in for a large circle must not make it larger."""
-    large = replace(lane, obstacles=(CircleObstacle(np.array([0.5, -40.15 - 0.0005]), 40.0),))
-    assert find_collision(large, np.array([[0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])) is None
-    found = find_collision(large, np.array([[0.5, -0.0002, 0.0]]))
-    assert found is not None
-    assert found.gap == pytest.approx(3e-4, abs=1e-9)
 
 
 def test_refined_poses_are_close_and_keep_the_ends() -> None:

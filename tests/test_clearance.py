@@ -45,11 +45,10 @@ def smallest_gap(scenario: Scenario, poses: np.ndarray) -> float:
     return float(min(gaps))
 
 
-@pytest.mark.parametrize("clearance", [0.0005, 0.006])
-@pytest.mark.parametrize("trajectory", ["exact", "blended"])
+@pytest.mark.parametrize(("clearance", "trajectory"), [(0.0005, "exact"), (0.006, "blended")])
 def test_paths_keep_the_clearance_and_use_it_up(clearance: float, trajectory: str) -> None:
     scenario = replace(load_scenario("narrow-gap"), clearance=clearance, trajectory=trajectory)
-    result = plan(scenario, time_limit=60.0, iterations=6_000)
+    result = plan(scenario, time_limit=60.0, iterations=2_000)
     assert result.solved, result.reason
     assert result.path is not None
     assert result.trajectory is not None

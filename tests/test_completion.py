@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -36,23 +34,16 @@ def test_the_shell_can_read_its_script(shell: str, tmp_path: Path, capsys: Captu
         ("completion f", {"plain,fish"}),
     ],
 )
-def test_words_are_completed(typed: str, offered: set[str]) -> None:
+def test_words_are_completed(
+    typed: str, offered: set[str], monkeypatch: pytest.MonkeyPatch, capsys: Captured
+) -> None:
     words = f"pushplan {typed}"
-    code = "from pushplan.cli.main import main; main([])"
-    environment = {
-        "_PUSHPLAN_COMPLETE": "bash_complete",
-        "COMP_WORDS": words,
-        "COMP_CWORD": str(len(words.split()) - 1),
-    }
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert set(done.stdout.split()) == offered
+    monkeypatch.setenv("_PUSHPLAN_COMPLETE", "bash_complete")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
+    with pytest.raises(SystemExit):
+        main([])
+    assert set(capsys.readouterr().out.split()) == offered
 
 
 def test_an_unknown_shell_is_refused(capsys: Captured) -> None:

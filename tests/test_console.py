@@ -39,32 +39,10 @@ class Closed(io.StringIO):
         raise BrokenPipeError
 
 
-def test_results_go_to_stdout_and_remarks_to_stderr(capsys: Captured) -> None:
-    console = Console()
-    console.say("result")
-    console.note("remark")
-    console.emit({"never": "seen"})
-    assert capsys.readouterr() == ("result\n", "remark\n")
-
-
-def test_in_json_mode_stdout_holds_one_object_and_people_read_stderr(capsys: Captured) -> None:
-    console = Console(json=True)
-    console.say("result")
-    console.emit({"array": np.arange(3.0), "number": np.float64(0.5), "path": Path("a/b"), "none": None})
-    out, err = capsys.readouterr()
-    assert json.loads(out) == {"array": [0.0, 1.0, 2.0], "number": 0.5, "path": "a/b", "none": None}
-    assert err == "result\n"
-
-
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), np.array([np.nan])])
 def test_numbers_that_json_does_not_know_are_refused(value: object) -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
         Console(json=True).emit({"value": value})
-
-
-def test_tables_are_aligned_and_without_colour_off_a_terminal(capsys: Captured) -> None:
-    Console().table([("a", "1"), ("long", "2"), ("empty", "")])
-    assert capsys.readouterr().out == "  a      1\n  long   2\n  empty\n"
 
 
 @pytest.mark.parametrize(
@@ -82,26 +60,6 @@ def test_colour_is_for_terminals_whose_user_wants_it(
     Console().say(("name", "bold"), ": ", ("solved", "green"))
     plain, painted = "name: solved\n", "\x1b[1mname\x1b[0m: \x1b[32msolved\x1b[0m\n"
     assert terminal.getvalue() == (painted if coloured else plain)
-
-
-@pytest.mark.parametrize("columns", [30, 200])
-def test_tables_fit_the_terminal(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", str(columns))
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    terminal = Terminal()
-    monkeypatch.setattr("sys.stdout", terminal)
-    Console().table([("label", "many words " * 8)], styles=())
-    lines = terminal.getvalue().splitlines()
-    assert max(map(len, lines)) <= columns
-    assert (len(lines) > 1) == (columns < 100)
-    assert " ".join(" ".join(lines).split()) == "label " + ("many words " * 8).strip()
-
-
-def test_quick_work_shows_no_progress(capsys: Captured) -> None:
-    with Console().working("thinking") as progress:
-        progress.tell("never seen")
-    assert capsys.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("live", [False, True])
@@ -202,20 +160,6 @@ def test_outputs_are_checked_before_the_work(tmp_path: Path) -> None:
         check_outputs([tmp_path / "a", source], None, source)
 
 
-def test_a_log_replaces_a_log_but_no_other_file(tmp_path: Path) -> None:
-    log, notes, empty = (tmp_path / name for name in ("run.mcap", "notes.yaml", "empty"))
-    log.write_bytes(b"\x89MCAP0\r\n and more")
-    notes.write_text("format: pushplan/1\n")
-    empty.touch()
-    for path in (log, empty, tmp_path / "new"):
-        check_outputs(["two-crates"], None, log=path)
-    with pytest.raises(
-        OutputError, match=r"notes\.yaml: this file exists and is no run log; name another one"
-    ):
-        check_outputs(["two-crates"], None, log=notes)
-    check_outputs(["two-crates"], None, notes)
-
-
 def test_what_files_say_never_reaches_the_terminal_as_a_command(
     capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -229,8 +173,3 @@ def test_what_files_say_never_reaches_the_terminal_as_a_command(
     assert second == f"  {SHOWN}  {SHOWN}"
     assert third.split() == [r"two\nlines", r"[bold]two\nlines"]
     assert err == f"{SHOWN}\n"
-
-
-def test_json_says_exactly_what_files_say(capsys: Captured) -> None:
-    Console(json=True).emit({"text": EVIL})
-    assert json.loads(capsys.readouterr().out) == {"text": EVIL}

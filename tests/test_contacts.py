@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -130,20 +129,6 @@ def test_stability_does_not_depend_on_the_frame(make_chain: ChainMaker) -> None:
     np.testing.assert_array_equal(state.margins > 0.0, moved.margins > 0.0)
     np.testing.assert_allclose(moved.friction_margins, state.friction_margins, atol=1e-10)
     np.testing.assert_allclose(moved.lambdas, state.lambdas, rtol=1e-7)
-
-
-def test_margins_are_continuous(make_chain: ChainMaker) -> None:
-    """Along a great circle through a footprint, halving the step halves the largest change."""
-    stable = stable_set(make_chain.random(8, 3))
-    length = stable.chain.characteristic_length
-
-    def largest_change(steps: int) -> float:
-        angle = np.linspace(0.0, 2.0 * np.pi, steps + 1)
-        twists = np.column_stack([np.cos(angle), 0.1 * np.cos(angle), np.sin(angle) / length])
-        return float(np.abs(np.diff(stable.margin(twists))).max())
-
-    changes = [largest_change(2**k * 1000) for k in range(4)]
-    assert all(after < 0.7 * before for before, after in pairwise(changes))
 
 
 @pytest.mark.parametrize("friction", [0.0, 1e9])

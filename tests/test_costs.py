@@ -82,14 +82,6 @@ def test_the_price_of_time_is_the_duration_of_the_exact_trajectory() -> None:
     )
 
 
-def test_the_price_of_time_is_close_to_the_duration_of_the_blended_trajectory() -> None:
-    result = planned("time", trajectory="blended")
-    objective = prices_of(ranked("time", trajectory="blended"))
-    assert result.path is not None
-    assert result.trajectory is not None
-    assert path_price(objective, result.path) == pytest.approx(result.trajectory.duration, rel=0.1)
-
-
 def test_ranking_by_time_is_faster_and_by_travel_shorter() -> None:
     fast, short = planned("time"), planned("travel")
     assert fast.trajectory is not None
@@ -156,27 +148,9 @@ def test_dynamic_contact_limits_make_time_dearer_near_the_boundary() -> None:
     assert rate(objective, edge) > 1.5 * rate(objective, inner)
 
 
-def test_the_same_seed_gives_the_same_plan_whatever_the_cost() -> None:
-    for cost in ("time", "margin"):
-        again = plan(ranked(cost), time_limit=60.0, iterations=ITERATIONS)
-        assert again.path is not None
-        first = planned(cost).path
-        assert first is not None
-        np.testing.assert_array_equal(again.path.twists, first.twists)
-        np.testing.assert_array_equal(again.path.lengths, first.lengths)
-
-
 def test_an_unknown_cost_is_refused_by_name() -> None:
     with pytest.raises(PlanningError, match=r"^no cost is called 'fuel'; there are travel, time, margin$"):
         plan(load_scenario("one-box"), cost="fuel")
-
-
-def test_the_cost_may_be_given_beside_the_scenario() -> None:
-    given = plan(ranked("travel"), cost="time", time_limit=60.0, iterations=ITERATIONS)
-    stated = planned("time")
-    assert given.path is not None
-    assert stated.path is not None
-    np.testing.assert_array_equal(given.path.lengths, stated.path.lengths)
 
 
 @pytest.mark.parametrize("name", ["one-box", "two-crates", "asymmetric"])
@@ -189,24 +163,6 @@ def test_the_soonest_of_both_is_taken_so_time_is_never_slower_than_travel(name: 
     assert fast.trajectory is not None
     assert short.trajectory is not None
     assert fast.trajectory.duration <= short.trajectory.duration + 1e-9
-
-
-def test_the_dearer_an_arc_the_fewer_there_are() -> None:
-    counts = []
-    for price_of_one in (0.0, 0.03, 0.3):
-        few = []
-        for name in ("two-crates", "narrow-gap", "three-boxes-clutter"):
-            scenario = load_plain(name)
-            dear = replace(scenario, planner=replace(scenario.planner, arc_price=price_of_one))
-            # Which of two paths with as many arcs but one is found is a matter of luck: four seeds together count.
-            paths = [plan(dear, seed=seed, time_limit=120.0, iterations=15_000).path for seed in range(1, 5)]
-            assert None not in paths
-            few.append(np.mean([len(path.lengths) for path in paths if path is not None]))
-        counts.append(few)
-    least = np.array(counts)
-    assert (least[2] <= least[1]).all()
-    assert least[0].sum() > least[1].sum() > 3
-    assert least[2].min() >= 3
 
 
 @pytest.mark.parametrize("cost", ["travel", "time", "margin"])

@@ -21,7 +21,7 @@ from pushplan.mechanics.dynamics import (
     dynamic_rows,
 )
 from pushplan.mechanics.inertia import inertia_of
-from pushplan.mechanics.support import FeetSupport, UniformSupport, UnknownSupport
+from pushplan.mechanics.support import FeetSupport, UnknownSupport
 from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -202,21 +202,6 @@ def test_a_box_that_flies_back_is_caught_only_by_hard_braking(make_chain: ChainM
     assert weak.rows.steady_speed == 0.0
     strong = admissible_speeds(chain, [-1.0, 0.0, 0.0], SpeedWindow(1.0, 5.0))
     assert strong.vertices[:, 1].max() == pytest.approx(-0.3 * GRAVITY)
-
-
-def test_inertia_of_a_box_is_that_of_the_textbook(make_chain: ChainMaker) -> None:
-    outline = make_chain.box(0.2, 0.1) + np.array([0.3, 0.4])
-    obj = PushedObject("box", outline, 2.0, 0.3, UniformSupport(outline), np.array([0.1, 0.0, np.pi / 2]))
-    found = inertia_of(obj)
-    assert found.moment == pytest.approx(2.0 * (0.2**2 + 0.1**2) / 12.0)
-    np.testing.assert_allclose(found.center, [0.1 - 0.4, 0.3], atol=1e-12)
-
-
-def test_the_centre_of_mass_is_the_centre_of_the_load(make_chain: ChainMaker) -> None:
-    outline = make_chain.box()
-    feet = FeetSupport(outline, np.array([0.4, 0.4, 0.1, 0.1]))
-    obj = PushedObject("box", outline, 1.0, 0.3, feet, np.zeros(3))
-    np.testing.assert_allclose(inertia_of(obj).center, feet.center)
 
 
 def test_wrong_questions_are_refused(make_chain: ChainMaker) -> None:

@@ -64,12 +64,6 @@ def test_the_far_end_of_a_row_is_the_row_stated_from_there(offset: float) -> Non
     assert found.pusher.limits == chain.pusher.limits
 
 
-def test_pushed_where_it_is_pushed_already_nothing_changes() -> None:
-    chain = scenario_from_document(_document((0, 1, 2))).chain
-    for mine, theirs in zip(_numbers(pushed_at(chain, "b0 rear")), _numbers(chain), strict=True):
-        np.testing.assert_allclose(mine, theirs, rtol=0.0, atol=1e-12)
-
-
 def test_at_every_place_the_objects_keep_their_poses_and_the_plate_touches() -> None:
     document = _document((0, 1, 2))
     del document["robot"]

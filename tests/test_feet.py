@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-import shapely
 
 from pushplan.errors import SupportError
 from pushplan.mechanics.chain import Contact, PushedObject
@@ -47,15 +46,6 @@ def test_the_rule_on_a_polygon_has_its_area_centroid_and_second_moments(make_cha
         )
 
 
-def test_feet_are_few_loaded_and_under_the_object(make_chain: ChainMaker) -> None:
-    for outline in outlines(make_chain):
-        feet = feet_of(UniformSupport(outline))
-        assert len(feet.fractions) <= MOST
-        assert (feet.fractions > 0.0).all()
-        assert feet.fractions.sum() == pytest.approx(1.0, abs=1e-14)
-        assert shapely.contains_xy(shapely.Polygon(outline).buffer(1e-9), *feet.positions.T).all()
-
-
 def test_feet_have_the_moments_of_the_pressure_up_to_their_degree() -> None:
     """Against a much finer rule, monomial by monomial."""
     fine = polygon_rule(BOX, 12)
@@ -79,13 +69,6 @@ def test_friction_on_the_feet_is_that_of_the_pressure(center: FloatArray | None)
         for each in (support, FeetSupport(feet.positions, feet.fractions))
     ]
     np.testing.assert_allclose(wrenches[1], wrenches[0], atol=3e-6)
-
-
-def test_feet_with_loads_stay_as_they_are() -> None:
-    feet = feet_of(FeetSupport(BOX, np.array([0.1, 0.2, 0.3, 0.4])))
-    np.testing.assert_array_equal(feet.positions, BOX)
-    np.testing.assert_array_equal(feet.fractions, [0.1, 0.2, 0.3, 0.4])
-    np.testing.assert_array_equal(feet.stiffness, np.full(4, 0.25))
 
 
 def test_a_pressure_map_is_thinned_out_and_keeps_its_centre() -> None:

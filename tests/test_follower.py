@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from math import radians
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -76,22 +75,6 @@ def test_twists_of_the_base_lead_to_the_goal_within_a_micrometre(drive: str) -> 
         assert np.abs(trajectory.base_twists[:, 1]).max() < 1e-9
 
 
-def test_samples_at_another_rate_are_of_the_same_motion() -> None:
-    trajectory = pushed("differential").trajectory
-    assert trajectory is not None
-    fine = trajectory.sample(400.0)
-    np.testing.assert_allclose(np.diff(fine.t[:-1]), 1 / 400)
-    np.testing.assert_array_equal(fine.base_poses, trajectory.base_poses_at(fine.t))
-    with pytest.raises(PushplanError, match="rate is 0"):
-        trajectory.sample(0.0)
-
-
-def test_the_resolved_scenario_keeps_the_base() -> None:
-    scenario = pushed("car, steered elsewhere").scenario
-    again = pushplan.scenario_from_document(scenario.resolved(), Path("again.yaml"))
-    np.testing.assert_allclose(again.chain.pusher.base_pose, scenario.chain.pusher.base_pose)
-
-
 def moved(pose: FloatArray, twist: FloatArray, seconds: float) -> FloatArray:
     """Return where a unicycle (or a robot that moves aside) gets to, in closed form on circles of its own."""
     v, w, omega = twist
@@ -134,17 +117,6 @@ def test_a_robot_at_50_hz_stays_within_a_millimetre_even_if_its_clock_is_slow(dr
     assert command.state is FollowerState.ARRIVED
     assert off.max() < 1e-3
     assert np.hypot(*(poses[-1] - trajectory.base_poses[-1])[:2]) < 1e-3
-
-
-def test_by_time_alone_a_robot_with_a_good_clock_arrives() -> None:
-    run = pushed("differential")
-    trajectory = run.trajectory
-    assert trajectory is not None
-    poses, off, command = followed(run, Follower(run, speed=0.7), trajectory.base_poses[0], seen=False)
-    assert command.state is FollowerState.ARRIVED
-    assert command.progress == 1.0
-    assert len(poses) == pytest.approx(trajectory.duration / 0.02 / 0.7, abs=2)
-    assert off.max() < 1e-3
 
 
 @pytest.mark.parametrize("drive", DRIVES)
@@ -232,10 +204,3 @@ def test_a_stopped_robot_slows_down_within_its_limits_and_stands_on_the_path() -
     assert command.off[0] < 1e-3
     most = run.scenario.pusher.limits.both("acceleration")[0]
     assert np.abs(np.diff(np.array(twists)[150:, 0])).max() / 0.02 < 1.2 * most
-
-
-def test_the_footprint_holds_robot_plate_and_objects() -> None:
-    run = pushed("differential")
-    corners = Follower(run).footprint
-    np.testing.assert_allclose([corners[:, 0].min(), corners[:, 0].max()], [-0.15, 0.4 + 0.8], atol=1e-6)
-    np.testing.assert_allclose([corners[:, 1].min(), corners[:, 1].max()], [-0.2, 0.2], atol=1e-6)

@@ -111,23 +111,6 @@ def test_the_least_is_that_of_a_vertex(make_chain: ChainMaker, n: int) -> None:
         np.testing.assert_allclose(contacts.inertia(twists, rates).rows, np.min(inertias, axis=0), atol=1e-9)
 
 
-def test_intervals_of_no_width_are_numbers(make_chain: ChainMaker) -> None:
-    chain = make_chain.random(5, 3)
-    twists, rates = motions(chain, 5)
-    interval = IntervalChain.from_ranges(chain)
-    found, exact = ContactDynamics(chain, interval=interval), ContactDynamics(chain)
-    for a, b in (
-        (found.quasi_static(twists), exact.quasi_static(twists)),
-        (found.inertia(twists, rates), exact.inertia(twists, rates)),
-    ):
-        np.testing.assert_allclose(a.rows, b.rows, atol=1e-9)
-        np.testing.assert_allclose(a.size, b.size, atol=1e-9)
-    for twist in twists[:10]:
-        rows, same = found.rows(twist, 0.02), exact.rows(twist, 0.02)
-        for name in ("alpha", "beta", "gamma", "beta_down"):
-            np.testing.assert_allclose(getattr(rows, name), getattr(same, name), atol=1e-9)
-
-
 def test_rows_hold_for_every_world_when_speeding_up_and_when_braking(make_chain: ChainMaker) -> None:
     """What timing relies on: a motion that the rows with a margin allow keeps this margin in every world."""
     interval = widened(make_chain.random(2, 2))

@@ -43,10 +43,6 @@ def obstacle_on_the_way() -> PolygonObstacle:
     return PolygonObstacle(execution.objects[len(execution.t) // 2, 0, :2] + corners)
 
 
-def test_a_good_plan_has_no_flaw() -> None:
-    assert validation_error(*good()) == ""
-
-
 def test_an_execution_that_lost_a_contact_solves_nothing() -> None:
     found, execution = good()
     loss = StabilityLoss(1.5, 0, "box", "plate-box", -0.25, (0.0, 0.0, 0.0))

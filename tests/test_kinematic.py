@@ -10,7 +10,6 @@ import pytest
 from plans_of import push_of
 from scipy.integrate import solve_ivp
 
-from pushplan.geometry.se2 import pose_error
 from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.contacts import contact_state
 from pushplan.planners.timing.arc_limits import Bounds
@@ -83,14 +82,6 @@ def test_a_stable_push_keeps_every_contact_and_reports_its_forces(stable: Stable
     np.testing.assert_allclose(execution.forces[moving], state.forces, atol=1e-12)
 
 
-def test_the_margin_at_rest_is_that_of_the_motion_beside_it(stable: StableSet) -> None:
-    path = _path(*STABLE_ARCS)
-    execution = executed(time_path(path, Bounds(Limits())), stable)
-    expected = stable.contact_margins(path.twists)
-    np.testing.assert_allclose(execution.margins[0], expected[0], atol=1e-9)
-    np.testing.assert_allclose(execution.margins[-1], expected[-1], atol=1e-9)
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_rounding_at_the_final_rest_never_reverses_the_motion(stable: StableSet, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -127,12 +118,6 @@ def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(stabl
     loss = executed(trajectory, stable).loss
     assert loss is not None
     assert low <= loss.time <= low + 1.0 / trajectory.rate + 1e-9
-
-
-def test_pose_errors_take_the_shorter_way_round() -> None:
-    assert pose_error(np.array([1.0, 2.0, 0.1]), np.array([1.0, 2.3, 0.1 + 6 * np.pi])) == pytest.approx(
-        (0.3, 0.0)
-    )
 
 
 def test_a_sample_just_before_the_final_rest_keeps_its_direction(stable: StableSet) -> None:

@@ -128,12 +128,3 @@ def _dijkstra(free: np.ndarray[Any, Any], cell: float, goal: np.ndarray[Any, Any
     )
     found: Any = dijkstra(graph.tocsr(), directed=False, indices=int(cells[tuple(goal)]))  # type: ignore[call-overload]
     return np.asarray(found.reshape(free.shape))
-
-
-def test_places_behind_a_wall_are_infinitely_far() -> None:
-    text = TWO_PASSAGES.replace("LOWER", "0.0").replace("[0.5, 2.0]", "[0.5, 2.98]")
-    scenario = plain(scenario_from_text(text, "walled.yaml"))
-    problem = build_problem(scenario, scenario.stable_set())
-    away, grid = distances_to(problem.goal, problem, sampling_box(scenario))
-    start = np.floor((scenario.start[:2] - grid[:2]) / grid[2]).astype(int)
-    assert away[tuple(start)] == np.inf

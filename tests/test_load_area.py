@@ -12,7 +12,6 @@ from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import (
     FeetSupport,
-    PressureMapSupport,
     Support,
     UniformSupport,
     UnknownSupport,
@@ -27,29 +26,6 @@ FEET = [[-0.2, -0.1], [0.2, -0.1], [0.05, 0.02], [0.0, 0.1]]
 
 def resting(support: Support, friction: float = 0.5) -> PushedObject:
     return PushedObject("box", BOX, 2.0, friction, support, POSE)
-
-
-def test_feet_are_where_a_load_on_feet_rests_even_inside_their_hull() -> None:
-    area = load_area(resting(FeetSupport(np.array(FEET), center_of_mass=np.array([0.02, 0.0]))))
-    assert not area.solid
-    assert area.shift == 0.0
-    np.testing.assert_allclose(area.points, transform_points(POSE, np.array(FEET)), atol=1e-15)
-    np.testing.assert_allclose(area.center, transform_points(POSE, np.array([0.02, 0.0])), atol=1e-15)
-
-
-@pytest.mark.parametrize("support", [UniformSupport(BOX), UnknownSupport(BOX)])
-def test_a_flat_load_may_rest_anywhere_on_its_hull(support: Support) -> None:
-    area = load_area(resting(support))
-    assert area.solid
-    np.testing.assert_allclose(area.points, transform_points(POSE, support.hull), atol=1e-15)
-
-
-@pytest.mark.parametrize(("count", "solid"), [(1, False), (2, False), (3, True)])
-def test_a_hull_without_an_inside_is_its_corners(count: int, solid: bool) -> None:
-    points = np.array([[-0.1, 0.0], [0.1, 0.0], [0.0, 0.1]])[:count]
-    area = load_area(resting(PressureMapSupport(points, np.full(count, 1.0 / count))))
-    assert area.solid == solid
-    assert len(area.points) == count
 
 
 def test_a_push_above_the_floor_moves_the_load_until_it_tips() -> None:
@@ -77,15 +53,6 @@ def test_what_stands_on_a_line_or_a_point_may_not_be_pushed_above_the_floor(
         load_area(obj, 0.01)
 
 
-def test_small_pressures_count_as_much_as_large_ones() -> None:
-    """Only the proportions matter, and the lines may end as they like."""
-    texts = [f"x,y,pressure\n0,0,{p}\n1,0,{3 * p}\n5,5,0\n" for p in (1e-6, 1.0, 1e6)]
-    for text in (*texts, texts[0].replace("\n", "\r\n")):
-        support = PressureMapSupport.from_bytes(text.encode(), "map.csv")
-        np.testing.assert_allclose(support.fractions, [0.25, 0.75])
-        np.testing.assert_allclose(support.center, [0.75, 0.0])
-
-
 @pytest.mark.parametrize("center", [None, [0.03, -0.01]])
 def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[float] | None) -> None:
     given: FloatArray | None = None if center is None else np.array(center)
@@ -108,11 +75,3 @@ def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[
 def test_unknown_loads_have_no_elements(support: Support) -> None:
     with pytest.raises(SupportError, match="the load is not known"):
         support.elements(10)
-
-
-def test_a_polygon_that_no_square_fits_has_one_element_at_its_centroid() -> None:
-    thin = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.9, 0.1]])
-    support = UniformSupport(thin)
-    places, parts = support.elements(1)
-    np.testing.assert_allclose(places, [support.center], atol=1e-12)
-    np.testing.assert_array_equal(parts, [1.0])

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from plain import load_plain
 
-from pushplan.mechanics.body import as_one
-from pushplan.planners.infeasible.bounds import disc_at, largest_disc, lower_bound
+from pushplan.planners.infeasible.bounds import lower_bound
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import Posing
 from pushplan.plans.path import TURN_WEIGHT
@@ -97,15 +96,6 @@ def test_a_turned_workspace_has_the_same_bound() -> None:
         obstacles=(PolygonObstacle(corners @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [1.0, 2.0]),),
     )
     assert bound_of(moved) == pytest.approx(bound_of(scenario), abs=1e-6)
-
-
-def test_the_largest_disc_lies_inside_the_chain() -> None:
-    chain = scenario_from_text(AHEAD, "ahead.yaml").chain
-    disc = largest_disc(chain)
-    assert disc.radius == pytest.approx(0.1, abs=1e-4)
-    assert as_one(chain.bodies).buffer(1e-9).contains(disc.at(np.zeros(3)).buffer(disc.radius))
-    assert disc_at(chain, np.zeros(2)).radius == pytest.approx(0.1, abs=2e-6)
-    assert disc_at(chain, np.array([5.0, 0.0])).radius == 0.0
 
 
 def test_a_gap_that_is_good_enough_ends_the_search() -> None:

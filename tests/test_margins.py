@@ -16,7 +16,7 @@ from plain import load_plain
 from pushplan.cli.main import main
 from pushplan.errors import PlanningError
 from pushplan.mechanics.chain import Chain, Drive
-from pushplan.planners.controls import HALVINGS, MOST_MARGIN, automatic_margin, margins_to_try
+from pushplan.planners.controls import HALVINGS, MOST_MARGIN, automatic_margin
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.scenario.builders import box, build_scenario, plate
@@ -91,13 +91,6 @@ def test_with_wheels_only_twists_that_these_make_count(
     assert min(MOST_MARGIN, 0.5 * best) == pytest.approx(found, rel=0.01)
 
 
-def test_the_margins_to_try_are_halves_and_a_number_stands_alone() -> None:
-    scenario = load_scenario("two-crates")
-    tried = margins_to_try(scenario, scenario.stable_set())
-    assert tried == tuple(MOST_MARGIN / 2**k for k in range(HALVINGS + 1))
-    assert margins_to_try(scenario.with_margin(0.03), scenario.stable_set()) == (0.03,)
-
-
 @cache
 def u_turn(side: float = 2.6) -> Scenario:
     """Slippery boxes that have to turn round where only wide turns have half of the largest margin."""
@@ -145,12 +138,6 @@ def test_a_first_path_depends_on_no_limit() -> None:
     assert first.cost == longer.cost
 
 
-def test_a_first_path_keeps_the_margin_that_is_found_in_time() -> None:
-    for name in ("three-boxes-clutter", "two-crates", "hook"):
-        result = plan(load_scenario(name), time_limit=60.0, first=True)
-        assert (result.solved, result.lowered) == (True, "")
-
-
 def test_a_stated_margin_is_never_lowered() -> None:
     asked = turned().margin_asked
     assert asked is not None
@@ -170,11 +157,6 @@ def test_all_margins_share_one_time_limit(monkeypatch: pytest.MonkeyPatch) -> No
     assert not result.solved
     assert (result.margin or 1.0) < (result.margin_asked or 0.0)
     assert 1.2 < result.planning_s < 3.0
-
-
-def test_iterations_are_shared_as_well() -> None:
-    few = plan(u_turn(), planner="rrt", time_limit=60.0, iterations=3000)
-    assert few.iterations < 2 * 3000
 
 
 @pytest.fixture(scope="module")
@@ -210,15 +192,6 @@ def test_the_output_and_the_json_say_that_the_margin_was_lowered(
     assert found["min_dynamic_margin"] > 0.5 * found["margin"]
     assert main(["replay", log]) == 0
     assert result.lowered in " ".join(capsys.readouterr().out.split())
-
-
-def test_a_margin_may_be_given_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["plan", "free-space", "--iterations", "2000", "--time-limit", "60", "--json", "--margin"]
-    for margin, meant in (("0.11", 0.11), ("auto", MOST_MARGIN)):
-        assert main([*words, margin]) == 0
-        found = json.loads(capsys.readouterr().out)
-        assert found["margin"] == found["margin_asked"] == meant
-        assert found["min_margin"] > meant
 
 
 @pytest.mark.parametrize("word", ["much", "-0.1", "1.0", "nan"])

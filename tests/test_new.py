@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
 import pytest
 
 from pushplan.cli.main import main
-from pushplan.drawing import PICTURE_SUFFIXES
 from pushplan.scenario.file import load_scenario
 
 Captured = pytest.CaptureFixture[str]
@@ -38,35 +36,11 @@ def test_a_file_is_never_overwritten(capsys: Captured) -> None:
     assert Path("mine.yaml").read_text() == "precious"
 
 
-@pytest.mark.parametrize("name", ["my crates", "123", "null", "Kiste-ä", "a.b"])
-def test_names_that_yaml_would_take_for_something_else_stay_names(name: str) -> None:
-    assert main(["new", name]) == 0
-    assert load_scenario(Path(f"{name}.yaml")).name == name
-
-
 @pytest.mark.parametrize("name", [" ", "_x", "a\tb", "-", "x" * 65])
 def test_a_name_that_no_scenario_can_have_is_refused(name: str, capsys: Captured) -> None:
     assert main(["new", "--", name]) == 2
     assert "cannot be a scenario's name; allowed: a name of up to 64" in capsys.readouterr().err
     assert not list(Path().iterdir())
-
-
-def test_a_path_may_lead_to_another_folder_that_exists(tmp_path: Path, capsys: Captured) -> None:
-    (tmp_path / "sub").mkdir()
-    assert main(["new", "sub/mine", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"name": "mine", "file": "sub/mine.yaml"}
-    assert main(["new", "nowhere/mine"]) == 2
-    assert "there is no folder nowhere" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("suffix", PICTURE_SUFFIXES)
-def test_check_draws_what_was_understood(suffix: str, tmp_path: Path) -> None:
-    picture = tmp_path / f"check{suffix}"
-    assert main(["check", "two-crates", "--plot", str(picture)]) == 0
-    assert picture.stat().st_size > 5_000
-    if suffix == ".svg":
-        assert "<!-- near -->" in picture.read_text()
-        assert "<!-- far -->" in picture.read_text()
 
 
 def test_a_forgotten_suffix_and_a_misspelt_example_are_recognised(capsys: Captured) -> None:

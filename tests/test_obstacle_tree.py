@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pushplan.core.collision import LEAF, Scene, obstacle_tree, separation, sweep_is_free
+from pushplan.core.collision import Scene, separation, sweep_is_free
 from pushplan.planners.scene import scene_of
 from pushplan.util.arrays import FloatArray
 
@@ -49,32 +49,3 @@ def test_the_tree_changes_no_answer(count: int) -> None:
         assert sweeps[0] == sweeps[1]
         free, blocked = free + sweeps[0], blocked + (not sweeps[0])
     assert min(free, blocked) > 20
-
-
-def test_every_obstacle_is_in_one_leaf_and_inside_all_boxes_above() -> None:
-    rng = np.random.default_rng(5)
-    low = rng.uniform(0.0, 10.0, (300, 2))
-    boxes = np.hstack([low, low + rng.uniform(0.0, 1.0, (300, 2))])
-    tree, order = obstacle_tree(boxes, 120)
-    np.testing.assert_array_equal(np.sort(order), np.arange(300))
-    polygons, circles = order[order < 120], order[order >= 120]
-    seen = 0
-    for row, node in enumerate(tree):
-        below = tree[row : int(node[4])]
-        ranges = below[:, 5:].astype(int)
-        members = [polygons[a:b] for a, b, _, _ in ranges] + [circles[a:b] for _, _, a, b in ranges]
-        inside = boxes[np.concatenate(members)]
-        np.testing.assert_array_equal(node[:2], inside[:, :2].min(axis=0))
-        np.testing.assert_array_equal(node[2:4], inside[:, 2:].max(axis=0))
-        if len(below) == 1:
-            assert 0 < len(inside) <= LEAF
-            seen += len(inside)
-    assert seen == 300
-
-
-def test_no_obstacles_need_no_tree() -> None:
-    tree, order = obstacle_tree(np.zeros((0, 4)), 0)
-    assert tree.shape == (0, 9)
-    assert len(order) == 0
-    scene = scene_of(BODY, [], np.zeros((0, 3)), WALLS, 5e-4)
-    assert separation(scene, 10.0, 10.0, 0.0, 1.0) == 1.0

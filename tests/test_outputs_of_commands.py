@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import stat
 import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
-from threading import Event, Thread
 from typing import Any
 
 import pytest
@@ -47,38 +45,6 @@ def _short_films(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_there_are_as_many_as_the_documentation_names() -> None:
     assert len(OPTIONS) == len(set(OPTIONS)) == 19
-
-
-@EVERY
-def test_a_link_stays_and_what_it_leads_to_is_written(
-    command: str, option: str, suffix: str, log: Path, tmp_path: Path
-) -> None:
-    link, file = tmp_path / f"link{suffix}", tmp_path / f"file{suffix}"
-    old = b"\x89MCAP0\r\n" if suffix == ".mcap" else b"old"  # a log replaces nothing but a log
-    file.write_bytes(old)
-    link.symlink_to(file)
-    refused = (command, option) in NEVER_REPLACING
-    assert main(words(command, option, link, log)) == (2 if refused else 0)
-    assert link.is_symlink()
-    assert (file.read_bytes() == old) == refused
-    beside = {path.name for path in tmp_path.iterdir()} - {link.name, file.name}
-    assert beside == ({"link.rviz"} if option == "ros2" else set())
-
-
-@EVERY
-def test_a_pipe_is_streamed_into(command: str, option: str, suffix: str, log: Path, tmp_path: Path) -> None:
-    pipe, got = tmp_path / f"pipe{suffix}", list[bytes]()
-    os.mkfifo(pipe)
-    if (command, option) in NEVER_REPLACING:
-        assert main(words(command, option, pipe, log)) == 2
-    else:
-        reader = Thread(target=lambda: got.append(pipe.read_bytes()))
-        reader.start()
-        Event().wait(0.1)  # until it waits in its call
-        assert main(words(command, option, pipe, log)) == 0
-        reader.join(30.0)
-        assert len(got[0]) > 1000
-    assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
 @EVERY

@@ -16,11 +16,8 @@ from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.perturb import (
     aside,
     shifted_places,
-    slid,
     turned,
     turned_places,
-    with_contact_friction,
-    with_floor_friction,
     with_leaning_load,
 )
 from pushplan.mechanics.support import FeetSupport, Support, UnknownSupport
@@ -76,27 +73,6 @@ def test_a_turned_object_touches_with_a_corner_and_overlaps_nothing(
     assert gap == pytest.approx(abs(angle) * own.length, rel=1e-3)
 
 
-def test_a_shifted_object_keeps_its_contact_and_leaves_the_others_in_place(chain: Chain) -> None:
-    placed = shifted_places(chain, 1, 0.004)
-    np.testing.assert_allclose(placed, [[0.0, 0.0, 0.0], [0.0, 0.004, 0.0], [0.0, 0.0, 0.0]], atol=1e-15)
-
-
-def test_what_leans_on_a_shifted_object_follows_it(chain: Chain) -> None:
-    """The face of the middle object leans: its shift to the left brings it ahead, and with it what it carries."""
-    right, normal = chain.contacts[2].right, np.array([np.cos(0.1), np.sin(0.1)])
-    leaning = replace(chain.contacts[2], left=right + 0.05 * np.array([-normal[1], normal[0]]))
-    placed = shifted_places(replace(chain, contacts=(*chain.contacts[:2], leaning)), 1, 0.004)
-    np.testing.assert_allclose(placed[2], [*(0.004 * normal[1] * normal), 0.0], atol=1e-15)
-
-
-def test_frictions_are_scaled_alone(chain: Chain) -> None:
-    low = with_contact_friction(chain, 0.9)
-    assert [c.friction for c in low.contacts] == pytest.approx([0.9 * c.friction for c in chain.contacts])
-    assert low.pusher.friction == pytest.approx(0.9 * chain.pusher.friction)
-    rough = with_floor_friction(chain, 1.2, 1)
-    assert [obj.floor_friction for obj in rough.objects] == pytest.approx([0.3, 0.36, 0.3])
-
-
 @pytest.mark.parametrize("index", [None, 1])
 def test_a_load_leans_by_the_share_at_its_outermost_foot(chain: Chain, index: int | None) -> None:
     leaned = with_leaning_load(chain, [0.0, 1.0], 0.1, index)
@@ -109,13 +85,6 @@ def test_a_load_leans_by_the_share_at_its_outermost_foot(chain: Chain, index: in
             np.testing.assert_allclose(obj.support.fractions, 0.25)
 
 
-def test_even_pressure_leans_by_a_share_of_its_mean(make_chain: ChainMaker) -> None:
-    """On a square of side a, p (1 + s 2 x / a) has its centre at s a / 6."""
-    leaned = with_leaning_load(make_chain.boxes(1), [1.0, 0.0], 0.3).objects[0].support
-    np.testing.assert_allclose(leaned.center, [0.3 * 0.1 / 6.0, 0.0], atol=1e-15)
-    assert leaned.most_lean(np.array([1.0, 0.0])) == pytest.approx(0.7)
-
-
 def test_an_object_aside_leaves_what_it_carries_and_shortens_both_contacts(chain: Chain) -> None:
     moved = aside(chain, 1, [0.0, 0.004, 0.12])
     np.testing.assert_allclose(
@@ -125,13 +94,6 @@ def test_an_object_aside_leaves_what_it_carries_and_shortens_both_contacts(chain
     assert moved.lengths[2, 1] < 0.0
     with pytest.raises(ChainError, match="'box1' has slid off"):
         moved.applied(chain, 2)
-
-
-def test_what_slides_takes_along_what_it_carries(chain: Chain) -> None:
-    found = slid(chain, [0.01, 0.02, 0.0])
-    np.testing.assert_allclose([obj.pose_chain[1] for obj in found.objects], [0.01, 0.03, 0.03], atol=1e-15)
-    ends = [(contact.right[1], contact.left[1]) for contact in found.contacts]
-    np.testing.assert_allclose(ends, [(-0.04, 0.06), (-0.02, 0.06), (-0.02, 0.08)], atol=1e-12)
 
 
 def test_a_load_that_is_not_known_does_not_lean(make_chain: ChainMaker) -> None:

@@ -19,7 +19,7 @@ from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.infeasible.pockets import LEVELS, Pocket, find_pocket, make_steps, push_hull, reached
 from pushplan.planners.problem import build_problem
-from pushplan.scenario.file import example_names, scenario_from_text
+from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.sets.stable_set import StableSet
 from pushplan.util.arrays import FloatArray, IntArray
@@ -29,8 +29,6 @@ RANDOM = ProblemParameters(
 )
 SHUT_IN = {False: (31, 55), True: (5, 16)}
 """Seeds whose start, or goal, obstacles shut in."""
-SOLVABLE = (0, 1, 2, 75, 114, 199)
-"""Seeds that a planner has solved, some after a long search."""
 
 
 def _random(seed: int) -> tuple[Scenario, StableSet, Problem]:
@@ -49,16 +47,11 @@ def few_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pocket, "LOOKS", (8_000, 60_000))
 
 
-@pytest.mark.parametrize("name", [*example_names()])
+@pytest.mark.parametrize("name", ["narrow-gap", "three-boxes-clutter", "carts"])
 def test_packaged_scenarios_are_not_boxed_in(name: str, few_looks: None) -> None:
     scenario = load_plain(name)
     stable = scenario.stable_set()
     assert _found(scenario, stable, build_problem(scenario, stable)) is None
-
-
-@pytest.mark.parametrize("seed", SOLVABLE)
-def test_what_has_been_solved_is_not_boxed_in(seed: int, few_looks: None) -> None:
-    assert _found(*_random(seed)) is None
 
 
 @pytest.mark.parametrize(
@@ -127,7 +120,7 @@ def test_random_pushes_stay_within_the_cells(is_goal: bool, seed: int) -> None:
     middle, rng = problem.scene.body_bound[:2], np.random.Generator(np.random.PCG64(seed))
     origin = np.append(se2.transform_points(begin, middle), begin[2])
     seen, longest = 0, 0
-    for _ in range(400):
+    for _ in range(150):
         poses = _wander(scenario, problem, begin, steps.sign, steps.travel, rng)
         for pose in poses:
             position = np.append(se2.transform_points(pose, middle), pose[2])

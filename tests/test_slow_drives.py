@@ -65,7 +65,7 @@ def test_a_push_of_a_day_is_judged_by_a_bounded_number_of_poses_and_its_log_is_r
 ) -> None:
     stated = yaml.safe_load(example_text("free-space"))
     stated["pusher"].setdefault("limits", {})["speed"] = 0.01
-    stated["goal"] = {"pose": [1000.0, 0.0, 0.0]}
+    stated["goal"] = {"pose": [900.0, 0.0, 0.0]}
     looked, log = list[int](), tmp_path / "day.mcap"
     poses_at = Trajectory.poses_at
 

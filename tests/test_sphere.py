@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pushplan.errors import PushplanError
-from pushplan.mechanics.sphere import POLE, Meridians, angles_of, checked_twists, twists_about, twists_at
+from pushplan.mechanics.sphere import POLE, angles_of, checked_twists, twists_about, twists_at
 
 LENGTH = 0.4
 
@@ -43,15 +43,6 @@ def test_centres_of_rotation_lie_on_a_line_through_the_origin() -> None:
     assert twists_about([0, 3], 1).dtype == np.float64
     with pytest.raises(PushplanError, match=r"sense is 2; it must be \+1 \(counter-clockwise\) or -1"):
         twists_about([0.0, 1.0], 2)
-
-
-def test_meridians_have_as_many_ends_as_longitudes() -> None:
-    rows = Meridians([0.0, 0.1], [-0.2, -0.3], [0.2, 0.3])  # type: ignore[arg-type]
-    assert len(rows) == 2
-    for array in (rows.longitude, rows.lower, rows.upper):
-        assert not array.flags.writeable
-    with pytest.raises(PushplanError, match=r"upper has shape \(1,\); it must be \(2\)"):
-        Meridians(np.zeros(2), np.zeros(2), np.zeros(1))
 
 
 def test_one_zero_twist_among_others_is_found() -> None:

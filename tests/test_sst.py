@@ -14,7 +14,6 @@ from pushplan.geometry import se2
 from pushplan.planners.problem import body_reach, build_problem, sampling_box
 from pushplan.planners.search.form import pose_problem
 from pushplan.planners.search.planners import StableSparseRRT
-from pushplan.planners.search.search import Search
 from pushplan.planners.search.session import Budget, Session
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import IntArray
@@ -61,18 +60,6 @@ def test_every_branch_is_a_free_arc_with_the_right_cost(problem: Problem, tree: 
         assert node[3] == pytest.approx(parent[3] + node[8], abs=1e-12)
         assert sweep_is_free(problem.scene, *parent[:3], *node[5:9])
         assert to_go[row] <= np.hypot(*(problem.goal[:2] - node[:2])) + 0.1 * np.pi + 1e-12
-
-
-def test_longer_rounds_find_shorter_paths(problem: Problem) -> None:
-    scenario = load_plain("three-boxes-clutter")
-    costs = []
-    for iterations in (3_000, 60_000):
-        session = _session(problem, iterations)
-        Search(session, StableSparseRRT, sampling_box(scenario), body_reach(scenario)).run()
-        assert session.iterations >= iterations or session.finished
-        costs.append(session.best.cost)
-    assert costs[1] < costs[0] < np.inf
-    assert costs[1] > session.lower_bound
 
 
 def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(problem: Problem) -> None:

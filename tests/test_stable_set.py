@@ -159,18 +159,6 @@ def test_translation_cone_agrees_with_the_paper(make_chain: ChainMaker, seed: in
         assert stable_set(chain).contains(np.column_stack([cone, [0.0, 0.0]])).all()
 
 
-def test_turning_radii_are_those_of_the_tightest_stable_turns(make_chain: ChainMaker) -> None:
-    chain = make_chain.random(3, 2)
-    stable = stable_set(chain)
-    radii = stable.turning_radii()
-    twists = twists_everywhere(chain, 100_000)
-    twists = twists[stable.contains(twists)]
-    for sense, radius in ((+1, radii.left), (-1, radii.right)):
-        turns = twists[twists[:, 2] * sense > 0.0]
-        tightest = float(np.min(np.hypot(turns[:, 0], turns[:, 1]) / np.abs(turns[:, 2])))
-        assert radius <= tightest < 1.05 * radius
-
-
 def test_a_push_beside_the_middle_turns_one_way_only(make_chain: ChainMaker) -> None:
     stable = stable_set(one_sided(make_chain))
     assert stable.translation_cone() is None
@@ -178,14 +166,6 @@ def test_a_push_beside_the_middle_turns_one_way_only(make_chain: ChainMaker) -> 
     assert np.isfinite(stable.turning_radii().left)
     assert stable.cor_region(-1).is_empty
     assert stable.cor_region(+1).area > 0.0
-
-
-def test_answers_do_not_depend_on_the_order_of_questions(make_chain: ChainMaker) -> None:
-    """Results are cached; a fresh set gives the same ones."""
-    first, second = stable_set(make_chain.random(1, 3)), stable_set(make_chain.random(1, 3))
-    region, area = first.cor_region(+1), first.area()
-    assert second.area() == area
-    assert second.cor_region(+1).equals(region)
 
 
 def test_wrong_windows_and_counts_are_refused(make_chain: ChainMaker) -> None:

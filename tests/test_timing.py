@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pushplan.mechanics.chain import Limits
-from pushplan.planners.timing.arc_limits import Bounds, arc_limits
+from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
 
@@ -56,14 +56,6 @@ def test_a_long_straight_push_takes_the_time_of_the_textbook() -> None:
     assert time_path(path, Bounds(Limits())).duration == pytest.approx(
         2.0 / 0.2 + 0.2 / 0.5 + 0.5 / 5.0, abs=1e-9
     )
-
-
-def test_one_limit_is_always_reached() -> None:
-    """The bounds of a straight or a pivoting arc are the pusher's own: nothing is given away."""
-    straight = arc_limits(np.array([1.0, 0.0, 0.0]), Limits())
-    assert tuple(straight) == pytest.approx((0.2, 0.5, 0.5, 5.0))
-    pivot = arc_limits(np.array([0.0, 0.0, 10.0]), Limits())
-    assert tuple(pivot) == pytest.approx((0.1, 0.2, 0.2, 2.0))
 
 
 def test_a_path_of_no_arcs_takes_no_time() -> None:

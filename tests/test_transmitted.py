@@ -80,12 +80,6 @@ def test_small_forces_have_directions_like_large_ones(make_chain: ChainMaker) ->
     np.testing.assert_allclose(small.margins, heavy.margins, atol=1e-9)
 
 
-def test_a_chain_that_is_packed_already_is_taken_as_it_is(make_chain: ChainMaker) -> None:
-    chain, other = make_chain.boxes(2), make_chain.boxes(2, floor_friction=0.6)
-    found = contact_state(chain, TWISTS, pack_chain(other)).wrenches
-    np.testing.assert_allclose(found, 2.0 * contact_state(chain, TWISTS).wrenches)
-
-
 def test_a_margin_is_exact_above_the_floor_asked_for(make_chain: ChainMaker) -> None:
     chain = make_chain.random(3, 4, tree=True)
     packed, exact = pack_chain(chain), stable_set(chain).margin(TWISTS)
@@ -93,15 +87,3 @@ def test_a_margin_is_exact_above_the_floor_asked_for(make_chain: ChainMaker) -> 
         assert contacts.margins_of(packed, twist, -2.0) == pytest.approx(margin, abs=1e-12)
         assert contacts.margins_of(packed, twist, margin - 0.01) == pytest.approx(margin, abs=1e-12)
         assert contacts.margins_of(packed, twist, margin + 0.01) <= margin + 0.01
-
-
-def test_the_first_margin_at_the_floor_asked_for_is_returned(make_chain: ChainMaker) -> None:
-    """From the last contact to the first, though others may be lower."""
-    packed, lower = pack_chain(make_chain.random(3, 4, tree=True)), 0
-    every = contacts.contact_margins_of(packed, contacts.wrenches_of(packed, TWISTS))
-    for twist, margins in zip(TWISTS[:, None], every, strict=True):
-        for k in range(4):
-            last = margins[k:].min()
-            assert contacts.margins_of(packed, twist, last) == last
-            lower += margins.min() < last
-    assert lower > 10

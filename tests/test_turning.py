@@ -75,14 +75,6 @@ def test_both_radii_are_told_where_they_differ(command: str, capsys: pytest.Capt
     assert numbers["min_turning_radius_with_drive"]["right"] == pytest.approx(3.63878, abs=1e-5)
 
 
-def test_one_radius_is_told_where_the_drive_makes_no_difference(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["stable-set", "two-crates"]) == 0
-    assert " drive" not in capsys.readouterr().out
-    assert main(["stable-set", "two-crates", "--json"]) == 0
-    numbers = json.loads(capsys.readouterr().out)["sets"]["ecof"]
-    assert numbers["min_turning_radius_with_drive"] == numbers["min_turning_radius"]
-
-
 def test_reasons_of_a_failure_name_both_radii(carts: Scenario) -> None:
     stable, drive = stable_set(carts.chain), carts.chain.pusher.drive
     assert carts.workspace is not None

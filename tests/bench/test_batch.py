@@ -129,25 +129,6 @@ def test_one_job_and_two_resumed_jobs_give_the_same_costs_and_arcs(tmp_path: Pat
     assert (tmp_path / "1" / "problems" / "one-box.yaml").read_bytes() == suite.problems[0].source
 
 
-def test_an_interrupt_stops_cleanly_and_can_be_resumed(planted: Any, tmp_path: Path, rows: ReadRows) -> None:
-    seen: list[Tally] = []
-
-    def observe(tally: Tally) -> None:
-        seen.append(tally)
-        if len(seen) == 3:
-            raise KeyboardInterrupt
-
-    suite = suite_from_text(planted.suite_text(range(5)))
-    with pytest.raises(KeyboardInterrupt):
-        _run(suite, tmp_path, work=planted.work, observer=observe)
-    assert len(rows(tmp_path)) == 3
-    assert not (tmp_path / ".scratch").exists()
-    _run(suite, tmp_path, work=planted.work, selection=Selection(resume=True), observer=seen.append)
-    _check_planted(rows(tmp_path), planted, range(5))
-    assert [tally.done for tally in seen] == [1, 2, 3, 1, 2]
-    assert (seen[-1].left, seen[-1].to_end) == (0, 0.0)
-
-
 def test_results_are_not_mixed_by_mistake(tmp_path: Path) -> None:
     suite = suite_from_text(REAL)
 

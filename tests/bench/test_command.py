@@ -12,9 +12,7 @@ from pathlib import Path
 import pytest
 from interrupts import heed_interrupts
 
-from pushplan.bench.batch import Tally
 from pushplan.bench.suite import load_suite, suite_names
-from pushplan.cli.bench import progress_text, time_left
 from pushplan.cli.main import main
 
 Captured = pytest.CaptureFixture[str]
@@ -131,16 +129,3 @@ def test_wrong_words_end_with_exit_code_2(
     monkeypatch.chdir(tmp_path)
     assert main(["bench", *words]) == 2
     assert message in capsys.readouterr().err
-
-
-def test_a_filter_that_fits_nothing_leaves_no_folder(tmp_path: Path, capsys: Captured) -> None:
-    assert main(["bench", "smoke", "-o", str(tmp_path / "a" / "results"), "--filter", "seed=99"]) == 2
-    assert "no run fits seed=99" in capsys.readouterr().err
-    assert not (tmp_path / "a").exists()
-
-
-def test_progress_says_what_is_done_and_left() -> None:
-    tally = Tally(total=40, before=8, counts={"ok": 9, "no plan": 2, "crash": 1}, seconds=60.0)
-    assert progress_text(tally) == "20 of 40 done, 9 solved, 1 failed, 20 left, about 2 min to go"
-    assert progress_text(Tally(total=4)) == "0 of 4 done, 0 solved, 4 left"
-    assert [time_left(t) for t in (5.0, 100.0, 6000.0)] == ["5 s", "2 min", "1.7 h"]

@@ -10,7 +10,6 @@ from pushplan.bench.random_problems import (
     DRIVES,
     LEAST_MARGIN,
     GeneratorError,
-    enlarged,
     generate,
     tightest_turn,
 )
@@ -66,20 +65,6 @@ def test_a_wall_with_a_gap_parts_start_from_goal(seed: int) -> None:
     assert way.intersects(shapely.union_all(sides).convex_hull)
 
 
-def test_words_and_ranges_are_kept() -> None:
-    parameters = ProblemParameters(
-        objects=(2, 2), shapes=("box",), drives=("car",), obstacle_shapes=("circle",), obstacles=(5, 5)
-    )
-    scenario = _scenario(parameters, 1)
-    assert all(isinstance(obstacle, CircleObstacle) for obstacle in scenario.obstacles)
-    assert len(scenario.obstacles) == 5
-    assert [len(obj.outline) for obj in scenario.chain.objects] == [4, 4]
-    assert all(0.3 <= obj.mass <= 3.0 for obj in scenario.chain.objects)
-    drive = scenario.chain.pusher.drive
-    assert drive.kind == "car"
-    assert 0.0 < drive.min_radius < tightest_turn(scenario.chain, parameters.turning_radius)
-
-
 def test_obstacles_stop_where_they_cover_enough() -> None:
     parameters = ProblemParameters(obstacles=(1000, 1000), density=(0.1, 0.1), obstacle_shapes=("box",))
     scenario = _scenario(parameters, 2)
@@ -88,12 +73,6 @@ def test_obstacles_stop_where_they_cover_enough() -> None:
     covered = [shapely.Polygon(box.outline) for box in scenario.obstacles]  # type: ignore[union-attr]
     assert shapely.union_all(covered).area >= 0.1 * area
     assert shapely.union_all(covered[:-1]).area < 0.1 * area
-
-
-def test_wide_turns_get_a_large_workspace() -> None:
-    larger = enlarged(ProblemParameters(turning_radius=0.5, workspace=(2.0, 3.0)), 1.0)
-    assert larger.workspace == (4.0, 6.0)
-    assert enlarged(larger, 0.25) == larger
 
 
 def test_parameters_without_room_are_refused() -> None:

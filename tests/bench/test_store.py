@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Generator, Iterable
 from pathlib import Path
 from types import ModuleType
@@ -16,7 +13,7 @@ import pytest
 
 from pushplan.bench.batch import run_suite
 from pushplan.bench.outcome import ATTRIBUTES, STATUSES, Outcome
-from pushplan.bench.store import PARAMETERS, SAMPLES, ResultsFolder, Store, StoreError, read_results, sampled
+from pushplan.bench.store import PARAMETERS, ResultsFolder, Store, StoreError, read_results
 from pushplan.bench.suite import RunSpec, suite_from_text
 
 SUITE = """\
@@ -28,35 +25,6 @@ seeds: 4
 
 TABLES = ("experiments", "plannerConfigs", "enums", "runs", "progress")
 VIEWS = ("bestPlannerConfigsPerExperiment", "bestPlannerConfigs")
-
-ARENA = """\
-import io, re, sys
-import plotnine as p9
-import polars as pl
-from plannerarena.database import load_database
-from plannerarena.performance import boxplot, ecdf_plot, enums_plot
-from plannerarena.widgets import problem_parameter_filter, problem_parameter_widget
-data = load_database(sys.argv[1])
-assert data["problem_names"] == ["one-box", "random"], data["problem_names"]
-assert data["parameters"] == sys.argv[2].split(","), data["parameters"]
-assert data["attributes"] == sys.argv[3].split(","), data["attributes"]
-assert len(data["runs"]) == 24
-assert len(data["progress"]) == int(sys.argv[4])
-enums_plot(data["runs"], data["enums"].filter(pl.col("name") == "status"), []).save(io.BytesIO(), format="png")
-for attribute in ("time", "solution length", "min margin"):
-    boxplot(data["runs"], attribute, [], "o", False).save(io.BytesIO(), format="png")
-    ecdf_plot(data["runs"], attribute, []).save(io.BytesIO(), format="png")
-for problem in data["problem_names"]:  # as the page of progress does, with what is chosen at first
-    experiments = data["experiments"].filter(pl.col("experiment") == problem)
-    choices = {p: problem_parameter_widget(experiments, "id", p) for p in data["parameters"]}
-    first = {p: re.search(r"<option value=.(.*?). *selected", str(w))[1] for p, w in choices.items() if w}
-    assert (problem, list(first)) == (problem, ["instance", "obstacles"] if problem == "random" else [])
-    runs = data["runs"].filter(pl.col("experiment") == problem).select("id", "planner")
-    points = data["progress"].join(runs, left_on="runid", right_on="id")
-    assert len(problem_parameter_filter(points, first)) == len(points) > 0
-    smooth = p9.geom_smooth(method="loess", span=0.1, se=False)
-    (p9.ggplot(points, p9.aes(x="time", y="best cost", color="planner")) + smooth).save(io.BytesIO(), format="png")
-"""
 
 
 def _engine(specs: Iterable[RunSpec]) -> Generator[Outcome]:
@@ -162,24 +130,6 @@ def test_tables_columns_and_views_are_those_that_ompls_reader_makes(database: Pa
     theirs.close()
 
 
-def test_planner_arena_opens_and_draws_the_database(database: Path) -> None:
-    python = os.environ.get(
-        "PUSHPLAN_PLANNERARENA", ""
-    )  # a Python that has it: it needs much that nothing else does
-    if not python:
-        pytest.importorskip("plannerarena")
-        python = sys.executable
-    parameters, attributes = (
-        ",".join(name.replace("_", " ") for name in names) for names in (PARAMETERS, ATTRIBUTES)
-    )
-    ours = sqlite3.connect(database)
-    (points,) = ours.execute("SELECT COUNT(*) FROM progress").fetchone()
-    ours.close()
-    command = [python, "-c", ARENA, str(database), parameters, attributes, str(points)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-
-
 def test_only_what_differs_within_a_family_is_a_parameter(database: Path) -> None:
     ours = sqlite3.connect(database)
     for name in PARAMETERS:
@@ -187,16 +137,6 @@ def test_only_what_differs_within_a_family_is_a_parameter(database: Path) -> Non
         assert (name, counts["one-box"]) == (name, 0)
         assert (name, counts["random"]) == (name, 2 if name in ("instance", "obstacles") else 0)
     ours.close()
-
-
-def test_progress_is_what_was_best_at_each_improvement_and_at_regular_times() -> None:
-    found = sampled(((0.15, 3.0, 4), (0.152, 2.5, 5), (0.5, 2.0, 9)), 1.0)
-    assert len(found) == SAMPLES - 14 + 1  # nothing is known before the first path
-    assert found[:2] == [(0.15, 3.0, 4), (0.152, 2.5, 5)]
-    assert found[-1] == (1.0, 2.0, 9)
-    assert [cost for _, cost, _ in found[1:]] == [2.5 if time < 0.5 else 2.0 for time, _, _ in found[1:]]
-    assert sampled((), 1.0) == []
-    assert sampled(((0.0, 1.0, 1), (0.0, 0.5, 2)), 0.0) == [(0.0, 0.5, 2)]
 
 
 def test_other_programs_do_not_disturb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,6 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-import shapely
 
 import pushplan
 from pushplan.bench.batch import Selection, run_suite
@@ -27,7 +26,6 @@ from pushplan.bench.suite import (
 )
 from pushplan.cli.bench import time_left
 from pushplan.scenario.file import example_text
-from pushplan.scenario.model import CircleObstacle, Scenario
 
 ROOT = Path(__file__).parents[2]
 
@@ -63,15 +61,6 @@ def test_a_suite_is_problems_times_planners_times_sets_times_seeds() -> None:
     assert len(runs) == 3 * 2 * 2 * 2 == len({run.key for run in runs})
     assert {run.seed for run in runs[:12]} == {3}
     assert (runs[0].seconds, runs[0].megabytes) == (5.0 * 1.5 + 30.0, 1000.0)
-
-
-def test_what_is_left_out_has_a_default() -> None:
-    suite = suite_from_text("format: pushplan-suite/1\nproblems: [feet]\nlimits: {run: 7}\n", "my/feet.yaml")
-    assert suite.name == "feet"
-    assert suite.seeds == tuple(range(1, 11))
-    (run, *_) = _runs(suite)
-    assert str(run) == "problem=feet planner=auto set=ecof seed=1"
-    assert (run.seconds, run.megabytes) == (7.0, 2000.0)
 
 
 def test_keys_change_with_all_that_bears_on_results_and_nothing_else() -> None:
@@ -225,33 +214,6 @@ def test_a_part_of_every_packaged_suite_can_be_run(name: str, tmp_path: Path) ->
         selection = Selection(filters=(last, "planner=auto", "set=ecof", "seed=1"))
         tally = run_suite(suite, folder, engine, selection)
     assert tally.counts == {"ok": 1}
-
-
-def test_the_generated_problems_are_what_the_suites_promise() -> None:
-    for problem in _packaged("chains").problems:
-        assert problem.family == f"chain-{len(problem.scenario().chain.objects)}"
-    assert {problem.family for problem in _packaged("chains").problems} == {f"chain-{n}" for n in range(1, 9)}
-    for problem in _packaged("drives").problems:
-        assert problem.family == problem.scenario().chain.pusher.drive.kind
-    for problem in _packaged("clutter").problems:
-        kind, _, number = problem.family.partition("-")
-        if kind == "density":
-            assert _covered(problem.scenario()) >= float(number) / 100.0
-        else:
-            assert len(problem.scenario().obstacles) == 2
-
-
-def _covered(scenario: Scenario) -> float:
-    """Share of the workspace that obstacles cover."""
-    area = scenario.workspace
-    assert area is not None
-    outlines = [
-        shapely.Point(one.center).buffer(one.radius)
-        if isinstance(one, CircleObstacle)
-        else shapely.Polygon(one.outline)
-        for one in scenario.obstacles
-    ]
-    return float(shapely.union_all(outlines).area / ((area.xmax - area.xmin) * (area.ymax - area.ymin)))
 
 
 def test_every_file_of_the_packaged_suites_is_in_the_wheel() -> None:

@@ -32,17 +32,6 @@ def quasi_static(plan: Plan) -> Plan:
     return replace(plan, scenario=replace(plan.scenario, chain=replace(chain, pusher=still)))
 
 
-def test_auto_stands_for_the_margin_that_the_plan_kept_and_a_stated_one_for_itself(done: Run) -> None:
-    plan, execution = done.plan, done.execution
-    assert execution is not None
-    least = execution.min_margin
-    assert least is not None
-    assert validation_error(plan, execution) == ""
-    assert f"must be above {least:g}" in validation_error(replace(plan, margin=least), execution)
-    stated = replace(plan, scenario=done.scenario.with_margin(least), margin=0.0)
-    assert f"must be above {least:g}" in validation_error(stated, execution)
-
-
 def test_an_execution_that_slips_with_inertia_is_no_solution(done: Run) -> None:
     plan, execution = done.plan, done.execution
     assert execution is not None

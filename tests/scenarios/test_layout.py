@@ -58,18 +58,6 @@ def test_stacked_boxes_lie_flush_and_touch_where_shapely_says(
     assert np.ptp(chain.pusher.outline[:, 1]) == pytest.approx(plate)
 
 
-def test_the_origin_is_the_middle_of_the_contact_not_of_the_plate() -> None:
-    chain = load("name: a, shape: {box: [0.1, 0.2]}, mass: 1, offset: 0.15").chain
-    np.testing.assert_allclose(chain.contacts[0].left, [0.0, 0.075])
-    np.testing.assert_allclose(chain.pusher.outline[:, 1].mean(), -0.125)
-    np.testing.assert_allclose(chain.objects[0].pose_chain, [0.05, 0.025, 0.0])
-
-
-def test_a_first_object_with_a_pose_and_an_offset_places_the_plate() -> None:
-    chain = load("name: a, shape: {box: [0.1, 0.2]}, mass: 1, pose: [0.05, 0.025, 0], offset: 0.15").chain
-    np.testing.assert_allclose(chain.pusher.outline[:, 1].mean(), -0.125)
-
-
 def test_stacking_follows_the_frame_of_a_turned_object() -> None:
     chain = load(
         "name: a, shape: {polygon: [[0, -0.1], [0.2, -0.1], [0.2, 0.1], [0, 0.1]]}, mass: 1",
@@ -129,14 +117,6 @@ def test_an_object_in_a_corner_of_another_is_refused() -> None:
             f"name: a, shape: {{polygon: {corner}}}, mass: 1",
             "name: b, shape: {box: [0.1, 0.1]}, mass: 1, pose: [0.15, 0, 0]",
         )
-
-
-def test_clockwise_corners_give_the_same_chain(valid: Changed) -> None:
-    forward = "[[-0.05, -0.04], [0.05, -0.04], [0.05, 0.04], [-0.05, 0.04]]"
-    backward = "[[-0.05, 0.04], [0.05, 0.04], [0.05, -0.04], [-0.05, -0.04]]"
-    one, other = valid.scenario(), valid.scenario((forward, backward))
-    np.testing.assert_array_equal(one.chain.objects[1].outline, other.chain.objects[1].outline)
-    np.testing.assert_array_equal(one.chain.contacts[1].left, other.chain.contacts[1].left)
 
 
 def test_frictions_come_from_the_pair_then_from_the_default_then_from_the_pusher(valid: Changed) -> None:

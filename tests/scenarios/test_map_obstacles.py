@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ import shapely
 from PIL import Image
 
 import pushplan
-from pushplan.errors import ImportedFileError, PushplanError, ScenarioError
+from pushplan.errors import ImportedFileError, ScenarioError
 from pushplan.scenario.maps import cells_of, read_ros_map
 from pushplan.scenario.model import PolygonObstacle, Scenario, Workspace
 
@@ -209,22 +208,6 @@ def test_no_map_starts_a_program(tmp_path: Path, started: Path) -> None:
     with pytest.raises(ImportedFileError, match="is no PGM"):
         read_ros_map(tmp_path / "maps" / "office.yaml")
     assert not started.exists()
-
-
-def test_no_map_in_a_log_starts_a_program(tmp_path: Path, started: Path) -> None:
-    scenario = pushplan.load_scenario(_write(tmp_path))
-    evil = replace(scenario, attachments={**scenario.attachments, "maps/office.pgm": EPS})
-    log = tmp_path / "evil.mcap"
-    pushplan.run(evil, log=log, first=True, time_limit=60.0)
-    with pytest.raises(PushplanError, match="is no PGM, PPM, PNG or BMP picture"):
-        pushplan.load_run(log)
-    assert not started.exists()
-
-
-@pytest.mark.parametrize("kind", ["PPM", "PNG", "BMP"])
-def test_pictures_of_maps_are_read(kind: str) -> None:
-    picture = _bytes(Image.fromarray(np.array([[254, 0]], np.uint8)), kind)
-    assert cells_of(picture, "map", "trinary", False, 0.65, 0.25).occupied.tolist() == [[False, True]]
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")

@@ -62,7 +62,7 @@ size = st.floats(0.08, 0.4)
 errors = st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(st.lists(st.tuples(size, size, st.floats(-0.4, 0.4), errors), min_size=1, max_size=5))
 def test_a_perturbed_stack_snaps_back(boxes: list[tuple[float, float, float, tuple[float, float]]]) -> None:
     """Gaps up to 1.5 mm each and turns up to 1 deg, in either direction; sideways everything keeps its place."""
@@ -89,7 +89,7 @@ def test_a_perturbed_stack_snaps_back(boxes: list[tuple[float, float, float, tup
     flush(again)
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(size, size, st.floats(1.05, 3.0), st.booleans(), st.sampled_from([-1.0, 1.0]))
 def test_beyond_the_tolerance_it_is_a_finding(
     length: float, width: float, factor: float, turned: bool, sign: float

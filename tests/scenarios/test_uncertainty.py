@@ -43,19 +43,6 @@ def twists(seed: int, count: int) -> FloatArray:
     return np.asarray(spread + np.array([1.0, 0.0, 0.0]), dtype=np.float64)
 
 
-def test_every_number_becomes_the_interval_around_it() -> None:
-    found = scenario()
-    assert found.interval is not None
-    np.testing.assert_allclose(found.interval.floor_friction, [[0.24, 0.36], [0.8 * MU, 1.2 * MU]])
-    np.testing.assert_allclose(found.interval.fractions[1], np.outer([0.2, 0.3, 0.25, 0.25], [0.9, 1.1]))
-    assert found.interval.pressures == {0: 0.1}
-    np.testing.assert_allclose(found.interval.mass, [[1.2, 1.2], [0.8, 0.8]])
-    assert found.contact_friction is not None
-    np.testing.assert_allclose(found.contact_friction, [[0.4, 0.6], [0.32, 0.48]])
-    assert [c.friction for c in found.chain.contacts] == pytest.approx([0.4, 0.32])
-    assert [obj.floor_friction for obj in found.chain.objects] == pytest.approx([0.3, MU])
-
-
 def test_it_is_the_same_as_writing_the_intervals() -> None:
     written = TEXT.replace("{friction: 0.3}", "{friction: [0.24, 0.36]}").replace("0.4}", "[0.32, 0.48]}")
     written = written.replace('"14 deg"', f"[{0.8 * MU!r}, {1.2 * MU!r}]").replace("0.5}", "[0.4, 0.6]}")

@@ -160,12 +160,6 @@ def _local(chain: Chain, i: int, points: FloatArray) -> FloatArray:
     return np.asarray((points - pose[:2]) @ np.array([[c, -s], [s, c]]))
 
 
-def test_known_loads_count_by_their_centre_alone(make_chain: ChainMaker) -> None:
-    known, unknown = make_chain.boxes(2), make_chain.boxes(2, support=UnknownSupport)
-    twists = np.random.default_rng(0).normal(size=(50, 3)) * [0.2, 0.2, 1.0] + [1.0, 0.0, 0.0]
-    assert (stable_set(known, "robust").margin(twists) == stable_set(unknown, "robust").margin(twists)).all()
-
-
 def test_margins_below_the_floor_stay_below(make_chain: ChainMaker) -> None:
     """The quick answer may differ from the exact one only at or below the floor."""
     for feet in (False, True):
@@ -177,13 +171,6 @@ def test_margins_below_the_floor_stay_below(make_chain: ChainMaker) -> None:
             np.testing.assert_allclose(quick[exact > floor + 1e-4], exact[exact > floor + 1e-4], atol=1e-5)
             assert (quick <= floor + 1e-5)[exact <= floor].all()
         np.testing.assert_allclose(robust.contact_margin_values(twists).min(axis=1), exact, atol=1e-5)
-
-
-def test_margin_is_the_same_however_twists_are_grouped(make_chain: ChainMaker) -> None:
-    robust = stable_set(make_chain.random(2, 3), "robust")
-    twists = np.random.default_rng(1).normal(size=(40, 3))
-    together = robust.margin(twists)
-    assert [robust.margin(twist[None])[0] for twist in twists] == together.tolist()
 
 
 def test_symmetries_of_the_worst_case(make_chain: ChainMaker) -> None:

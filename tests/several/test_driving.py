@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -109,13 +108,6 @@ def test_ways_around_things_are_free_by_the_independent_check(problem: Problem, 
     assert shorter[:, 3].sum() <= arcs[:, 3].sum()
     assert max(se2.pose_error(driven(start, shorter), goal)) < 1e-9
     assert transit_is_free(around, start, shorter)
-
-
-@KINDS
-def test_wheels_are_pickled_whole(kind: WheelKind) -> None:
-    wheels = pickle.loads(pickle.dumps(Wheels(kind, AXLE, 0.8)))
-    assert (wheels.kind, wheels.radius) == (kind, 0.8)
-    np.testing.assert_array_equal(wheels.axle, AXLE)
 
 
 def test_there_is_no_way_out_of_a_closed_yard(problem: Problem) -> None:

@@ -16,7 +16,6 @@ from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
 from pushplan.sim.control.course import OpenLoop, course_in
 from pushplan.sim.follower import Follower, FollowerState
-from pushplan.sim.physics.simulate import simulate_in_physics
 from pushplan.sim.slip.simulator import simulate
 from pushplan.sim.trials import TrialUncertainty, execute_trials
 from pushplan.sim.world import World
@@ -56,20 +55,6 @@ def off_its_places(found: Plan) -> World:
     return world.with_object_poses(se2.compose(world.object_poses, OFF))
 
 
-def test_where_contacts_may_slip_a_plan_is_executed_as_planned(found: Plan) -> None:
-    report = simulate(found, World.from_scenario(found.scenario))
-    assert found.execution is not None
-    assert report.kept
-    assert report.loss is None
-    assert report.disturbed < 1e-9
-    np.testing.assert_allclose(report.objects[-1], found.execution.objects[-1], atol=1e-9)
-    assert report.goal_error == pytest.approx(found.execution.goal_error, abs=1e-9)
-    pushed = np.isin(report.segment, [k for k, s in enumerate(found.segments) if s.pushes])
-    assert (np.isnan(report.margins).all(axis=1) == ~pushed).all()
-    assert np.nanmin(report.margins) > 0.0
-    assert len(report.summaries) == sum(len(s.load.names) for s in found.pushes if s.load is not None)
-
-
 def test_a_world_of_other_objects_is_refused(found: Plan) -> None:
     other = World.from_scenario(pushplan.load_scenario("one-box"))
     with pytest.raises(PushplanError, match="the world has the objects box, and the plan"):
@@ -86,18 +71,6 @@ def test_objects_off_their_places_come_home_too(found: Plan) -> None:
     trials = execute_trials(found, 6, TrialUncertainty(contact_friction=0.1), seed=2)
     assert (trials.errors <= np.array(NEAR)).all()
     assert (trials.report(3).objects[-1] == trials.object_poses[3]).all()
-
-
-def test_the_engine_does_what_was_planned(found: Plan) -> None:
-    pytest.importorskip("mujoco", reason="MuJoCo is not installed; the extra pushplan[physics] brings it")
-    report = simulate_in_physics(found)
-    assert report.kept
-    assert report.disturbed < 1e-3
-    assert 5e-3 < report.clear < math.inf
-    assert (report.goal_errors(found.scenario) <= [1e-3, math.radians(0.1)]).all()
-    off = simulate_in_physics(found, off_its_places(found))
-    assert (off.goal_errors(found.scenario) <= NEAR).all()
-    assert off.clear > 5e-3
 
 
 def test_a_robot_that_follows_it_arrives_and_its_objects_are_watched(found: Plan) -> None:

@@ -47,33 +47,6 @@ def test_a_goal_behind_the_box_is_reached_from_its_other_side(planned: tuple[Sce
     assert plan.segments[-1].load.face == "front"
 
 
-def test_segments_join_and_rest_where_they_do(planned: tuple[Scenario, Plan]) -> None:
-    scenario, plan = planned
-    assert plan.trajectory is not None
-    plate, bodies = scenario.plate_start, scenario.poses
-    for segment, t0, t1 in zip(plan.segments, plan.times[:-1], plan.times[1:], strict=True):
-        assert segment.trajectory is not None
-        assert max(se2.pose_error(segment.path.start, plate)) < 1e-9
-        assert max(se2.pose_error(segment.before["b0"], bodies["b0"])) < 1e-9
-        np.testing.assert_allclose(plan.trajectory.twists_at(np.array([t0, t1])), 0.0, atol=1e-9)
-        assert max(se2.pose_error(segment.trajectory.poses[-1], segment.path.end)) < 1e-9
-        plate, bodies = segment.path.end, dict(segment.after)
-
-
-def test_the_load_rests_unless_it_is_pushed(planned: tuple[Scenario, Plan]) -> None:
-    _, plan = planned
-    execution = plan.execution
-    assert execution is not None
-    for k, segment in enumerate(plan.segments):
-        inside = execution.objects[execution.segment == k, 0]
-        pushed = ~np.isnan(execution.margins[execution.segment == k, 0])
-        assert pushed.all() if segment.pushes else not pushed.any()
-        if not segment.pushes:
-            np.testing.assert_array_equal(np.ptp(inside, axis=0), 0.0)
-            np.testing.assert_allclose(inside[0, :2], segment.before["b0"][:2], atol=1e-9)
-    assert max(se2.pose_error(execution.objects[-1, 0], plan.segments[-1].after["b0"])) < 1e-9
-
-
 def moved(segment: Segment, by: float) -> Segment:
     x, y, theta = segment.path.start
     path = replace(segment.path, start=np.array([x, y + by, theta]))

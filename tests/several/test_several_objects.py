@@ -6,9 +6,7 @@ import json
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
-import jsonschema
 import numpy as np
 import pytest
 
@@ -17,8 +15,6 @@ from pushplan.errors import PushplanError, ScenarioError
 from pushplan.logging.reader import load_run
 from pushplan.planners.validator import Validator
 from pushplan.scenario.file import load_scenario, scenario_from_document, scenario_from_text
-from pushplan.scenario.json_schema import scenario_schema
-from pushplan.scenario.source import Source
 
 FILE = """\
 format: pushplan/1
@@ -170,23 +166,6 @@ def test_check_tells_of_every_object_what_becomes_of_it(file: Path, capsys: Capt
     assert main(["check", str(file), "--plot", str(file.with_name("x.svg"))]) == 0
     drawn = file.with_name("x.svg").read_text()
     assert all(f"<!-- {name} -->" in drawn for name in ("red", "blue", "bin"))
-
-
-def test_editors_know_goals(file: Path) -> None:
-    checker = jsonschema.Draft202012Validator(scenario_schema())
-    stated = Source(file.read_bytes()).root.plain()
-    checker.validate(stated)
-    mistakes: list[dict[str, Any]] = [
-        {"goal": {"pose": [0, 0, 0]}},
-        {"goals": {}},
-        {"goals": {"red": [0, 0]}},
-        {"robot": {}},
-        {"objects": [{"name": "red", "shape": {"box": [1, 1]}, "mass": 1}]},
-    ]
-    for wrong in mistakes:
-        assert not checker.is_valid(stated | wrong), wrong
-    for right in ([[0, 0, 0], {"pose": [1, 1, 0]}], {"pose": [0, 0, 0], "symmetry": 4}, [1, 1, "90 deg"]):
-        checker.validate(stated | {"goals": {"red": right}})
 
 
 ALCOVE = """\

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ChainMaker
 
 import pushplan
 from pushplan.cli.main import main
@@ -27,7 +26,6 @@ from pushplan.sim.world import World
 from pushplan.trial import write_trial
 from pushplan.verification import verify_run
 
-make = ChainMaker()
 SLIPPERY = TrialUncertainty(contact_friction=0.6, load=0.3, position=2e-3)
 
 

@@ -1,4 +1,4 @@
-"""Hostile files end in one typed error with its place, quickly and in little memory."""
+"""Hostile files end in one typed error with its place, after little work and in little memory."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import json
 import os
 import resource
 import struct
-import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 import zstandard
+from work import calls_of
 
 from pushplan.errors import RunLogError
 from pushplan.logging.codec import CodecError, decode, encode, memory
@@ -33,11 +34,6 @@ def text(value: str) -> bytes:
 def chunk(data: bytes, size: int, compression: str = "zstd", checksum: int = 0) -> bytes:
     head = struct.pack("<QQQI", 0, 0, size, checksum)
     return record(CHUNK, head + text(compression) + struct.pack("<Q", len(data)) + data)
-
-
-def attachment(name: str, data: bytes) -> bytes:
-    body = struct.pack("<QQ", 0, 0) + text(name) + text("") + struct.pack("<Q", len(data)) + data
-    return record(ATTACHMENT, body + bytes(4))
 
 
 def mcap(*parts: bytes) -> bytes:
@@ -85,11 +81,11 @@ def test_a_hostile_file_ends_in_one_error_with_its_place(name: str, tmp_path: Pa
     make, expected = FILES[name]
     path = tmp_path / "evil.mcap"
     path.write_bytes(make())
-    began, before = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(RunLogError, match=expected) as caught:
         load_run(path, messages=True)
     assert caught.value.offset is not None
-    assert time.process_time() - began < 5.0
+    assert calls_of(partial(load_run, path, messages=True)) < 300_000
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400_000  # kB
     with pytest.raises(RunLogError):  # nothing in it can be recovered
         load_run(path, recover=True)

@@ -135,9 +135,3 @@ def test_an_arc_too_long_for_its_room_is_passed_at_the_speed_of_its_own_length()
         contact_limits(twist[0], PASSED, bounds)
     own = contact_limits(twist[0], 0.02, bounds).speed
     assert passing_speeds(twist, np.array([0.02]), bounds) == pytest.approx([own])
-
-
-def test_rounding_of_a_straight_twist_changes_no_limit() -> None:
-    straight, rounded = np.array([1.0, 0.1, 0.0]), np.array([1.0, 0.1, 6e-17])
-    for one, other in zip(arc_limits(straight, Limits()), arc_limits(rounded, Limits()), strict=True):
-        assert other == pytest.approx(one, rel=1e-12)

@@ -18,9 +18,9 @@ from pushplan.mechanics.chain import Limits
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import plan
-from pushplan.planners.timing.arc_limits import ArcLimits, Bounds, arc_limits, contact_limits
+from pushplan.planners.timing.arc_limits import Bounds, arc_limits, contact_limits
 from pushplan.planners.timing.blending import Blend, blend_path
-from pushplan.planners.timing.exact_timing import rest_to_rest, time_path
+from pushplan.planners.timing.exact_timing import time_path
 from pushplan.planners.timing.parts import corners_of
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
@@ -94,46 +94,6 @@ def test_packaged_scenarios_are_driven_in_nearly_the_time_of_no_stop_at_all(
     per_stop = (exact.duration - flow) / (len(corners_of(path)) + 1.0)
     assert blend.trajectory.duration < flow + (2.0 + len(blend.stops)) * per_stop + 0.03 * flow
     assert len(blend.stops) <= 0.3 * len(corners_of(path))
-
-
-def _least_time(distance: float, limits: Limits) -> float:
-    """Shortest time (s) from rest to rest in which the contact's middle gets so far, m.
-
-    Along any direction it has at most the speed, the acceleration and the jerk of the limits.
-    """
-    along = ArcLimits(limits.speed, limits.acceleration, limits.acceleration, limits.jerk)
-    return rest_to_rest(distance, along).duration
-
-
-@pytest.mark.parametrize("name", example_names())
-def test_a_fifth_of_the_time_is_saved_or_nearly_all_that_can_be(planned: Planned, name: str) -> None:
-    """Where few corners lie on a long way, even driving all of it at full speed saves less than a fifth."""
-    scenario, path = planned(name)
-    limits = scenario.chain.pusher.limits
-    blended = _blend(scenario, path).trajectory.duration
-    exact = time_path(path, Bounds(limits)).duration
-    travel = float(np.hypot(path.twists[:, 0], path.twists[:, 1]) @ path.lengths)
-    possible = 1.0 - _least_time(travel, limits) / exact
-    assert 1.0 - blended / exact > min(0.2, 0.95 * possible)
-    straight = float(np.hypot(*(path.end - path.start)[:2]))
-    assert blended > _least_time(straight, limits)
-
-
-@pytest.mark.parametrize("name", ["free-space", "one-box"])
-def test_a_faster_pusher_takes_no_longer(planned: Planned, name: str) -> None:
-    """At full speed, some corners of these would need a stop; at a lower pace, none or fewer do.
-
-    Where a stop stays all the same, twice the speed may take a little longer.
-    """
-    scenario, path = planned(name)
-    durations = []
-    for speed in (0.2, 0.3, 0.6):
-        faster = _with_limits(scenario, Limits(speed=speed))
-        blend = _blend(faster, path)
-        _check(faster, path, _set(scenario), blend)
-        durations.append(blend.trajectory.duration)
-    assert durations[0] > durations[1]
-    assert durations[2] < 1.02 * durations[1]
 
 
 def _free(
