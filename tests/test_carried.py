@@ -10,30 +10,10 @@ import numpy as np
 import pytest
 import shapely
 
-from pushplan.mechanics.chain import PLATE
-from pushplan.mechanics.contacts import carried_objects, center_range, common_centers
+from pushplan.mechanics.contacts import center_range, common_centers
 
 if TYPE_CHECKING:
-    from conftest import ChainMaker
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_contact_carries_what_is_reached_through_it(make_chain: ChainMaker, seed: int) -> None:
-    chain = make_chain.random(seed, 6, tree=True)
-    carried = carried_objects(chain)
-    for i in range(6):
-        through, k = set(), i
-        while k != PLATE:
-            through.add(k)
-            k = chain.contacts[k].pusher
-        assert set(np.flatnonzero(carried[:, i])) == through
-
-
-def test_common_centres_are_means_weighted_by_friction() -> None:
-    carried = np.array([[True, True, True], [False, True, True], [False, False, True]])
-    centers = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 4.0]])
-    found = common_centers(carried, np.array([2.0, 1.0, 1.0]), centers)
-    np.testing.assert_allclose(found, [[0.25, 1.0], [0.5, 2.0], [0.0, 4.0]], atol=1e-15)
+    pass
 
 
 def test_where_there_is_no_friction_the_plain_mean_stands_in() -> None:

@@ -47,15 +47,6 @@ def test_coming_nearer_than_the_clearance_is_a_collision_that_tells_the_gap(lane
     assert "mm from obstacles[1] with the chain frame at (0." in str(found)
 
 
-def test_refined_poses_are_close_and_keep_the_ends() -> None:
-    poses = np.array([[0.0, 0.0, 0.0], [0.3, 0.1, 1.0], [0.3, 0.1, 1.0], [0.2, 0.4, -2.0]])
-    dense = densify(poses, 0.5, 0.01)
-    np.testing.assert_array_equal(dense[[0, -1]], poses[[0, -1]])
-    steps = se2.relative(dense[:-1], dense[1:])
-    chord = np.hypot(steps[:, 0], steps[:, 1]) + 0.5 * np.abs(steps[:, 2])
-    assert chord.max() <= 0.01 * (1.0 + 1e-6)
-
-
 def test_few_poses_find_what_many_do(lane: Scenario) -> None:
     """The motion that is proven by distances is free where a pose every half millimetre is."""
     rng = np.random.default_rng(4)

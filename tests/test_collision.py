@@ -107,15 +107,6 @@ def test_a_free_sweep_never_comes_close_and_a_refused_one_does() -> None:
     assert min(free, refused) > 20
 
 
-def test_a_thin_wall_between_two_free_poses_is_not_jumped() -> None:
-    square = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
-    sheet = np.array([[0.5, -1.0], [0.5001, -1.0], [0.5001, 1.0], [0.5, 1.0]])
-    scene = _scene([square], [sheet])
-    assert separation(scene, 0.0, 0.0, 0.0, 10.0) > 0.3
-    assert separation(scene, 1.0, 0.0, 0.0, 10.0) > 0.3
-    assert not sweep_is_free(scene, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0)
-
-
 def test_a_ragged_polygon_is_cut_into_convex_pieces_that_cover_it_exactly() -> None:
     rng = np.random.default_rng(6)
     angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, 3000))
@@ -126,11 +117,6 @@ def test_a_ragged_polygon_is_cut_into_convex_pieces_that_cover_it_exactly() -> N
     assert sum(piece.area for piece in pieces) == pytest.approx(shapely.Polygon(outline).area, rel=1e-12)
     assert all(piece.convex_hull.area <= piece.area * (1.0 + 1e-9) for piece in pieces)
     assert all(piece.exterior.is_ccw for piece in pieces)
-
-
-def test_corners_on_a_straight_edge_are_left_out() -> None:
-    (piece,) = convex_pieces([np.array([[0.0, 0.0], [0.0, 1.0], [0.5, 1.0], [1.0, 1.0], [1.0, 0.0]])])
-    assert len(piece) == 4
 
 
 def test_cutting_up_stops_when_the_time_is_over() -> None:

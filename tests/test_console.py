@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +15,7 @@ from pushplan.cli.console import Console, Progress
 from pushplan.cli.main import _failed
 from pushplan.cli.parameters import check_outputs
 from pushplan.drawing import PlotError
-from pushplan.errors import Finding, OutputError, PlanningError, ScenarioError
+from pushplan.errors import OutputError, PlanningError
 
 Captured = pytest.CaptureFixture[str]
 
@@ -121,19 +120,6 @@ def test_a_defect_asks_for_a_report_and_shows_its_traceback_only_when_asked(caps
         assert ("Traceback" in err) is verbose
         assert "error: KeyError: 'k'" in err
         assert "Please report it" in err
-
-
-def test_in_json_mode_a_failure_is_an_object_with_its_findings(capsys: Captured) -> None:
-    error = ScenarioError("a.yaml", [Finding("goal.of", "is 'x'; there are a, b", 4, 7)])
-    assert _failed(error, json=True, verbose=False) == 2
-    out, err = capsys.readouterr()
-    assert err == "a.yaml:4:7: goal.of: is 'x'; there are a, b\n"
-    finding = {"path": "a.yaml", "where": "goal.of", "what": "is 'x'; there are a, b", "line": 4, "column": 7}
-    assert json.loads(out)["error"] == {
-        "kind": "ScenarioError",
-        "message": err.strip(),
-        "findings": [finding],
-    }
 
 
 def test_a_closed_pipe_ends_quietly(monkeypatch: pytest.MonkeyPatch) -> None:

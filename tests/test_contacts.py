@@ -89,16 +89,6 @@ def test_tree_margin_agrees_with_a_linear_program_where_two_stacks_are_stable(ma
     assert 10 < sum(stable) < 50
 
 
-def test_a_margin_is_the_same_alone_and_among_others(make_chain: ChainMaker) -> None:
-    chain = make_chain.random(3, 4)
-    packed, stable = pack_chain(chain), stable_set(chain)
-    twists = random_twists(chain, 0, 50)
-    for twist, m, each in zip(twists, stable.margin(twists), stable.contact_margins(twists), strict=True):
-        wrenches = contacts.wrenches_of(packed, twist[None])
-        np.testing.assert_array_equal(contacts.contact_margins_of(packed, wrenches)[0], each)
-        assert contacts.margins_of(packed, twist[None]) == m == each.min()
-
-
 def test_contact_state_describes_the_same_forces(make_chain: ChainMaker) -> None:
     """Margins are positive exactly where the force is inside the friction cone and passes through the segment."""
     chain = make_chain.random(11, 3)

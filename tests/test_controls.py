@@ -54,18 +54,6 @@ def test_every_combination_of_a_segment_is_stable_and_drivable(
 
 
 @pytest.mark.parametrize("drive", DRIVES, ids=lambda drive: drive.kind)
-def test_families_turn_both_ways_and_are_stable(stable: StableSet, drive: Drive) -> None:
-    families = steering_families(control_segments(stable, drive, 0.02))
-    assert (families[:, 0, 2] > 0.0).all()
-    np.testing.assert_allclose(families[:, 1, 2], 0.0, atol=1e-15)
-    assert (families[:, 2, 2] < 0.0).all()
-    twists = families.reshape(-1, 3)
-    assert stable.margin(twists).min() > 0.02 * (1.0 - 1e-6)
-    np.testing.assert_allclose(cost_rate(twists), 1.0, atol=1e-12)
-    _check_drive(drive, twists)
-
-
-@pytest.mark.parametrize("drive", DRIVES, ids=lambda drive: drive.kind)
 def test_drawn_families_are_stable_and_drivable(stable: StableSet, drive: Drive) -> None:
     segments = control_segments(stable, drive, 0.02)
     state = np.array([3], dtype=np.uint64)

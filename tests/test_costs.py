@@ -12,9 +12,8 @@ from plain import ARC_PRICE, load_plain
 from pushplan.core.improve import objective_value
 from pushplan.core.problem import Objective, arc_value, rest_to_rest_time
 from pushplan.errors import PlanningError
-from pushplan.mechanics.chain import Limits
 from pushplan.planners.planner import plan
-from pushplan.planners.problem import build_problem, make_objective
+from pushplan.planners.problem import build_problem
 from pushplan.planners.timing.arc_limits import ArcLimits, arc_limits
 from pushplan.planners.timing.exact_timing import rest_to_rest
 from pushplan.plans.path import PushPath
@@ -130,22 +129,6 @@ def test_the_lowest_price_is_a_bound(trajectory: str) -> None:
             length = 10.0 ** rng.uniform(-3, 0.5)
             assert rate(problem.objective, unit, length) >= problem.objective.lowest * length
             assert arc_limits(unit, limits).speed <= 1.0 / problem.objective.lowest * (1.0 + 1e-2)
-
-
-def test_dynamic_contact_limits_make_time_dearer_near_the_boundary() -> None:
-    scenario = ranked("time")
-    pusher = scenario.chain.pusher
-    chain = replace(
-        scenario.chain, pusher=replace(pusher, limits=Limits(acceleration=2.0, contact="dynamic"))
-    )
-    slow = replace(scenario, chain=chain)
-    stable = stable_set(slow.chain)
-    segments = build_problem(scenario, stable).segments
-    objective = make_objective(slow, stable, segments)
-    inner = np.array([1.0, 0.0, 0.0])
-    edge = segments[len(segments) // 2, :3]
-    edge = edge / (np.hypot(*edge[:2]) + 0.1 * abs(edge[2]))
-    assert rate(objective, edge) > 1.5 * rate(objective, inner)
 
 
 def test_an_unknown_cost_is_refused_by_name() -> None:

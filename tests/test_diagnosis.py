@@ -175,19 +175,6 @@ def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
     assert not boxed[0].proven
 
 
-def test_a_search_cut_short_says_how_far_it_came_and_claims_nothing() -> None:
-    result = plan(load_plain("three-boxes-clutter"), planner="rrt", time_limit=60.0, iterations=1)
-    assert not result.solved
-    (found,) = result.diagnosis
-    assert (found.cause, found.proven) == ("time", False)
-    assert result.nearest is not None
-    position, angle = result.nearest.error
-    assert found.text == (
-        f"nothing shows that there is no way: 1 extensions came within {position:.3g} m and "
-        f"{np.degrees(angle):.3g} deg of the goal, and more time or another seed may help"
-    )
-
-
 def test_a_passage_that_is_proven_too_narrow_ends_the_search_before_its_width_is_known() -> None:
     monitor = _monitor(WALLED_IN)
     assert monitor.settled(diagnosis.FIRST_STEP)

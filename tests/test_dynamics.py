@@ -137,17 +137,6 @@ def test_margins_of_a_slow_motion_are_the_quasi_static_ones(make_chain: ChainMak
     np.testing.assert_allclose(found, contact_state(chain, twists).margins, atol=1e-9)
 
 
-def test_margins_and_rows_judge_alike(make_chain: ChainMaker) -> None:
-    chain = make_chain.random(5, 3)
-    dynamics = ContactDynamics(chain)
-    rng = np.random.default_rng(5)
-    for _ in range(50):
-        twist, speed, acceleration = rng.normal(size=3), rng.uniform(0.1, 1.0), rng.normal()
-        margins = dynamics.margins([speed * twist], [acceleration * twist])[0]
-        rows = dynamics.rows(twist).values(speed, acceleration)
-        np.testing.assert_array_equal(margins > 0.0, rows.min(axis=1) > 0.0)
-
-
 def test_a_box_pushed_straight_may_brake_at_mu_g_and_gains_speed_without_limit(
     make_chain: ChainMaker,
 ) -> None:
@@ -241,14 +230,3 @@ def test_the_worst_case_is_below_every_pressure_with_the_same_centre_and_near_th
         assert (found >= bound - 1e-9).all()
         least = np.minimum(least, found)
     assert np.median(least - bound) < 0.1 * np.median(np.abs(bound))
-
-
-def test_inertia_counts_alike_whether_loads_are_known_or_not(make_chain: ChainMaker) -> None:
-    known, unknown = make_chain.boxes(2), make_chain.boxes(2, support=UnknownSupport)
-    a, b = (
-        dynamic_rows(known, (1.0, 0.1, 0.0)),
-        ContactDynamics(unknown, worst_case=True).rows((1.0, 0.1, 0.0)),
-    )
-    np.testing.assert_allclose(a.beta, b.beta, atol=1e-12)
-    np.testing.assert_allclose(a.gamma, b.gamma, atol=1e-12)
-    np.testing.assert_allclose(a.alpha, b.alpha, atol=1e-9)

@@ -13,7 +13,6 @@ from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import (
     FeetSupport,
-    PressureMapSupport,
     Support,
     UniformSupport,
     UnknownSupport,
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from conftest import ChainMaker
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
-MOST = (DEGREE + 1) * (DEGREE + 2) // 2
 
 
 def outlines(make_chain: ChainMaker) -> list[FloatArray]:
@@ -69,14 +67,6 @@ def test_friction_on_the_feet_is_that_of_the_pressure(center: FloatArray | None)
         for each in (support, FeetSupport(feet.positions, feet.fractions))
     ]
     np.testing.assert_allclose(wrenches[1], wrenches[0], atol=3e-6)
-
-
-def test_a_pressure_map_is_thinned_out_and_keeps_its_centre() -> None:
-    rng = np.random.default_rng(0)
-    support = PressureMapSupport(rng.uniform(-1.0, 1.0, (500, 2)), rng.dirichlet(np.ones(500)))
-    feet = feet_of(support)
-    assert len(feet.fractions) <= MOST
-    np.testing.assert_allclose(feet.fractions @ feet.positions, support.center, atol=1e-12)
 
 
 @pytest.mark.parametrize("support", [UnknownSupport(BOX), FeetSupport(BOX, None, np.zeros(2))])

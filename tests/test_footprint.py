@@ -11,7 +11,6 @@ import pytest
 import shapely
 
 from pushplan.bench.validation import clearance
-from pushplan.cli.check import room
 from pushplan.cli.main import main
 from pushplan.core.collision import sweep_is_free
 from pushplan.geometry import se2
@@ -20,7 +19,7 @@ from pushplan.planners.planner import plan
 from pushplan.planners.scene import build_scene
 from pushplan.plans.path import cost_rate
 from pushplan.plans.run import Execution
-from pushplan.scenario.file import load_scenario, scenario_from_text
+from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.util.arrays import FloatArray
 
@@ -108,19 +107,6 @@ def test_the_sweep_and_the_checker_agree_with_shapely_about_the_robot(scenario: 
                 assert hit.body == "robot"
                 found["hit by the robot only"] += 1
     assert min(found.values()) >= 8
-
-
-def test_room_and_walls_count_the_robot(scenario: Scenario) -> None:
-    walled = load_scenario("carts")
-    for pose in (walled.start, walled.goal.pose_chain):
-        assert room(walled, pose) <= room(bare(walled), pose)
-    assert room(walled, walled.start) == pytest.approx(2.0 - 1.2)
-    behind = np.array([[-0.7, 0.0, 0.0], [-0.9, 0.0, 0.0]])
-    hit = find_collision(walled, behind)
-    assert hit is not None
-    assert (hit.body, hit.obstacle) == ("robot", None)
-    assert str(hit).startswith("'robot' meets a wall of the workspace with the chain frame at (-0.80")
-    assert find_collision(bare(walled), behind) is None
 
 
 def test_plans_keep_the_robot_clear_where_the_plate_alone_would_cut_a_corner() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -94,21 +93,6 @@ def test_no_world_has_less_than_the_least(make_chain: ChainMaker, n: int, seed: 
             assert (least.size >= real.size - 1e-9).all()
         promised += below(contacts, chain, twists, rates)
     assert promised > 50
-
-
-@pytest.mark.parametrize("n", [1, 2, 3])
-def test_the_least_is_that_of_a_vertex(make_chain: ChainMaker, n: int) -> None:
-    for seed in range(3):
-        interval = widened(make_chain.random(seed, n, tree=seed == 2, feet=seed == 1))
-        contacts = ContactDynamics(interval.chain, interval=interval)
-        twists, rates = motions(interval.chain, seed, 25)
-        floors, inertias = [], []
-        for masses, frictions in product(product(*interval.mass), product(*interval.floor_friction)):
-            exact = ContactDynamics(world(interval, np.array(masses), np.array(frictions)))
-            floors.append(exact.quasi_static(twists).rows)
-            inertias.append(exact.inertia(twists, rates).rows)
-        np.testing.assert_allclose(contacts.quasi_static(twists).rows, np.min(floors, axis=0), atol=1e-9)
-        np.testing.assert_allclose(contacts.inertia(twists, rates).rows, np.min(inertias, axis=0), atol=1e-9)
 
 
 def test_rows_hold_for_every_world_when_speeding_up_and_when_braking(make_chain: ChainMaker) -> None:

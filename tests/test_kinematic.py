@@ -82,13 +82,6 @@ def test_a_stable_push_keeps_every_contact_and_reports_its_forces(stable: Stable
     np.testing.assert_allclose(execution.forces[moving], state.forces, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_rounding_at_the_final_rest_never_reverses_the_motion(stable: StableSet, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    arcs = [(*STABLE_ARCS[int(rng.integers(3))][:3], float(rng.uniform(0.01, 2.0))) for _ in range(12)]
-    assert executed(time_path(_path(*arcs), Bounds(Limits())), stable).loss is None
-
-
 def test_the_loss_of_a_contact_is_reported_and_nothing_after_it(stable: StableSet) -> None:
     arcs = [(1.0, 0.0, 0.0, 0.3), (0.2, 1.0, 0.0, 0.3), (1.0, 0.0, 0.0, 0.3)]
     path = _path(*arcs)

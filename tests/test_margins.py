@@ -194,12 +194,6 @@ def test_the_output_and_the_json_say_that_the_margin_was_lowered(
     assert result.lowered in " ".join(capsys.readouterr().out.split())
 
 
-@pytest.mark.parametrize("word", ["much", "-0.1", "1.0", "nan"])
-def test_other_margins_are_refused_on_the_command_line(word: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plan", "free-space", f"--margin={word}"]) == 2
-    assert "is no margin; allowed: auto, or a number from 0" in capsys.readouterr().err
-
-
 def test_other_margins_are_refused_by_plan() -> None:
     for wrong in (-0.1, 1.0, float("nan")):
         with pytest.raises(PlanningError, match="allowed: 'auto' or a number from 0 to below 1"):

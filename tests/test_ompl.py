@@ -156,19 +156,6 @@ def _knots(path: PushPath, solution: Any, information: Any) -> FloatArray:
     return np.array(knots)
 
 
-@pytest.mark.parametrize("name", ["narrow-gap", "three-boxes-clutter"])
-def test_a_path_left_as_controls_comes_back(name: str) -> None:
-    result = pushplan.plan(pushplan.load_scenario(name), iterations=20_000, time_limit=60.0)
-    assert result.path is not None
-    _, definition = pose(pushplan.load_scenario(name))
-    leave_path(definition, np.column_stack([result.path.twists, result.path.lengths]), "mine")
-    assert definition.getSolutionPath().check()
-    back = push_path(definition)
-    np.testing.assert_allclose(back.twists, result.path.twists, atol=1e-12)
-    np.testing.assert_allclose(back.lengths, result.path.lengths, atol=1e-12)
-    np.testing.assert_allclose(back.end, result.path.end, atol=1e-12)
-
-
 def test_a_path_that_is_not_what_it_claims_is_refused(scenario: Scenario) -> None:
     information, definition = pose(scenario)
     with pytest.raises(PlanningError, match="no exact solution"):

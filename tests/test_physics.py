@@ -16,7 +16,7 @@ from pushplan.mechanics.chain import GRAVITY, Chain, Limits
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.dynamics import ContactDynamics
 from pushplan.mechanics.sphere import twists_about
-from pushplan.mechanics.support import UniformSupport, UnknownSupport
+from pushplan.mechanics.support import UnknownSupport
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
@@ -52,14 +52,6 @@ def straight(chain: Chain, speeds: list[float], times: list[float]) -> Trajector
     coefficients = np.zeros((len(slopes), 3, 3))
     coefficients[:, 0, 0], coefficients[:, 1, 0] = speeds[:-1], slopes
     return Trajectory(np.array([1.0, 2.0, 0.5]), breaks, coefficients, np.zeros(len(slopes)))
-
-
-@needs_engine
-def test_a_push_straight_ahead_moves_no_contact(make_chain: ChainMaker) -> None:
-    report = simulate_twist(make_chain.boxes(3), [1.0, 0.0, 0.0])
-    assert report.kept
-    assert report.displacement.max() < 1e-5
-    np.testing.assert_allclose(report.poses[-1, 0], 0.1 * make_chain.boxes(3).characteristic_length)
 
 
 @needs_engine
@@ -221,12 +213,3 @@ def test_what_cannot_be_simulated_is_refused(make_chain: ChainMaker) -> None:
         simulate_trajectory(chain, straight(chain, [0.0, 0.0], [0.0, 1.0]))
     with pytest.raises(PushplanError, match="step of the physics settings is 0"):
         PhysicsSettings(step=0.0)
-
-
-@needs_engine
-def test_an_object_without_floor_friction_is_carried_along(make_chain: ChainMaker) -> None:
-    """It asks for no force, so nothing holds or moves it, and nothing breaks."""
-    chain = make_chain.boxes(2)
-    smooth = replace(chain.objects[1], floor_friction=0.0, support=UniformSupport(chain.objects[1].outline))
-    report = simulate_twist(replace(chain, objects=(chain.objects[0], smooth)), [1.0, 0.0, 0.0])
-    assert report.displacement[-1].max() < 1e-3

@@ -10,7 +10,7 @@ import pytest
 import scipy.optimize
 from plain import load_plain
 
-from pushplan.core.improve import merged, objective_value, shorten, vary
+from pushplan.core.improve import objective_value, shorten, vary
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
 from pushplan.planners.clearance import find_collision
@@ -142,14 +142,3 @@ def _place(segments: FloatArray, twist: FloatArray) -> tuple[float, float]:
     along /= np.linalg.norm(along, axis=2, keepdims=True)
     b, i = np.unravel_index(np.argmax(along @ (twist / np.linalg.norm(twist))), along.shape[:2])
     return float(i), float(shares[b])
-
-
-def test_a_path_that_is_there_already_stays_empty() -> None:
-    _, problem = _posed("free-space")
-    none = np.zeros((0, 4))
-    assert shorten(problem, problem.goal, none, _random(1), 10).shape == (0, 4)
-    assert merged(np.array([[1.0, 0.0, 0.0, 0.0]])).shape == (0, 4)
-    with pytest.raises(ValueError, match="an arc at least"):
-        vary(problem, problem.goal, none, _random(1))
-    with pytest.raises(ValueError, match="4 numbers a row"):
-        merged(np.zeros((2, 3)))

@@ -12,7 +12,6 @@ import pushplan
 from pushplan.cli.main import main
 from pushplan.logging import shown
 from pushplan.logging.shown import smoothed_times, viewed
-from pushplan.logging.writer import _parts_of
 from pushplan.planners.clearance import MOST
 from pushplan.plans import trajectory as trajectories
 from pushplan.plans.trajectory import Trajectory
@@ -78,16 +77,6 @@ def test_a_push_of_a_day_is_judged_by_a_bounded_number_of_poses_and_its_log_is_r
     assert (result.plan.duration or 0.0) > 86_400.0
     assert max(looked) <= MOST
     assert pushplan.verify_log(log).matches
-
-
-def test_parts_of_an_execution_are_seconds_or_longer_where_samples_are_few() -> None:
-    for rate, count in ((100.0, 100), (50.0, 50), (1.0, 40)):
-        t = np.arange(1000) / rate
-        parts = [*_parts_of(t, True)]
-        assert {part.stop - part.start for part in parts} == {count}
-        some = [*_parts_of(t[:600], False)]
-        assert some == parts[: len(some)]
-        assert len(some) == 600 // count
 
 
 @pytest.mark.parametrize("duration", [1.0, 1234.5])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 import shapely
 
 from pushplan.errors import PushplanError
-from pushplan.mechanics.chain import Chain, Contact
+from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts import cof
 from pushplan.mechanics.sphere import angles_of, twists_about, twists_at
 from pushplan.sets.named import stable_set
@@ -26,13 +25,6 @@ def twists_everywhere(chain: Chain, count: int, seed: int = 0) -> FloatArray:
     v = np.random.default_rng(seed).normal(size=(count, 3))
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     return np.asarray(v * [1.0, 1.0, 1.0 / chain.characteristic_length], dtype=np.float64)
-
-
-def one_sided(make_chain: ChainMaker) -> Chain:
-    """Return a box that is only touched right of its middle, so that it can only be turned left."""
-    chain = make_chain.boxes(1, pusher_friction=0.2)
-    edge = Contact(np.array([0.0, -0.05]), np.array([0.0, -0.02]), 0.2, 0, -1)
-    return replace(chain, contacts=(edge,))
 
 
 @pytest.mark.parametrize("minimum", [0.0, 0.05])
@@ -157,15 +149,6 @@ def test_translation_cone_agrees_with_the_paper(make_chain: ChainMaker, seed: in
     if cone is not None:
         np.testing.assert_allclose(np.arctan2(cone[:, 1], cone[:, 0]), [low, high], atol=1e-11)
         assert stable_set(chain).contains(np.column_stack([cone, [0.0, 0.0]])).all()
-
-
-def test_a_push_beside_the_middle_turns_one_way_only(make_chain: ChainMaker) -> None:
-    stable = stable_set(one_sided(make_chain))
-    assert stable.translation_cone() is None
-    assert stable.turning_radii().right == np.inf
-    assert np.isfinite(stable.turning_radii().left)
-    assert stable.cor_region(-1).is_empty
-    assert stable.cor_region(+1).area > 0.0
 
 
 def test_wrong_windows_and_counts_are_refused(make_chain: ChainMaker) -> None:

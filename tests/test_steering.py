@@ -74,10 +74,3 @@ def test_turning_one_way_is_enough(missing: int, letters: set[int]) -> None:
     assert len(words) == 1
     assert set(words[0, 1:4].astype(int)) <= letters
     np.testing.assert_allclose(_end(family, words[0], start)[:2], goal[:2], atol=1e-12)
-
-
-def test_a_straight_goal_costs_no_needless_turn() -> None:
-    family = np.array([_turning((0.0, 0.5), 1.0), [1.0, 0.0, 0.0], _turning((0.0, -0.4), -1.0)])
-    start = np.array([0.3, 0.2, 0.7])
-    goal = se2.compose(start, np.array([1.5, 0.0, 0.0]))
-    assert find_words(family, start, goal)[:, 0].min() == pytest.approx(1.5, abs=1e-9)

@@ -72,14 +72,6 @@ def test_without_force_a_contact_is_at_its_friction_angle_outside(make_chain: Ch
         assert not array.flags.writeable
 
 
-def test_small_forces_have_directions_like_large_ones(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(2)
-    light = replace(chain, objects=tuple(replace(obj, mass=1e-6) for obj in chain.objects))
-    heavy, small = contact_state(chain, TWISTS), contact_state(light, TWISTS)
-    np.testing.assert_allclose(small.friction_margins, heavy.friction_margins, atol=1e-9)
-    np.testing.assert_allclose(small.margins, heavy.margins, atol=1e-9)
-
-
 def test_a_margin_is_exact_above_the_floor_asked_for(make_chain: ChainMaker) -> None:
     chain = make_chain.random(3, 4, tree=True)
     packed, exact = pack_chain(chain), stable_set(chain).margin(TWISTS)

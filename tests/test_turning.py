@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pushplan.cli.main import main
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import Drive
 from pushplan.planners.controls import MARGIN_FLOOR, control_segments
@@ -59,20 +57,6 @@ def test_an_omnidirectional_pusher_turns_as_tightly_as_the_set(carts: Scenario) 
 def test_a_drive_that_cannot_push_at_all_has_no_radius(carts: Scenario) -> None:
     sideways = Drive("differential", np.array([-0.45, 0.0, np.radians(80.0)]))
     assert drive_radii(stable_set(carts.chain), sideways) == (np.inf, np.inf)
-
-
-@pytest.mark.parametrize("command", ["check", "stable-set"])
-def test_both_radii_are_told_where_they_differ(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([command, "carts"]) == 0
-    told = capsys.readouterr().out
-    for side in ("left", "right"):
-        assert f"tightest {side} turn" in told
-    assert told.count("radius 1.182 m of the contact midpoint; with the differential drive 3.639 m\n") == 2
-    assert main([command, "carts", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    numbers = found["stable_set"] if command == "check" else found["sets"]["ecof"]
-    assert numbers["min_turning_radius"]["left"] == pytest.approx(1.18226, abs=1e-5)
-    assert numbers["min_turning_radius_with_drive"]["right"] == pytest.approx(3.63878, abs=1e-5)
 
 
 def test_reasons_of_a_failure_name_both_radii(carts: Scenario) -> None:

@@ -88,17 +88,6 @@ def test_a_leaning_contact_is_found_at_any_angle(lean: float, slide: float) -> N
     np.testing.assert_allclose(0.5 * (contact.left + contact.right), [x, y], atol=1e-6)
 
 
-def test_two_stacks_on_one_plate_are_a_tree() -> None:
-    chain = load(
-        "name: l1, shape: {box: [0.1, 0.1]}, mass: 1, offset: 0.1",
-        "name: r1, shape: {box: [0.2, 0.1]}, mass: 1, pose: [0.1, -0.2, 0]",
-        "name: r2, shape: {box: [0.1, 0.1]}, mass: 1",
-        "name: l2, shape: {box: [0.1, 0.1]}, mass: 1, pose: [0.15, 0, 0]",
-    ).chain
-    assert [contact.pusher for contact in chain.contacts] == [PLATE, PLATE, 1, 0]
-    assert {contact.friction for contact in chain.contacts if contact.pusher == PLATE} == {0.5}
-
-
 def test_a_loop_is_refused_with_the_reason() -> None:
     with pytest.raises(
         ScenarioError, match="'c' touches 'a' and 'b': how a loop of contacts shares its forces"

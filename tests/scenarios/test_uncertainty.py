@@ -12,7 +12,7 @@ from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain, PushedObject
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport
 from pushplan.scenario.check import check_scenario
-from pushplan.scenario.file import scenario_from_document, scenario_from_text
+from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.sets.interval_set import stable_set_over
 from pushplan.sets.named import stable_set
@@ -56,18 +56,6 @@ def test_it_is_the_same_as_writing_the_intervals() -> None:
     np.testing.assert_allclose(
         stable_set_over(bare).margin(at), scenario_from_text(written).stable_set().margin(at), atol=1e-12
     )
-
-
-@pytest.mark.parametrize(
-    "line", [LINE, "uncertainty: {contact_friction: 0.1}\n", "uncertainty: {load: 30 %}\n", ""]
-)
-def test_what_is_recorded_states_the_line(line: str) -> None:
-    again = scenario_from_document(scenario(line).resolved())
-    assert again == scenario(line)
-    assert again.uncertainty == scenario(line).uncertainty
-    assert ("uncertainty" in again.resolved()) == bool(line)
-    at = twists(1, 100)
-    assert again.stable_set().margin(at).tolist() == scenario(line).stable_set().margin(at).tolist()
 
 
 def world(chain: Chain, rng: np.random.Generator) -> Chain:

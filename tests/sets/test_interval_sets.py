@@ -77,17 +77,6 @@ def test_nothing_between_the_vertices_is_missed(make_chain: ChainMaker, name: st
     assert inside > 50
 
 
-@pytest.mark.parametrize("name", ["ecof", "translation", "stable", "robust"])
-def test_points_give_the_ordinary_set(make_chain: ChainMaker, name: str) -> None:
-    chain = make_chain.random(4, 3)
-    twists = forward_twists(chain, 0)
-    over = stable_set_over(IntervalChain.from_ranges(chain), name)
-    np.testing.assert_allclose(over.margin(twists), stable_set(chain, name).margin(twists), atol=1e-9)
-    assert over.name == name
-    assert stable_set(chain, name).loads_known
-    assert not stable_set_over(widened(chain), name).loads_known
-
-
 def test_sets_over_intervals_are_nested(make_chain: ChainMaker) -> None:
     for seed in range(3):
         interval = widened(make_chain.random(seed, 3))

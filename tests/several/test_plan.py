@@ -12,7 +12,6 @@ from several.conftest import DRIVES, Problem
 from pushplan.errors import PlanningError
 from pushplan.geometry import se2
 from pushplan.mechanics.faces import pushed_at
-from pushplan.planners.multi.multi_push import plan_cost
 from pushplan.planners.planner import Planner, plan
 from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Load, Plan, Segment
@@ -78,24 +77,6 @@ def test_a_plan_that_was_tampered_with_is_refused(planned: tuple[Scenario, Plan]
     validator = Validator(scenario)
     assert validator.flaw(plan.segments, plan.execution) == ""
     assert words in validator.flaw(segments, plan.execution)
-
-
-def test_a_way_through_something_new_is_refused(planned: tuple[Scenario, Plan]) -> None:
-    scenario, plan = planned
-    transit = plan.segments[0].path
-    x, y, _ = transit.poses_at(np.array([0.5 * transit.cost]))[0]
-    blocked = replace(scenario, obstacles=(CircleObstacle(np.array([x, y]), 0.05),))
-    assert "is not free" in Validator(blocked).flaw(plan.segments, plan.execution)
-
-
-def test_costs_are_what_the_weights_make_of_the_segments(problem: Problem) -> None:
-    scenario = problem("omnidirectional", pushes={"transit_weight": 2.0, "switch_cost": 5.0}, **ROUND)
-    found = plan(scenario, first=True, time_limit=60.0)
-    alone = sum(segment.path.cost for segment in found.segments if not segment.pushes)
-    assert found.pushed_distance is not None
-    expected = found.pushed_distance + 2.0 * alone + 5.0 * (len(found.pushes) - 1)
-    assert plan_cost(scenario, found.segments) == pytest.approx(expected)
-    assert found.cost == pytest.approx(expected)
 
 
 def test_a_row_of_boxes_is_taken_from_its_other_end(problem: Problem) -> None:

@@ -67,13 +67,6 @@ def test_the_cheapest_sequence_is_the_cheapest_of_all(seed: int) -> None:
         assert (steps[1:, 1] == steps[:-1, 2]).all()
 
 
-def test_a_box_has_four_faces_and_a_row_is_pushed_from_its_ends(problem: Problem) -> None:
-    assert {mode.place.face for mode in modes_of(problem())} == {"rear", "front", "left", "right"}
-    ends = modes_of(problem("omnidirectional", boxes=3))
-    assert {mode.place.face for mode in ends} == {"b0 rear", "b2 front"}
-    assert [mode.load.names for mode in ends] == [("b0", "b1", "b2"), ("b2", "b1", "b0")]
-
-
 def side_by_side(problem: Problem, second_is: float = 0.15) -> Scenario:
     """Two boxes 5 cm apart, side by side before a plate of 40 cm; the chain frame is at the first one."""
     objects = [

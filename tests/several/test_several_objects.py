@@ -158,16 +158,6 @@ def test_the_verdict_looks_at_all_goals(recorded: Path) -> None:
     assert Validator(run.scenario).flaw(run.plan.segments, run.execution) == ""
 
 
-def test_check_tells_of_every_object_what_becomes_of_it(file: Path, capsys: Captured) -> None:
-    assert main(["check", str(file)]) == 0
-    told = capsys.readouterr().out
-    assert "goes to one of 2 goals, can be pushed at right, front, left, rear" in told
-    assert told.count("is moved where it is in the way") == 1
-    assert main(["check", str(file), "--plot", str(file.with_name("x.svg"))]) == 0
-    drawn = file.with_name("x.svg").read_text()
-    assert all(f"<!-- {name} -->" in drawn for name in ("red", "blue", "bin"))
-
-
 ALCOVE = """\
 format: pushplan/1
 name: into-the-alcove

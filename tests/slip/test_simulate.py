@@ -139,13 +139,6 @@ def test_a_box_driven_square_into_a_wall_is_a_jam() -> None:
     assert len(simulator.move([-0.1, 0.0, 0.0], 1.0).end) == 0
 
 
-def test_a_plate_that_moves_away_leaves_the_objects_where_they_are() -> None:
-    world = World.from_chain(make.boxes(2, support=on_feet))
-    report = pushed(world, (-0.1, 0.02, 0.1))
-    assert np.abs(report.objects - report.objects[0]).max() < 1e-9
-    assert (report.modes[5:, 0] == Mode.OPEN).all()
-
-
 def test_a_gap_closes_and_the_contact_holds_from_then_on() -> None:
     world = World.from_chain(make.boxes(1, support=on_feet)).with_offset((0.01, 0.0, 0.0))
     report = pushed(world, (0.1, 0.0, 0.0), way=0.05)
@@ -153,13 +146,6 @@ def test_a_gap_closes_and_the_contact_holds_from_then_on() -> None:
     assert (report.modes[13:, 0] == Mode.STICK).all()
     assert report.loss is None
     assert report.objects[-1, 0, 0] == pytest.approx(0.1, abs=1e-9)
-
-
-def test_a_turned_box_is_turned_flush_by_the_plate() -> None:
-    world = World.from_chain(make.boxes(1, support=on_feet)).with_offset((0.004, 0.0, 0.08))
-    report = pushed(world, (0.1, 0.0, 0.0), way=0.1)
-    assert {Mode.ROLL, Mode.STICK} <= {Mode(int(mode)) for mode in report.modes[:, 0]}
-    assert abs(report.objects[-1, 0, 2]) < 1e-6
 
 
 def test_objects_that_are_not_convex_stick_and_slip() -> None:

@@ -20,9 +20,8 @@ from pushplan.plans.plan import Plan
 from pushplan.plans.run import TrialEnd
 from pushplan.scenario.file import scenario_from_text
 from pushplan.sim.report import contact_motion, motions_of
-from pushplan.sim.slip.simulator import simulate, slip
+from pushplan.sim.slip.simulator import slip
 from pushplan.sim.trials import Trials, TrialUncertainty, execute_trials, sampled_world
-from pushplan.sim.world import World
 from pushplan.trial import write_trial
 from pushplan.verification import verify_run
 
@@ -55,16 +54,6 @@ def test_trials_count_what_their_reports_say(trials: Trials) -> None:
     assert (report.objects[-1] == trials.object_poses[trials.worst]).all()
     assert report.loss == trials.losses[trials.worst]
     assert not report.arrived(trials.scenario)
-
-
-def test_nothing_uncertain_is_the_world_as_stated(planned: Plan) -> None:
-    off = TrialUncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    drawn = sampled_world(planned.scenario, off, np.random.default_rng(1))
-    first, second = (simulate(planned, world) for world in (drawn, World.from_scenario(planned.scenario)))
-    assert (first.objects == second.objects).all()
-    assert first.goal_error == pytest.approx((0.0, 0.0), abs=1e-6)
-    assert np.nanmin(first.margins) > 0.0
-    assert first.kept
 
 
 def test_objects_that_stand_off_their_places_touch_and_do_not_overlap() -> None:

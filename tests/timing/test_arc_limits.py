@@ -101,16 +101,6 @@ def test_a_fast_pusher_makes_contacts_slip_unless_they_limit_it(make_chain: Chai
     assert least[1] > 0.0
 
 
-def test_without_inertia_the_limits_are_the_pushers(make_chain: ChainMaker) -> None:
-    twist = np.array([0.9, 0.0, 1.0])
-    assert contact_limits(twist, 1.0, Bounds(Limits(), None)) == arc_limits(twist, Limits())
-    slow = Limits(speed=0.01, acceleration=0.01)
-    contacts = ContactDynamics(make_chain.boxes(1))
-    assert contact_limits(twist, 5.0, Bounds(slow, contacts)) == pytest.approx(
-        arc_limits(twist, slow), rel=0.05
-    )
-
-
 def test_a_twist_without_room_is_refused_with_the_way_out(make_chain: ChainMaker) -> None:
     """On the boundary of the stable set any acceleration would slip."""
     contacts = ContactDynamics(make_chain.boxes(1))

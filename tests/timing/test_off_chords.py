@@ -40,10 +40,3 @@ def test_half_way_between_samples_the_body_is_no_farther_from_the_constant_twist
         found = minimize_scalar(away, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-7})
         worst = max(worst, float(found.fun))
     assert 1e-6 < worst < off_chords(trajectory, reach)
-
-
-def test_a_motion_of_one_direction_is_its_chords(motion: Trajectory) -> None:
-    straight = motion.coefficients * 0.0
-    straight[:, :, 0] = motion.coefficients[:, :, 0]
-    assert off_chords(replace(motion, coefficients=straight), 0.4) < 1e-15
-    assert off_chords(replace(motion, rate=200.0), 0.4) == pytest.approx(off_chords(motion, 0.4) / 4.0)
