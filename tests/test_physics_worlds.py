@@ -15,6 +15,7 @@ from pushplan.geometry.se2 import compose, relative, transform_points
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.perturb import (
     aside,
+    shifted_places,
     turned,
     turned_places,
     with_leaning_load,
@@ -70,6 +71,14 @@ def test_a_turned_object_touches_with_a_corner_and_overlaps_nothing(
     far = own.right if angle > 0.0 else own.left
     gap = (transform_points(placed[index], far) - far) @ own.normal
     assert gap == pytest.approx(abs(angle) * own.length, rel=1e-3)
+
+
+def test_what_leans_on_a_shifted_object_follows_it(chain: Chain) -> None:
+    """The face of the middle object leans: its shift to the left brings it ahead, and with it what it carries."""
+    right, normal = chain.contacts[2].right, np.array([np.cos(0.1), np.sin(0.1)])
+    leaning = replace(chain.contacts[2], left=right + 0.05 * np.array([-normal[1], normal[0]]))
+    placed = shifted_places(replace(chain, contacts=(*chain.contacts[:2], leaning)), 1, 0.004)
+    np.testing.assert_allclose(placed[2], [*(0.004 * normal[1] * normal), 0.0], atol=1e-15)
 
 
 @pytest.mark.parametrize("index", [None, 1])
