@@ -1,7 +1,7 @@
-"""Runs every output option against a device, a full and a closed file system, in a mount namespace of its own.
+"""Runs every output option against a full and a closed file system, in a mount namespace of its own.
 
 Run as `unshare --map-root-user --mount python outputs_in_namespace.py FOLDER LOG`; prints a JSON list of
-[place, command, option, exit code, standard error, kind of what is there afterwards].
+[place, command, option, exit code, standard error, whether it is there afterwards, what else is].
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import json
 import os
-import stat
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -26,12 +25,10 @@ def mount(*how: str) -> None:
 
 
 def make_places(folder: Path) -> dict[str, Path]:
-    places = {name: folder / name for name in ("devices", "full", "closed")}
+    places = {name: folder / name for name in ("full", "closed")}
     for place in places.values():
         place.mkdir()
         mount("-t", "tmpfs", "-o", "size=64k", "none", str(place))
-    (places["devices"] / "null").touch()
-    mount("--bind", "/dev/null", str(places["devices"] / "null"))
     with (places["full"] / "filler").open("wb", buffering=0) as filler:
         try:
             while filler.write(bytes(4096)):
@@ -39,29 +36,19 @@ def make_places(folder: Path) -> dict[str, Path]:
         except OSError:
             pass
     mount("-o", "remount,ro", str(places["closed"]))
-    return {"devices": places["devices"] / "null", "full": places["full"], "closed": places["closed"]}
-
-
-def kind(path: Path) -> str:
-    if not path.exists():
-        return "nothing"
-    return "character device" if stat.S_ISCHR(path.stat().st_mode) else "file"
+    return places
 
 
 def run(folder: Path, log: Path) -> list[list[object]]:
     found: list[list[object]] = []
     for place, at in make_places(folder).items():
         for command, option, suffix in OPTIONS:
-            path = at if place == "devices" else at / f"out{suffix}"
-            if place == "devices" and option in ("plot", "name"):  # the suffix says what to write
-                path = at.with_name(f"null-{command}{suffix}")
-                path.symlink_to(at)
+            path = at / f"out{suffix}"
             errors = io.StringIO()
             with redirect_stderr(errors), redirect_stdout(io.StringIO()):
                 code = main(words(command, option, path, log))
-            found.append([place, command, option, code, errors.getvalue(), kind(path)])
-            leftovers = sorted(set(os.listdir(at if at.is_dir() else at.parent)) - {"filler", "null"})
-            found[-1].append([name for name in leftovers if not name.startswith("null-")])
+            leftovers = sorted(set(os.listdir(at)) - {"filler"})
+            found.append([place, command, option, code, errors.getvalue(), path.exists(), leftovers])
     return found
 
 

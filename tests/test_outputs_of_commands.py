@@ -1,4 +1,4 @@
-"""Every output of every command against links, pipes, folders, devices, closed and full file systems."""
+"""Every output of every command against folders, closed and full file systems; how outputs are written, `test_outputs`."""
 
 from __future__ import annotations
 
@@ -27,8 +27,6 @@ EVERY = pytest.mark.parametrize(
         for missing in [option[1] in NEEDS and find_spec(NEEDS[option[1]]) is None]
     ],
 )
-NEVER_REPLACING = {("new", "name"), ("replay", "recovered")}
-"""Outputs that refuse whatever is there already."""
 
 
 @pytest.fixture(scope="module")
@@ -74,23 +72,14 @@ def in_namespace(log: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[An
 
 
 @EVERY
-def test_a_device_is_written_and_stays_a_device(
-    command: str, option: str, suffix: str, in_namespace: dict[Any, Any]
-) -> None:
-    code, _, kind, _ = in_namespace["devices", command, option]
-    assert code == (2 if (command, option) in NEVER_REPLACING else 0)
-    assert kind == "character device"
-
-
-@EVERY
 @pytest.mark.parametrize("place", ["full", "closed"])
 def test_a_file_system_without_room_or_leave_ends_in_a_clear_error(
     place: str, command: str, option: str, suffix: str, in_namespace: dict[Any, Any]
 ) -> None:
-    code, error, kind, others = in_namespace[place, command, option]
+    code, error, there, others = in_namespace[place, command, option]
     assert code == 2
     assert {"full": "No space left on device", "closed": "nothing may be written in the folder"}[
         place
     ] in error
-    assert kind == "nothing"
+    assert not there
     assert others == []

@@ -89,4 +89,4 @@ def test_large_files_are_not_read_by_the_parser_in_python(monkeypatch: pytest.Mo
     if not hasattr(yaml, "CSafeLoader"):
         pytest.skip("PyYAML was built without LibYAML")
     monkeypatch.setattr(yaml, "SafeLoader", None)
-    assert len(scenario_from_text(_free("circle", 500)).obstacles) == 500
+    assert len(scenario_from_text(_free("circle", 3_000)).obstacles) == 3_000
