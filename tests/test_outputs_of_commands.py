@@ -1,4 +1,4 @@
-"""Every output of every command against folders, closed and full file systems; how outputs are written, `test_outputs`."""
+"""Every output of every command against folders, closed and full file systems; see `test_outputs` for the rest."""
 
 from __future__ import annotations
 
