@@ -32,6 +32,7 @@ from pushplan.plans.events import Event, Measured, Replan
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Improvement, Load, Nearest, Plan, Segment
 from pushplan.plans.robustness import Robustness
+from pushplan.plans.row_load import row_load
 from pushplan.plans.run import Execution, StabilityLoss, TrialEnd
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.model import Scenario
@@ -135,6 +136,7 @@ def _plain(value: Any, arrays: list[NDArray[Any]]) -> Any:
             "type": "Load",
             "names": list(value.names),
             "face": value.face,
+            "faces": [link.face for link in value.links],
             "offset": value.offset,
             "plate": _plain(chain.pusher.plate_pose, arrays),
             "places": _plain(np.asarray(chain.places), arrays),
@@ -226,37 +228,57 @@ class _Decoder:
             return {key: self.value(one) for key, one in plain["mapping"].items()}
         name = plain.pop("type")
         if name == "Load":
-            load = load_of(self._scenario, tuple(plain["names"]), plain["face"], plain["offset"])
+            names, faces = tuple(plain["names"]), tuple(plain.get("faces", ()))
+            load = load_of(self._scenario, names, plain["face"], plain["offset"], faces)
             return _placed(load, *(self.value(plain[key]) for key in ("plate", "places", "ends", "friction")))
         kind, values = _TYPES[name], {field: self.value(one) for field, one in plain.items()}
         hints = _hints(kind)
         for field, value in values.items():
             if field not in hints or not _fits(value, hints[field]):
                 raise CodecError(f"field {field!r} of a {name} cannot be {value!r:.60}")
-        return kind(**values, **({"scenario": self._scenario} if kind is Plan else {}))
+        if kind is not Plan:
+            return kind(**values)
+        scenario, segments = self._scenario, values["segments"]
+        return kind(**values, scenario=scenario.with_row_at(segments[-1].after) if segments else scenario)
 
 
-def load_of(scenario: Scenario, names: tuple[str, ...], face: str, offset: float) -> Load:
+_Key = tuple[tuple[str, ...], str, float, tuple[str, ...]]
+
+
+def load_of(
+    scenario: Scenario, names: tuple[str, ...], face: str, offset: float, faces: tuple[str, ...] = ()
+) -> Load:
     """Return the load of some objects of a scenario, pushed at a place; the same object for the same place.
+
+    Args:
+        scenario: With the objects.
+        names: Of them, from the plate outward.
+        face: Through which the plate pushes the first one.
+        offset: Of the plate there, m.
+        faces: Through which each one is pushed, where they stand in a row.
 
     Raises:
         PushplanError: When there is no such load.
     """
-    known = _loads(scenario)
-    if (names, face, offset) not in known:
-        known[names, face, offset] = _load(scenario, names, face, offset)
-    return known[names, face, offset]
+    known, key = _loads(scenario), (names, face, offset, faces)
+    if key not in known:
+        known[key] = _load(scenario, *key)
+    return known[key]
 
 
-def _loads(scenario: Scenario) -> dict[tuple[tuple[str, ...], str, float], Load]:
+def _loads(scenario: Scenario) -> dict[_Key, Load]:
     """Return the loads of a scenario that have been made, kept with it: each has stable sets of its own."""
-    found: dict[tuple[tuple[str, ...], str, float], Load] = vars(scenario).setdefault("_loads_of_logs", {})
+    found: dict[_Key, Load] = vars(scenario).setdefault("_loads_of_logs", {})
     return found
 
 
-def _load(scenario: Scenario, names: tuple[str, ...], face: str, offset: float) -> Load:
+def _load(
+    scenario: Scenario, names: tuple[str, ...], face: str, offset: float, faces: tuple[str, ...]
+) -> Load:
     if scenario.kind == "push":
         load = Load.of(scenario)
+    elif scenario.row is not None and offset == 0.0:
+        load = row_load(scenario, tuple(zip(names, faces, strict=True)))
     else:
         base = scenario if scenario.kind == "multi-push" else scenario.alone(names[0])
         if face:

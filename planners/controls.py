@@ -205,18 +205,24 @@ Over 134 random chains of up to 20 boxes a bound of 0.02 lost nothing either; ha
 """
 
 
-def margins_to_try(scenario: Scenario, stable: StableSet) -> tuple[float, ...]:
-    """Return the margins to plan with, one after the other until there is a path; a stated number is the only one."""
+def margins_to_try(scenario: Scenario, stable: StableSet, most: float = MOST_MARGIN) -> tuple[float, ...]:
+    """Return the margins to plan with, one after the other until there is a path; a stated number is the only one.
+
+    Args:
+        scenario: With the chain.
+        stable: Its set.
+        most: The first one is no larger.
+    """
     stated = scenario.stability.margin
     if stated != AUTO:
         return (stated,)
-    most = automatic_margin(stable, scenario.chain.pusher.drive)
-    return tuple(most * 0.5**k for k in range(HALVINGS + 1))
+    first = automatic_margin(stable, scenario.chain.pusher.drive, most)
+    return tuple(first * 0.5**k for k in range(HALVINGS + 1))
 
 
-def automatic_margin(stable: StableSet, drive: Drive) -> float:
-    """Return the smaller of `MOST_MARGIN` and `MARGIN_SHARE` of the largest there is; 0 where nothing is stable."""
-    return min(MOST_MARGIN, MARGIN_SHARE * _best_margin(stable, drive, MOST_MARGIN / MARGIN_SHARE))
+def automatic_margin(stable: StableSet, drive: Drive, most: float = MOST_MARGIN) -> float:
+    """Return the smaller of `most` and `MARGIN_SHARE` of the largest there is; 0 where nothing is stable."""
+    return min(most, MARGIN_SHARE * _best_margin(stable, drive, most / MARGIN_SHARE))
 
 
 def _best_margin(stable: StableSet, drive: Drive, enough: float) -> float:

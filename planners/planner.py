@@ -15,6 +15,7 @@ from pushplan.core.problem import reach as costs_of_words
 from pushplan.errors import PlanningError, TimingError
 from pushplan.geometry.se2 import pose_error, relative
 from pushplan.planners.controls import MERIDIANS
+from pushplan.planners.multi.gathering import GatheringSearch
 from pushplan.planners.multi.multi_push import MultiPushSearch
 from pushplan.planners.multi.rearrangement import RearrangementSearch
 from pushplan.planners.outcome import Outcome, Segments
@@ -109,13 +110,17 @@ class Planner:
                 self._search = self._prepared(meridians)
             self._validator = Validator(self.scenario)
 
-    def _prepared(self, meridians: int) -> PushSearch | MultiPushSearch | RearrangementSearch:
+    def _prepared(
+        self, meridians: int
+    ) -> PushSearch | MultiPushSearch | RearrangementSearch | GatheringSearch:
         if self.scenario.kind == "push":
             return PushSearch(
                 Load.of(self.scenario), self.scenario, self.settings, Posing(meridians=meridians)
             )
         if self.scenario.kind == "multi-push":
             return MultiPushSearch.of(self.scenario, self.settings)
+        if self.scenario.row is not None:
+            return GatheringSearch(self.scenario, self.settings)
         return RearrangementSearch.of(self.scenario, self.settings)
 
     def plan(
@@ -323,6 +328,9 @@ class Planner:
         diagnosis: tuple[Diagnosis, ...] = ()
         nearest: Nearest | None = None
         segments = outcome.candidates[0] if outcome.candidates else ()
+        if segments and scenario.row is not None:
+            scenario = scenario.with_row_at(segments[-1].after)
+            validator = validator.of(scenario)
         set_name = settings.set_name
         with watch("timing"):
             if segments and timed:
@@ -373,6 +381,8 @@ class Planner:
         search = self._search
         if isinstance(search, PushSearch):
             return search.stable.name
+        if isinstance(search, GatheringSearch):
+            return str(self.settings.set_name)
         modes = search.modes if isinstance(search, MultiPushSearch) else search.pieces[0].search.modes
         return modes[0].stable.name
 

@@ -182,7 +182,7 @@ def open_scene(scenario: Scenario, until: float = math.inf) -> Scene:
     circles = [(*o.center, o.radius) for o in scenario.obstacles if isinstance(o, CircleObstacle)]
     polygons = [o.outline for o in scenario.obstacles if not isinstance(o, CircleObstacle)]
     return build_scene(
-        scenario.chain, polygons, circles, _walls(scenario), scenario.clearance + SLACK, until=until
+        scenario.chain, polygons, circles, walls_of(scenario), scenario.clearance + SLACK, until=until
     )
 
 
@@ -196,7 +196,8 @@ def scene_between(scene: Scene, clearance: float, start: FloatArray, goal: Float
     return scene.with_gap(min(gaps), clearance)
 
 
-def _walls(scenario: Scenario) -> Box:
+def walls_of(scenario: Scenario) -> Box:
+    """Return (xmin, ymin, xmax, ymax) of the workspace, infinite where there is none."""
     area = scenario.workspace
     if area is None:
         return (-math.inf, -math.inf, math.inf, math.inf)
@@ -206,7 +207,7 @@ def _walls(scenario: Scenario) -> Box:
 def sampling_box(scenario: Scenario) -> Box:
     """Return (xmin, ymin, xmax, ymax) to sample from: the workspace, or around everything with room to turn."""
     if scenario.workspace is not None:
-        return _walls(scenario)
+        return walls_of(scenario)
     points = [np.array([scenario.start[:2], scenario.goal.pose_chain[:2]])]
     for obstacle in scenario.obstacles:
         if isinstance(obstacle, CircleObstacle):

@@ -9,13 +9,13 @@ import numpy as np
 import shapely
 
 from pushplan.geometry import se2
-from pushplan.geometry.polygon import TOUCH
+from pushplan.geometry.polygon import TOUCH, find_touch, overlap_depth
 from pushplan.planners.clearance import Motion, Room, collision_along, excess
 from pushplan.plans.plan import Load, Poses, Segment
 from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
-from pushplan.util.names import APPROACH, RETREAT, TRANSIT
+from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
 
 EXACT = 1e-7
 """Largest error (m, rad) of a plan's end, or of where two segments meet, that counts as none."""
@@ -132,10 +132,30 @@ class Validator:
         least = float(load.stable_set(stable_set).margin(path.twists).min())
         if least <= margin:
             return f"the path's smallest margin is {least:.3g}; it must be above {margin:g}"
-        hit = collision_along(problem, motion, self._room(load.problem, _key(segment.standing()), problem))
+        standing = {name: pose for name, pose in segment.standing().items() if name != segment.onto}
+        hit = collision_along(problem, motion, self._room(load.problem, _key(standing), problem))
         if hit is not None:
             return f"the path is not free: {hit}; it must stay {1e3 * self._scenario.clearance:.3g} mm away"
-        return ""
+        return self._flaw_of_close(segment, load) if segment.kind == CLOSE else ""
+
+    def _flaw_of_close(self, segment: Segment, load: Load) -> str:
+        """Return that a load does not go straight to what it is closed onto, or does not end at it."""
+        twists = segment.path.twists
+        if (np.abs(twists[:, 1:]) > STRAIGHT).any() or (twists[:, 0] <= 0.0).any():
+            return "the close is not straight"
+        outlines = {
+            obj.name: se2.transform_points(segment.after[obj.name], obj.outline)
+            for task in self._scenario.tasks
+            for obj in task.chain.objects
+        }
+        if segment.onto not in outlines or segment.onto in load.names:
+            return f"it closes onto {segment.onto!r}, which does not stand there"
+        onto = outlines[segment.onto]
+        touches = [find_touch(outlines[name], onto) for name in load.names]
+        if touches[-1] is None or len(touches[-1]) != 1 or any(touch is not None for touch in touches[:-1]):
+            return f"it does not end with its last object alone at '{segment.onto}', along one line"
+        deepest = max(overlap_depth(outlines[name], onto) for name in load.names)
+        return f"it ends {1e3 * deepest:.3g} mm inside '{segment.onto}'" if deepest > TOUCH else ""
 
     def _flaw_alone(self, segment: Segment) -> str:
         """Return what the robot alone comes too near to, but for bodies that it comes up to or leaves."""
@@ -199,10 +219,26 @@ def _apart(poses: Poses, others: Poses) -> float:
 
 
 def _wrong_order(first: Segment, second: Segment) -> str:
-    """Return that a push does not follow the approach to its contact, or is not followed by the retreat from it."""
+    """Return that a push does not follow the approach to its contact, or is not followed by the retreat from it.
+
+    A close follows a push of the same load; after it that load is left, or pushed with what it was closed onto.
+    """
     same = first.load is second.load
-    if second.pushes and not (first.kind == APPROACH and same):
-        return f"the push on {second.load.face if second.load else '?'} does not follow an approach to it"
-    if first.pushes and not (second.kind == RETREAT and same):
-        return f"the push on {first.load.face if first.load else '?'} is not followed by a retreat from it"
+    if second.pushes and not (same and first.kind == (APPROACH if second.kind == PUSH else PUSH)):
+        taken = first.kind == CLOSE and second.kind == PUSH and _is_taken(first, second)
+        if not taken:
+            return f"the {second.kind} on {second.load.face if second.load else '?'} does not follow an approach to it"
+    if first.pushes and not second.pushes and not (second.kind == RETREAT and same):
+        return f"the {first.kind} on {first.load.face if first.load else '?'} is not followed by a retreat from it"
     return ""
+
+
+def _is_taken(close: Segment, push: Segment) -> bool:
+    """Tell whether a push is of the load of a close and what that one was closed onto."""
+    assert close.load is not None
+    assert push.load is not None
+    *before, taken = push.load.links
+    return tuple(before) == close.load.links and (taken.object, taken.pusher) == (
+        close.onto,
+        close.load.names[-1],
+    )

@@ -86,8 +86,8 @@ class PushRoom:
         wheels = wheels_of(scenario.chain.pusher.drive, body[:2])
         contacts = []
         for mode in modes:
-            packed = _packed(mode, mode.margin(level), scenario)
-            if packed is not None and _reaches(load, packed):
+            packed = packed_mode(mode, mode.margin(level), scenario)
+            if packed is not None and reaches(load, packed):
                 contacts.append(
                     Contact(mode, mode.margin(level), packed, _with_body(robot, mode.load.problem))
                 )
@@ -205,7 +205,7 @@ def _with_body(room: Scene, scenario: Scenario) -> Scene:
     return room.with_body(flatten(body), bounding_circle(np.concatenate(body)))
 
 
-def _packed(mode: ContactMode, margin: float, scenario: Scenario) -> PackedMode | None:
+def packed_mode(mode: ContactMode, margin: float, scenario: Scenario) -> PackedMode | None:
     """Return a mode for the core; None where it can push nothing straight ahead with the margin."""
     pushes = scenario.pushes
     assert pushes is not None
@@ -252,7 +252,7 @@ def _gentler(family: FloatArray) -> FloatArray:
     return out
 
 
-def _reaches(load: Scene, mode: PackedMode) -> bool:
+def reaches(load: Scene, mode: PackedMode) -> bool:
     """Tell whether the robot gets to the contact, and back, without touching the load elsewhere."""
     scene = load.with_distances(0.5 * TOUCHING, 0.25 * TOUCHING)
     far = max(mode.approach, mode.retreat)

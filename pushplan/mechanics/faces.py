@@ -23,6 +23,9 @@ from pushplan.util.names import FACES
 SAME_DIRECTION = math.radians(1.0)
 """Outward normals that differ by less are in the direction that a face is named by."""
 
+PARALLEL = 1e-6
+"""Faces of an object whose directions differ by less (rad) are opposite: others could be pushed flush with neither."""
+
 _NORMALS = dict(zip(FACES, (math.pi, 0.0, 0.5 * math.pi, -0.5 * math.pi), strict=True))
 
 
@@ -72,6 +75,55 @@ def places(
                 if i in contacts:
                     face = _named(chain, list(contacts), normal)
                     yield Place(tuple(contacts), face, offset, pose, np.array([*contacts[i], heading]))
+
+
+@dataclass(frozen=True, eq=False)
+class Through:
+    """A face of an object through which it is pushed, and the one opposite, through which it pushes another.
+
+    Attributes:
+        face: What the first one is called in the object's own frame.
+        entry: (3,) pose in that frame of the first one's middle, +x into the object.
+        length: Of the first one, m.
+        exit: (3,) pose there of the other one's middle, +x out of the object; None where there is none.
+    """
+
+    face: str
+    entry: FloatArray
+    length: float
+    exit: FloatArray | None
+
+    @property
+    def across(self) -> FloatArray | None:
+        """(3,) pose of `exit` in the frame `entry`."""
+        return None if self.exit is None else se2.relative(self.entry, self.exit)
+
+
+def ways_through(outline: FloatArray, faces: Sequence[str | float] | None = None) -> Iterator[Through]:
+    """Yield the faces of an outline (v, 2) by which an object may be pushed, with those opposite.
+
+    Args:
+        outline: In the object's own frame, counter-clockwise, m.
+        faces: As in `places`.
+    """
+    edges = list(_edges(outline))
+    for begin, end in edges:
+        normal = _outward(begin, end)
+        if not _is_asked_for(normal, faces):
+            continue
+        heading = float(se2.wrap_angle(normal + math.pi))
+        entry = np.array([*0.5 * (begin + end), heading])
+        ahead = np.array([math.cos(heading), math.sin(heading)])
+        opposite = [
+            0.5 * (b + e) for b, e in edges if abs(float(se2.wrap_angle(_outward(b, e) - heading))) < PARALLEL
+        ]
+        front = max(opposite, key=lambda middle: float(middle @ ahead), default=None)
+        yield Through(
+            face_name(normal),
+            entry,
+            float(np.linalg.norm(end - begin)),
+            None if front is None else np.array([*front, heading]),
+        )
 
 
 def pushed_at(chain: Chain, face: str | float, offset: float = 0.0) -> Chain:

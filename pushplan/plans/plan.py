@@ -24,7 +24,7 @@ from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Goal, Obstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray, IntArray, frozen
 from pushplan.util.lazy_field import LazyField
-from pushplan.util.names import DEFAULT_COST, PUSH, SEGMENT_KINDS
+from pushplan.util.names import CLOSE, DEFAULT_COST, PUSH, SEGMENT_KINDS
 
 if TYPE_CHECKING:
     from pushplan.plans.robustness import Robustness
@@ -180,6 +180,7 @@ class Segment:
         trajectory: Of the plate frame, from time 0; None where it is not timed.
         min_margin: Smallest margin of any contact along the path; None where nothing is pushed.
         min_dynamic_margin: Likewise with inertia, along the execution.
+        onto: Name of the object that a close ends at.
     """
 
     kind: str
@@ -191,6 +192,7 @@ class Segment:
     trajectory: Trajectory | None = None
     min_margin: float | None = None
     min_dynamic_margin: float | None = None
+    onto: str = ""
 
     def __post_init__(self) -> None:
         if self.kind not in SEGMENT_KINDS:
@@ -203,10 +205,15 @@ class Segment:
         after = {**before, **load.poses(path.end)}
         return cls(PUSH, path, before, after, load, margin)
 
+    @classmethod
+    def close(cls, load: Load, plate: PushPath, before: Poses, margin: float, onto: str) -> Segment:
+        """Return a straight push of a load, along a path of the plate frame, that ends at an object which rests."""
+        return cls(CLOSE, plate, before, {**before, **load.poses(plate.end)}, load, margin, onto=onto)
+
     @property
     def pushes(self) -> bool:
         """Whether the load moves."""
-        return self.kind == PUSH
+        return self.kind in (PUSH, CLOSE)
 
     @cached_property
     def contact_path(self) -> PushPath:
@@ -255,7 +262,7 @@ class Segment:
             start=self.contact_path.start,
             goal=goal,
             workspace=scenario.workspace,
-            obstacles=(*scenario.obstacles, *self.standing_obstacles(scenario)),
+            obstacles=(*scenario.obstacles, *self.standing_obstacles(scenario, (self.onto,))),
             clearance=scenario.clearance,
             trajectory=scenario.trajectory,
             pushes=None,
@@ -569,6 +576,7 @@ class Plan:
             "kind": segment.kind,
             "face": None if load is None else load.face,
             "offset": None if load is None else load.offset,
+            "onto": self.segments[k].onto or None,
             "load": [] if load is None else [vars(link) for link in load.links],
             "margin": segment.margin,
             "arcs": _arcs(segment.contact_path if segment.pushes else segment.path),

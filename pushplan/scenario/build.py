@@ -15,7 +15,7 @@ from pushplan.geometry.polygon import overlap_depth
 from pushplan.mechanics.body import Body, BodyKind
 from pushplan.mechanics.chain import Chain
 from pushplan.scenario import schema
-from pushplan.scenario.chain import build_bodies
+from pushplan.scenario.chain import build_bodies, widened
 from pushplan.scenario.layout import millimetres
 from pushplan.scenario.model import NotOneLoad, Scenario
 from pushplan.scenario.parts import (
@@ -23,12 +23,21 @@ from pushplan.scenario.parts import (
     PlacedObject,
     PlannerSettings,
     Pushes,
+    Row,
     StabilitySettings,
     Uncertainty,
 )
 from pushplan.scenario.room import Attachments, Surroundings, build_surroundings, placed, placement_troubles
-from pushplan.scenario.schema import GoalPose, ObjectGoal, RearrangementFile, RoomFile, ScenarioFile
+from pushplan.scenario.schema import (
+    GatheringFile,
+    GoalPose,
+    ObjectGoal,
+    RearrangementFile,
+    RoomFile,
+    ScenarioFile,
+)
 from pushplan.scenario.source import Place, Source, shorten
+from pushplan.scenario.units import highest, lowest
 from pushplan.scenario.validation import nearest, salvage, validate
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import DEFAULT_PLANNER, PUSHER, RANKED_BY, TRANSIT_CLEARANCE
@@ -189,6 +198,8 @@ def _pushes(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes |
         if name in file.planner.model_fields_set and getattr(file.planner, name) != only:
             source.error(("planner", name), f"is for a single push; several pushes have {only} only")
     plate, choice = file.pusher, file.pushes or schema.PushChoice()
+    if isinstance(file, GatheringFile) and "transit_weight" not in choice.model_fields_set:
+        choice = choice.model_copy(update={"transit_weight": 1.0})  # a row is asked for to save the robot's way
     faces = None if plate.faces in (None, "all") else tuple(plate.faces)
     return Pushes(np.array(file.robot.start), goals, faces, plate.offsets or (0.0,), **choice.model_dump())
 
@@ -249,7 +260,8 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
         if source.holds((key,)):
             what = "does not go together with goals, and objects have their poses"
             source.error((key,), what, at_key=True)
-    file = validate(RearrangementFile, source)
+    of_row = source.holds(("goals", "row", "of"))
+    file: RearrangementFile | None = validate(GatheringFile if of_row else RearrangementFile, source)
     if file is None or not _names_are_known(file, source):
         return None
     _check_room_for_inertia(file, source)
@@ -267,6 +279,7 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
         stated=stated,
         pushes=pushes,
         bodies=bodies,
+        row=_row(file, source),
     )
     for i, name in enumerate(found):
         if name in bodies:
@@ -285,12 +298,44 @@ def _names_are_known(file: RearrangementFile, source: Source) -> bool:
         if name in names[:i]:
             what = f"'{name}' is also objects[{names.index(name)}]; give it another"
             source.error(("objects", i, "name"), what)
-    for name in file.goals:
+    row = isinstance(file, GatheringFile)
+    aimed = file.goals.row.of if row else tuple(file.goals)
+    for i, name in enumerate(aimed):
+        place: Place = ("goals", "row", "of", i) if row else ("goals", name)
         if name not in names:
             near = nearest(str(name), names)
             what = f"no object is called '{shorten(str(name))}'{near} allowed: {', '.join(names)}"
-            source.error(("goals", name), what, at_key=True)
+            source.error(place, what, at_key=not row)
+        elif name in aimed[:i]:
+            source.error(place, f"'{name}' stands in the row already; allowed: each object once")
     return not source.findings
+
+
+def _row(file: RearrangementFile, source: Source) -> Row | None:
+    """Return the row that a file asks for, None where objects have goals of their own."""
+    if not isinstance(file, GatheringFile):
+        return None
+    stated, friction = file.goals.row, widened(file).contacts.friction
+    names = [obj.name for obj in file.objects]
+    if friction is None:
+        what = "is missing, and the objects of a row touch; needed: a friction coefficient"
+        source.error(("contacts", "friction"), what)
+        friction = 0.0
+    for i, pair in enumerate(file.contacts.between):
+        if set(pair.objects) <= set(names):
+            what = "is of two objects of a row; allowed: contacts.friction, for all of them"
+            source.error(("contacts", "between", i), what)
+    if stated.wall is not None and file.workspace is None:
+        source.error(("goals", "row", "wall"), "needs a workspace, whose sides are the walls")
+    return Row(
+        stated.of,
+        None if stated.pose is None else np.array(stated.pose),
+        stated.wall,
+        stated.order,
+        file.gather,
+        (lowest(friction), highest(friction)),
+        (stated.tolerance.position, stated.tolerance.angle),
+    )
 
 
 def _part_of(source: Source, i: int, name: str) -> Source:
@@ -302,7 +347,8 @@ def _part_of(source: Source, i: int, name: str) -> Source:
                 return ("objects", i, *rest)
             case ("goal", *rest):
                 stated = ("goals", name, *rest)
-                return stated if source.holds(stated) else ("goals", name)
+                at = ("goals", name) if source.holds(("goals", name)) else ("objects", i, "pose")
+                return stated if source.holds(stated) else at
             case ("start", *_):
                 return ("objects", i, "pose")
         return place
@@ -324,7 +370,8 @@ def _placed_object(
     source.take(part)
     if bodies is None:
         return None
-    goals = _goals_of(file.goals[obj.name], obj.name) if obj.name in file.goals else ()
+    aimed = not isinstance(file, GatheringFile) and obj.name in file.goals
+    goals = _goals_of(file.goals[obj.name], obj.name) if aimed else ()
     return PlacedObject(
         pose=np.array(obj.pose),
         goals=tuple(goal for one in goals for goal in _turned(one, bodies.chain)),

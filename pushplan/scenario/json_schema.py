@@ -16,12 +16,14 @@ def scenario_schema() -> dict[str, Any]:
     It accepts every file that the loader accepts. The loader also checks what no schema can say: the range of numbers
     with a unit, polygons that cross themselves, contacts, collisions.
     """
-    from pushplan.scenario.schema import RearrangementFile, ScenarioFile
+    from pushplan.scenario.schema import GatheringFile, RearrangementFile, ScenarioFile
 
-    models = (ScenarioFile, RearrangementFile)
+    models = (ScenarioFile, RearrangementFile, GatheringFile)
     names, schema = models_json_schema([(model, "validation") for model in models])
-    one, several = (names[model, "validation"] for model in models)
-    chosen = {"if": {"required": ["goals"]}, "then": several, "else": one}
+    one, several, row = (names[model, "validation"] for model in models)
+    of_row = {"properties": {"goals": {"properties": {"row": {"required": ["of"]}}, "required": ["row"]}}}
+    with_goals = {"if": of_row, "then": row, "else": several}
+    chosen = {"if": {"required": ["goals"]}, "then": with_goals, "else": one}
     return finished({"type": "object", **schema, **chosen}, "pushplan scenario")
 
 

@@ -23,6 +23,7 @@ from pushplan.scenario.parts import (
     PlannerSettings,
     PolygonObstacle,
     Pushes,
+    Row,
     Snapped,
     Snapping,
     StabilitySettings,
@@ -123,6 +124,8 @@ class Scenario:
         pushes: Where the robot is when several pushes are asked for, and how to choose them; None stands for one push
             with the plate in contact.
         bodies: The objects that stand apart, by name; none where there is one load.
+        row: What some of `bodies` shall stand in; None where each has goals of its own. Only a plan says which place
+            in it each one has, see `with_row_at`.
     """
 
     name: str
@@ -146,6 +149,7 @@ class Scenario:
     snapping: Snapping | None = None
     pushes: Pushes | None = None
     bodies: Mapping[str, PlacedObject] = field(default_factory=dict)
+    row: Row | None = None
     origin: Source | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -163,6 +167,18 @@ class Scenario:
     def goals(self) -> dict[str, tuple[Goal, ...]]:
         """The goals of each of `bodies` that has any; any of an object's goals will do."""
         return {name: body.goals for name, body in self.bodies.items() if body.goals}
+
+    def with_row_at(self, poses: Mapping[str, FloatArray]) -> Scenario:
+        """Return the scenario with the places (3,) in the world that a plan has the objects of its row at as goals."""
+        if self.row is None:
+            return self
+        bodies = dict(self.bodies)
+        for name in self.row.of:
+            body = bodies[name]
+            there = se2.compose(poses[name], se2.inverse(body.chain.objects[0].pose_chain))
+            goal = Goal(poses[name], name, there, *self.row.tolerance)
+            bodies[name] = dataclasses.replace(body, goals=(goal,))
+        return dataclasses.replace(self, bodies=bodies)
 
     def alone(self, name: str) -> Scenario:
         """Return the problem of one of `bodies`, alone in the same room.
@@ -189,6 +205,7 @@ class Scenario:
             contact_friction=body.contact_friction,
             pushes=dataclasses.replace(self.pushes, goals=goals),
             bodies={},
+            row=None,
         )
         return dataclasses.replace(one, source=one.to_json().encode())
 
@@ -334,10 +351,20 @@ def _resolved_task(scenario: Scenario) -> dict[str, Any]:
     choice = {"pushes": {name: getattr(pushes, name) for name in numbers}}
     if not scenario.bodies:
         return {"goal": [_resolved_goal(goal) for goal in pushes.goals], **choice}
+    if scenario.row is not None:
+        return {"goals": {"row": _resolved_row(scenario.row)}, "gather": scenario.row.gather, **choice}
     goals = {name: [_resolved_goal(goal) for goal in goals] for name, goals in scenario.goals.items()}
     for goal in (goal for several in goals.values() for goal in several):
         del goal["of"]
     return {"goals": goals, **choice}
+
+
+def _resolved_row(row: Row) -> dict[str, Any]:
+    place: dict[str, Any] = {"anywhere": True} if row.wall is None else {"wall": row.wall}
+    if row.pose is not None:
+        place = {"pose": row.pose.tolist()}
+    tolerance = {"position": row.tolerance[0], "angle": row.tolerance[1]}
+    return {"of": list(row.of), **place, "order": row.order, "tolerance": tolerance}
 
 
 def _resolved_planner(scenario: Scenario) -> dict[str, Any]:

@@ -118,6 +118,35 @@ class PlacedObject:
 
 
 @dataclass(frozen=True, eq=False)
+class Row:
+    """Objects that shall stand flush in a row, one in front of another as they are pushed.
+
+    Attributes:
+        of: Their names, from the pusher outward.
+        pose: (3,) pose in the world of the middle of the row's rear face, +x along the push; None where `wall` or
+            nothing says where.
+        wall: Side of the workspace that the row's front is brought to, one of `names.WALLS`; None with `pose`, and
+            where the row may stand anywhere.
+        order: `given` stands for that of `of`, `any` for any.
+        gather: One of `names.GATHER`.
+        friction: Least and largest coefficient between two of them.
+        tolerance: Distance (m) and angle (rad) that still count as reached.
+    """
+
+    of: tuple[str, ...]
+    pose: FloatArray | None
+    wall: str | None
+    order: str
+    gather: str
+    friction: tuple[float, float]
+    tolerance: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        if self.pose is not None:
+            object.__setattr__(self, "pose", frozen(self.pose, (3,), "pose of the row"))
+
+
+@dataclass(frozen=True, eq=False)
 class Task:
     """A load that has to be brought to a goal.
 

@@ -21,10 +21,12 @@ SUPPORT = "uniform, unknown, {feet: [[x, y], ...]}, {feet: [[x, y, load], ...]} 
 DRIVE = "omnidirectional, {differential: {axle: [x, y, theta]}} or {car: {axle: ..., min_radius: ...}}"
 GOAL = "{pose: [x, y, theta], ...}, or a list of 1 to 100 of these, any of which will do"
 GOALS = "a mapping from names of objects to poses [x, y, theta], {pose: ..., symmetry: ...} or lists of these"
+ROW = "{of: [name, name, ...], pose: [x, y, theta]}, or wall: ... or anywhere: true in place of the pose"
 SNAP = "a length in m, e.g. 5 mm, or {position: 5 mm, angle: 2 deg}"
 SHARE = "a share from 0 to 0.9, e.g. 20 %"
 LENGTH = "a length in m"
 MOST_PARTS = 50
+MOST_IN_ROW = 30
 FOOTPRINT = (
     "{box: [length, width], pose: [x, y, theta]}, {polygon: [[x, y], ...]} or a list of 1 to "
     f"{MOST_PARTS} of these"
@@ -469,3 +471,44 @@ class RearrangementFile(RoomFile):
     )
     robot: PlacedRobot = Field(description="{footprint: ..., drive: ..., start: ...}")
     goals: Annotated[dict[str, _Goals], Field(min_length=1)] = Field(description=GOALS)
+
+
+class RowGoal(t.Strict):
+    """Several objects that shall stand flush in a row, one in front of another as they are pushed."""
+
+    of: Annotated[tuple[t.Name, ...], t.Several(1, MOST_IN_ROW)] = Field(
+        description=f"a list of 1 to {MOST_IN_ROW} names of objects, from the pusher outward"
+    )
+    pose: t.Pose | None = Field(
+        default=None,
+        description="[x, y, theta] in the world of the middle of the row's rear face, +x along the push",
+    )
+    wall: Literal[names.WALLS] | None = Field(  # type: ignore[valid-type]
+        default=None, description=f"the wall that the row's front shall be at: {_one_of(names.WALLS)}"
+    )
+    anywhere: bool | None = Field(default=None, description="true: wherever the row comes about")
+    order: Literal["any", "given"] = Field(default="any", description="any, or given: that of the list")
+    tolerance: Tolerance = Field(default_factory=Tolerance, description="{position: ..., angle: ...}")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> RowGoal:
+        """Refuse a row without a place, or with more than one."""
+        given = [self.pose is not None, self.wall is not None, bool(self.anywhere)]
+        if sum(given) != 1:
+            raise fault("a row with " + ("no place" if not any(given) else "several places"), ROW)
+        return self
+
+
+class RowGoals(t.Strict):
+    """The goals of a file whose objects shall stand in a row."""
+
+    row: RowGoal = Field(description=ROW)
+
+
+class GatheringFile(RearrangementFile):
+    """Several objects that stand apart and shall stand in a row; others stay where they are."""
+
+    goals: RowGoals = Field(description=f"{{row: {ROW}}}")  # type: ignore[assignment]
+    gather: Literal[names.GATHER] = Field(  # type: ignore[valid-type]
+        default="auto", description=f"whether objects are pushed together: {_one_of(names.GATHER)}"
+    )

@@ -54,8 +54,18 @@ PUSHER, ROBOT = "pusher", "robot"
 RESERVED_NAMES = ("world", "chain", PUSHER)
 """Frames of a run log; no object may be called so."""
 
-TRANSIT, APPROACH, PUSH, RETREAT = SEGMENT_KINDS = ("transit", "approach", "push", "retreat")
-"""Parts of a plan of several pushes: the robot drives alone, comes up to a face, pushes, backs off."""
+TRANSIT, APPROACH, PUSH, CLOSE, RETREAT = SEGMENT_KINDS = ("transit", "approach", "push", "close", "retreat")
+"""Parts of a plan of several pushes: the robot drives alone, comes up to a face, pushes, backs off.
+
+A close is a straight push whose load comes to touch an object that stands: that one is pushed along afterwards, or
+stays with the load where a row is made.
+"""
+
+WALLS = ("xmin", "xmax", "ymin", "ymax", "any")
+"""Sides of the workspace that a row's front may be brought to."""
+
+GATHER = ("auto", "never", "always")
+"""Whether objects of a row are pushed together: where that costs less, one by one, or all of them at once."""
 
 RANKED_BY = "travel"
 """The cost, of `COSTS`, that ranks plans of several pushes, with the weights in `pushes`."""

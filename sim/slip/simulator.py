@@ -31,7 +31,7 @@ from pushplan.sim.report import (
 from pushplan.sim.slip.packing import Pair, Piece, cut, pack_bodies, pack_world
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, frozen, numbers
-from pushplan.util.names import APPROACH
+from pushplan.util.names import APPROACH, CLOSE
 
 SETTLED = 0.9
 """Share of the first arc of a push after an approach, after which contacts are expected to be closed."""
@@ -218,7 +218,7 @@ def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> Part:
     if not segment.pushes or part.chain is None:
         return replace(part, chain=None)
     begin = 0
-    if k and plan.segments[k - 1].kind == APPROACH:
+    if k and plan.segments[k - 1].kind in (APPROACH, CLOSE):
         way = segment.contact_path.lengths[0] * SETTLED
         gone = np.hypot(*(part.frame[:, :2] - part.frame[0, :2]).T)
         begin = min(int(np.searchsorted(gone, way)), len(t) - 1)
