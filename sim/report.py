@@ -71,6 +71,7 @@ class ContactReport(Execution):
         clear: Least distance (m) of robot and load from objects that rest; infinite where it was not looked at,
             because the simulator lets them touch.
         seconds: Wall-clock time of the simulation.
+        touched: Names of the objects that the plate or its load comes up to, by segment: these may be moved there.
     """
 
     slide: FloatArray
@@ -84,6 +85,7 @@ class ContactReport(Execution):
     jammed_at: float | None = None
     clear: float = math.inf
     seconds: float = 0.0
+    touched: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
 
     @cached_property
     def displacement(self) -> FloatArray:
@@ -109,12 +111,13 @@ class ContactReport(Execution):
 
     @cached_property
     def disturbed(self) -> float:
-        """Farthest (m) that an object moved while it was not pushed."""
+        """Farthest (m) that an object moved while nothing pushed it or came up to it."""
         farthest = 0.0
         for k in np.unique(self.segment):
             rows = np.flatnonzero(self.segment == k)
             way = self.objects[rows[-1], :, :2] - self.objects[max(rows[0] - 1, 0), :, :2]
             rests = np.isnan(self.lengths[rows[-1]])
+            rests[[self.names.index(name) for name in self.touched.get(int(k), ())]] = False
             farthest = max(farthest, float(np.where(rests, np.hypot(*way.T), 0.0).max()))
         return farthest
 
@@ -200,6 +203,7 @@ class Part:
         base: Number of the sample from which slides and gaps count; None counts them against the chain's contacts.
         modes: (k, n) see `ContactReport`, one for each step.
         wrenches: (k, 3) of the plate in each step, in the frame: N, N, N m.
+        touched: What the plate comes up to in an approach, or what a close ends at.
     """
 
     segment: int
@@ -211,6 +215,7 @@ class Part:
     base: int | None = 0
     modes: IntArray | None = None
     wrenches: FloatArray | None = None
+    touched: tuple[str, ...] = ()
 
     def motions(self, names: Sequence[str]) -> FloatArray:
         """Return how the chain's objects and, last, the plate have moved (k + 1, c + 1, 3), see `contact_motion`."""
@@ -324,6 +329,7 @@ def report_of(
         jammed_at=jammed_at,
         clear=clear,
         seconds=seconds,
+        touched={part.segment: part.touched for part in parts if part.touched},
     )
     return replace(report, loss=_loss(report, parts))
 

@@ -251,9 +251,9 @@ class _Beams:
                 truncated = truncated or cut
                 if moves:
                     found = self._taken(moves)
-                if self.over():
+                if self.over() or (found and self._settings.first):
                     return found
-            if (found and self._settings.first) or not truncated:
+            if not truncated:
                 break
         return found
 

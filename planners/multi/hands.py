@@ -111,8 +111,10 @@ class Hands:
         self._loads: dict[tuple[Member, ...], Load] = {}
         keys: dict[bytes, int] = {}
         for name in scenario.row.of:
-            for way in ways_through(scenario.bodies[name].chain.objects[0].outline, scenario.pushes.faces):
-                key = b"".join(_form(scenario, name, way))
+            obj = scenario.bodies[name].chain.objects[0]
+            load = obj.support.cells() if obj.support.known else (obj.support.hull,)
+            for way in ways_through(obj.outline, scenario.pushes.faces):
+                key = b"".join(_form(scenario, name, way, load))
                 self.ways[name, way.face] = way
                 self.forms[name, way.face] = keys.setdefault(key, len(keys))
 
@@ -165,6 +167,7 @@ class Hands:
         margin = mode.margin(self.level)
         packed = packed_mode(mode, margin, self.scenario)
         if packed is None:
+            self.why.setdefault(members[0][0], f"no straight push has a margin above {margin:.3g}")
             return None
         across: FloatArray | None = np.zeros(3)
         for member in members:
@@ -180,15 +183,15 @@ class Hands:
             most = MARGINS.get(len(members), MARGIN_OF_MORE)
             margins = margins_to_try(load.problem, stable, most)
             place = Place((0,), load.face, 0.0, np.zeros(3), np.zeros(3))
-            mode = ContactMode(place, load, stable, margins, np.zeros(3))
-            mode.controls(margins[-1])
+            return ContactMode(place, load, stable, margins, np.zeros(3))
         except (ChainError, EmptyStableSetError) as error:
             self.why.setdefault(members[0][0], str(error))
             return None
-        return mode
 
 
-def _form(scenario: Scenario, name: str, way: Through) -> Iterator[bytes]:
+def _form(
+    scenario: Scenario, name: str, way: Through, load: tuple[FloatArray, ...]
+) -> Iterator[bytes]:
     """Yield what makes an object, pushed through a face, the same as another, but for its name."""
     body = scenario.bodies[name]
     obj, into = body.chain.objects[0], se2.inverse(way.entry)
@@ -201,7 +204,7 @@ def _form(scenario: Scenario, name: str, way: Through) -> Iterator[bytes]:
 
     yield placed(obj.outline)
     yield type(support).__name__.encode() + placed(support.center)
-    yield placed(*support.cells()) if support.known else placed(support.hull)
+    yield placed(*load)
     yield np.array([obj.mass, obj.floor_friction, body.chain.contacts[0].friction]).tobytes()
     if body.interval is not None:
         yield body.interval.mass.tobytes() + body.interval.floor_friction.tobytes()

@@ -24,7 +24,7 @@ from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Goal, Obstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray, IntArray, frozen
 from pushplan.util.lazy_field import LazyField
-from pushplan.util.names import CLOSE, DEFAULT_COST, PUSH, SEGMENT_KINDS
+from pushplan.util.names import APPROACH, CLOSE, DEFAULT_COST, PUSH, SEGMENT_KINDS
 
 if TYPE_CHECKING:
     from pushplan.plans.robustness import Robustness
@@ -214,6 +214,13 @@ class Segment:
     def pushes(self) -> bool:
         """Whether the load moves."""
         return self.kind in (PUSH, CLOSE)
+
+    @property
+    def touched(self) -> tuple[str, ...]:
+        """Names of the objects at rest that the plate comes up to, or that a close ends at."""
+        if self.kind == APPROACH and self.load is not None:
+            return self.load.names
+        return (self.onto,) if self.onto else ()
 
     @cached_property
     def contact_path(self) -> PushPath:

@@ -11,7 +11,7 @@ from pushplan.errors import ChainError
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import find_touch
 from pushplan.mechanics.chain import Chain, Contact
-from pushplan.mechanics.faces import Through, pushed_at, ways_through
+from pushplan.mechanics.faces import Place, Through, pushed_from, ways_through
 from pushplan.mechanics.intervals import IntervalChain
 from pushplan.plans.plan import Link, Load
 from pushplan.scenario.model import Scenario
@@ -49,7 +49,8 @@ def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
     assert scenario.row is not None
     bodies = [scenario.bodies[name] for name, _ in members]
     ways = [way_through(body, face) for body, (_, face) in zip(bodies, members, strict=True)]
-    first = pushed_at(bodies[0].chain, ways[0].face)
+    at = se2.compose(bodies[0].chain.places[0], ways[0].entry)
+    first = pushed_from(bodies[0].chain, Place((0,), ways[0].face, 0.0, at, at))
     objects, contacts = [first.objects[0]], [first.contacts[0]]
     links = [Link(members[0][0], None, ways[0].face, 0.0)]
     for k in range(1, len(members)):
@@ -66,9 +67,17 @@ def row_load(scenario: Scenario, members: Sequence[Member]) -> Load:
         contacts.append(Contact(touch[0][0], touch[0][1], scenario.row.friction[0], k, k - 1))
         links.append(Link(name, before, ways[k].face, 0.0))
     chain = Chain(tuple(objects), tuple(contacts), first.pusher)
-    own = scenario.alone(members[0][0])
+    stated = [
+        {**body.stated["objects"][0], "pose": place.tolist()}
+        for body, place in zip(bodies, chain.places, strict=True)
+    ]
     problem = replace(
-        own, chain=chain, interval=_intervals(bodies, chain), contact_friction=None, pushes=None, stated={}
+        scenario.alone(members[0][0]),
+        chain=chain,
+        interval=_intervals(bodies, chain),
+        contact_friction=None,
+        pushes=None,
+        stated={**bodies[0].stated, "objects": stated, "contacts": scenario.stated["contacts"]},
     )
     return Load(tuple(links), problem)
 

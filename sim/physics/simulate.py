@@ -37,7 +37,7 @@ from pushplan.sim.report import (
 from pushplan.sim.slip.simulator import SETTLED, step_times
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray, IntArray
-from pushplan.util.names import APPROACH
+from pushplan.util.names import APPROACH, CLOSE, PUSH
 
 DEFAULTS = PhysicsSettings()
 TRAVEL = 0.1
@@ -170,10 +170,14 @@ def simulate_in_physics(
 
 
 def _groups(plan: Plan) -> list[list[int]]:
-    """Return indices of segments that are executed together: each push with its approach and its retreat."""
+    """Return indices of segments that are executed together: each push with its approach and its retreat.
+
+    A close after which more is pushed belongs to that next push: what it closes onto may be touched early.
+    """
     found: list[list[int]] = []
     for k, segment in enumerate(plan.segments):
-        begins = segment.load is None or segment.kind == APPROACH or not found
+        takes = segment.kind == CLOSE and plan.segments[k + 1].kind == PUSH
+        begins = segment.load is None or segment.kind == APPROACH or takes or not found
         if begins or plan.segments[found[-1][-1]].load is None:
             found.append([])
         found[-1].append(k)
@@ -192,7 +196,8 @@ class _Push:
         until_moved: bool,
         progress: Callable[[float], None] | None,
     ) -> None:
-        load = plan.segments[group[0]].load
+        self._push = next(k for k in group if plan.segments[k].kind == PUSH)
+        load = plan.segments[self._push].load
         assert load is not None
         assert plan.trajectory is not None
         self.chain = world.chain if world.plate is None else world.pushed(load.chain)
@@ -201,7 +206,6 @@ class _Push:
         self._until_moved, self._progress = until_moved, progress
         self._t0, self._t1 = float(plan.times[group[0]]), float(plan.times[group[-1] + 1])
         self._trajectory, self._frame = plan.trajectory, load.frame_plate
-        self._push = next(k for k in group if plan.segments[k].pushes)
 
     def executed(self) -> list[Part]:
         """Execute it, in smaller steps as long as a contact creeps; the last time counts."""
@@ -287,10 +291,17 @@ class _Push:
             rows = driven.rows(j)
             if len(rows) < 2:
                 break
-            pushes = k == self._push
-            base = None if driven.base is None or not pushes else max(driven.base - int(rows[0]), 0)
-            chain = self.chain if pushes else None
-            found.append(Part(k, chain, t[rows], plates[rows], plate, objects[rows], base))
+            segment = self._plan.segments[k]
+            chain, base = None, driven.base
+            if segment.pushes and segment.load is not None:
+                chain = self.chain if k == self._push else self._world.pushed(segment.load.chain)
+            if k == self._push and base is not None:
+                base = max(base - int(rows[0]), 0)
+            elif segment.kind == CLOSE:
+                base = 0
+            found.append(
+                Part(k, chain, t[rows], plates[rows], plate, objects[rows], base, touched=segment.touched)
+            )
         return found
 
 
@@ -328,8 +339,9 @@ def _alone(plan: Plan, world: World, k: int, objects: FloatArray) -> Part:
 
 def _standing(plan: Plan, world: World, group: Sequence[int], objects: FloatArray) -> shapely.Geometry | None:
     """Return the objects that are not pushed in a group of segments, in one; None where all are."""
-    load = plan.segments[group[0]].load
-    pushed = () if load is None else load.names
+    loads = [plan.segments[k].load for k in group]
+    pushed = {name for load in loads if load is not None for name in load.names}
+    pushed |= {plan.segments[k].onto for k in group}
     outlines = [
         shapely.Polygon(se2.transform_points(pose, obj.outline))
         for obj, pose in zip(world.objects, objects, strict=True)

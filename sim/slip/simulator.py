@@ -214,7 +214,7 @@ def _executed(simulator: SlipSimulator, plan: Plan, k: int) -> Part:
     t = step_times(trajectory, simulator.reach, simulator.settings.step)
     poses = trajectory.poses_at(t)
     simulator.place(simulator.object_poses, poses[0])
-    part = moved(simulator, t + plan.times[k], poses, k)
+    part = replace(moved(simulator, t + plan.times[k], poses, k), touched=segment.touched)
     if not segment.pushes or part.chain is None:
         return replace(part, chain=None)
     begin = 0
