@@ -632,12 +632,32 @@ def _lengths(names: tuple[str, ...], hands: Hands) -> set[float]:
 
 
 def _explanation(beams: _Beams, limit: float) -> tuple[str, tuple[Diagnosis, ...], Nearest | None]:
-    farthest = beams.farthest
-    names = ", ".join(f"'{name}'" for name in beams.row.of)
+    """Return why no plan was found: how far the search came, and how widely what it held then turns."""
+    row, farthest = beams.row, beams.farthest
+    names = ", ".join(f"'{name}'" for name in row.of)
+    hand = None
     if farthest is None:
         what = "the robot can drive up to none of the objects that it may push first"
     else:
-        held = " and ".join(name for name, _ in farthest.members) or "nothing"
-        what = f"the search came as far as holding {held}, with {len(farthest.left)} objects left"
-    reason = f"no way was found within the time limit of {limit:g} s to bring {names} into a row: {what}"
-    return reason, (Diagnosis("order", reason, False),), None
+        held = ", ".join(f"'{name}'" for name, _ in farthest.members)
+        what = f"the search came as far as holding {held}"
+        what += f", with {len(farthest.left)} left to take" if farthest.left else ", and not to the row"
+        hand = beams.hands.hand(farthest.members)
+    told = [Diagnosis("order", what, False)]
+    radius = math.inf if hand is None else _radius(hand)
+    area = beams.scenario.workspace
+    if hand is not None and area is not None and math.isfinite(radius):
+        x, y = area.xmax - area.xmin, area.ymax - area.ymin
+        if radius > 0.25 * min(x, y):
+            wide = f"it turns with a radius of {radius:.2f} m at the least, in a room of {x:.3g} x {y:.3g} m"
+            told.append(Diagnosis("wide turns", wide, False, {"radius": radius}))
+    reasons = "; ".join(one.text for one in told)
+    reason = f"no way was found within the time limit of {limit:g} s to bring {names} into a row: {reasons}"
+    return reason, tuple(told), None
+
+
+def _radius(hand: Hand) -> float:
+    """Return the smallest radius (m) at which the middle of the plate turns with a hand."""
+    twists = hand.packed.families.reshape(-1, 3)
+    turns = twists[twists[:, 2] != 0.0]
+    return float((np.hypot(turns[:, 0], turns[:, 1]) / np.abs(turns[:, 2])).min(initial=math.inf))

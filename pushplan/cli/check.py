@@ -16,7 +16,7 @@ from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, PLATE, PushedObject, Pusher
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport
 from pushplan.scenario.model import Scenario
-from pushplan.scenario.parts import CircleObstacle, Obstacle, Snapping
+from pushplan.scenario.parts import CircleObstacle, Obstacle, Row, Snapping
 from pushplan.util.arrays import FloatArray
 from pushplan.util.names import KNOWN_LOAD_SETS
 
@@ -309,6 +309,17 @@ def _place_text(scenario: Scenario, pose: FloatArray) -> str:
     )
 
 
+def _row_text(row: Row) -> str:
+    """Return what a row is made of and where it shall be."""
+    where = "anywhere" if row.wall is None else f"at {'any wall' if row.wall == 'any' else f'the wall {row.wall}'}"
+    if row.pose is not None:
+        x, y, theta = plain(row.pose[0]), plain(row.pose[1]), plain(degrees(row.pose[2]))
+        where = f"its rear at ({x:.4g}, {y:.4g}) m, {theta:.4g} deg"
+    order = "in any order" if row.order == "any" else "in this order from the pusher outward"
+    together = {"auto": "together where that costs less", "never": "one by one", "always": "all together"}
+    return f"{', '.join(row.of)}, {order}, {where}; pushed {together[row.gather]}"
+
+
 def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console) -> int:
     """Show what was understood of a scenario of several objects; return the exit code."""
     from pushplan.planners.multi.contact_modes import find_modes
@@ -325,6 +336,8 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
         goals = len(scenario.bodies[name].goals)
         aim = f"goes to {'its goal' if goals == 1 else f'one of {goals} goals'}"
         aim = aim if goals else "is moved where it is in the way"
+        if scenario.row is not None:
+            aim = "goes into the row" if name in scenario.row.of else "stays where it is"
         rows += [*object_rows(one, 0), ("", f"{aim}, can be pushed at {', '.join(faces)}")]
         found.append({**document(one), "goals": goals, "faces": faces})
     rows += [
@@ -332,6 +345,8 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
         ("robot", robot_text(first.chain.pusher)),
         ("workspace", workspace_text(first)),
     ]
+    if scenario.row is not None:
+        rows.append(("row", _row_text(scenario.row)))
     if plot is not None:
         with console.working(f"drawing {plot}"):
             from pushplan.drawing.plans import plot_scenario
@@ -340,6 +355,6 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
     console.say((f"{scenario.name}  (several objects)", "bold"))
     console.table(rows)
     console.say(("no findings", "green"))
-    movable = [name for name in scenario.bodies if name not in scenario.goals]
+    movable = [name for name in scenario.bodies if name not in scenario.goals and scenario.row is None]
     console.emit({"scenario": scenario.name, "objects": found, "movable": movable})
     return 0

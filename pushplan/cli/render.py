@@ -99,7 +99,9 @@ def _segment_text(segment: Mapping[str, Any]) -> str:
     length = sum(arc["length"] for arc in segment["arcs"])
     text = f"{segment['t0']:7.2f} - {segment['t1']:6.2f} s  {length:6.3f} m"
     if segment["face"]:
-        text += f"  {segment['face']}"
+        names = [link["object"] for link in segment["load"]]
+        held = f"{' + '.join(names)} " if len(segment["before"]) > len(names) or segment["onto"] else ""
+        text += f"  {held}onto {segment['onto']}" if segment["onto"] else f"  {held}{segment['face']}"
     if segment["offset"]:
         text += f" {1e3 * segment['offset']:+.3g} mm"
     if segment["kind"] != "push":

@@ -20,7 +20,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.body import BodyKind
 from pushplan.scenario.parts import CircleObstacle, Goal, Obstacle, PolygonObstacle
 from pushplan.util.arrays import FloatArray, IntArray
-from pushplan.util.names import PUSH, PUSHER, ROBOT, TRANSIT
+from pushplan.util.names import CLOSE, PUSH, PUSHER, ROBOT, TRANSIT
 
 if TYPE_CHECKING:
     from pushplan.mechanics.chain import PushedObject
@@ -408,10 +408,18 @@ def _planned(
     for segment in segments:
         points = segment.path.sampled(PATH_SPACING)[:, :2]
         names = segment.load.names if segment.pushes and segment.load is not None else ()
-        lines.append(Line(segment.kind, points, np.full(len(points), np.nan), names))
-        if segment.pushes:
-            rests.append(Rest(len(rests) + 1, names, _pose_rows(bodies, segment.path.end, segment.after)))
+        kind = PUSH if names else segment.kind
+        lines.append(Line(kind, points, np.full(len(points), np.nan), names))
+        if names:
+            _add_rest(rests, segment.kind, names, _pose_rows(bodies, segment.path.end, segment.after))
     return tuple(lines), tuple(rests)
+
+
+def _add_rest(rests: list[Rest], kind: str, names: tuple[str, ...], poses: FloatArray) -> None:
+    """Add where a push leaves the objects; what a close adds to it belongs to the push before."""
+    if kind == CLOSE and rests:
+        rests.pop()
+    rests.append(Rest(len(rests) + 1, names, poses))
 
 
 def _executed(
@@ -434,10 +442,11 @@ def _executed(
         kept = _spaced(execution.poses[begin : upto + 1])
         least = np.append(np.fmin.reduceat(margins[begin:end], kept[:-1]), margins[end - 1])
         owner = int(execution.segment[begin])
-        alone = segments[owner].kind if owner < len(segments) and not segments[owner].pushes else TRANSIT
+        kind = segments[owner].kind if owner < len(segments) else TRANSIT
+        alone = TRANSIT if kind in (PUSH, CLOSE) else kind
         lines.append(Line(PUSH if names else alone, execution.poses[begin + kept, :2], least, names))
         if names:
-            rests.append(Rest(len(rests) + 1, names, poses[upto]))
+            _add_rest(rests, kind, names, poses[upto])
     return tuple(lines), tuple(rests)
 
 

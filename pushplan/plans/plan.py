@@ -454,8 +454,8 @@ class Plan:
 
     @property
     def pushes(self) -> tuple[Segment, ...]:
-        """The segments in which a load moves."""
-        return tuple(segment for segment in self.segments if segment.pushes)
+        """The pushes; a close belongs to the one before it."""
+        return tuple(segment for segment in self.segments if segment.kind == PUSH)
 
     @property
     def path(self) -> PushPath | None:
@@ -473,7 +473,7 @@ class Plan:
         """Smallest margin of any contact in any push; of the execution where there is one."""
         if self.execution is not None:
             return self.execution.min_margin
-        return min((s.min_margin for s in self.pushes if s.min_margin is not None), default=None)
+        return min((s.min_margin for s in self.segments if s.min_margin is not None), default=None)
 
     @property
     def min_dynamic_margin(self) -> float | None:
@@ -483,7 +483,7 @@ class Plan:
     @property
     def pushed_distance(self) -> float | None:
         """Cost of all pushes together, m; None without a plan."""
-        return sum(segment.cost for segment in self.pushes) if self.segments else None
+        return sum(segment.cost for segment in self.segments if segment.pushes) if self.segments else None
 
     @property
     def gap(self) -> float | None:

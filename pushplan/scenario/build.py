@@ -14,6 +14,7 @@ from pushplan.geometry import se2
 from pushplan.geometry.polygon import overlap_depth
 from pushplan.mechanics.body import Body, BodyKind
 from pushplan.mechanics.chain import Chain
+from pushplan.mechanics.faces import ways_through
 from pushplan.scenario import schema
 from pushplan.scenario.chain import build_bodies, widened
 from pushplan.scenario.layout import millimetres
@@ -288,6 +289,7 @@ def _rearrangement(source: Source, attachments: Attachments) -> Scenario | None:
             source.take(part)
     if not source.findings:
         _check_apart(scenario, source)
+        _check_row(scenario, source)
     return scenario
 
 
@@ -327,6 +329,8 @@ def _row(file: RearrangementFile, source: Source) -> Row | None:
             source.error(("contacts", "between", i), what)
     if stated.wall is not None and file.workspace is None:
         source.error(("goals", "row", "wall"), "needs a workspace, whose sides are the walls")
+    if stated.anywhere and file.gather == "never":
+        source.error(("gather",), "'never' does not go together with a row anywhere; allowed: auto, always")
     return Row(
         stated.of,
         None if stated.pose is None else np.array(stated.pose),
@@ -389,6 +393,41 @@ def _goals_of(stated: Any, name: str) -> tuple[GoalPose, ...]:
     if isinstance(stated[0], float):
         return (GoalPose.model_construct(of=name, pose=stated),)
     return tuple(goal for one in stated for goal in _goals_of(one, name))
+
+
+def _check_row(scenario: Scenario, source: Source) -> None:
+    """Report a row that fits in no order and with no faces, with the robot behind it, where it shall stand."""
+    row = scenario.row
+    if row is None or scenario.pushes is None or (row.pose is None and row.wall is None):
+        return
+    length, faces = 0.0, scenario.pushes.faces
+    for i, name in enumerate(row.of):
+        outline = scenario.bodies[name].chain.objects[0].outline
+        depths = [way.across[0] for way in ways_through(outline, faces) if way.across is not None]
+        if not depths:
+            what = f"'{name}' has no face to be pushed at that is parallel to one opposite: it stands in no row"
+            source.error(("goals", "row", "of", i), what)
+            return
+        length += float(min(depths))
+    chain = scenario.bodies[row.of[0]].chain
+    plate = float(chain.pusher.plate_pose[0])
+    behind = plate - min(float(body.outline[:, 0].min()) for body in chain.carried)
+    area = scenario.workspace
+    if row.pose is None:
+        assert area is not None
+        rooms = {"x": area.xmax - area.xmin, "y": area.ymax - area.ymin}
+        room = max(rooms.values()) if row.wall == "any" else rooms[str(row.wall)[0]]
+        if length + behind > room:
+            what = f"a row of {length:.3g} m at least, and {behind:.3g} m of robot, do not fit into {room:.3g} m"
+            source.error(("goals", "row", "wall"), what)
+        return
+    # So narrow that no row is narrower: what it meets, every row does.
+    narrow = np.array([[0.0, -1e-3], [length, -1e-3], [length, 1e-3], [0.0, 1e-3]])
+    robot = placed(chain.carried, se2.compose(row.pose, se2.inverse(chain.pusher.plate_pose)))
+    for what in placement_troubles(
+        "end", [(f"row of {length:.3g} m", se2.transform_points(row.pose, narrow)), *robot], _around(scenario)
+    ):
+        source.error(("goals", "row", "pose"), what)
 
 
 def _check_apart(scenario: Scenario, source: Source) -> None:
