@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pushplan.core.collision import SLACK, Scene, sweep_is_free
+from pushplan.core.collision import SLACK, Scene, Shapes, sweep_is_free
 from pushplan.core.driving import Surroundings, Wheels
 from pushplan.core.problem import connect, reach
 from pushplan.core.pushes import PackedMode, approaches_are_free, find_push, settles
@@ -65,7 +65,7 @@ class Hand:
         packed: The same for the core, with the margin that is planned with.
         margin: That one.
         across: (3,) pose of the front of the last object; None where it has no face opposite to the one pushed.
-        pieces: Convex pieces of robot, plate and objects.
+        body: Robot, plate and objects for the core, and a circle around them.
         closes: It can be pushed straight ahead, as it is where a contact closes.
     """
 
@@ -73,7 +73,7 @@ class Hand:
     packed: PackedMode
     margin: float
     across: FloatArray | None
-    pieces: list[FloatArray]
+    body: tuple[Shapes, FloatArray]
     closes: bool
 
 
@@ -174,7 +174,8 @@ class Hands:
             step = self.ways[member].across
             across = None if across is None or step is None else se2.compose(across, step)
         pieces = list(convex_pieces([body.outline for body in mode.load.chain.bodies]))
-        return Hand(mode, packed, margin, across, pieces, bool(packed.settling[1] == 0.0))
+        body = flatten(pieces), bounding_circle(np.concatenate(pieces))
+        return Hand(mode, packed, margin, across, body, bool(packed.settling[1] == 0.0))
 
     def _mode(self, members: tuple[Member, ...]) -> ContactMode | None:
         try:
@@ -255,6 +256,8 @@ class Floor:
         self._scenes: dict[Standing, Scene] = {}
         self._bodied: dict[tuple[Standing, int], Scene] = {}
         self._hands: dict[int, Hand] = {}
+        self._reached: dict[Member, bool] = {}
+        self._berths: dict[str, Scene] = {}
         self._transits: dict[tuple[Standing, bytes, bytes], FloatArray | None] = {}
 
     def robot(self, standing: Poses) -> Scene:
@@ -278,9 +281,7 @@ class Floor:
         key = (_key(standing), id(hand))
         if key not in self._bodied:
             self._hands[id(hand)] = hand  # kept, so that its id stays its own
-            body = flatten(hand.pieces)
-            circle = bounding_circle(np.concatenate(hand.pieces))
-            self._bodied[key] = self.robot(standing).with_body(body, circle)
+            self._bodied[key] = self.robot(standing).with_body(*hand.body)
         return self._bodied[key]
 
     def push(self, hand: Hand, start: FloatArray, goal: FloatArray, standing: Poses) -> Pushed:
@@ -326,15 +327,20 @@ class Floor:
         x, y, theta = start
         return sweep_is_free(self.with_hand(hand, standing), x, y, theta, 1.0, 0.0, 0.0, length)
 
-    def approach(self, hand: Hand, at: FloatArray, standing: Poses, name: str, pose: FloatArray) -> bool:
-        """Tell whether the robot can come up to an object at a pose, which does not stand among the others."""
-        free = approaches_are_free(self.robot(standing), hand.packed, at[None], False)[0]
-        return bool(free) and reaches(self._beside(name, at, pose), hand.packed)
+    def approach(self, hand: Hand, at: FloatArray, standing: Poses, member: Member, entry: FloatArray) -> bool:
+        """Tell whether the robot can come up to a face, at a pose (3,) in its object's frame.
 
-    def _beside(self, name: str, at: FloatArray, pose: FloatArray) -> Scene:
-        """Return the robot beside one object, in the frame of the contact at a pose (3,)."""
+        The plate is at a pose `at` (3,) then; the object does not stand among the others.
+        """
+        if not approaches_are_free(self.robot(standing), hand.packed, at[None], False)[0]:
+            return False
+        if member not in self._reached:
+            self._reached[member] = reaches(self._beside(member[0], se2.inverse(entry)), hand.packed)
+        return self._reached[member]
+
+    def _beside(self, name: str, own: FloatArray) -> Scene:
+        """Return the robot beside one object, which is at a pose (3,)."""
         berth = max(self.scenario.clearance, TRANSIT_CLEARANCE)
-        own = se2.relative(at, pose)
         pieces = [se2.transform_points(own, piece) for piece in self._outlines[name]]
         return scene_of(self._carried, pieces, np.zeros((0, 3)), _NO_WALLS, berth + SLACK, berth)
 
@@ -349,7 +355,9 @@ class Floor:
         key = (_key(standing), start.tobytes(), goal.tobytes())
         if key not in self._transits:
             self.looked_at += 1
-            around = Surroundings(self.robot(standing), self._beside(name, np.zeros(3), np.zeros(3)), pose)
+            if name not in self._berths:
+                self._berths[name] = self._beside(name, np.zeros(3))
+            around = Surroundings(self.robot(standing), self._berths[name], pose)
             found: FloatArray | None = None
             for effort in EFFORT:
                 found = find_transit(around, self.wheels, start, goal, self.box, 1.0, self._state, effort)

@@ -21,7 +21,7 @@ from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.build import troubles_at
 from pushplan.scenario.model import Scenario
 from pushplan.util.arrays import FloatArray
-from pushplan.util.names import APPROACH, RETREAT, TRANSIT, TRANSIT_CLEARANCE
+from pushplan.util.names import APPROACH, PUSH, RETREAT, TRANSIT, TRANSIT_CLEARANCE
 
 PATIENCE = 0.5
 """Share of what is left of the time that a margin may take without a plan, before a lower one is tried."""
@@ -199,7 +199,7 @@ def plan_cost(scenario: Scenario, segments: Segments) -> float:
         if not segment.pushes or segment.load is None:
             cost += pushes.transit_weight * segment.path.cost
             continue
-        changed = segment.load.names == before
+        changed = segment.load.names == before and segment.kind == PUSH  # a close goes on with the contact
         cost += segment.cost + (pushes.switch_cost if changed else 0.0)
         before = segment.load.names
     return cost

@@ -1,0 +1,314 @@
+"""Rows of objects: pushed together against one by one, in rooms of one robot and several kinds of objects.
+
+    python benchmarks/gathering.py [--rooms 20] [--seed 1] [--families omni-4-3 car-6-3 ...] [--seconds 2]
+        [--slip 0] [--physics 0] [--out results.jsonl]
+
+Each family has a drive, a room, a number of objects and their kind. In each room a row at a wall is asked for: all its
+places are known, and where `wall` is in the family's name it may stand at any wall. Three planners are compared by the
+total way of the plate: `gather: auto`, `gather: never`, and the search for an order of objects with goals of their own
+(places 5 mm apart, each assigned so that the objects' straight ways are shortest in sum; any of four orientations for
+cubes). Every plan is checked by `row_checks`. With `--slip` plans are executed in the slip simulator in worlds whose
+objects stand 3 mm and 2 deg off and whose frictions are 20 % off, with `--physics` in MuJoCo.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from row_checks import apart, box, put, violations
+from scipy.optimize import linear_sum_assignment
+from scipy.stats import bootstrap
+
+from pushplan.errors import PlanningError
+from pushplan.planners.planner import plan
+from pushplan.plans.plan import Plan
+from pushplan.scenario.file import scenario_from_document
+from pushplan.sim.slip.simulator import slip
+from pushplan.sim.world import World
+
+Document = dict[str, Any]
+
+ROBOT = {"box": [0.42, 0.285], "pose": [-0.24, 0.0, 0.0]}
+CAR = {"car": {"axle": [-0.30, 0.0, 0.0], "min_radius": 1.0}}
+KINDS: dict[str, tuple[tuple[float, float], ...]] = {
+    "cubes": ((0.15, 0.15),),
+    "flat": ((0.08, 0.24),),
+    "pencils": ((0.05, 0.15),),
+    "mixed": ((0.15, 0.15), (0.10, 0.20), (0.12, 0.16)),
+}
+"""Sizes along and across the push, m, that objects have in turn."""
+
+BETWEEN = 5e-3
+"""What the search for an order leaves between two places, m."""
+
+FAR = 0.35
+"""Objects, the row and the robot are so far apart at first, m."""
+
+POSITION, ANGLE = 3e-3, np.radians(2.0)
+"""How far objects stand off where the plan has them, m and rad."""
+
+WITHIN = (12e-3, np.radians(1.0))
+"""How far from its place an object of the row may end, m and rad."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Rooms of one kind: `omni-4-3-cubes-cluttered-wall` is 4 x 4 m with three cubes and obstacles, at any wall."""
+
+    drive: str
+    side: float
+    count: int
+    kind: str = "cubes"
+    cluttered: bool = False
+    anywhere: bool = False
+
+    @classmethod
+    def named(cls, name: str) -> Family:
+        """Return the family of a name."""
+        drive, side, count, *more = name.split("-")
+        kinds = [word for word in more if word in KINDS]
+        return cls(
+            drive, float(side), int(count), kinds[0] if kinds else "cubes", "cluttered" in more, "wall" in more
+        )
+
+    def room(self, seed: int) -> Document:
+        """Return the document of a room with a row at a wall."""
+        random = np.random.default_rng([seed, zlib(repr(self))])
+        sizes = KINDS[self.kind]
+        boxes = [sizes[i % len(sizes)] for i in range(self.count)]
+        length = sum(size[0] for size in boxes)
+        while True:
+            found = self._drawn(random, boxes, length)
+            if found is not None:
+                return found
+
+    def _drawn(
+        self, random: np.random.Generator, boxes: Sequence[tuple[float, float]], length: float
+    ) -> Document | None:
+        side = self.side
+        rear = [side - length - 0.02, float(random.uniform(0.6, side - 0.6)), 0.0]
+        taken = [put(shapely.box(-0.6, -0.2, length, 0.2), rear)]
+        obstacles = []
+        for _ in range(4 if self.cluttered else 0):
+            size = random.uniform(0.2, 0.5, 2)
+            pose = [*random.uniform(0.4, side - 0.4, 2), random.uniform(-np.pi, np.pi)]
+            shape = put(box(*size), pose)
+            if any(shape.distance(other) < 0.6 for other in taken):
+                return None
+            taken.append(shape)
+            obstacles.append({"box": size.tolist(), "pose": [float(value) for value in pose]})
+        poses = []
+        for size in boxes:
+            pose = [*random.uniform(FAR, side - FAR, 2), random.uniform(-np.pi, np.pi)]
+            shape = put(box(*size), pose)
+            if any(shape.distance(other) < FAR for other in taken):
+                return None
+            taken.append(shape)
+            poses.append([float(value) for value in pose])
+        start = [*random.uniform(0.5, side - 0.5, 2), random.uniform(-np.pi, np.pi)]
+        if any(put(shapely.box(-0.5, -0.2, 0.1, 0.2), start).distance(other) < 0.05 for other in taken):
+            return None
+        row: Document = {"of": [f"o{i}" for i in range(self.count)]}
+        row |= {"wall": "any"} if self.anywhere else {"pose": rear}
+        return {
+            "format": "pushplan/1",
+            "name": "room",
+            "floor": {"friction": 0.3},
+            "objects": [
+                {"name": f"o{i}", "shape": {"box": list(size)}, "mass": 0.5, "pose": pose}
+                for i, (size, pose) in enumerate(zip(boxes, poses, strict=True))
+            ],
+            "goals": {"row": row},
+            "contacts": {"friction": 0.5},
+            "pusher": {"width": 0.285, "friction": 0.5},
+            "robot": {
+                "footprint": ROBOT,
+                "start": [float(value) for value in start],
+                **({"drive": CAR} if self.drive == "car" else {}),
+            },
+            "workspace": {"x": [0.0, side], "y": [0.0, side]},
+            "obstacles": obstacles,
+            "clearance": 0.004,
+        }
+
+
+def zlib(text: str) -> int:
+    """Return a number of a text, the same in every process."""
+    return int.from_bytes(text.encode()[-8:], "little")
+
+
+def in_order(document: Document) -> Document:
+    """Return the same with a goal for each object: the places of the row, 5 mm apart, assigned by straight ways."""
+    found = deepcopy(document)
+    row, found["pushes"] = found.pop("goals")["row"], {"transit_weight": 1.0}
+    found.pop("gather", None)
+    objects = {obj["name"]: obj for obj in found["objects"]}
+    x, y, _ = row["pose"]
+    names, places, at = list(row["of"]), [], x
+    for name in names:
+        length = objects[name]["shape"]["box"][0]
+        places.append([at + 0.5 * length, y, 0.0])
+        at += length + BETWEEN
+    shift = at - BETWEEN - x - sum(objects[name]["shape"]["box"][0] for name in names)
+    for place in places:
+        place[0] -= shift
+    alike = len({tuple(objects[name]["shape"]["box"]) for name in names}) == 1
+    if alike:
+        away = [[np.hypot(*np.subtract(objects[n]["pose"][:2], p[:2])) for p in places] for n in names]
+        _, chosen = linear_sum_assignment(away)
+        places = [places[i] for i in chosen]
+    square = alike and len(set(objects[names[0]]["shape"]["box"])) == 1
+    turns = 4 if square else 2
+    found["goals"] = {
+        name: {"pose": place, "symmetry": turns} for name, place in zip(names, places, strict=True)
+    }
+    return found
+
+
+def planned(document: Document, seconds: float, first: bool = False) -> tuple[Plan | None, float]:
+    """Return a plan, None where there is none, and the CPU seconds that it took."""
+    began = time.process_time()
+    try:
+        found = plan(scenario_from_document(document), seed=1, time_limit=seconds, first=first)
+    except PlanningError:
+        return None, time.process_time() - began
+    return (found if found.solved else None), time.process_time() - began
+
+
+def travel(found: Plan | None) -> float | None:
+    """Return the way of the plate, m."""
+    return None if found is None else sum(float(s.path.lengths @ np.hypot(*s.path.twists[:, :2].T)) for s in found.segments)
+
+
+def compared(document: Document, seconds: float) -> Document:
+    """Return what three planners make of a room."""
+    result: Document = {}
+    for gather in ("auto", "never"):
+        found, _ = planned({**document, "gather": gather}, seconds)
+        result[gather] = travel(found)
+        if found is not None:
+            told = json.loads(json.dumps(found.to_dict(), default=float))
+            result[f"{gather}_wrong"] = list(violations(document, told))
+            result[f"{gather}_first"] = found.first_solution_s
+            result[f"{gather}_groups"] = [len(s.load.names) for s in found.segments if s.kind == "retreat" and s.load]
+    if "pose" in document["goals"]["row"]:
+        result["order"] = travel(planned(in_order(document), max(seconds, 5.0))[0])
+    return result
+
+
+def off(world: World, random: np.random.Generator) -> World:
+    """Return a world whose objects stand off and whose frictions are other than stated."""
+    poses = np.array(world.object_poses)
+    poses += random.uniform(-1.0, 1.0, poses.shape) * [POSITION, POSITION, ANGLE]
+    world = world.with_object_poses(poses)
+    return world.with_contact_friction(random.uniform(0.8, 1.2)).with_floor_friction(random.uniform(0.8, 1.2))
+
+
+def executed(found: Plan, seed: int, physics: bool) -> tuple[float, float, bool]:
+    """Return how far objects end off their places in the row, m and rad, and whether it jammed."""
+    world = off(World.from_scenario(found.scenario), np.random.default_rng(seed))
+    if physics:
+        from pushplan.sim.physics.simulate import simulate_in_physics
+
+        report = simulate_in_physics(found, world)
+    else:
+        report = slip(found, world)
+    errors = [apart(tuple(a), tuple(b)) for a, b in zip(report.objects[-1], report.wanted, strict=True)]
+    turns = report.object_errors[:, 1]
+    return float(report.object_errors[:, 0].max()), float(turns.max()), bool(report.jammed_at) or max(errors) > 0.5
+
+
+def ratios(rows: Sequence[Mapping[str, Any]], over: str) -> str:
+    """Return the median of the ratios with its interval, and the worst."""
+    pairs = [(row["auto"], row[over]) for row in rows if row.get("auto") and row.get(over)]
+    if len(pairs) < 2:
+        return "-"
+    values = np.array([a / b for a, b in pairs])
+    low, high = bootstrap((values,), np.median, method="percentile", random_state=1).confidence_interval
+    return f"{np.median(values):.2f} ({low:.2f}-{high:.2f}), worst {values.max():.2f}"
+
+
+FAMILIES = (
+    *(f"omni-4-{n}" for n in (2, 3, 4)),
+    "omni-4-3-cluttered",
+    *(f"omni-6-{n}" for n in (3, 5, 6)),
+    *(f"omni-4-3-{kind}" for kind in ("flat", "pencils", "mixed")),
+    *(f"car-6-{n}" for n in (2, 3, 4)),
+    *(f"car-4-{n}" for n in (2, 3)),
+    "car-6-3-flat",
+    "car-6-3-cluttered",
+    "car-6-3-wall",
+    "car-4-3-wall",
+    "omni-4-3-wall",
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rooms", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--families", nargs="+", default=FAMILIES)
+    parser.add_argument("--seconds", type=float, default=2.0)
+    parser.add_argument("--slip", type=int, default=0, help="plans that are executed with errors, in all")
+    parser.add_argument("--physics", type=int, default=0, help="the same in MuJoCo")
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args()
+    wrong = 0
+    print("| family | auto, never, order solved | auto / order | auto / never | first plan, s: median, most | wrong |")
+    print("|---|---|---|---|---|---|")
+    for name in given.families:
+        family, rows = Family.named(name), []
+        for k in range(given.rooms):
+            document = family.room(1000 * given.seed + k)
+            rows.append(compared(document, given.seconds))
+            if given.out is not None:
+                with given.out.open("a") as file:
+                    file.write(json.dumps({"family": name, "room": k, **rows[-1]}) + "\n")
+        counts = [sum(row.get(which) is not None for row in rows) for which in ("auto", "never", "order")]
+        firsts = [row["auto_first"] for row in rows if "auto_first" in row]
+        bad = sum(len(row.get(f"{g}_wrong", ())) > 0 for row in rows for g in ("auto", "never"))
+        wrong += bad
+        print(
+            f"| {name} | {', '.join(map(str, counts))} of {len(rows)} | {ratios(rows, 'order')} | "
+            f"{ratios(rows, 'never')} | {np.median(firsts):.2f}, {max(firsts):.2f} | {bad} |"
+            if firsts
+            else f"| {name} | {', '.join(map(str, counts))} of {len(rows)} | - | - | - | {bad} |",
+            flush=True,
+        )
+    for count, physics in ((given.slip, False), (given.physics, True)):
+        wrong += _with_errors(given.families, count, given, physics) if count else 0
+    sys.exit(1 if wrong else 0)
+
+
+def _with_errors(families: Sequence[str], count: int, given: argparse.Namespace, physics: bool) -> int:
+    """Execute plans in worlds that are not as stated; return how many lost an object."""
+    ends, k = [], 0
+    while len(ends) < count and k < 20 * count:
+        family = Family.named(families[k % len(families)])
+        found, _ = planned(family.room(5000 * given.seed + k), given.seconds, first=True)
+        k += 1
+        if found is not None:
+            ends.append(executed(found, k, physics))
+    inside = sum(p <= WITHIN[0] and t <= WITHIN[1] and not lost for p, t, lost in ends)
+    lost = sum(jammed for _, _, jammed in ends)
+    worst = max(ends)
+    print(
+        f"\n{'MuJoCo' if physics else 'slip simulator'}, errors of 3 mm / 2 deg, frictions +-20 %: {inside} of "
+        f"{len(ends)} rows within 12 mm / 1 deg, {lost} lost; worst {1e3 * worst[0]:.1f} mm, median "
+        f"{1e3 * float(np.median([p for p, _, _ in ends])):.1f} mm"
+    )
+    return lost
+
+
+if __name__ == "__main__":
+    main()
