@@ -10,6 +10,7 @@ import shapely
 
 from pushplan.geometry import se2
 from pushplan.geometry.polygon import TOUCH, find_touch, overlap_depth
+from pushplan.mechanics.faces import ways_through
 from pushplan.planners.clearance import Motion, Room, collision_along, excess
 from pushplan.plans.plan import Load, Poses, Segment
 from pushplan.plans.run import Execution
@@ -22,6 +23,9 @@ EXACT = 1e-7
 
 STRAIGHT = 1e-9
 """What an approach or a retreat may turn or move sideways, rad or m for each m."""
+
+AT_WALL = 2e-3
+"""A row whose front is nearer to a wall than this and the clearance, m, is at it."""
 
 NEAR = 1e-3
 """Poses of an approach or a retreat that are looked at are no farther apart, m."""
@@ -57,6 +61,7 @@ class Validator:
         return (
             self._broken_joint(segments)
             or self._missed_goal(segments)
+            or self._broken_row(segments)
             or self._lost_contact(execution)
             or next(filter(None, (self.flaw_of(segment, stable_set) for segment in segments)), "")
         )
@@ -107,6 +112,50 @@ class Validator:
                 who = f"'{first.name}'" if len(self._scenario.tasks) > 1 else "the path"
                 return f"{who} misses the goal by {position:.2g} m and {angle:.2g} rad"
         return ""
+
+    def _broken_row(self, segments: tuple[Segment, ...]) -> str:
+        """Return that objects which shall stand in a row do not, or elsewhere than they shall."""
+        row = self._scenario.row
+        if row is None or not segments:
+            return ""
+        end, heading = segments[-1].after, float(segments[-1].path.end[2])
+        ahead = np.array([np.cos(heading), np.sin(heading)])
+        bodies = {name: self._scenario.bodies[name].chain.objects[0] for name in row.of}
+        outlines = {name: se2.transform_points(end[name], obj.outline) for name, obj in bodies.items()}
+        order = sorted(row.of, key=lambda name: float((outlines[name] @ ahead).max()))
+        if row.order == "given" and tuple(order) != row.of:
+            return f"the row has the order {', '.join(order)}"
+        for behind, before in pairwise(order):
+            touch = find_touch(outlines[behind], outlines[before])
+            depth = overlap_depth(outlines[behind], outlines[before])
+            if touch is None or len(touch) != 1 or depth > TOUCH:
+                return f"'{behind}' is not flush with '{before}' in the row"
+        ways = {name: list(ways_through(obj.outline)) for name, obj in bodies.items()}
+        rears = [se2.compose(end[order[0]], way.entry) for way in ways[order[0]]]
+        if row.pose is not None and not any(max(se2.pose_error(rear, row.pose)) <= EXACT for rear in rears):
+            return f"the row's rear, of '{order[0]}', is not where it shall be"
+        fronts = [se2.compose(end[order[-1]], way.exit) for way in ways[order[-1]] if way.exit is not None]
+        if row.wall is not None and not any(self._is_at_wall(front, row.wall) for front in fronts):
+            return f"the row's front, of '{order[-1]}', is not at the wall"
+        return ""
+
+    def _is_at_wall(self, front: FloatArray, wall: str) -> bool:
+        """Tell whether a face with its middle and outward normal at a pose (3,) faces a wall, near to it."""
+        area = self._scenario.workspace
+        assert area is not None
+        x, y, theta = (float(value) for value in front)
+        walls = {
+            "xmin": (x - area.xmin, np.pi),
+            "xmax": (area.xmax - x, 0.0),
+            "ymin": (y - area.ymin, -0.5 * np.pi),
+            "ymax": (area.ymax - y, 0.5 * np.pi),
+        }
+        return any(
+            abs(float(se2.wrap_angle(theta - normal))) <= EXACT
+            and away <= self._scenario.clearance + AT_WALL
+            for name, (away, normal) in walls.items()
+            if wall in (name, "any")
+        )
 
     def _lost_contact(self, execution: Execution | None) -> str:
         """Return where an execution loses a contact, empty if it does not."""

@@ -27,6 +27,21 @@ robot: {footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}, start: [2.4, 1.6,
 goals: {red-box: {pose: [2.2, 2.2, 0.0], symmetry: 2}, other: [2.2, 1.0, 90 deg]}
 workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
 """
+ROW = """\
+format: pushplan/1
+name: in-a-row
+floor: {friction: 0.30}
+objects:
+  - {name: red-box, shape: {box: [0.15, 0.20]}, mass: 1.0, pose: [1.0, 1.0, 0.0]}
+  - {name: other, shape: {box: [0.20, 0.20]}, mass: 1.2, pose: [1.8, 1.2, 20 deg]}
+contacts: {friction: 0.50}
+pusher: {width: 0.28, friction: 0.50}
+robot: {footprint: {box: [0.42, 0.285], pose: [-0.225, 0, 0]}, start: [0.5, 0.5, 0.0]}
+goals: {row: {of: [red-box, other], pose: [2.4, 1.6, 0.0]}}
+gather: always
+workspace: {x: [0.0, 3.6], y: [0.0, 3.6]}
+"""
+
 MULTI = """\
 format: pushplan/1
 name: box

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import image
-from planned_by_hand import MULTI, SWAP
+from planned_by_hand import MULTI, ROW, SWAP
 
 import pushplan
 from pushplan.bench.batch import Selection, run_suite
@@ -40,7 +40,7 @@ from pushplan.verification import verify_log
 from pushplan.view.answers import Answers
 from pushplan.view.draft import Draft
 
-KINDS = ("push", "multi-push", "rearrangement")
+KINDS = ("push", "multi-push", "rearrangement", "gathering")
 EVERY = pytest.mark.parametrize("kind", KINDS)
 LOOPS = tuple(f"{kind} in closed loop" for kind in KINDS)
 CLOSED = pytest.mark.parametrize("kind", LOOPS)
@@ -65,9 +65,9 @@ def made(kind: str) -> Made:
         loop = run_closed_loop(whole.scenario, disturbances=[disturbance], plan=whole.plan, settings=settings)
         assert loop.outcome == "arrived", loop.reason
         return Made(whole.scenario, loop.plan, loop.execution, loop)
-    text = {"multi-push": MULTI, "rearrangement": SWAP}.get(kind)
+    text = {"multi-push": MULTI, "rearrangement": SWAP, "gathering": ROW}.get(kind)
     scenario = pushplan.load_scenario("two-crates") if text is None else pushplan.scenario_from_text(text)
-    assert scenario.kind == kind
+    assert scenario.kind == ("rearrangement" if kind == "gathering" else kind)
     plan = pushplan.plan(scenario, seed=1, first=True, time_limit=60.0)
     assert plan.solved, plan.reason
     assert plan.execution is not None
@@ -219,7 +219,7 @@ def test_what_was_pushed_is_learned_from(tmp_path: Path, monkeypatch: pytest.Mon
 
 @EVERY
 def test_a_batch_runs_it(kind: str, tmp_path: Path) -> None:
-    text = {"multi-push": MULTI, "rearrangement": SWAP}.get(kind)
+    text = {"multi-push": MULTI, "rearrangement": SWAP, "gathering": ROW}.get(kind)
     if text is not None:
         (tmp_path / "problem.yaml").write_text(text)
     problem = "two-crates" if text is None else "problem.yaml"

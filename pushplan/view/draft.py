@@ -57,7 +57,10 @@ class Draft:
         poses: dict[str, FloatArray] = {}
         if scenario.kind == "rearrangement":
             poses |= {f"{START}/{name}": body.pose for name, body in scenario.bodies.items()}
-            poses |= {f"{GOAL}/{name}": goals[0].pose for name, goals in scenario.goals.items()}
+            if scenario.row is None:
+                poses |= {f"{GOAL}/{name}": goals[0].pose for name, goals in scenario.goals.items()}
+            elif scenario.row.pose is not None:
+                poses[f"{GOAL}/row"] = scenario.row.pose
         else:
             poses |= {START: scenario.start, GOAL: scenario.tasks[0].goals[0].pose_chain}
         if scenario.pushes is not None:
@@ -116,7 +119,10 @@ class Draft:
         if self.original.kind == "rearrangement":
             for stated in document["objects"]:
                 stated["pose"] = self.poses[f"{START}/{stated['name']}"].tolist()
-            for name, goals in document["goals"].items():
+            row = document["goals"] if self.original.row is not None else {}
+            if f"{GOAL}/row" in self.poses:
+                row["row"]["pose"] = self.poses[f"{GOAL}/row"].tolist()
+            for name, goals in document["goals"].items() if not row else ():
                 self._move_goals(goals, f"{GOAL}/{name}", self.original.goals[name][0].pose)
         else:
             self._move_load(document)
