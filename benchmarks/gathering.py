@@ -3,9 +3,9 @@
     python benchmarks/gathering.py [--rooms 20] [--seed 1] [--families omni-4-3 car-6-3 ...] [--seconds 2]
         [--slip 0] [--physics 0] [--out results.jsonl]
 
-Each family has a drive, a room, a number of objects and their kind. In each room a row at a wall is asked for: all its
-places are known, and where `wall` is in the family's name it may stand at any wall. Three planners are compared by the
-total way of the plate: `gather: auto`, `gather: never`, and the search for an order of objects with goals of their own
+Each family has a drive, a room, a number of objects and their kind. In each room a row at a wall is asked for: its
+place is known, and where `wall` is in the family's name it may stand at any wall. Three planners are compared by the
+way of the plate in all: `gather: auto`, `gather: never`, and the search for an order of objects with own goals
 (places 5 mm apart, each assigned so that the objects' straight ways are shortest in sum; any of four orientations for
 cubes). Every plan is checked by `row_checks`. With `--slip` plans are executed in the slip simulator in worlds whose
 objects stand 3 mm and 2 deg off and whose frictions are 20 % off, with `--physics` in MuJoCo.
@@ -54,6 +54,9 @@ BETWEEN = 5e-3
 FAR = 0.35
 """Objects, the row and the robot are so far apart at first, m."""
 
+BEHIND = 0.6
+"""Objects are so far from the walls, m: the robot has room behind each of their faces."""
+
 POSITION, ANGLE = 3e-3, np.radians(2.0)
 """How far objects stand off where the plan has them, m and rad."""
 
@@ -78,7 +81,12 @@ class Family:
         drive, side, count, *more = name.split("-")
         kinds = [word for word in more if word in KINDS]
         return cls(
-            drive, float(side), int(count), kinds[0] if kinds else "cubes", "cluttered" in more, "wall" in more
+            drive,
+            float(side),
+            int(count),
+            kinds[0] if kinds else "cubes",
+            "cluttered" in more,
+            "wall" in more,
         )
 
     def room(self, seed: int) -> Document:
@@ -109,7 +117,7 @@ class Family:
             obstacles.append({"box": size.tolist(), "pose": [float(value) for value in pose]})
         poses = []
         for size in boxes:
-            pose = [*random.uniform(FAR, side - FAR, 2), random.uniform(-np.pi, np.pi)]
+            pose = [*random.uniform(BEHIND, side - BEHIND, 2), random.uniform(-np.pi, np.pi)]
             shape = put(box(*size), pose)
             if any(shape.distance(other) < FAR for other in taken):
                 return None
@@ -187,7 +195,11 @@ def planned(document: Document, seconds: float, first: bool = False) -> tuple[Pl
 
 def travel(found: Plan | None) -> float | None:
     """Return the way of the plate, m."""
-    return None if found is None else sum(float(s.path.lengths @ np.hypot(*s.path.twists[:, :2].T)) for s in found.segments)
+    return (
+        None
+        if found is None
+        else sum(float(s.path.lengths @ np.hypot(*s.path.twists[:, :2].T)) for s in found.segments)
+    )
 
 
 def compared(document: Document, seconds: float) -> Document:
@@ -200,7 +212,9 @@ def compared(document: Document, seconds: float) -> Document:
             told = json.loads(json.dumps(found.to_dict(), default=float))
             result[f"{gather}_wrong"] = list(violations(document, told))
             result[f"{gather}_first"] = found.first_solution_s
-            result[f"{gather}_groups"] = [len(s.load.names) for s in found.segments if s.kind == "retreat" and s.load]
+            result[f"{gather}_groups"] = [
+                len(s.load.names) for s in found.segments if s.kind == "retreat" and s.load
+            ]
     if "pose" in document["goals"]["row"]:
         result["order"] = travel(planned(in_order(document), max(seconds, 5.0))[0])
     return result
@@ -225,7 +239,11 @@ def executed(found: Plan, seed: int, physics: bool) -> tuple[float, float, bool]
         report = slip(found, world)
     errors = [apart(tuple(a), tuple(b)) for a, b in zip(report.objects[-1], report.wanted, strict=True)]
     turns = report.object_errors[:, 1]
-    return float(report.object_errors[:, 0].max()), float(turns.max()), bool(report.jammed_at) or max(errors) > 0.5
+    return (
+        float(report.object_errors[:, 0].max()),
+        float(turns.max()),
+        bool(report.jammed_at) or max(errors) > 0.5,
+    )
 
 
 def ratios(rows: Sequence[Mapping[str, Any]], over: str) -> str:
@@ -254,7 +272,9 @@ FAMILIES = (
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rooms", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--families", nargs="+", default=FAMILIES)
@@ -264,7 +284,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     wrong = 0
-    print("| family | auto, never, order solved | auto / order | auto / never | first plan, s: median, most | wrong |")
+    print(
+        "| family | auto, never, order solved | auto / order | auto / never | first plan, s: median, most | wrong |"
+    )
     print("|---|---|---|---|---|---|")
     for name in given.families:
         family, rows = Family.named(name), []

@@ -1,9 +1,9 @@
 """Checks a plan of a row from its plain data alone (`Plan.to_dict` and the scenario's document), sharing no code.
 
-Poses are integrated from the arcs, bodies are shapely polygons. Looked at: that segments meet; that what is held keeps
-its place in the plate's frame and all else rests; that robot, plate and what is held keep away from walls, obstacles
-and all that rests, but for what the robot comes up to or a close ends at; that the drive can make every twist; and
-that the row is flush, in the order of the plan, where it shall be.
+Poses are integrated from the arcs, bodies are shapely polygons. Looked at: that segments meet; that what is held
+keeps its place in the plate's frame and all else rests; that robot, plate and what is held keep away from walls,
+obstacles and all that rests, but for what the robot comes up to or a close ends at; that the drive can make every
+twist; and that the row is flush where it shall be.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ Pose = tuple[float, float, float]
 SAME = 1e-6
 """Poses that differ by less are the same, m and rad."""
 
-SPACING = 0.01
-"""Poses that are looked at are no farther apart, m of path cost."""
 
 THICKNESS = 0.03
 """Of the plate, m."""
@@ -65,15 +63,23 @@ def box(length: float, width: float) -> shapely.Geometry:
     return shapely.box(-0.5 * length, -0.5 * width, 0.5 * length, 0.5 * width)
 
 
-def violations(document: Mapping[str, Any], plan: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what is wrong with a plan of boxes, in sentences."""
+def violations(document: Mapping[str, Any], plan: Mapping[str, Any], spacing: float = 0.01) -> Iterator[str]:
+    """Yield what is wrong with a plan of boxes, in sentences.
+
+    Args:
+        document: The scenario.
+        plan: Its plan.
+        spacing: Poses that are looked at are no farther apart, m of path cost.
+    """
     shapes = {obj["name"]: box(*obj["shape"]["box"]) for obj in document["objects"]}
     now: dict[str, Pose] = {obj["name"]: tuple(obj["pose"]) for obj in document["objects"]}
     room = document["workspace"]
     walls = shapely.box(room["x"][0], room["y"][0], room["x"][1], room["y"][1])
     obstacles = [put(box(*one["box"]), one["pose"]) for one in document.get("obstacles", ())]
     part = document["robot"]["footprint"]
-    plate = shapely.box(-THICKNESS, -0.5 * document["pusher"]["width"], 0.0, 0.5 * document["pusher"]["width"])
+    plate = shapely.box(
+        -THICKNESS, -0.5 * document["pusher"]["width"], 0.0, 0.5 * document["pusher"]["width"]
+    )
     robot = [plate, put(box(*part["box"]), part["pose"])]
     drive = document["robot"].get("drive", "omnidirectional")
     clearance = document["clearance"]
@@ -97,7 +103,7 @@ def violations(document: Mapping[str, Any], plan: Mapping[str, Any]) -> Iterator
         for arc in segment["arcs"]:
             if not _drives(drive, arc["twist"]):
                 yield f"{where}: the drive cannot make {arc['twist']}"
-            count = max(1, math.ceil(arc["length"] / SPACING))
+            count = max(1, math.ceil(arc["length"] / spacing))
             for i in range(count + 1):
                 pose = after(at, arc["twist"], arc["length"] * i / count)
                 moving = [put(one, pose) for one in robot]
@@ -118,9 +124,13 @@ def violations(document: Mapping[str, Any], plan: Mapping[str, Any]) -> Iterator
         for name, pose in segment["after"].items():
             if apart(now[name], pose) > SAME:
                 yield f"{where}: '{name}' ends elsewhere"
-        if segment["onto"] and put(shapes[names[-1]], now[names[-1]]).distance(
-            put(shapes[segment["onto"]], now[segment["onto"]])
-        ) > SAME:
+        if (
+            segment["onto"]
+            and put(shapes[names[-1]], now[names[-1]]).distance(
+                put(shapes[segment["onto"]], now[segment["onto"]])
+            )
+            > SAME
+        ):
             yield f"{where}: ends away from '{segment['onto']}'"
     yield from _row(document, shapes, now)
 

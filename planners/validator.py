@@ -151,8 +151,7 @@ class Validator:
             "ymax": (area.ymax - y, 0.5 * np.pi),
         }
         return any(
-            abs(float(se2.wrap_angle(theta - normal))) <= EXACT
-            and away <= self._scenario.clearance + AT_WALL
+            abs(float(se2.wrap_angle(theta - normal))) <= EXACT and away <= self._scenario.clearance + AT_WALL
             for name, (away, normal) in walls.items()
             if wall in (name, "any")
         )
@@ -181,11 +180,14 @@ class Validator:
         least = float(load.stable_set(stable_set).margin(path.twists).min())
         if least <= margin:
             return f"the path's smallest margin is {least:.3g}; it must be above {margin:g}"
+        wrong = self._flaw_of_close(segment, load) if segment.kind == CLOSE else ""
+        if wrong:
+            return wrong
         standing = {name: pose for name, pose in segment.standing().items() if name != segment.onto}
         hit = collision_along(problem, motion, self._room(load.problem, _key(standing), problem))
         if hit is not None:
             return f"the path is not free: {hit}; it must stay {1e3 * self._scenario.clearance:.3g} mm away"
-        return self._flaw_of_close(segment, load) if segment.kind == CLOSE else ""
+        return ""
 
     def _flaw_of_close(self, segment: Segment, load: Load) -> str:
         """Return that a load does not go straight to what it is closed onto, or does not end at it."""
@@ -276,7 +278,8 @@ def _wrong_order(first: Segment, second: Segment) -> str:
     if second.pushes and not (same and first.kind == (APPROACH if second.kind == PUSH else PUSH)):
         taken = first.kind == CLOSE and second.kind == PUSH and _is_taken(first, second)
         if not taken:
-            return f"the {second.kind} on {second.load.face if second.load else '?'} does not follow an approach to it"
+            face = second.load.face if second.load else "?"
+            return f"the {second.kind} on {face} does not follow an approach to it"
     if first.pushes and not second.pushes and not (second.kind == RETREAT and same):
         return f"the {first.kind} on {first.load.face if first.load else '?'} is not followed by a retreat from it"
     return ""

@@ -76,10 +76,9 @@ class World:
     def from_scenario(cls, scenario: Scenario) -> World:
         """Return the world as the scenario states it; of intervals, the middle of loads and the lowest friction."""
         first, *beside = (cls.from_chain(task.chain, task.start) for task in scenario.tasks)
-        between = {} if scenario.row is None else {"other_friction": scenario.row.friction[0]}
         return replace(
             first,
-            **between,
+            other_friction=first.other_friction if scenario.row is None else scenario.row.friction[0],
             obstacles=scenario.obstacles,
             workspace=scenario.workspace,
             plate=None if scenario.pushes is None else scenario.plate_start,

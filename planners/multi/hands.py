@@ -7,7 +7,7 @@ face.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,12 +19,11 @@ from pushplan.core.pushes import PackedMode, approaches_are_free, find_push, set
 from pushplan.core.transit import find_transit, shortened
 from pushplan.errors import ChainError, EmptyStableSetError
 from pushplan.geometry import se2
-from pushplan.mechanics.body import Body
 from pushplan.mechanics.faces import Place, Through, ways_through
-from pushplan.planners.controls import MOST_MARGIN, margins_to_try
+from pushplan.planners.controls import margins_to_try
 from pushplan.planners.multi.contact_modes import ContactMode
 from pushplan.planners.multi.room import packed_mode, reaches, wheels_of
-from pushplan.planners.problem import sampling_box, walls_of
+from pushplan.planners.problem import Posing, sampling_box, walls_of
 from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of
 from pushplan.plans.plan import Load, Poses, Segment
 from pushplan.plans.row_load import Member, row_load
@@ -36,12 +35,15 @@ from pushplan.util.names import TRANSIT_CLEARANCE
 SHORT = 0.02
 """A close begins so far (m) before the object that it ends at."""
 
-MARGINS = {1: MOST_MARGIN, 2: 0.12, 3: 0.12}
+MARGINS = {1: 0.12, 2: 0.12, 3: 0.12}
 """Margins to plan with first, by the number of objects in hand: with 0.05, three boxes slip in 23 of 40 runs whose
 objects stand 3 mm and 2 deg off and whose frictions are 20 % off, with 0.12 in two, for 6 % more way."""
 
 MARGIN_OF_MORE = 0.08
 """The same for more objects, which have no larger ones."""
+
+FINE = 128
+"""Meridians of stable sets that twists are taken from: there may be many hands, and a quarter takes a quarter."""
 
 VIAS = 200
 """Poses through which a push may lead in two words where no single one is free."""
@@ -51,6 +53,16 @@ TRIED = 8
 
 EFFORT = (30, 300)
 """Poses drawn in search of a transit, at first and where none was found."""
+
+BESIDE_A_WALL = 1e-3
+"""What a row's front keeps from a wall beside the clearance, m."""
+
+ALONG_A_WALL = 0.25
+"""Distance between places along a wall that are offered to a row, m, and so many of them at most."""
+MOST_ALONG = 16
+
+AT_PLACE = 1e-6
+"""A row that is made up of other lengths than its stated place is for misses it by more, m."""
 
 Standing = tuple[tuple[str, bytes], ...]
 """Names and poses of all objects that rest, as a key."""
@@ -136,7 +148,7 @@ class Hands:
         return max((len(mode.margins) for mode in self._modes.values() if mode is not None), default=1)
 
     def least_margin(self, segments: tuple[Segment, ...]) -> float:
-        """Return the smallest margin that pushes are planned with: those of some segments, of all hands without any."""
+        """Return the smallest margin to plan with: of the pushes of some segments, of all hands without any."""
         kinds = {
             tuple(self.forms[link.object, link.face] for link in segment.load.links)
             for segment in segments
@@ -184,15 +196,13 @@ class Hands:
             most = MARGINS.get(len(members), MARGIN_OF_MORE)
             margins = margins_to_try(load.problem, stable, most)
             place = Place((0,), load.face, 0.0, np.zeros(3), np.zeros(3))
-            return ContactMode(place, load, stable, margins, np.zeros(3))
+            return ContactMode(place, load, stable, margins, np.zeros(3), Posing(meridians=FINE))
         except (ChainError, EmptyStableSetError) as error:
             self.why.setdefault(members[0][0], str(error))
             return None
 
 
-def _form(
-    scenario: Scenario, name: str, way: Through, load: tuple[FloatArray, ...]
-) -> Iterator[bytes]:
+def _form(scenario: Scenario, name: str, way: Through, load: tuple[FloatArray, ...]) -> Iterator[bytes]:
     """Yield what makes an object, pushed through a face, the same as another, but for its name."""
     body = scenario.bodies[name]
     obj, into = body.chain.objects[0], se2.inverse(way.entry)
@@ -327,7 +337,9 @@ class Floor:
         x, y, theta = start
         return sweep_is_free(self.with_hand(hand, standing), x, y, theta, 1.0, 0.0, 0.0, length)
 
-    def approach(self, hand: Hand, at: FloatArray, standing: Poses, member: Member, entry: FloatArray) -> bool:
+    def approach(
+        self, hand: Hand, at: FloatArray, standing: Poses, member: Member, entry: FloatArray
+    ) -> bool:
         """Tell whether the robot can come up to a face, at a pose (3,) in its object's frame.
 
         The plate is at a pose `at` (3,) then; the object does not stand among the others.
@@ -366,6 +378,57 @@ class Floor:
                     break
             self._transits[key] = found
         return self._transits[key]
+
+
+@dataclass(frozen=True, eq=False)
+class RowPlace:
+    """A place for the row: (3,) pose of its front, +x along the push; and of its rear where that is stated."""
+
+    front: FloatArray
+    rear: FloatArray | None
+
+
+def row_places(scenario: Scenario, hands: Hands) -> tuple[RowPlace, ...]:
+    """Return the places that the row may have; none where it may stand anywhere."""
+    row = scenario.row
+    assert row is not None
+    if row.pose is not None:
+        return tuple(
+            RowPlace(se2.compose(row.pose, [length, 0.0, 0.0]), np.asarray(row.pose))
+            for length in sorted(_lengths(row.of, hands))
+        )
+    if row.wall is None:
+        return ()
+    area = scenario.workspace
+    assert area is not None
+    kept = scenario.clearance + BESIDE_A_WALL
+    sides = {
+        "xmin": ([area.xmin + kept, area.ymin], [area.xmin + kept, area.ymax], math.pi),
+        "xmax": ([area.xmax - kept, area.ymin], [area.xmax - kept, area.ymax], 0.0),
+        "ymin": ([area.xmin, area.ymin + kept], [area.xmax, area.ymin + kept], -0.5 * math.pi),
+        "ymax": ([area.xmin, area.ymax - kept], [area.xmax, area.ymax - kept], 0.5 * math.pi),
+    }
+    found = []
+    for name, (begin, end, heading) in sides.items():
+        if row.wall in (name, "any"):
+            length = float(np.linalg.norm(np.subtract(end, begin)))
+            count = max(1, min(MOST_ALONG, int(length / ALONG_A_WALL)))
+            shares = (np.arange(count) + 0.5) / count
+            middles = np.add(begin, shares[:, None] * np.subtract(end, begin))
+            found += [RowPlace(np.append(middle, heading), None) for middle in middles]
+    return tuple(found)
+
+
+def _lengths(names: tuple[str, ...], hands: Hands) -> set[float]:
+    """Return how long a row of all the objects may be, each pushed through a face straight in front of another."""
+    found = {0.0}
+    for name in names:
+        own = set()
+        for (other, _), way in hands.ways.items():
+            if other == name and way.across is not None and abs(way.across[1]) < AT_PLACE:
+                own.add(round(float(way.across[0]), 9))
+        found = {round(sofar + length, 9) for sofar in found for length in own}
+    return found
 
 
 _NO_WALLS = np.array([-math.inf, -math.inf, math.inf, math.inf])

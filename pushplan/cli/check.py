@@ -311,7 +311,11 @@ def _place_text(scenario: Scenario, pose: FloatArray) -> str:
 
 def _row_text(row: Row) -> str:
     """Return what a row is made of and where it shall be."""
-    where = "anywhere" if row.wall is None else f"at {'any wall' if row.wall == 'any' else f'the wall {row.wall}'}"
+    where = (
+        "anywhere"
+        if row.wall is None
+        else f"at {'any wall' if row.wall == 'any' else f'the wall {row.wall}'}"
+    )
     if row.pose is not None:
         x, y, theta = plain(row.pose[0]), plain(row.pose[1]), plain(degrees(row.pose[2]))
         where = f"its rear at ({x:.4g}, {y:.4g}) m, {theta:.4g} deg"

@@ -24,7 +24,7 @@ SAME_DIRECTION = math.radians(1.0)
 """Outward normals that differ by less are in the direction that a face is named by."""
 
 PARALLEL = 1e-6
-"""Faces of an object whose directions differ by less (rad) are opposite: others could be pushed flush with neither."""
+"""Faces of an object whose directions differ by less (rad) are opposite: others would be flush with neither."""
 
 _NORMALS = dict(zip(FACES, (math.pi, 0.0, 0.5 * math.pi, -0.5 * math.pi), strict=True))
 

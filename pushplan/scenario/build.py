@@ -200,7 +200,9 @@ def _pushes(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes |
             source.error(("planner", name), f"is for a single push; several pushes have {only} only")
     plate, choice = file.pusher, file.pushes or schema.PushChoice()
     if isinstance(file, GatheringFile) and "transit_weight" not in choice.model_fields_set:
-        choice = choice.model_copy(update={"transit_weight": 1.0})  # a row is asked for to save the robot's way
+        choice = choice.model_copy(
+            update={"transit_weight": 1.0}
+        )  # a row is asked for to save the robot's way
     faces = None if plate.faces in (None, "all") else tuple(plate.faces)
     return Pushes(np.array(file.robot.start), goals, faces, plate.offsets or (0.0,), **choice.model_dump())
 
@@ -301,7 +303,7 @@ def _names_are_known(file: RearrangementFile, source: Source) -> bool:
             what = f"'{name}' is also objects[{names.index(name)}]; give it another"
             source.error(("objects", i, "name"), what)
     row = isinstance(file, GatheringFile)
-    aimed = file.goals.row.of if row else tuple(file.goals)
+    aimed = file.goals.row.of if isinstance(file, GatheringFile) else tuple(file.goals)
     for i, name in enumerate(aimed):
         place: Place = ("goals", "row", "of", i) if row else ("goals", name)
         if name not in names:
@@ -405,7 +407,9 @@ def _check_row(scenario: Scenario, source: Source) -> None:
         outline = scenario.bodies[name].chain.objects[0].outline
         depths = [way.across[0] for way in ways_through(outline, faces) if way.across is not None]
         if not depths:
-            what = f"'{name}' has no face to be pushed at that is parallel to one opposite: it stands in no row"
+            what = (
+                f"'{name}' has no face to be pushed at that is parallel to one opposite: it stands in no row"
+            )
             source.error(("goals", "row", "of", i), what)
             return
         length += float(min(depths))
@@ -418,7 +422,9 @@ def _check_row(scenario: Scenario, source: Source) -> None:
         rooms = {"x": area.xmax - area.xmin, "y": area.ymax - area.ymin}
         room = max(rooms.values()) if row.wall == "any" else rooms[str(row.wall)[0]]
         if length + behind > room:
-            what = f"a row of {length:.3g} m at least, and {behind:.3g} m of robot, do not fit into {room:.3g} m"
+            what = (
+                f"a row of {length:.3g} m at least, and {behind:.3g} m of robot, do not fit into {room:.3g} m"
+            )
             source.error(("goals", "row", "wall"), what)
         return
     # So narrow that no row is narrower: what it meets, every row does.

@@ -169,7 +169,7 @@ class Scenario:
         return {name: body.goals for name, body in self.bodies.items() if body.goals}
 
     def with_row_at(self, poses: Mapping[str, FloatArray]) -> Scenario:
-        """Return the scenario with the places (3,) in the world that a plan has the objects of its row at as goals."""
+        """Return the scenario with goals for the objects of its row: the poses (3,) that a plan has them at."""
         if self.row is None:
             return self
         bodies = dict(self.bodies)

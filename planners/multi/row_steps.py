@@ -1,0 +1,443 @@
+"""What may come next while a row is made, and what it costs: closes, deliveries and transits between situations."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pushplan.core.driving import shortest_drive
+from pushplan.core.pushes import word_costs
+from pushplan.geometry import se2
+from pushplan.planners.multi.hands import AT_PLACE, SHORT, Floor, Hand, Hands, Pushed, row_places
+from pushplan.planners.outcome import Segments
+from pushplan.plans.path import PushPath
+from pushplan.plans.plan import Poses, Segment
+from pushplan.plans.row_load import Member
+from pushplan.util.arrays import FloatArray
+from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
+
+AWAY = (0.3, 0.6, 1.0)
+"""How far an object is pushed that has to be moved first, m."""
+
+AHEAD = np.array([[1.0, 0.0, 0.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A segment of a plan, as the search has it.
+
+    Attributes:
+        kind: One of `names.SEGMENT_KINDS`.
+        members: What is held; none in a transit.
+        start: (3,) pose of the plate.
+        arcs: (k, 4) twists and lengths.
+        onto: What a close ends at.
+    """
+
+    kind: str
+    members: tuple[Member, ...]
+    start: FloatArray
+    arcs: FloatArray
+    onto: str = ""
+
+    @classmethod
+    def straight(
+        cls, kind: str, members: tuple[Member, ...], start: FloatArray, length: float, onto: str = ""
+    ) -> Move:
+        """Return a straight move ahead, or back where the length is negative."""
+        arcs = np.append(np.sign(length) * AHEAD, [[abs(length)]], axis=1)
+        return cls(kind, members, start, arcs, onto)
+
+    @property
+    def path(self) -> PushPath:
+        """Of the plate."""
+        kept = self.arcs[self.arcs[:, 3] > 1e-12]
+        return PushPath(self.start, kept[:, :3], kept[:, 3])
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """The plate holds something, and how it came about.
+
+    Attributes:
+        cost: Of all moves until here, m.
+        members: What is held.
+        plate: (3,) pose.
+        left: Names of the row's objects that were not taken yet.
+        delivered: Poses of those in the row.
+        front: (3,) where the next one that is delivered ends; None before a place was chosen.
+        place: Index of the row's place; -1 likewise.
+        last: Name of the object that was delivered last, "" before.
+        moves: Since the situation before.
+        before: That one.
+    """
+
+    cost: float
+    members: tuple[Member, ...]
+    plate: FloatArray
+    left: frozenset[str]
+    delivered: Poses
+    front: FloatArray | None
+    place: int
+    last: str
+    moves: tuple[Move, ...]
+    before: Situation | None
+
+    def way(self) -> tuple[Move, ...]:
+        """Return all moves until here."""
+        return (*(() if self.before is None else self.before.way()), *self.moves)
+
+
+@dataclass(frozen=True, eq=False)
+class Chance:
+    """A step that may be taken next: what it is assumed to cost, priced exactly when it is its turn.
+
+    Attributes:
+        situation: From which.
+        taken: The object that is closed onto or driven to, and its face; None where the row is complete.
+        delivers: The hand is brought to the row at first.
+        place: Index of the row's place, where it is delivered to.
+        by_way: The push leads through a pose in between.
+    """
+
+    situation: Situation | None
+    taken: Member | None
+    delivers: bool
+    place: int = -1
+    by_way: bool = False
+
+
+class Steps:
+    """The steps that lead from a situation to others.
+
+    Args:
+        hands: What the plate may hold, with the margins to plan with.
+        floor: What stands in the room.
+        begin: What came before, the robot holding nothing; None for nothing.
+        starts: Where the objects are then; None for where the scenario has them.
+    """
+
+    def __init__(
+        self, hands: Hands, floor: Floor, begin: Situation | None = None, starts: Poses | None = None
+    ) -> None:
+        scenario = hands.scenario
+        assert scenario.row is not None
+        assert scenario.pushes is not None
+        self.scenario, self.row, self.choice = scenario, scenario.row, scenario.pushes
+        self.hands, self.floor = hands, floor
+        self.starts = scenario.poses if starts is None else starts
+        nothing = Situation(0.0, (), scenario.plate_start, frozenset(self.row.of), {}, None, -1, "", (), None)
+        self.begin = nothing if begin is None else begin
+        self.members = [member for member in hands.ways if hands.hand((member,)) is not None]
+        self.entries = {
+            member: se2.compose(self.starts[member[0]], hands.ways[member].entry) for member in self.members
+        }
+        self.places = row_places(scenario, hands)
+
+    # --- what may come next ---
+
+    def next(self, now: Situation, closes: bool, delivers: bool) -> Iterator[tuple[float, Chance]]:
+        """Yield what may come after a situation, with bounds of the cost until the end."""
+        hand = self.hands.hand(now.members)
+        assert hand is not None
+        if closes:
+            yield from self._closings(now, hand)
+        if delivers:
+            yield from self._deliveries(now, hand)
+
+    def _closings(self, now: Situation, hand: Hand) -> Iterator[tuple[float, Chance]]:
+        members = [m for m in self.members if m[0] in now.left and self._follows(now.members[-1][0], m[0])]
+        if hand.across is None or not hand.closes or not members:
+            return
+        goals = np.array([se2.compose(self._closed(hand, m), [-SHORT, 0.0, 0.0]) for m in members])
+        costs = self._word_costs(hand, now.plate, goals)
+        for member, cost in zip(members, costs, strict=True):
+            if math.isfinite(cost):
+                yield now.cost + float(cost) + SHORT, Chance(now, member, False)
+
+    def _deliveries(self, now: Situation, hand: Hand) -> Iterator[tuple[float, Chance]]:
+        members = [m for m in self.members if m[0] in now.left]
+        for place, goal, onto in self._ends(now, hand):
+            short = SHORT if onto else 0.0
+            at = se2.compose(goal, [-short, 0.0, 0.0])
+            cost = float(self._word_costs(hand, now.plate, at[None])[0]) + short
+            if not math.isfinite(cost):
+                continue
+            back = se2.compose(goal, [-self.choice.retreat, 0.0, 0.0])
+            weight, straight = self.choice.transit_weight, self.choice.retreat + self.choice.approach
+            for member in members:
+                before = se2.compose(self.entries[member], [-self.choice.approach, 0.0, 0.0])
+                way = shortest_drive(self.floor.wheels, back, before) + straight
+                yield now.cost + cost + weight * way, Chance(now, member, True, place)
+
+    def last(self, now: Situation) -> Iterator[tuple[float, Chance]]:
+        """Yield how a hand that has all that is left may be brought to the row."""
+        hand = self.hands.hand(now.members)
+        assert hand is not None
+        if self._stays(now):
+            yield now.cost, Chance(now, None, True)
+            return
+        for place, goal, onto in self._ends(now, hand):
+            short = SHORT if onto else 0.0
+            at = se2.compose(goal, [-short, 0.0, 0.0])
+            cost = float(self._word_costs(hand, now.plate, at[None])[0]) + short
+            if math.isfinite(cost) and self._fills(place, goal):
+                yield now.cost + cost, Chance(now, None, True, place)
+
+    def _stays(self, now: Situation) -> bool:
+        """Tell whether the row may stand anywhere, and all of it is in hand."""
+        return not self.places and not now.delivered
+
+    def _word_costs(self, hand: Hand, start: FloatArray, goals: FloatArray) -> FloatArray:
+        none = np.zeros(len(goals))
+        costs = word_costs(hand.packed, start[None], goals, np.zeros(1), none, math.inf)
+        return np.asarray(costs[0])
+
+    def _closed(self, hand: Hand, member: Member) -> FloatArray:
+        """Return the plate's pose (3,) with a hand flush at an object where that stands."""
+        assert hand.across is not None
+        return se2.compose(self.entries[member], se2.inverse(hand.across))
+
+    def _ends(self, now: Situation, hand: Hand) -> Iterator[tuple[int, FloatArray, str]]:
+        """Yield places for the row, where the plate is with the hand there (3,), and what it comes to touch."""
+        if hand.across is None or not self._may_end(now):
+            return
+        if now.front is not None and hand.closes:
+            yield now.place, se2.compose(now.front, se2.inverse(hand.across)), now.last
+        for k, place in enumerate(self.places if now.front is None else ()):
+            yield k, se2.compose(place.front, se2.inverse(hand.across)), ""
+
+    def _may_end(self, now: Situation) -> bool:
+        """Tell whether a hand comes next in the row, counted from its front."""
+        if self.row.order == "any":
+            return True
+        return now.members[-1][0] == self.row.of[len(self.row.of) - len(now.delivered) - 1]
+
+    def _follows(self, behind: str, ahead: str) -> bool:
+        if self.row.order == "any":
+            return True
+        return self.row.of.index(ahead) == self.row.of.index(behind) + 1
+
+    def _fills(self, place: int, goal: FloatArray) -> bool:
+        """Tell whether a row whose last part ends with the plate at a pose is as long as its place."""
+        rear = self.places[place].rear
+        return rear is None or max(se2.pose_error(rear, goal)) < AT_PLACE
+
+    def estimate(self, now: Situation) -> float:
+        """Return what a plan costs about that goes on from a situation, m.
+
+        Once all is taken, what the last push costs where nothing is in the way; before, at least how far it is to the
+        nearest other one from each object that is left.
+        """
+        if not now.left:
+            return min((bound for bound, _ in self.last(now)), default=math.inf) if now.members else now.cost
+        points = [self.starts[name][:2] for name in sorted(now.left)]
+        others = np.array([*points, now.plate[:2]])
+        away = np.linalg.norm(others[:-1, None] - others[None], axis=2)
+        away[np.arange(len(points)), np.arange(len(points))] = np.inf
+        return now.cost + float(away.min(axis=1).sum())
+
+    # --- what it costs ---
+
+    def priced(self, chance: Chance) -> Situation | None:
+        """Return the situation that a chance leads to, None where it is not possible."""
+        now = chance.situation
+        if now is None:
+            assert chance.taken is not None
+            return self._begun(chance.taken)
+        hand = self.hands.hand(now.members)
+        assert hand is not None
+        if not chance.delivers:
+            assert chance.taken is not None
+            return self._closing(now, hand, chance.taken, chance.by_way)
+        if self._stays(now):
+            return self._left_there(now, hand)
+        delivered = self._delivery(now, hand, chance.place, chance.by_way)
+        if delivered is None or chance.taken is None:
+            return delivered
+        return self._next_taken(delivered, chance.taken)
+
+    def _standing(self, left: frozenset[str], delivered: Poses, *without: str) -> dict[str, FloatArray]:
+        """Return all that rests: what is no part of the row, or not taken yet, and what was delivered."""
+        assert self.scenario.row is not None
+        row = set(self.row.of)
+        return {
+            name: np.asarray(delivered.get(name, pose))
+            for name, pose in self.starts.items()
+            if name not in without and (name in left or name in delivered or name not in row)
+        }
+
+    def _begun(self, member: Member) -> Situation | None:
+        """Return the situation in which the robot has come up to the first object."""
+        return self._next_taken(self.begin, member)
+
+    def with_one_moved(self) -> Iterator[Steps]:
+        """Yield the steps once an object was pushed straight ahead and left: the least accessible ones first."""
+        taken: dict[str, list[Situation]] = {name: [] for name in self.row.of}
+        for member in self.members:
+            found = self._begun(member)
+            if found is not None:
+                taken[member[0]].append(found)
+        for name in sorted(taken, key=lambda name: len(taken[name])):
+            for now, away in itertools.product(taken[name], AWAY):
+                moved = self._moved(now, away)
+                if moved is not None:
+                    yield moved
+
+    def _moved(self, now: Situation, away: float) -> Steps | None:
+        """Return the steps once what is held was pushed straight ahead and left there."""
+        hand, name = self.hands.hand(now.members), now.members[0][0]
+        assert hand is not None
+        goal = se2.compose(now.plate, [away, 0.0, 0.0])
+        standing = self._standing(now.left, {})
+        push = self.floor.push(hand, now.plate, goal, standing)
+        if not math.isfinite(push.cost) or not self.floor.retreats(hand, goal, standing):
+            return None
+        moves = (
+            *now.moves,
+            Move(PUSH, now.members, now.plate, push.arcs),
+            Move.straight(RETREAT, now.members, goal, -self.choice.retreat),
+        )
+        back = se2.compose(goal, [-self.choice.retreat, 0.0, 0.0])
+        cost = now.cost + push.cost + self.choice.transit_weight * self.choice.retreat
+        begin = replace(self.begin, cost=cost, plate=back, moves=moves)
+        starts = {**self.starts, name: self._poses_in(now.members, goal)[name]}
+        return Steps(self.hands, self.floor, begin, starts)
+
+    def _next_taken(self, now: Situation, member: Member) -> Situation | None:
+        """Return the situation in which the robot, which holds nothing, has driven to an object."""
+        hand, name = self.hands.hand((member,)), member[0]
+        assert hand is not None
+        at, pose = self.entries[member], self.starts[name]
+        others = self._standing(now.left, now.delivered, name)
+        if not self.floor.approach(hand, at, others, member, self.hands.ways[member].entry):
+            return None
+        before = se2.compose(at, [-self.choice.approach, 0.0, 0.0])
+        arcs = self.floor.transit(now.plate, before, others, name, pose)
+        if arcs is None:
+            return None
+        moves = [Move(TRANSIT, (), now.plate, arcs)] if len(arcs) else []
+        moves.append(Move.straight(APPROACH, (member,), before, self.choice.approach))
+        way = sum(move.path.cost for move in moves)
+        cost = now.cost + self.choice.transit_weight * way
+        return replace(
+            now,
+            cost=cost,
+            members=(member,),
+            plate=at,
+            left=now.left - {name},
+            moves=(*now.moves, *moves),
+        )
+
+    def _closing(self, now: Situation, hand: Hand, member: Member, by_way: bool) -> Situation | None:
+        if self.hands.hand((*now.members, member)) is None:
+            return None
+        end = self._closed(hand, member)
+        short = se2.compose(end, [-SHORT, 0.0, 0.0])
+        standing = self._standing(now.left, now.delivered)
+        if not self.floor.closes(hand, short, SHORT, self._standing(now.left, now.delivered, member[0])):
+            return None
+        push = self._pushed(hand, now.plate, short, standing, by_way)
+        if not math.isfinite(push.cost):
+            return None
+        moves = (
+            Move(PUSH, now.members, now.plate, push.arcs),
+            Move.straight(CLOSE, now.members, short, SHORT, member[0]),
+        )
+        return replace(
+            now,
+            cost=now.cost + push.cost + SHORT,
+            members=(*now.members, member),
+            plate=end,
+            left=now.left - {member[0]},
+            moves=moves,
+            before=now,
+        )
+
+    def _delivery(self, now: Situation, hand: Hand, place: int, by_way: bool) -> Situation | None:
+        """Return the situation in which a hand was left in the row, and the robot has backed off."""
+        found = next((goal, onto) for k, goal, onto in self._ends(now, hand) if k == place)
+        goal, onto = found
+        short = SHORT if onto else 0.0
+        at = se2.compose(goal, [-short, 0.0, 0.0])
+        standing = self._standing(now.left, now.delivered)
+        if onto and not self.floor.closes(
+            hand, at, short, self._standing(now.left, now.delivered, *now.delivered)
+        ):
+            return None
+        push = self._pushed(hand, now.plate, at, standing, by_way)
+        if not math.isfinite(push.cost):
+            return None
+        moves = [Move(PUSH, now.members, now.plate, push.arcs)]
+        if onto:
+            moves.append(Move.straight(CLOSE, now.members, at, short, onto))
+        return self._backed_off(now, hand, goal, moves, push.cost + short, place)
+
+    def _left_there(self, now: Situation, hand: Hand) -> Situation | None:
+        """Return the situation in which a row that may stand anywhere was pushed flush and left."""
+        settle = hand.packed.settling * hand.packed.settle
+        end = se2.compose(now.plate, settle)
+        arcs = np.append(hand.packed.settling, hand.packed.settle)[None]
+        if not self.floor.settles(hand, now.plate, self._standing(now.left, now.delivered)):
+            return None
+        moves = [Move(PUSH, now.members, now.plate, arcs)]
+        return self._backed_off(now, hand, end, moves, hand.packed.settle, -1)
+
+    def _backed_off(
+        self, now: Situation, hand: Hand, goal: FloatArray, moves: list[Move], cost: float, place: int
+    ) -> Situation | None:
+        if not self.floor.retreats(hand, goal, self._standing(now.left, now.delivered)):
+            return None
+        retreat = self.choice.retreat
+        moves.append(Move.straight(RETREAT, now.members, goal, -retreat))
+        delivered = {**now.delivered, **self._poses_in(now.members, goal)}
+        return Situation(
+            now.cost + cost + self.choice.transit_weight * retreat,
+            (),
+            se2.compose(goal, [-retreat, 0.0, 0.0]),
+            now.left,
+            delivered,
+            goal,
+            place,
+            now.members[0][0],
+            tuple(moves),
+            now,
+        )
+
+    def _poses_in(self, members: tuple[Member, ...], plate: FloatArray) -> dict[str, FloatArray]:
+        """Return where members are with the plate at a pose (3,)."""
+        found, at = {}, plate
+        for member in members:
+            way = self.hands.ways[member]
+            found[member[0]] = se2.compose(at, se2.inverse(way.entry))
+            if way.across is not None:
+                at = se2.compose(at, way.across)
+        return found
+
+    def _pushed(
+        self, hand: Hand, start: FloatArray, goal: FloatArray, standing: Poses, by_way: bool
+    ) -> Pushed:
+        way = self.floor.push_by_way_of if by_way else self.floor.push
+        return way(hand, start, goal, standing)
+
+    # --- as a plan ---
+
+    def segments(self, moves: tuple[Move, ...]) -> Segments:
+        """Return moves as the segments of a plan, not timed."""
+        found: list[Segment] = []
+        now: Poses = self.scenario.poses
+        for move in moves:
+            load = self.hands.load(move.members) if move.members else None
+            hand = self.hands.hand(move.members) if move.members else None
+            if load is None or hand is None or move.kind in (APPROACH, RETREAT):
+                found.append(Segment(move.kind, move.path, now, now, load))
+            elif move.onto:
+                found.append(Segment.close(load, move.path, now, hand.margin, move.onto))
+            else:
+                found.append(Segment.push(load, move.path, now, hand.margin))
+            now = found[-1].after
+        return tuple(found)

@@ -1,0 +1,298 @@
+"""Rows of objects: read, refused with the place, planned together or one by one, closed under errors, checked."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import pushplan
+from pushplan.errors import PlanningError, ScenarioError
+from pushplan.geometry import se2
+from pushplan.mechanics.faces import ways_through
+from pushplan.planners.validator import Validator
+from pushplan.plans.plan import Plan, Segment
+from pushplan.plans.row_load import row_load
+from pushplan.scenario.file import load_scenario, scenario_from_document
+from pushplan.scenario.model import Scenario
+from pushplan.sim.slip.simulator import simulate
+from pushplan.sim.world import World
+
+FILE = """\
+format: pushplan/1
+name: row
+floor: {friction: 0.3}
+objects:
+  - {name: a, shape: {box: [0.15, 0.15]}, mass: 0.5, pose: [1.0, 1.0, 0.0]}
+  - {name: b, shape: {box: [0.15, 0.15]}, mass: 0.5, pose: [2.0, 1.4, 0.3]}
+  - {name: c, shape: {box: [0.15, 0.15]}, mass: 0.5, pose: [3.0, 3.0, 0.7]}
+goals: {row: {of: [a, b, c], pose: [3.0, 2.0, 0.0]}}
+contacts: {friction: 0.5}
+pusher: {width: 0.285, friction: 0.5}
+robot: {footprint: {box: [0.42, 0.285], pose: [-0.24, 0, 0]}, start: [0.5, 0.5, 0]}
+workspace: {x: [0, 4], y: [0, 4]}
+clearance: 0.004
+"""
+DOCUMENT: dict[str, Any] = yaml.safe_load(FILE)
+wrong_in = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "row_checks.py"))["violations"]
+CAR = {"car": {"axle": [-0.3, 0.0, 0.0], "min_radius": 1.0}}
+
+
+def document(row: Mapping[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+    """Return the file with another place of the row, and other keys."""
+    goals = {"row": {"of": ["a", "b", "c"], **(row or {"pose": [3.0, 2.0, 0.0]})}}
+    return {**DOCUMENT, "goals": goals, **more}
+
+
+def solved(stated: Mapping[str, Any], **options: Any) -> Plan:
+    plan = pushplan.plan(scenario_from_document(stated), seed=1, time_limit=60.0, first=True, **options)
+    assert plan.solved, plan.reason
+    return plan
+
+
+def kinds(plan: Plan) -> Iterator[tuple[str, tuple[str, ...]]]:
+    for segment in plan.segments:
+        yield segment.kind, () if segment.load is None else segment.load.names
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[Scenario, Plan]:
+    scenario = scenario_from_document(document(gather="always"))
+    return scenario, solved(document(gather="always"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right", "told"),
+    [
+        ("of: [a, b, c]", "of: [a, b, b]", "8:26: goals.row.of[2]: 'b' stands in the row already;"),
+        (
+            "of: [a, b, c]",
+            "of: [a, b, d]",
+            "8:26: goals.row.of[2]: no object is called 'd'; allowed: a, b, c",
+        ),
+        ("pose: [3.0, 2.0, 0.0]", "pose: [3.0, 2.0, 0.0], wall: any", "goals.row: a row with several places"),
+        (", pose: [3.0, 2.0, 0.0]", "", "goals.row: a row with no place; allowed: {of: [name, name, ...]"),
+        ("pose: [3.0, 2.0, 0.0]", "wall: east", "goals.row.wall: is the text 'east'; allowed: the wall"),
+        (
+            "pose: [3.0, 2.0, 0.0]",
+            "pose: [3.8, 2.0, 0.0]",
+            "goals.row.pose: at the end, 'row of 0.45 m' leaves",
+        ),
+        ("pose: [3.0, 2.0, 0.0]", "pose: [0.2, 2.0, 0.0]", "goals.row.pose: at the end, 'robot' leaves the"),
+        ("contacts: {friction: 0.5}\n", "", "contacts.friction: is missing, and the objects of a row touch"),
+        ("clearance: 0.004", "gather: sometimes", "13:9: gather: is the text 'sometimes'; allowed: whether"),
+        ("workspace: {x: [0, 4]", "workspace: {x: [0.0, 0.8]", "leaves the workspace (x <= 0.8)"),
+        (
+            "contacts: {friction: 0.5}",
+            "contacts: {friction: 0.5, between: [{objects: [a, b], friction: 0.3}]}",
+            "contacts.between[0]: is of two objects of a row; allowed: contacts.friction, for all of them",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_row_is_told_with_its_place(
+    tmp_path: Path, wrong: str, right: str, told: str
+) -> None:
+    assert wrong in FILE
+    path = tmp_path / "row.yaml"
+    path.write_text(FILE.replace(wrong, right), "utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("row", "more", "told"),
+    [
+        ({"anywhere": True}, {"gather": "never"}, "does not go together with a row anywhere"),
+        ({"wall": "xmin"}, {"workspace": None}, "needs a workspace, whose sides are the walls"),
+    ],
+)
+def test_rows_that_fit_nowhere_are_refused(row: dict[str, Any], more: dict[str, Any], told: str) -> None:
+    stated = {key: value for key, value in document(row, **more).items() if value is not None}
+    with pytest.raises(ScenarioError, match=told):
+        scenario_from_document(stated)
+
+
+def test_a_scenario_of_a_row_is_the_same_when_it_is_read_again() -> None:
+    for row in ({"pose": [3.0, 2.0, 0.0]}, {"wall": "ymin", "order": "given"}, {"anywhere": True}):
+        scenario = scenario_from_document(document(row, gather="auto"))
+        again = scenario_from_document(json.loads(scenario.to_json()))
+        assert again == scenario
+        assert again.row is not None
+        assert again.row.of == ("a", "b", "c")
+
+
+@pytest.mark.parametrize(
+    ("row", "drive"),
+    [
+        ({"pose": [3.0, 2.0, 0.0]}, "car"),
+        ({"wall": "any", "order": "given"}, "omnidirectional"),
+        ({"anywhere": True}, "omnidirectional"),
+    ],
+    ids=["pose, car", "any wall, in order", "anywhere"],
+)
+def test_rows_are_made_and_pass_the_checks_of_other_hands(row: dict[str, Any], drive: str) -> None:
+    stated = document(row)
+    if drive == "car":
+        room = {"x": [-2.0, 5.0], "y": [-2.0, 5.0]}
+        stated = {**stated, "robot": {**stated["robot"], "drive": CAR}, "workspace": room}
+    plan = solved(stated)
+    told = json.loads(json.dumps(plan.to_dict(), default=float))
+    assert list(wrong_in(stated, told, 0.1)) == []
+    assert plan.execution is not None
+    assert plan.execution.goal_error == pytest.approx((0.0, 0.0), abs=1e-6)
+    report = simulate(plan, World.from_scenario(plan.scenario))
+    assert report.kept
+    assert report.arrived(plan.scenario)
+
+
+def test_the_checks_of_other_hands_see_what_is_spoiled(made: tuple[Scenario, Plan]) -> None:
+    told = json.loads(json.dumps(made[1].to_dict(), default=float))
+    closes = next(k for k, one in enumerate(told["segments"]) if one["kind"] == "close")
+    for k, key, value in (
+        (closes, "onto", "c"),
+        (closes + 1, "robot_after", [0.0, 0.0, 0.0]),
+        (closes - 1, "load", []),
+    ):
+        spoiled = json.loads(json.dumps(told))
+        spoiled["segments"][k][key] = value
+        assert list(wrong_in(document(), spoiled, 0.1))
+
+
+def test_objects_are_pushed_together_one_by_one_or_as_costs_decide(made: tuple[Scenario, Plan]) -> None:
+    together, apart, chosen = made[1], *(solved(document(gather=how)) for how in ("never", "auto"))
+    assert list(kinds(together)) == [
+        ("transit", ()),
+        ("approach", ("a",)),
+        ("push", ("a",)),
+        ("close", ("a",)),
+        ("push", ("a", "b")),
+        ("close", ("a", "b")),
+        ("push", ("a", "b", "c")),
+        ("retreat", ("a", "b", "c")),
+    ]
+    assert max(len(names) for _, names in kinds(apart)) == 1
+    assert sum(kind == "retreat" for kind, _ in kinds(apart)) == 3
+    assert together.cost is not None
+    assert apart.cost is not None
+    assert chosen.cost is not None
+    assert together.cost < 0.7 * apart.cost
+    assert chosen.cost <= together.cost + 1e-9
+
+
+def test_a_stated_order_is_kept() -> None:
+    for of in (["c", "a", "b"], ["b", "c", "a"]):
+        plan = solved(document({"of": of, "pose": [3.0, 2.0, 0.0], "order": "given"}))
+        places = [plan.segments[-1].after[name][0] for name in of]
+        assert places == sorted(places)
+
+
+def test_unequal_boxes_and_polygons_stand_flush() -> None:
+    stated = document(gather="always")
+    shapes = (
+        {"box": [0.10, 0.20]},
+        {"polygon": [[0.0, 0.0], [0.2, 0.0], [0.25, 0.06], [0.2, 0.12], [0.0, 0.12]]},
+    )
+    objects = [dict(obj) for obj in stated["objects"]]
+    objects[0]["shape"], objects[1]["shape"] = shapes
+    plan = solved({**stated, "objects": objects})
+    assert Validator(scenario_from_document({**stated, "objects": objects})).flaw(plan.segments, None) == ""
+    outlines = [
+        se2.transform_points(plan.segments[-1].after[name], body.chain.objects[0].outline)
+        for name, body in plan.scenario.bodies.items()
+    ]
+    assert min(float(outline[:, 0].min()) for outline in outlines) == pytest.approx(3.0, abs=1e-9)
+
+
+def test_an_object_that_nothing_brings_to_the_row_is_moved_first() -> None:
+    stated = document({"of": ["a", "b"], "pose": [2.4, 3.2, 0.5 * np.pi]}, gather="never")
+    # Between walls that leave one face of `a` free, and no way to turn.
+    walls = [{"box": [0.6, 0.1], "pose": [1.0, y, 0.0]} for y in (0.86, 1.14)]
+    objects = [obj for obj in stated["objects"] if obj["name"] != "c"]
+    stated |= {"obstacles": walls, "objects": objects}
+    stated["robot"] = {**stated["robot"], "start": [0.55, 1.0, 0.0]}
+    stated["pusher"] = {**stated["pusher"], "width": 0.14}
+    stated["robot"]["footprint"] = {"box": [0.3, 0.14], "pose": [-0.18, 0.0, 0.0]}
+    plan = solved(stated)
+    assert list(wrong_in(stated, json.loads(json.dumps(plan.to_dict(), default=float)), 0.1)) == []
+
+
+def test_closing_holds_for_objects_that_stand_off_and_other_frictions(made: tuple[Scenario, Plan]) -> None:
+    scenario, plan = made
+    random = np.random.default_rng(3)
+    world = World.from_scenario(scenario)
+    assert world.friction("a", "b") == 0.5
+    for _ in range(4):
+        off = random.uniform(-1.0, 1.0, (3, 3)) * [0.003, 0.003, np.radians(2.0)]
+        there = world.with_object_poses(world.object_poses + off)
+        there = there.with_contact_friction(random.uniform(0.8, 1.2))
+        report = simulate(plan, there.with_floor_friction(random.uniform(0.8, 1.2)))
+        assert report.jammed_at is None
+        assert report.object_errors[:, 0].max() < 0.012
+        assert report.object_errors[:, 1].max() < np.radians(1.0)
+
+
+def spoiled(segments: tuple[Segment, ...], k: int, **changes: Any) -> tuple[Segment, ...]:
+    return (*segments[:k], replace(segments[k], **changes), *segments[k + 1 :])
+
+
+def test_the_validator_refuses_closes_that_are_none(made: tuple[Scenario, Plan]) -> None:
+    scenario, plan = made
+    judge, segments = Validator(scenario), plan.segments
+    close = next(k for k, segment in enumerate(segments) if segment.kind == "close")
+    assert judge.flaw(segments, None) == ""
+    assert "does not stand there" in judge.flaw_of(replace(segments[close], onto="a", trajectory=None))
+    assert "does not end with" in judge.flaw_of(replace(segments[close], onto="c", trajectory=None))
+    aside = np.array([[np.cos(0.01), np.sin(0.01), 0.0]])
+    bent = replace(segments[close].path, twists=aside)
+    assert "not straight" in judge.flaw_of(replace(segments[close], path=bent, trajectory=None))
+    assert "does not follow" in judge.flaw((*segments[: close + 1], *segments[close + 2 :]), None) or (
+        "begin" in judge.flaw((*segments[: close + 1], *segments[close + 2 :]), None)
+    )
+    elsewhere = scenario_from_document(document({"pose": [3.0, 2.0, 0.1]}))
+    assert "rear" in Validator(elsewhere).flaw(segments, None)
+    at_wall = scenario_from_document(document({"wall": "xmin"}))
+    assert "not at the wall" in Validator(at_wall).flaw(segments, None)
+    given = scenario_from_document(document({"of": ["c", "b", "a"], "pose": [3, 2, 0], "order": "given"}))
+    assert "has the order" in Validator(given).flaw(segments, None)
+
+
+def test_loads_of_a_row_are_flush_and_have_the_intervals_of_their_objects() -> None:
+    scenario = scenario_from_document(
+        document(uncertainty={"contact_friction": "20 %", "floor_friction": "20 %", "load": "10 %"})
+    )
+    load = row_load(scenario, (("a", "rear"), ("b", "left"), ("c", "front")))
+    assert [(link.object, link.pusher, link.face) for link in load.links] == [
+        ("a", None, "rear"),
+        ("b", "a", "left"),
+        ("c", "b", "front"),
+    ]
+    middles = [obj.outline_chain.mean(axis=0) for obj in load.chain.objects]
+    np.testing.assert_allclose(middles, [[0.075, 0.0], [0.225, 0.0], [0.375, 0.0]], atol=1e-12)
+    assert [contact.friction for contact in load.chain.contacts] == pytest.approx([0.4, 0.4, 0.4])
+    interval = load.problem.interval
+    assert interval is not None
+    np.testing.assert_allclose(interval.floor_friction, [[0.24, 0.36]] * 3)
+    assert interval.pressures == {0: 0.1, 1: 0.1, 2: 0.1}
+
+
+def test_ways_through_an_outline_need_an_opposite_face() -> None:
+    triangle = np.array([[0.0, 0.0], [0.2, 0.0], [0.0, 0.2]])
+    assert [way.exit for way in ways_through(triangle)] == [None, None, None]
+    box = np.array([[0.0, 0.0], [0.3, 0.0], [0.3, 0.1], [0.0, 0.1]])
+    lengths = {way.face: (way.length, way.across) for way in ways_through(box)}
+    assert lengths["rear"][0] == pytest.approx(0.1)
+    np.testing.assert_allclose(np.array(lengths["rear"][1]), [0.3, 0.0, 0.0], atol=1e-12)
+
+
+def test_a_row_that_nothing_can_push_says_so() -> None:
+    stated = document(contacts={"friction": 0.5}, pusher={"width": 0.285, "friction": 0.0})
+    with pytest.raises(PlanningError, match="'a' cannot be pushed"):
+        pushplan.plan(scenario_from_document(stated), seed=1, time_limit=5.0)
