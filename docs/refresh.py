@@ -23,6 +23,7 @@ PICTURES = {
     "four-sets.png": "stable-set two-crates --set ecof --set cof --set robust --set stable --plot run.png",
     "own-scenario.png": f"check {ROOT}/docs/mine.yaml --plot run.png",
     "several-pushes.png": f"plan {ROOT}/examples/bring_it_home.yaml --time-limit 4 -o run.mcap --plot run.png",
+    "pencils.png": f"plan {ROOT}/examples/pencils.yaml --first -o run.mcap --plot run.png",
     "from-a-map.png": f"plan {ROOT}/examples/office/push.yaml -o run.mcap --plot run.png",
 }
 SEEDS = range(1, 21)

@@ -13,6 +13,9 @@ from pushplan.cli.console import Console, angle_text, counted, length_text, plai
 from pushplan.cli.main import DONE, MISMATCH, NO_PLAN
 from pushplan.plans.run import inertia_warning
 
+MOST_NAMES = 4
+"""Names of objects that are pushed together which a line has, at most."""
+
 if TYPE_CHECKING:
     from pushplan.plans.plan import Plan
     from pushplan.plans.run import Execution
@@ -100,7 +103,9 @@ def _segment_text(segment: Mapping[str, Any]) -> str:
     text = f"{segment['t0']:7.2f} - {segment['t1']:6.2f} s  {length:6.3f} m"
     if segment["face"]:
         names = [link["object"] for link in segment["load"]]
-        held = f"{' + '.join(names)} " if len(segment["before"]) > len(names) or segment["onto"] else ""
+        if len(names) > MOST_NAMES:
+            names = [*names[: MOST_NAMES - 1], f"{len(names) - MOST_NAMES + 1} more"]
+        held = f"{' + '.join(names)} " if len(segment["before"]) > len(segment["load"]) or segment["onto"] else ""
         text += f"  {held}onto {segment['onto']}" if segment["onto"] else f"  {held}{segment['face']}"
     if segment["offset"]:
         text += f" {1e3 * segment['offset']:+.3g} mm"

@@ -32,6 +32,7 @@ from pushplan.drawing.floor import (
 from pushplan.drawing.palette import FAINT, INK
 from pushplan.drawing.scene import Line, Scene, Window
 from pushplan.drawing.sets import draw_set, name_objects
+from pushplan.util.names import CLOSE
 from pushplan.util.printable import cut
 
 if TYPE_CHECKING:
@@ -181,9 +182,10 @@ class _Steps:
         own = (width - (_STEPS_IN_A_ROW - 1) * _STEP_GAP) / _STEPS_IN_A_ROW
         groups: list[list[Line]] = [[]]
         for line in scene.lines:
-            groups[-1].append(line)
-            if line.pushes and len(groups) < len(scene.rests):
+            pushed = any(known.pushes for known in groups[-1])
+            if pushed and line.kind != CLOSE and len(groups) < len(scene.rests):
                 groups.append([])
+            groups[-1].append(line)
         height = own * float(view.size[1] / view.size[0])
         return cls(scene, view, (own, height), tuple(tuple(group) for group in groups))
 

@@ -133,7 +133,7 @@ class Line:
     @property
     def pushes(self) -> bool:
         """Whether something is pushed."""
-        return self.kind == PUSH
+        return self.kind in (PUSH, CLOSE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -408,8 +408,7 @@ def _planned(
     for segment in segments:
         points = segment.path.sampled(PATH_SPACING)[:, :2]
         names = segment.load.names if segment.pushes and segment.load is not None else ()
-        kind = PUSH if names else segment.kind
-        lines.append(Line(kind, points, np.full(len(points), np.nan), names))
+        lines.append(Line(segment.kind, points, np.full(len(points), np.nan), names))
         if names:
             _add_rest(rests, segment.kind, names, _pose_rows(bodies, segment.path.end, segment.after))
     return tuple(lines), tuple(rests)
@@ -443,8 +442,8 @@ def _executed(
         least = np.append(np.fmin.reduceat(margins[begin:end], kept[:-1]), margins[end - 1])
         owner = int(execution.segment[begin])
         kind = segments[owner].kind if owner < len(segments) else TRANSIT
-        alone = TRANSIT if kind in (PUSH, CLOSE) else kind
-        lines.append(Line(PUSH if names else alone, execution.poses[begin + kept, :2], least, names))
+        kind = (CLOSE if kind == CLOSE else PUSH) if names else TRANSIT if kind in (PUSH, CLOSE) else kind
+        lines.append(Line(kind, execution.poses[begin + kept, :2], least, names))
         if names:
             _add_rest(rests, kind, names, poses[upto])
     return tuple(lines), tuple(rests)
