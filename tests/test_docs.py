@@ -75,7 +75,7 @@ def test_every_command_and_all_code_run_in_the_order_of_the_page(
         Path("mine.yaml").write_text("".join(_blocks(page, "yaml")))
     if page.stem == "several-pushes":
         for name, block in zip(
-            ("bring-it-home.yaml", "change-places.yaml"), _blocks(page, "yaml"), strict=True
+            ("bring-it-home.yaml", "change-places.yaml", "row.yaml"), _blocks(page, "yaml"), strict=True
         ):
             Path(name).write_text(block)
     if page.stem == "from-a-map":

@@ -105,7 +105,11 @@ def _segment_text(segment: Mapping[str, Any]) -> str:
         names = [link["object"] for link in segment["load"]]
         if len(names) > MOST_NAMES:
             names = [*names[: MOST_NAMES - 1], f"{len(names) - MOST_NAMES + 1} more"]
-        held = f"{' + '.join(names)} " if len(segment["before"]) > len(segment["load"]) or segment["onto"] else ""
+        held = (
+            f"{' + '.join(names)} "
+            if len(segment["before"]) > len(segment["load"]) or segment["onto"]
+            else ""
+        )
         text += f"  {held}onto {segment['onto']}" if segment["onto"] else f"  {held}{segment['face']}"
     if segment["offset"]:
         text += f" {1e3 * segment['offset']:+.3g} mm"
