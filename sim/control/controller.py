@@ -99,6 +99,8 @@ class Controller:
             )
         if plan.trajectory is None:
             raise PlanningError(f"there is no plan to begin with: {plan.reason}")
+        if scenario.row is not None:
+            scenario = plan.scenario  # which says what place in the row each object has
         self.scenario, self.plan, self.settings = scenario, plan, settings
         self._observer, self._obstacles = observer, scenario.obstacles
         self._phase, self.reason = Phase.PUSHING if plan.segments[0].pushes else Phase.LOOKING, ""
@@ -454,7 +456,10 @@ class Controller:
         position, turn = (wider * value for value in self._tolerance)
         of = self.scenario.goal.of if last and not self.scenario.bodies else None
         goal = replace(problem.goal, of=of, position_tolerance=position, angle_tolerance=turn)
-        return replace(problem, goal=goal, obstacles=self._around(segment.load))
+        around = standing_obstacles(
+            self.scenario, self._obstacles, self._standing.by_name, (*segment.load.names, segment.onto)
+        )
+        return replace(problem, goal=goal, obstacles=around)
 
     def _is_last(self, segment: Segment) -> bool:
         """Tell whether the objects of a push are not pushed again by the plan."""

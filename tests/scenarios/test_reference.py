@@ -38,7 +38,11 @@ def test_every_key_is_described_with_its_default(section: str) -> None:
     fields = dict(SECTIONS[section].model_fields)
     if section == "`pusher`":
         fields |= schema.MotionLimits.model_fields
-    elsewhere = {"limits", "goals", "gather"}  # files with `goals` state several problems, and are read by themselves
+    elsewhere = {
+        "limits",
+        "goals",
+        "gather",
+    }  # files with `goals` state several problems, and are read by themselves
     assert set(described) - elsewhere == set(fields) - elsewhere
     for key, field in fields.items():
         last = described.get(key, "").rsplit("|", 1)[-1]
