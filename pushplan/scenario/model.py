@@ -169,8 +169,11 @@ class Scenario:
         return {name: body.goals for name, body in self.bodies.items() if body.goals}
 
     def with_row_at(self, poses: Mapping[str, FloatArray]) -> Scenario:
-        """Return the scenario with goals for the objects of its row: the poses (3,) that a plan has them at."""
-        if self.row is None:
+        """Return the scenario with goals for the objects of its row: the poses (3,) that a plan has them at.
+
+        A plan for some of them, as replans are, says nothing of the row.
+        """
+        if self.row is None or not set(self.row.of) <= set(poses):
             return self
         bodies = dict(self.bodies)
         for name in self.row.of:
