@@ -147,7 +147,7 @@ def report(family: str, every: dict[str, list[Run]]) -> None:
         print(
             f"{part:28} {100 * np.isfinite(end).mean():7.1f}  "
             f"{' '.join(f'{100 * share:7.1f}' for share in near):28} {100 * excess:7.2f} "
-            f"{np.median(firsts):8.2f} {np.quantile(firsts, 0.9):8.2f}",
+            f"{np.median(firsts):8.2f} {np.quantile(firsts, 0.9, method='higher'):8.2f}",
             flush=True,
         )
 
