@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from pushplan.errors import PushplanError
 from pushplan.mechanics.chain import Chain
-from pushplan.mechanics.faces import pushed_at, pusher_at
+from pushplan.mechanics.faces import pushed_at, pusher_at, ways_through
 from pushplan.plans.events import Event, Measured, Replan
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Diagnosis, Improvement, Load, Nearest, Plan, Segment
@@ -277,8 +277,8 @@ def _load(
 ) -> Load:
     if scenario.kind == "push":
         load = Load.of(scenario)
-    elif scenario.row is not None and offset == 0.0:
-        load = row_load(scenario, tuple(zip(names, faces, strict=True)))
+    elif scenario.row is not None and (offset == 0.0 or len(names) > 1):
+        load = _in_row(scenario, names, faces, offset)
     else:
         base = scenario if scenario.kind == "multi-push" else scenario.alone(names[0])
         if face:
@@ -289,6 +289,27 @@ def _load(
     if load.names != names:
         raise CodecError(f"no load of the scenario is {', '.join(names)}")
     return load
+
+
+def _in_row(scenario: Scenario, names: tuple[str, ...], faces: tuple[str, ...], offset: float) -> Load:
+    """Return the load of objects in a row.
+
+    A load as measured, which closed loops plan for, names faces by its own frame: where objects have none of that
+    name any other one will do, as the log has the places of all bodies.
+    """
+    members = []
+    for name, face in zip(names, faces, strict=True):
+        own = [
+            way
+            for way in ways_through(scenario.bodies[name].chain.objects[0].outline)
+            if way.across is not None
+        ]
+        known = [way.face for way in own]
+        members.append((name, face if face in known or not known else known[0]))
+    load = row_load(scenario, tuple(members))
+    links = (replace(link, face=face) for link, face in zip(load.links, faces, strict=True))
+    first, *others = links
+    return Load((replace(first, offset=offset), *others), load.problem, load.sets)
 
 
 def _placed(
