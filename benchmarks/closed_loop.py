@@ -37,8 +37,8 @@ from pushplan.plans.plan import Plan
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.course import Course, Disturbance, OpenLoop, course_in
 from pushplan.sim.control.replanner import Aim
+from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, SimulatedPush, simulate_push
 from pushplan.sim.physics.engine import SLIPPING
 from pushplan.sim.physics.simulate import simulate_trajectory
 from pushplan.sim.world import World
@@ -99,7 +99,9 @@ def judge(scenario: Scenario, object_poses: FloatArray) -> FloatArray:
     return Aim.of(scenario.goal, scenario.chain, POSITION, ANGLE).errors(object_poses)
 
 
-def in_physics(scenario: Scenario, world: World, controller: Controller, course: Course) -> FloatArray | None:
+def in_physics(
+    scenario: Scenario, world: World, controller: Controller, course: SimulatedPush
+) -> FloatArray | None:
     """Return how far off the goal's object ends in MuJoCo along the last replan; None where there was none."""
     solved = [
         replan for replan in controller.replans if replan.result is not None and replan.result.trajectory
@@ -123,9 +125,9 @@ def one(scenario: Scenario, result: Plan, seed: int, verbose: bool, physics: boo
     world, disturbance = disturbed(scenario, result.trajectory.duration, random)
     controller = Controller(scenario)
     began = time.process_time()
-    course = course_in(world, controller, controller.settings.rate, [disturbance], seed=seed)
+    course = simulate_push(world, controller, controller.settings.rate, [disturbance], seed=seed)
     seconds = time.process_time() - began
-    blind = course_in(world, OpenLoop(result, 50.0), 50.0, [disturbance])
+    blind = simulate_push(world, OpenLoop(result, 50.0), 50.0, [disturbance])
     errors = [judge(scenario, run.object_poses[-1]) for run in (course, blind)]
     closed, opened = (bool((error <= [POSITION, ANGLE]).all()) for error in errors)
     why = "jammed" if course.jammed else controller.reason

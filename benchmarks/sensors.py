@@ -31,11 +31,11 @@ from pushplan.plans.plan import Load, Plan
 from pushplan.scenario.file import example_names, load_scenario
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.course import Disturbance, course_in
 from pushplan.sim.control.pushing import Phase
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.control.simulated_push import Disturbance, simulate_push
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 from pushplan.util.wilson import wilson
@@ -219,7 +219,7 @@ def run(job: tuple[str, str, Errors, int, bool, bool]) -> Row:
         disturbance = Disturbance(at, index, 5e-3 * math.cos(way), 5e-3 * math.sin(way), turn)
     sensor = Sensor(delay=errors.unstamped or 0.1, position=errors.noise[0], angle=errors.noise[1])
     began = time.process_time()
-    course = course_in(
+    course = simulate_push(
         world,
         driver,
         controller.settings.rate,

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from refresh import content
 from stamp import stamp
 
 import pushplan
@@ -32,12 +33,13 @@ def main() -> None:
         raise SystemExit("there is no Chromium to take screenshots with")
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        pushplan.run(pushplan.load_scenario("two-crates"), log=folder / "run.mcap")
+        scenario = pushplan.load_scenario("two-crates")
+        pushplan.run(scenario, log=folder / "run.mcap", iterations=130_000, time_limit=600.0)
         recorded = pushplan.load_run(folder / "run.mcap")
         write_html(recorded, folder / "run.html")
         with _browser().chromium(program, folder / "profile") as browser:
             browser.open(folder / "run.html")
-            browser.evaluate(f"pushplan.seek({TIME})")
+            browser.evaluate(f"pushplan.play(false), pushplan.seek({TIME})")
             _photograph(browser, ROOT / "docs" / "player.png", 1100, 700)
         with _browser().chromium(program, folder / "profile") as browser:
             _photograph_window(browser)
@@ -62,7 +64,7 @@ def _photograph(browser: Any, path: Path, width: int, height: int) -> None:
     browser.call("Emulation.setDeviceMetricsOverride", **size)
     browser.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     path.write_bytes(base64.b64decode(browser.call("Page.captureScreenshot", format="png")["data"]))
-    stamp(path)
+    stamp(path, content("two-crates.png"))
 
 
 def _browser() -> ModuleType:

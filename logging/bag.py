@@ -132,7 +132,7 @@ def write_ros2(
 
 
 def _begun(run: RecordedRun) -> float:
-    words = run.words.get(metadata.RUN, {})
+    words = run.fields.get(metadata.RUN, {})
     try:
         return max(_EARLIEST, datetime.fromisoformat(words["started_at"]).timestamp())
     except (KeyError, ValueError):

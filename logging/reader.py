@@ -162,7 +162,7 @@ class _Reading:
             improvements=improvements,
             lines=lines_of(scenario, plan, execution, feedback, others),
             other_scenario=other,
-            words=self._words,
+            fields=self._words,
             losses=tuple(file.losses),
             messages=tuple(self._messages),
             channels=file.channels,

@@ -47,7 +47,7 @@ class RecordedRun:
         improvements: Of the plan; seconds are NaN where the log does not say.
         lines: The lines of /log.
         other_scenario: Whether `scenario.json` says other than the scenario's file comes to; it counts then.
-        words: The metadata by name: `pushplan.run`, `pushplan.planning`, `pushplan.result`,
+        fields: The metadata by name: `pushplan.run`, `pushplan.planning`, `pushplan.result`,
             and `pushplan.progress.0000` and so on for improvements.
         losses: What of the file could not be read, in words; empty for a whole one.
         messages: What viewers see, as it stands in the file; empty where it was read without them.
@@ -63,7 +63,7 @@ class RecordedRun:
     improvements: tuple[Improvement, ...] = ()
     lines: tuple[LogLine, ...] = ()
     other_scenario: bool = False
-    words: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    fields: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     losses: tuple[str, ...] = ()
     messages: tuple[RawMessage, ...] = ()
     channels: frozenset[Channel] = frozenset()
@@ -81,4 +81,4 @@ class RecordedRun:
     @property
     def outcome(self) -> str:
         """How the run ended; `cut off` when the log does not say."""
-        return self.words.get("pushplan.result", {}).get("outcome", "cut off")
+        return self.fields.get("pushplan.result", {}).get("outcome", "cut off")

@@ -32,7 +32,7 @@ def recover(source: Path | str, target: Path | str) -> RecordedRun:
 def _write(run: RecordedRun, log: RunLogWriter) -> None:
     lost = {f"lost_{k:04d}": loss for k, loss in enumerate(run.losses)}
     log.note(metadata.RECOVERY, {"from": run.path.name, **lost})
-    for name, words in run.words.items():
+    for name, words in run.fields.items():
         if name not in _WRITTEN and not name.startswith(metadata.PROGRESS):
             log.note(name, words)
     for point in run.improvements:
@@ -56,14 +56,14 @@ _WRITTEN = (metadata.RUN, metadata.PLANNING, metadata.RESULT, metadata.RECOVERY)
 
 def _run_words(run: RecordedRun) -> dict[str, str]:
     """Return the metadata of the run as they were; of a lost scenario file the resolved one takes the place."""
-    words = run.words.get(metadata.RUN) or metadata.run_words(run.scenario, {})
+    words = run.fields.get(metadata.RUN) or metadata.run_words(run.scenario, {})
     return {**words, "scenario_sha256": hashlib.sha256(run.scenario.source).hexdigest()}
 
 
 def _seconds(run: RecordedRun) -> dict[str, float]:
     """Return what the phases of the run took, as far as that is known."""
-    effort = set(run.words.get(metadata.PLANNING, {}))
-    words = run.words.get(metadata.RESULT, {})
+    effort = set(run.fields.get(metadata.PLANNING, {}))
+    words = run.fields.get(metadata.RESULT, {})
     return {
         key.removesuffix("_s"): float(value)
         for key, value in words.items()

@@ -259,7 +259,7 @@ def _leaves(message: Any, prefix: str) -> Iterator[tuple[str, Any]]:
 
 def _compare_words(run: RecordedRun) -> Iterator[Check]:
     """Compare the metadata of the result with what the run comes to."""
-    said = run.words.get(metadata.RESULT)
+    said = run.fields.get(metadata.RESULT)
     if said is None:
         return
     for key, value in metadata.result_words(run).items():
@@ -269,7 +269,7 @@ def _compare_words(run: RecordedRun) -> Iterator[Check]:
 
 
 def _other_versions(run: RecordedRun) -> Iterator[str]:
-    for key, value in run.words.get(metadata.RUN, {}).items():
+    for key, value in run.fields.get(metadata.RUN, {}).items():
         if key.startswith("version."):
             now = metadata.current_version(key.removeprefix("version."))
             if now != value:

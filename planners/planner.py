@@ -183,7 +183,7 @@ class Planner:
         if scenario.kind == "rearrangement":
             wrong = ", ".join(name for name, value in given.items() if value is not None)
             raise PlanningError(
-                f"{wrong}: allowed where there is one load; here several objects have their own places"
+                f"{wrong}: allowed where there is one load; here each object has a place of its own"
             )
         if start is not None:
             scenario = replace(scenario, start=_poses(start, "start")[0])
@@ -449,12 +449,12 @@ def _require_own_search(scenario: Scenario, planner: str) -> None:
     """
     if planner != DEFAULT_PLANNER:
         raise PlanningError(
-            f"several pushes (robot.start) have a search of their own, {DEFAULT_PLANNER}; the planner {planner!r} is "
+            f"multi-push plans (robot.start) have their own search, {DEFAULT_PLANNER}; the planner {planner!r} is "
             "for a single push"
         )
     if scenario.planner.cost != RANKED_BY:
         raise PlanningError(
-            f"several pushes (robot.start) are ranked by {RANKED_BY}, with the weights in 'pushes'; "
+            f"multi-push plans (robot.start) are ranked by {RANKED_BY}, with the weights in 'pushes'; "
             f"the cost {scenario.planner.cost!r} is for a single push"
         )
 

@@ -24,9 +24,9 @@ from pushplan.run import fields_of
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.again import CONTROL
 from pushplan.sim.control.controller import DEFAULTS, SILENT, Controller
-from pushplan.sim.control.course import SENSOR, Course, Disturbance, OpenLoop, course_in
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.control.simulated_push import SENSOR, Disturbance, OpenLoop, SimulatedPush, simulate_push
 from pushplan.sim.report import at_poses, judged, worst_at_goal
 from pushplan.sim.world import World
 
@@ -41,7 +41,7 @@ class ClosedLoopRun:
     Attributes:
         scenario: What was believed.
         plan: What was planned at first.
-        course: What happened in the world.
+        simulated: What happened in the world.
         events: What happened to objects, and what the controller noticed and did.
         replans: All attempts to plan after the first one.
         outcome: `arrived`, `gave up`, `missed`, `jammed` or `time limit`.
@@ -55,7 +55,7 @@ class ClosedLoopRun:
 
     scenario: Scenario
     plan: Plan
-    course: Course
+    simulated: SimulatedPush
     events: tuple[Event, ...]
     replans: tuple[Replan, ...]
     outcome: str
@@ -69,18 +69,18 @@ class ClosedLoopRun:
     @property
     def goal_errors(self) -> tuple[float, float]:
         """How far (m) and by what angle (rad) the goal's object ends off; the worst where there are several."""
-        return worst_at_goal(self.scenario, self.course.object_poses[-1])
+        return worst_at_goal(self.scenario, self.simulated.object_poses[-1])
 
     @property
     def execution(self) -> Execution:
         """The course as logs and pictures know it."""
-        made = execution_of(self.scenario, self.plan, self.course, self.feedback)
+        made = execution_of(self.scenario, self.plan, self.simulated, self.feedback)
         return replace(made, goal_error=self.goal_errors)
 
     @property
     def feedback(self) -> Feedback:
         """What was measured, noticed and done."""
-        return Feedback(self.course.measured, self.events, self.replans)
+        return Feedback(self.simulated.measured, self.events, self.replans)
 
     @property
     def recorded(self) -> RecordedRun:
@@ -100,7 +100,7 @@ class ClosedLoopRun:
             growing.end(self)
 
 
-def execution_of(scenario: Scenario, plan: Plan, course: Course, feedback: Feedback) -> Execution:
+def execution_of(scenario: Scenario, plan: Plan, course: SimulatedPush, feedback: Feedback) -> Execution:
     """Return a course as logs and pictures know it, without an error at the goal."""
     if scenario.kind == "push":
         loads: list[Load | None] = [Load.of(scenario)]
@@ -174,8 +174,8 @@ class _Growing:
         self._written = Feedback(nothing, (), ())
         self._recording.write(lambda log: log.plan(plan))
 
-    def grown(self, course: Course) -> None:
-        """Write what has come since the last time; the `progress` of `course_in`."""
+    def grown(self, course: SimulatedPush) -> None:
+        """Write what has come since the last time; the `progress` of `simulate_push`."""
         moves = np.flatnonzero(course.twists[:-1].any(axis=1))
         known = int(moves[-1]) + 2 if len(moves) else 0  # margins at rest are of the twist that comes next
         replans = () if self._controller is None else tuple(self._controller.replans)
@@ -256,7 +256,7 @@ def run_closed_loop(
     with _Growing(*asked, observer, progress, log, runs) as growing:
         controller = Controller(scenario, settings, plan=plan, observer=observer)
         growing.begin(controller.plan, controller)
-        course = course_in(
+        course = simulate_push(
             there, controller, settings.rate, disturbances, sensor, seed, progress=growing.grown
         )
         outcome, reason = controller.phase.value, controller.reason
@@ -296,7 +296,7 @@ def run_open_loop(
             raise PlanningError(f"there is no plan: {plan.reason}")
         growing.begin(plan)
         driver = OpenLoop(plan, settings.rate)
-        course = course_in(there, driver, settings.rate, disturbances, progress=growing.grown)
+        course = simulate_push(there, driver, settings.rate, disturbances, progress=growing.grown)
         goals = [goal for task in scenario.tasks for goal in task.goals]
         tolerance = (
             max(settings.position_tolerance, min(goal.position_tolerance for goal in goals)),

@@ -12,8 +12,8 @@ from pushplan.errors import PushplanError, RunLogError
 from pushplan.geometry import se2
 from pushplan.logging.reader import load_run
 from pushplan.scenario.model import Scenario
-from pushplan.sim.identify.course import Course, Identification
-from pushplan.sim.identify.identify import identify_courses
+from pushplan.sim.identify.identify import identify_pushes
+from pushplan.sim.identify.measured_push import Identification, MeasuredPush
 from pushplan.sim.world import World
 
 
@@ -39,17 +39,15 @@ def identify(
     paths = [logs] if isinstance(logs, Path | str) else list(logs)
     if not paths:
         raise PushplanError("there is no log to learn from; name at least one")
-    read = [read_course(path) for path in paths]
+    read = [read_push(path) for path in paths]
     scenario = read[0][0]
     for path, (other, _) in zip(paths, read, strict=True):
         _require_same_chain(scenario, other, str(path), str(paths[0]))
-    courses: list[Course] = [course for _, course in read]
-    return identify_courses(
-        _world([one for one, _ in read]), courses, seed=seed, jobs=jobs, progress=progress
-    )
+    pushes: list[MeasuredPush] = [push for _, push in read]
+    return identify_pushes(_world([one for one, _ in read]), pushes, seed=seed, jobs=jobs, progress=progress)
 
 
-def read_course(path: Path | str) -> tuple[Scenario, Course]:
+def read_push(path: Path | str) -> tuple[Scenario, MeasuredPush]:
     """Return the scenario of a log, and what was measured of its push: by a sensor, else as simulated with slip.
 
     Raises:
@@ -69,14 +67,14 @@ def read_course(path: Path | str) -> tuple[Scenario, Course]:
     plate = se2.compose(execution.poses, frame)
     measured = None if run.feedback is None else run.feedback.measured
     if measured is None or not len(measured.t):
-        return scenario, Course(plate, execution.objects, str(path), execution.wrenches)
+        return scenario, MeasuredPush(plate, execution.objects, str(path), execution.wrenches)
     rows = (measured.t >= execution.t[0]) & (measured.t <= execution.t[-1])
     plate[:, 2] = np.unwrap(plate[:, 2])
     plates, wrenches = (
         np.stack([np.interp(measured.t[rows], execution.t, column) for column in values.T], axis=1)
         for values in (plate, execution.wrenches)
     )
-    return scenario, Course(plates, measured.poses[rows], str(path), wrenches)
+    return scenario, MeasuredPush(plates, measured.poses[rows], str(path), wrenches)
 
 
 def _world(scenarios: Sequence[Scenario]) -> World:

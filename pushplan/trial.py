@@ -97,7 +97,7 @@ def trial(
                 progress(end)
 
         done = execute_trials(found, samples, uncertainty, seed, execute, jobs, ended)
-        rate = f"arrives in {int(done.arrived.sum())} of {done.samples} sampled worlds"
+        rate = f"{int(done.arrived.sum())} of {done.samples} samples arrive"
         recording.write(lambda log: log.log("info", rate))
         recording.finish("tried")
     recording.require_whole(done)
@@ -159,7 +159,7 @@ def executed_again(run: RecordedRun) -> Execution | None:
     if not simulated or run.plan is None:
         return None
     try:
-        sample = int(run.words[TRIAL]["sample"])
+        sample = int(run.fields[TRIAL]["sample"])
     except (KeyError, ValueError) as error:
         raise RunLogError(str(run.path), f"the sample of the trial cannot be read: {error}") from error
     world = sampled_world(run.scenario, uncertainty, np.random.default_rng([seed, sample]))
@@ -193,10 +193,10 @@ def check_trials(run: RecordedRun) -> list[Check]:
 def _drawn(run: RecordedRun) -> tuple[int, TrialUncertainty | None, bool]:
     """Return seed and uncertainty of the worlds of a log, and whether the simulator is pushplan's own."""
     try:
-        words = run.words[TRIAL]
+        words = run.fields[TRIAL]
         told = json.loads(words["uncertainty"])
         uncertainty = None if told is None else TrialUncertainty(**told)
         return int(words["seed"]), uncertainty, words["simulator"] == SIMULATORS[0]
     except (KeyError, TypeError, ValueError, PushplanError) as error:
-        what = f"how the worlds of the trials were drawn cannot be read: {error}"
+        what = f"how the samples of the trials were drawn cannot be read: {error}"
         raise RunLogError(str(run.path), what) from error

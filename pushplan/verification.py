@@ -13,7 +13,7 @@ from pushplan.sim.control.again import CONTROL, check_closed_loop
 from pushplan.sim.kinematic import execute
 from pushplan.trial import TRIAL, check_trials, executed_again
 
-OTHERS = "how the plan ended in sampled worlds, which a simulator of others executed, beyond its digest"
+OTHERS = "how the plan ended in Monte Carlo samples, which a simulator of others executed, beyond its digest"
 
 
 def verify_log(path: Path | str) -> VerifyReport:
@@ -35,12 +35,12 @@ def verify_run(run: RecordedRun) -> VerifyReport:
     report = verify(run, execute_again)
     if (
         run.feedback is not None
-        and CONTROL in run.words
+        and CONTROL in run.fields
         and run.execution is not None
         and run.plan is not None
     ):
         return replace(report, checks=(*check_closed_loop(run), *report.checks))
-    if TRIAL in run.words:
+    if TRIAL in run.fields:
         checks = check_trials(run)
         unknown = (OTHERS,) if run.trials and not checks else ()
         told = (*report.not_compared, *unknown)
@@ -51,7 +51,7 @@ def verify_run(run: RecordedRun) -> VerifyReport:
 def execute_again(run: RecordedRun) -> Execution | None:
     """Execute a recorded plan again; None where objects slipped or were watched, in a world that no log holds."""
     execution, plan = run.execution, run.plan
-    if TRIAL in run.words and execution is not None:
+    if TRIAL in run.fields and execution is not None:
         return executed_again(run)
     slipped = execution is not None and (execution.wrenches is not None or run.feedback is not None)
     if plan is None or plan.trajectory is None or slipped:

@@ -173,7 +173,7 @@ def test_the_words_override_the_scenario(capsys: Captured) -> None:
     assert main(["plan", "free-space", *words, "--first", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["planner"], found["seed"]) == ("est", 7)
-    assert load_run(found["log"]).words["pushplan.run"]["time_limit"] == "61.0"
+    assert load_run(found["log"]).fields["pushplan.run"]["time_limit"] == "61.0"
 
 
 def test_a_log_is_no_scenario_and_replaces_none(

@@ -29,8 +29,8 @@ from pushplan.planners.validator import Validator
 from pushplan.plans.plan import Plan, Segment
 from pushplan.plans.run import Execution
 from pushplan.scenario.model import Scenario
-from pushplan.sim.control.course import Disturbance
 from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.sim.identify import posterior
 from pushplan.sim.report import worst_at_goal
 from pushplan.sim.trials import TrialUncertainty
@@ -183,7 +183,7 @@ def test_a_closed_loop_is_a_run_that_can_be_repeated_shown_and_verified(kind: st
     back = pushplan.load_run(tmp_path / "loop.mcap")
     write_csv(back, tmp_path / "loop.csv")
     columns = np.genfromtxt(tmp_path / "loop.csv", delimiter=",", names=True)
-    np.testing.assert_allclose(columns["t"], loop.course.t, atol=1e-9)
+    np.testing.assert_allclose(columns["t"], loop.simulated.t, atol=1e-9)
     write_html(back, tmp_path / "loop.html")
     told = (tmp_path / "loop.html").read_text()
     assert all(event.text in told for event in loop.events)

@@ -17,9 +17,9 @@ from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose
 from pushplan.plans.plan import Plan
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.course import Disturbance
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.sim.follower import PATIENCE, Follower, FollowerState
 
 NUMBERS = [math.nan, math.inf, -math.inf, 1e300, -1e300, 1e9, "word", 1j, [], {}, b"\x00", object()]

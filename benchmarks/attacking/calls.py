@@ -26,9 +26,9 @@ from pushplan.plans.settings import PlanSettings
 from pushplan.scenario.file import scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.course import Disturbance
 from pushplan.sim.control.sensing import Sensor
 from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.sim.follower import Follower
 from pushplan.sim.slip.simulator import SlipSimulator
 from pushplan.sim.trials import TrialUncertainty

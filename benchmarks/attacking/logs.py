@@ -24,7 +24,7 @@ from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
 from pushplan.scenario.file import example_text, scenario_from_document
 from pushplan.scenario.model import Scenario
-from pushplan.sim.control.course import Disturbance
+from pushplan.sim.control.simulated_push import Disturbance
 from pushplan.sim.trials import TrialUncertainty
 from pushplan.trial import write_trial
 

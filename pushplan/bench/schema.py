@@ -140,7 +140,7 @@ class ProblemParameters(t.Strict):
     )
     robot: Range[Annotated[float, _number(0.05, 100.0, "m")]] | None = Field(
         default=None,
-        description=f"{_NUMBERS}, lengths in m: how far the robot is from the chain at first, for several pushes",
+        description=f"{_NUMBERS}, lengths in m: how far the robot is from the chain at first, for multi-push plans",
     )
 
 
@@ -263,7 +263,7 @@ class SuiteFile(t.Strict):
         Discriminator(_form),
     ] = Field(default=10, description="a number of seeds, or a list of them")
     trials: Trials | None = Field(
-        default=None, description="a whole number of sampled worlds that every plan is tried in"
+        default=None, description="a whole number of Monte Carlo samples that every plan is tried in"
     )
     limits: LimitSection = Field(
         default_factory=LimitSection, description="{time: ..., memory: ..., run: ...}"

@@ -50,7 +50,7 @@ def check(console: Console, scenario: str, maps: tuple[Path, ...], plot: Path | 
             from pushplan.drawing.plans import plot_scenario
 
             plot_scenario(stated, plot, described.stable)
-    said = f"no findings, but {counted(questions, 'question')}" if questions else "no findings"
+    said = f"no errors, but {counted(questions, 'question')}" if questions else "no errors"
     console.say((said, "yellow" if questions else "green"))
     console.emit({**document(stated), "stable_set": {"set": stated.stability.set, **set_document(described)}})
     return 0
@@ -356,9 +356,9 @@ def _check_rearrangement(scenario: Scenario, plot: Path | None, console: Console
             from pushplan.drawing.plans import plot_scenario
 
             plot_scenario(scenario, plot)
-    console.say((f"{scenario.name}  (several objects)", "bold"))
+    console.say((f"{scenario.name}  (rearrangement)", "bold"))
     console.table(rows)
-    console.say(("no findings", "green"))
+    console.say(("no errors", "green"))
     movable = [name for name in scenario.bodies if name not in scenario.goals and scenario.row is None]
     console.emit({"scenario": scenario.name, "objects": found, "movable": movable})
     return 0

@@ -13,7 +13,7 @@ from pushplan.cli.console import Console
 
 if TYPE_CHECKING:
     from pushplan.scenario.model import Scenario
-    from pushplan.sim.identify.course import Identification
+    from pushplan.sim.identify.measured_push import Identification
 
 
 @p.command
@@ -62,7 +62,7 @@ command = identify
 
 def _rows(found: Identification) -> list[tuple[str, str]]:
     """Return label and value of what was found, for people."""
-    from pushplan.sim.identify.course import ROUGH
+    from pushplan.sim.identify.measured_push import ROUGH
 
     told = [
         (
@@ -87,7 +87,7 @@ def _rows(found: Identification) -> list[tuple[str, str]]:
 
 def _document(found: Identification, output: Path | None) -> dict[str, object]:
     """Return the JSON object of what was found."""
-    from pushplan.sim.identify.course import piece_of
+    from pushplan.sim.identify.measured_push import piece_of
 
     return {
         "estimates": [
@@ -112,7 +112,7 @@ def _write(found: Identification, logs: list[str], into: Scenario | None, path: 
     import yaml
 
     from pushplan.scenario.file import scenario_from_document
-    from pushplan.sim.identify.course import piece_of, with_learned
+    from pushplan.sim.identify.measured_push import piece_of, with_learned
     from pushplan.util.files import write_whole
 
     document = piece_of(found)

@@ -27,7 +27,7 @@ COMMANDS = {
     "view": "Open a scenario in a browser and drag its poses.",
     "replay": "Read a run's log back: show it, verify it, export it.",
     "simulate": "Push in a simulated world, along the plan or in closed loop.",
-    "trial": "Execute a plan in sampled worlds: how often does it arrive?",
+    "trial": "Execute a plan in Monte Carlo samples: how often does it arrive?",
     "identify": "Learn friction and loads from logs of pushes.",
     "bench": "Run a suite of problems, planners and seeds, and report.",
 }
@@ -74,8 +74,8 @@ class Commands(click.Group):
         formatter.write_text(f"More: {', '.join(MORE)}")
         formatter.write_text("SCENARIO is a file or a packaged example (`pushplan examples` lists them).")
         formatter.write_text(
-            "Exit codes: 0 done, 1 a defect of pushplan, 2 wrong input, 3 no plan, 4 a mismatch: a replay, an "
-            "execution or a benchmark is not as it should be, 130 interrupted"
+            "Exit codes: 0 done, 1 a defect of pushplan, 2 wrong input, 3 no plan, 4 a mismatch (of a replay, an "
+            "execution, a benchmark), 130 interrupted"
         )
 
 

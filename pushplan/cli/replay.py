@@ -180,7 +180,7 @@ def _tell(run: RecordedRun, recovered: Path | None, console: Console) -> Documen
         arrived, of = sum(end.arrived for end in run.trials), len(run.trials)
         low, high = wilson(arrived, of)
         rows.append(
-            ("trials", f"arrives in {arrived} of {of} worlds ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
+            ("trials", f"{arrived} of {of} samples arrive ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
         )
         about["trials"] = {"samples": of, "arrived": arrived}
     console.table([*rows, ("outcome", run.outcome), *(("lost", loss) for loss in run.losses)])

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from pushplan.closed_loop import ClosedLoopRun
     from pushplan.logging.recording import IncompleteLogError
     from pushplan.scenario.model import Scenario
-    from pushplan.sim.control.course import Disturbance
     from pushplan.sim.control.sensing import Sensor
+    from pushplan.sim.control.simulated_push import Disturbance
 
 _TIME = {"s": 1.0, "ms": 1e-3}
 
@@ -46,7 +46,7 @@ DISTURBANCE = p.Named(
 @click.option(
     "--closed-loop",
     is_flag=True,
-    help="Watch the objects, close contacts, plan again; else the plan is executed whatever happens.",
+    help="Watch the objects, close contacts, replan; else the plan is executed whatever happens.",
 )
 @click.option(
     "--disturb",
@@ -72,7 +72,12 @@ DISTURBANCE = p.Named(
     "rate=30,delay=0.1s,position=1mm,angle=0.3deg.",
 )
 @click.option(
-    "--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of world and noise."
+    "--seed",
+    type=p.SEED,
+    metavar="N",
+    default=1,
+    show_default=True,
+    help="Seed of friction, loads and noise.",
 )
 @p.file_option("-o", "--output", help="Write the run's log (MCAP) here, and its page beside it.")
 @no_page_option
@@ -130,7 +135,7 @@ def _disturbances(scenario: Scenario, words: tuple[dict[str, Any], ...]) -> list
     Raises:
         ChainError: When there is no such object.
     """
-    from pushplan.sim.control.course import Disturbance
+    from pushplan.sim.control.simulated_push import Disturbance
 
     return [
         Disturbance(
@@ -166,7 +171,7 @@ def _simulated(
 
         from pushplan.closed_loop import run_closed_loop, run_open_loop
         from pushplan.plans.settings import Observer
-        from pushplan.sim.control.course import SENSOR as USUAL
+        from pushplan.sim.control.simulated_push import SENSOR as USUAL
         from pushplan.sim.trials import sampled_world
         from pushplan.sim.world import World
 
@@ -209,7 +214,7 @@ def _tell(
             "outcome": done.outcome,
             "reason": done.reason,
             "goal_error": {"position": float(position), "angle": float(angle)},
-            "duration_s": float(done.course.t[-1]),
+            "duration_s": float(done.simulated.t[-1]),
             "events": [{"time": e.time, "kind": e.kind, "text": e.text} for e in done.events],
             "replans": [{"time": r.time, "solved": r.solved, "seconds": r.seconds} for r in done.replans],
             "log": done.log,

@@ -1,4 +1,4 @@
-"""Execute a plan in sampled worlds, and tell in what share of them it arrives."""
+"""Execute a plan in Monte Carlo samples of friction, loads and places."""
 
 from __future__ import annotations
 
@@ -42,17 +42,22 @@ UNCERTAINTY = p.Named(_UNITS, _uncertainty)
 @p.command
 @click.argument("source", type=p.SCENARIO, metavar="SCENARIO|RUN.mcap")
 @click.option(
-    "--samples", type=p.COUNT, metavar="N", default=200, show_default=True, help="Number of worlds."
+    "--samples",
+    type=p.COUNT,
+    metavar="N",
+    default=200,
+    show_default=True,
+    help="Number of Monte Carlo samples.",
 )
 @click.option(
     "--uncertainty",
     type=UNCERTAINTY,
     metavar="WHAT=HOW,...",
-    help="By how much worlds differ: contact_friction, floor_friction, mass, load, position, angle; e.g. "
+    help="By how much samples differ: contact_friction, floor_friction, mass, load, position, angle; e.g. "
     "contact_friction=20%,load=10%,position=1mm,angle=0.3deg; what is not named stays nominal. Default: the "
     "scenario's intervals, else 20 % of friction, 10 % of load, 1 mm and 0.3 deg.",
 )
-@click.option("--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of the worlds.")
+@click.option("--seed", type=p.SEED, metavar="N", default=1, show_default=True, help="Seed of the samples.")
 @click.option("--jobs", type=p.COUNT, metavar="N", help="Threads (default: one a processor).")
 @click.option(
     "--simulator",
@@ -84,7 +89,7 @@ def trial(
     worst: Path | None,
     no_code: bool,
 ) -> int:
-    """Execute a plan in sampled worlds, and tell in what share of them it arrives.
+    """Execute a plan in Monte Carlo samples of friction, loads and places: how often does it arrive?
 
     The plan is that of a log, or is made first. A log is recorded without -o, too, in the folder of the recorded
     runs; it grows as samples end.
@@ -123,7 +128,7 @@ def trial(
             except IncompleteLogError as error:
                 trials, incomplete = error.run, error
     low, high = trials.interval
-    rate = f"arrives in {100 * trials.success:.1f} % of {trials.samples} worlds"
+    rate = f"{int(trials.arrived.sum())} of {trials.samples} samples arrive"
     console.say((name, "bold"), f": {rate} ({100 * low:.1f} to {100 * high:.1f} % at 95 %)")
     from pushplan.plans.run import Run
 
@@ -172,7 +177,7 @@ def _rows(trials: Trials) -> list[tuple[str, str]]:
     of = "worst object" if of is None else of
     failed = ", ".join(f"{name} {count}" for name, count in trials.first_failures.items())
     found = [
-        ("worlds", trials.uncertainty.words if trials.uncertainty else _stated(trials)),
+        ("uncertainty", trials.uncertainty.words if trials.uncertainty else _stated(trials)),
         ("contacts held", f"in {100.0 * trials.held:.1f} %"),
         ("first to move", failed or "none"),
         (

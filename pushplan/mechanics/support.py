@@ -113,7 +113,7 @@ class Support(ABC):
 
     def _require_known(self) -> None:
         if not self.known:
-            raise SupportError("a load that is not known cannot lean to one side")
+            raise SupportError("a load that is not known cannot be shifted to one side")
 
     def most_lean(self, direction: FloatArray) -> float:
         """Return the largest share of `leaning` at which no load is negative."""

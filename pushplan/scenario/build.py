@@ -184,7 +184,7 @@ def _check_for_several_only(file: ScenarioFile, source: Source) -> None:
         ("pushes",): file.pushes is not None,
     }
     for place in (place for place, stated in meaningless.items() if stated):
-        what = "is for several pushes: it needs a robot.start, the plate's pose in the world"
+        what = "is for multi-push plans: it needs a robot.start, the plate's pose in the world"
         source.error(place, what, at_key=True)
 
 
@@ -193,11 +193,11 @@ def _pushes(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes |
     if file.robot.start is None:
         return None
     for name in sorted(file.planner.model_fields_set - _OF_SEVERAL):
-        what = "is for a single push; several pushes (robot.start) are weighed by what 'pushes' says"
+        what = "is for a single push; multi-push plans (robot.start) are weighed by what 'pushes' says"
         source.error(("planner", name), what, at_key=True)
     for name, only in (("name", DEFAULT_PLANNER), ("cost", RANKED_BY)):
         if name in file.planner.model_fields_set and getattr(file.planner, name) != only:
-            source.error(("planner", name), f"is for a single push; several pushes have {only} only")
+            source.error(("planner", name), f"is for a single push; multi-push plans have {only} only")
     plate, choice = file.pusher, file.pushes or schema.PushChoice()
     if isinstance(file, GatheringFile) and "transit_weight" not in choice.model_fields_set:
         choice = choice.model_copy(

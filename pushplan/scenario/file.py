@@ -153,7 +153,7 @@ def _read(data: bytes, path: Path, attachments: Attachments, by_hand: bool = Tru
     question, more = length_question(source), len(source.findings)
     if question is None:
         raise ScenarioError(str(path), source.findings)
-    follow = "one more finding may" if more == 1 else f"{more} more findings may"
+    follow = "one more error may" if more == 1 else f"{more} more errors may"
     what = f"{question.what}; {follow} follow from it"
     raise ScenarioError(str(path), [Finding(question.where, what, question.line, question.column)])
 

@@ -87,7 +87,7 @@ class NotOneLoad:
     def _error(self) -> NotOneLoadError:
         known = ", ".join(f"'{name}'" for name in self._names)
         return NotOneLoadError(
-            f"the scenario has several objects that stand apart, and no {self._what} for all; "
+            f"the objects of the scenario stand apart, and no {self._what} for all; "
             f"allowed: scenario.alone(name), the name one of {known}"
         )
 

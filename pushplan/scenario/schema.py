@@ -241,7 +241,8 @@ class Robot(t.Strict):
     footprint: Footprint | None = Field(default=None, description=FOOTPRINT)
     drive: Drive | None = Field(default=None, description=DRIVE)
     start: t.Pose | None = Field(
-        default=None, description="[x, y, theta] of the plate's frame in the world; asks for several pushes"
+        default=None,
+        description="[x, y, theta] of the plate's frame in the world; asks for a multi-push plan",
     )
     base: t.Pose | None = Field(
         default=None,

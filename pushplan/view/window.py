@@ -30,6 +30,8 @@ _FRAME = 1.0 / 30.0
 _DRAWING = 0.1
 """For which an answer is let be sent and drawn before the next work begins, s: compiled code holds the interpreter,
 and a browser without a graphics card draws on the same processors."""
+_PANEL_PIXELS = 350
+"""Width of the panel beside the floor."""
 _PANEL = 0.25
 """How far the middle of a phone's picture is moved up, over the distance of the camera."""
 
@@ -216,11 +218,15 @@ class Window:
         )  # from above: the plane is dragged in
         self.server.initial_camera.look_at = (x, y, 0.0)
 
-        def narrow(client: Any) -> None:  # a phone's page is higher than wide, and its panel lies below
-            aspect = float(client.camera.aspect)
-            if aspect < 1.0:
-                below = _PANEL * away / aspect
-                client.camera.position = (x, y - below - 1e-3 * away, away / aspect)
-                client.camera.look_at = (x, y - below, 0.0)
+        def fit(client: Any) -> None:  # beside the panel; on phones, above it
+            camera, far = client.camera, away
+            seen = 2.0 * np.tan(0.5 * camera.fov)  # height of the picture over the camera's distance
+            if camera.aspect < 1.0:
+                far = away / camera.aspect
+                middle = x, y - _PANEL * far
+            else:
+                middle = x + 0.5 * _PANEL_PIXELS / camera.image_height * seen * far, y
+            camera.position = (middle[0], middle[1] - 1e-3 * far, far)
+            camera.look_at = (*middle, 0.0)
 
-        self.server.on_client_connect(narrow)
+        self.server.on_client_connect(fit)

@@ -35,7 +35,7 @@ def check_closed_loop(run: RecordedRun) -> list[Check]:
     if run.feedback is None or run.execution is None or run.plan is None:
         raise RunLogError(str(run.path), "it holds no closed loop")
     try:
-        words = run.words[CONTROL]
+        words = run.fields[CONTROL]
         told, sensor = json.loads(words["settings"]), Sensor(**json.loads(words["sensor"]))
         settings = None if told is None else ControlSettings(**told)
     except (KeyError, TypeError, ValueError, PushplanError) as error:

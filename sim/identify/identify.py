@@ -12,7 +12,7 @@ from scipy.stats import qmc
 
 import pushplan.core.slip as slip
 from pushplan.errors import PushplanError
-from pushplan.sim.identify.course import Comparison, Course, Identification
+from pushplan.sim.identify.measured_push import Comparison, Identification, MeasuredPush
 from pushplan.sim.identify.posterior import sample_errors
 from pushplan.sim.identify.unknowns import Unknowns
 from pushplan.sim.slip.packing import half_extent
@@ -68,9 +68,9 @@ EXPECTED_FORCE, LEAST_FORCE = 0.1, 0.01
 """Likewise of measured wrenches, as parts of the mean force, and of that times the chain's half extent."""
 
 
-def identify_courses(
+def identify_pushes(
     world: World,
-    courses: Sequence[Course],
+    pushes: Sequence[MeasuredPush],
     *,
     seed: int = 1,
     jobs: int | None = None,
@@ -84,21 +84,21 @@ def identify_courses(
     Args:
         world: Shapes and contacts of the chain, masses, obstacles; its frictions and loads do not matter, but that
             ratios of floor friction are looked for around the stated ones.
-        courses: What was measured of this chain, pushed one or several times.
+        pushes: What was measured of this chain, pushed one or several times.
         seed: Of the random numbers.
         jobs: Threads; None for one a processor.
         progress: Called with the rounds that are done, and how many there are.
 
     Raises:
-        PushplanError: When there is no course, one is of another number of objects, or nothing moves in any.
+        PushplanError: When there is no push, one is of another number of objects, or nothing moves in any.
     """
-    _check(world, courses)
-    problem = _Problem(world, courses, jobs or os.cpu_count() or 1)
+    _check(world, pushes)
+    problem = _Problem(world, pushes, jobs or os.cpu_count() or 1)
     # Threads, not processes: `march` runs without the interpreter's lock.
     with problem.pool:
         place = problem.best()
         errors, information, correlation = problem.linearised(place)
-        # Where the courses began is integrated out in `errors`: samples are of the chain's numbers alone.
+        # Where the pushes began is integrated out in `errors`: samples are of the chain's numbers alone.
         best = place[: problem.count]
         found = sample_errors(errors, best, information, np.random.default_rng(seed), progress)
     scales = problem.scales[0]
@@ -111,20 +111,20 @@ def identify_courses(
     )
 
 
-def _check(world: World, courses: Sequence[Course]) -> None:
-    if not courses:
-        raise PushplanError("there is no push to learn from; at least one course is needed")
+def _check(world: World, pushes: Sequence[MeasuredPush]) -> None:
+    if not pushes:
+        raise PushplanError("there is no push to learn from; at least one push is needed")
     n = len(world.chain.objects)
-    for course in courses:
-        if course.object_poses.shape[1] != n:
+    for push in pushes:
+        if push.object_poses.shape[1] != n:
             raise PushplanError(
-                f"{course.name}: {course.object_poses.shape[1]} objects were measured; the chain has {n}"
+                f"{push.name}: {push.object_poses.shape[1]} objects were measured; the chain has {n}"
             )
 
 
-def _force_of(courses: Sequence[Course]) -> float | None:
+def _force_of(pushes: Sequence[MeasuredPush]) -> float | None:
     """Return the mean force that was measured, N; None where none was."""
-    measured = [course.wrenches for course in courses if course.wrenches is not None]
+    measured = [push.wrenches for push in pushes if push.wrenches is not None]
     if not measured:
         return None
     wrenches = np.concatenate(measured)
@@ -142,16 +142,16 @@ def _mean_squares(errors: Sequence[FloatArray]) -> FloatArray:
 
 
 class _Problem:
-    """All courses with what is not known: the numbers of the chain, and where the objects stood at first."""
+    """All pushes with what is not known: the numbers of the chain, and where the objects stood at first."""
 
-    def __init__(self, world: World, courses: Sequence[Course], jobs: int) -> None:
-        forces = _force_of(courses)
+    def __init__(self, world: World, pushes: Sequence[MeasuredPush], jobs: int) -> None:
+        forces = _force_of(pushes)
         self.unknowns = Unknowns.from_world(world, absolute=forces is not None)
         self.count = len(self.unknowns.each)
         reach = world.chain.reach
-        self.comparisons = [piece for course in courses for piece in Comparison.of_pieces(course, reach)]
+        self.comparisons = [piece for push in pushes for piece in Comparison.of_pieces(push, reach)]
         if not self.comparisons:
-            raise PushplanError("the plate hardly moves in any course, so there is nothing to learn from")
+            raise PushplanError("the plate hardly moves in any push, so there is nothing to learn from")
         self.shape = (len(world.chain.objects), 3)
         length = half_extent(world.chain)
         unit = (forces or 1.0) * np.array([1.0, 1.0, length])  # what nobody measured is in no row
@@ -160,7 +160,7 @@ class _Problem:
         self.pool = ThreadPoolExecutor(jobs)
 
     def errors(self, place: FloatArray) -> FloatArray:
-        """Return the errors of all courses over their expected sizes; the places of the start follow the cube's."""
+        """Return the errors of all pushes over their expected sizes; the places of the start follow the cube's."""
         parts, shifts = place[: self.count], self._shifts(place)
         packed = self.unknowns.packed_for(self.unknowns.values(parts))
         pairs = zip(self.comparisons, shifts, strict=True)
@@ -207,13 +207,13 @@ class _Problem:
         """Yield the errors of each comparison (k, n, 3), or with wrenches (k, n + 1, 3)."""
         begin = 0
         for comparison in self.comparisons:
-            shape = (len(comparison.marks), self.shape[0] + (comparison.course.wrenches is not None), 3)
+            shape = (len(comparison.marks), self.shape[0] + (comparison.push.wrenches is not None), 3)
             end = begin + int(np.prod(shape))
             yield errors[begin:end].reshape(shape)
             begin = end
 
     def jacobian(self, place: FloatArray) -> FloatArray:
-        """Return the derivatives of the errors; where a course began changes that course only."""
+        """Return the derivatives of the errors; where a push began changes that push only."""
         base = self.errors(place)
 
         def column(j: int) -> FloatArray:
@@ -239,7 +239,7 @@ class _Problem:
     def linearised(self, place: FloatArray) -> tuple[Callable[[FloatArray], FloatArray], FloatArray, float]:
         """Return the errors of places in the cube, half of their squares' second derivatives, and their correlation.
 
-        Where the courses began is integrated out: what that can explain of the errors, to first order, is taken away.
+        Where the pushes began is integrated out: what that can explain of the errors, to first order, is taken away.
         """
         p, slope = self.count, self.jacobian(place)
         # An orthonormal basis of what other starts would explain; what is at right angles to it is left.
@@ -262,7 +262,7 @@ class _Problem:
         return np.concatenate([self._scaled(one, packed, shift) for one, shift in pairs])
 
     def _correlation(self, errors: FloatArray) -> float:
-        """Return (1 + r) / (1 - r) with the correlation r between neighbours along the courses, >= 1."""
+        """Return (1 + r) / (1 - r) with the correlation r between neighbours along the pushes, >= 1."""
         products, squares = 0.0, 1e-300
         for rows in self._by_course(errors):
             products += float((rows[1:] * rows[:-1]).sum())

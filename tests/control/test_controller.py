@@ -16,9 +16,9 @@ from pushplan.planners.clearance import find_collision
 from pushplan.plans.plan import Load, Plan
 from pushplan.scenario.parts import CircleObstacle
 from pushplan.sim.control.controller import Controller
-from pushplan.sim.control.course import Course, Disturbance, OpenLoop, course_in
 from pushplan.sim.control.pushing import Phase
 from pushplan.sim.control.sensing import Sensor
+from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, SimulatedPush, simulate_push
 from pushplan.util.arrays import FloatArray
 
 STILL = Sensor(position=0.0, angle=0.0)
@@ -51,12 +51,12 @@ def test_in_an_undisturbed_world_the_plate_goes_along_the_plan_and_arrives() -> 
     name, plan = "two-crates", plan_of("two-crates")
     assert plan.trajectory is not None
     run = run_closed_loop(scenario(name), plan=plan, sensor=STILL)
-    planned = plan.trajectory.poses_at(run.course.t)
-    assert np.abs(run.course.poses - planned).max() < 1e-9
+    planned = plan.trajectory.poses_at(run.simulated.t)
+    assert np.abs(run.simulated.poses - planned).max() < 1e-9
     assert run.outcome == "arrived"
     assert not run.replans
-    blind = course_in(pushplan.World.from_scenario(scenario(name)), OpenLoop(plan, 50.0), 50.0)
-    assert np.abs(blind.object_poses[-1] - run.course.object_poses[-1]).max() < 1e-9
+    blind = simulate_push(pushplan.World.from_scenario(scenario(name)), OpenLoop(plan, 50.0), 50.0)
+    assert np.abs(blind.object_poses[-1] - run.simulated.object_poses[-1]).max() < 1e-9
 
 
 def test_a_kicked_object_is_brought_to_the_goal_that_the_plan_alone_misses() -> None:
@@ -67,8 +67,8 @@ def test_a_kicked_object_is_brought_to_the_goal_that_the_plan_alone_misses() -> 
     assert run.outcome == "arrived", run.reason
     assert (np.array(run.goal_errors) <= [5e-3, np.radians(1.0)]).all()
     assert any(replan.solved for replan in run.replans)
-    blind = course_in(world, OpenLoop(plan, 50.0), 50.0, disturbances)
-    missed = replace(run, course=blind).goal_errors
+    blind = simulate_push(world, OpenLoop(plan, 50.0), 50.0, disturbances)
+    missed = replace(run, simulated=blind).goal_errors
     assert (np.array(missed) > [5e-3, np.radians(1.0)]).any()
 
 
@@ -153,10 +153,10 @@ class NoticedOnTheWay:
         return self.controller.step(now, object_poses, measured_at)
 
 
-def noticing(name: str, *obstacles: CircleObstacle) -> tuple[Controller, Course]:
+def noticing(name: str, *obstacles: CircleObstacle) -> tuple[Controller, SimulatedPush]:
     controller = Controller(scenario(name), plan=plan_of(name))
     world = replace(pushplan.World.from_scenario(scenario(name)), obstacles=())
-    return controller, course_in(world, NoticedOnTheWay(controller, obstacles), controller.settings.rate)
+    return controller, simulate_push(world, NoticedOnTheWay(controller, obstacles), controller.settings.rate)
 
 
 def test_an_obstacle_that_comes_into_the_way_is_gone_around() -> None:

@@ -17,11 +17,11 @@ from pushplan.plans.settings import Observer
 from pushplan.plans.trajectory import Trajectory
 from pushplan.scenario.parts import Goal
 from pushplan.sim.control.closing import GAP, ClosingPush, Spread, closing_push, contacts_at
-from pushplan.sim.control.course import Disturbance, disturbed
 from pushplan.sim.control.estimator import Estimator, Sample
 from pushplan.sim.control.replanner import SHARE, Aim
 from pushplan.sim.control.sensing import Measurements, Sensor, Sightings
 from pushplan.sim.control.settings import ControlSettings
+from pushplan.sim.control.simulated_push import Disturbance, disturbed
 from pushplan.sim.follower import Drive
 
 SPREAD = Spread(0.2, 2.5e-4, 1e-3)

@@ -17,7 +17,7 @@ from pushplan.errors import RunLogError
 from pushplan.logging.reader import load_run
 from pushplan.logging.recorded import RecordedRun
 from pushplan.sim.control.again import check_closed_loop
-from pushplan.sim.control.course import Disturbance
+from pushplan.sim.control.simulated_push import Disturbance
 
 DISTURBANCE = "time=4s,object=far,y=-5mm,turn=3deg"
 
@@ -49,7 +49,7 @@ def test_the_log_has_measurements_events_and_plans_in_the_order_of_time(
     with log.open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
             times.setdefault(channel.topic, []).append(message.log_time)
-    assert len(times["/measured"]) == len(run.course.measured.t)
+    assert len(times["/measured"]) == len(run.simulated.measured.t)
     assert len(times["/events"]) == len(run.events)
     assert len(times["/plan/replans"]) == len(run.replans) > 0
     assert len(times["/plan/path"]) == 1 + sum(replan.solved for replan in run.replans)
@@ -88,7 +88,7 @@ def test_a_loop_that_is_killed_leaves_what_has_happened(
     # margins of a few twists and of many at once are rounded differently
     np.testing.assert_allclose(cut.execution.margins, back.execution.margins[:count], atol=1e-12)
     np.testing.assert_array_equal(
-        cut.feedback.measured.t, run.course.measured.t[: len(cut.feedback.measured.t)]
+        cut.feedback.measured.t, run.simulated.measured.t[: len(cut.feedback.measured.t)]
     )
     assert cut.feedback.measured.t[-1] > 1.9
     assert [event.kind for event in cut.feedback.events] == ["plan"]
@@ -112,7 +112,7 @@ def test_a_log_that_was_tampered_with_does_not_verify(back: RecordedRun) -> None
     wrong = {check.quantity for check in found if not check.matches}
     assert wrong == {"twist", "path of the plate", "number of events"}
     with pytest.raises(RunLogError, match="the settings of the closed loop cannot be read"):
-        check_closed_loop(replace(back, words={}))
+        check_closed_loop(replace(back, fields={}))
 
 
 def test_the_command_arrives_in_closed_loop_and_verifies(

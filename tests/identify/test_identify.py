@@ -16,14 +16,14 @@ import pushplan.core.slip as slip
 from pushplan.cli.main import main
 from pushplan.errors import PushplanError, RunLogError
 from pushplan.geometry import se2
-from pushplan.identify import read_course
+from pushplan.identify import read_push
 from pushplan.logging.writer import RunLogWriter
 from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
 from pushplan.plans.run import Execution
 from pushplan.scenario.file import scenario_from_document
-from pushplan.sim.identify.course import Course, Identification, piece_of, with_learned
-from pushplan.sim.identify.identify import identify_courses
+from pushplan.sim.identify.identify import identify_pushes
+from pushplan.sim.identify.measured_push import Identification, MeasuredPush, piece_of, with_learned
 from pushplan.sim.identify.posterior import Near, sample
 from pushplan.sim.identify.unknowns import PressedOutline, Unknowns
 from pushplan.sim.slip.packing import pack_world
@@ -45,17 +45,17 @@ def crates() -> pushplan.Scenario:
 
 def pushed(
     world: World, twist: FloatArray, noise: float, seed: int, force_noise: float | None = None
-) -> Course:
+) -> MeasuredPush:
     """What is measured of a push with a constant body twist (3,), m and rad; forces only with a noise (N)."""
     shares = np.linspace(0.0, 1.0, 61)
     report = simulate_poses(shares, se2.compose(world.start, se2.exp(shares[:, None] * twist)), world)
     off = noise * np.random.default_rng(seed).standard_normal(report.objects.shape) * [1.0, 1.0, 5.0]
     if force_noise is None:
-        return Course(report.poses, report.objects + off)
+        return MeasuredPush(report.poses, report.objects + off)
     wrenches = np.array(report.wrenches)
     size = force_noise * np.array([1.0, 1.0, 0.05])
     wrenches += size * np.random.default_rng([seed, 1]).standard_normal(wrenches.shape)
-    return Course(report.poses, report.objects + off, wrenches=wrenches)
+    return MeasuredPush(report.poses, report.objects + off, wrenches=wrenches)
 
 
 def packed_of(world: World) -> slip.World:
@@ -83,7 +83,7 @@ def found() -> tuple[FloatArray, Identification]:
     world = unknowns.world_for(truth)
     twists = np.array([[0.08, 0.05, 0.6], [0.08, -0.05, -0.5]])
     courses = [pushed(world, twist, 2e-4, k) for k, twist in enumerate(twists)]
-    return truth, identify_courses(stated, courses)
+    return truth, identify_pushes(stated, courses)
 
 
 def test_a_border_moves_its_share_of_the_load_to_the_outline_and_tilts_move_the_centre() -> None:
@@ -165,7 +165,7 @@ def test_measured_forces_tell_the_size_of_floor_friction() -> None:
     truth = unknowns.values(parts)
     world = unknowns.world_for(truth)
     assert world.chain.objects[0].floor_friction == pytest.approx(0.48)
-    found = identify_courses(stated, [pushed(world, np.array([0.08, 0.05, 0.6]), 2e-4, 0, 0.1)])
+    found = identify_pushes(stated, [pushed(world, np.array([0.08, 0.05, 0.6]), 2e-4, 0, 0.1)])
     size = found.estimates[-1]
     assert size.unknown.kind == "floor_friction"
     assert size.determined
@@ -175,7 +175,7 @@ def test_measured_forces_tell_the_size_of_floor_friction() -> None:
     assert low <= 0.48 <= high
 
 
-def slipped(course: Course, names: tuple[str, ...]) -> Execution:
+def slipped(course: MeasuredPush, names: tuple[str, ...]) -> Execution:
     """A course as the simulator with slip would have recorded it."""
     times, count = np.linspace(0.0, 1.0, 61), len(names)
     wrenches = np.zeros((61, 3)) if course.wrenches is None else course.wrenches
@@ -201,7 +201,7 @@ def test_logs_with_slip_are_courses_and_those_of_the_rigid_chain_are_not(tmp_pat
     with RunLogWriter.create(tmp_path / "slip.mcap", scenario, {}) as log:
         log.execution(slipped(course, tuple(scenario.poses)))
         log.finish("arrived")
-    _, read = read_course(tmp_path / "slip.mcap")
+    _, read = read_push(tmp_path / "slip.mcap")
     np.testing.assert_array_equal(read.object_poses, course.object_poses)
     assert read.wrenches is not None
     np.testing.assert_array_equal(read.wrenches, course.wrenches)
@@ -229,12 +229,12 @@ def test_a_course_that_does_not_fit_is_refused() -> None:
     world = World.from_scenario(crates())
     still = np.zeros((5, 3))
     with pytest.raises(PushplanError, match="1 objects were measured; the chain has 2"):
-        identify_courses(world, [Course(still, np.zeros((5, 1, 3)))])
+        identify_pushes(world, [MeasuredPush(still, np.zeros((5, 1, 3)))])
     with pytest.raises(PushplanError, match="hardly moves"):
-        identify_courses(world, [Course(still, np.zeros((5, 2, 3)))])
+        identify_pushes(world, [MeasuredPush(still, np.zeros((5, 2, 3)))])
     with pytest.raises(PushplanError, match=r"wrenches of the plate has shape \(4, 3\)"):
-        Course(still, np.zeros((5, 2, 3)), wrenches=np.zeros((4, 3)))
+        MeasuredPush(still, np.zeros((5, 2, 3)), wrenches=np.zeros((4, 3)))
     with pytest.raises(PushplanError, match="all measured forces are zero"):
-        identify_courses(world, [Course(still, np.zeros((5, 2, 3)), wrenches=still)])
+        identify_pushes(world, [MeasuredPush(still, np.zeros((5, 2, 3)), wrenches=still)])
     with pytest.raises(PushplanError, match="3 is the least"):
-        Course(still[:2], np.zeros((2, 2, 3)))
+        MeasuredPush(still[:2], np.zeros((2, 2, 3)))

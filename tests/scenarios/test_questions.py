@@ -39,7 +39,7 @@ def test_what_follows_from_millimetres_is_one_finding(tmp_path: Path) -> None:
     (finding,) = caught.value.findings
     assert (finding.where, finding.line, finding.column) == ("objects[0].shape.box", 5, 31)
     assert 'is 120 m long: mm? plain numbers are m; write "120 mm"' in finding.what
-    assert "more finding" in finding.what
+    assert "more error" in finding.what
 
 
 @pytest.mark.parametrize(

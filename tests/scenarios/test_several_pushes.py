@@ -93,7 +93,7 @@ def test_what_is_resolved_reads_as_the_same_scenario(change: tuple[tuple[str, st
 
 
 WITHOUT = ("robot: {start: [0.2, 1.0, 0.0]}\n", "")
-NEEDS = "is for several pushes: it needs a robot.start, the plate's pose in the world"
+NEEDS = "is for multi-push plans: it needs a robot.start, the plate's pose in the world"
 
 WRONG: dict[str, tuple[Any, str]] = {
     "several goals": (
@@ -133,11 +133,11 @@ WRONG: dict[str, tuple[Any, str]] = {
     ),
     "another planner": (
         (("start: [1", "planner: {name: rrt}\nstart: [1"),),
-        "s.yaml:8:17: planner.name: is for a single push; several pushes have auto only",
+        "s.yaml:8:17: planner.name: is for a single push; multi-push plans have auto only",
     ),
     "a price of arcs": (
         (("start: [1", "planner: {arc_price: 0}\nstart: [1"),),
-        "s.yaml:8:11: planner.arc_price: is for a single push; several pushes (robot.start) are weighed by what "
+        "s.yaml:8:11: planner.arc_price: is for a single push; multi-push plans (robot.start) are weighed by what "
         "'pushes' says",
     ),
     "a short approach": (

@@ -14,7 +14,7 @@ from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
-from pushplan.sim.control.course import OpenLoop, course_in
+from pushplan.sim.control.simulated_push import OpenLoop, simulate_push
 from pushplan.sim.follower import Follower, FollowerState
 from pushplan.sim.slip.simulator import simulate
 from pushplan.sim.trials import TrialUncertainty, execute_trials
@@ -89,7 +89,7 @@ def test_a_robot_that_follows_it_arrives_and_its_objects_are_watched(found: Plan
 
 
 def test_in_open_loop_it_arrives(found: Plan) -> None:
-    course = course_in(World.from_scenario(found.scenario), OpenLoop(found, 50.0), 50.0)
+    course = simulate_push(World.from_scenario(found.scenario), OpenLoop(found, 50.0), 50.0)
     assert not course.jammed
     assert found.execution is not None
     np.testing.assert_allclose(course.object_poses[-1], found.execution.objects[-1], atol=1e-3)

@@ -128,7 +128,7 @@ def test_a_goal_that_no_robot_can_back_off_from_is_said_so(problem: Problem) -> 
 
 @pytest.mark.parametrize("option", [{"planner": "rrt"}, {"cost": "time"}])
 def test_what_is_for_a_single_push_is_refused(problem: Problem, option: Any) -> None:
-    with pytest.raises(PlanningError, match=r"several pushes \(robot.start\)"):
+    with pytest.raises(PlanningError, match=r"multi-push plans \(robot.start\)"):
         plan(problem("car"), **option)
 
 

@@ -126,8 +126,8 @@ def test_the_log_of_a_sample_is_verified_in_its_world(trials: Trials, tmp_path: 
     report = verify_run(run)
     assert report.matches
     assert "wrench" in {check.quantity for check in report.checks}
-    words = {**run.words, "pushplan.trial": {**run.words["pushplan.trial"], "seed": "4"}}
-    assert not verify_run(replace(run, words=words)).matches
+    words = {**run.fields, "pushplan.trial": {**run.fields["pushplan.trial"], "seed": "4"}}
+    assert not verify_run(replace(run, fields=words)).matches
     write_trial(replace(trials, simulator=lambda plan, world: slip(plan, world)), 0, tmp_path / "other.mcap")
     report = verify_run(load_run(tmp_path / "other.mcap", messages=True))
     assert report.matches
@@ -163,7 +163,7 @@ def test_the_command_tells_rates_draws_and_writes_the_worst(
     assert picture.read_bytes().startswith(b"\x89PNG")
     recorded = load_run(worst)
     assert recorded.outcome in ("arrived", "missed")
-    assert recorded.words["pushplan.trial"]["sample"] == str(told["worst"]["sample"])
+    assert recorded.fields["pushplan.trial"]["sample"] == str(told["worst"]["sample"])
 
 
 @pytest.mark.parametrize(

@@ -244,7 +244,7 @@ def test_a_log_cut_anywhere_is_read_to_there_or_refused(
             np.testing.assert_array_equal(run.execution.poses, whole.poses[: len(run.execution.t)])
             assert not any("segment" in check.quantity for check in verify_log(cut).mismatches)
         recover(cut, tmp_path / f"{k}.mcap")
-        assert load_run(tmp_path / f"{k}.mcap").words["pushplan.recovery"]["from"] == cut.name
+        assert load_run(tmp_path / f"{k}.mcap").fields["pushplan.recovery"]["from"] == cut.name
     assert read > 3
 
 
@@ -339,7 +339,7 @@ def test_times_cannot_go_back_and_what_failed_says_so(cases: dict[str, Case], tm
         log.execution(execution)
     run = load_run(log.partial)
     assert (run.outcome, run.lines[-1].level) == ("failed", "error")
-    assert "cannot follow" in run.words["pushplan.result"]["error"]
+    assert "cannot follow" in run.fields["pushplan.result"]["error"]
 
 
 def test_a_log_of_another_format_is_refused(logs: dict[str, Path], tmp_path: Path) -> None:

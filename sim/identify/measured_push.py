@@ -23,7 +23,7 @@ from pushplan.util.names import PUSHER
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class MeasuredPush:
     """Poses in the world, and wrenches, measured at the same times.
 
     Attributes:
@@ -39,7 +39,7 @@ class Course:
 
     plate_poses: FloatArray
     object_poses: FloatArray
-    name: str = "course"
+    name: str = "push"
     wrenches: FloatArray | None = None
 
     def __post_init__(self) -> None:
@@ -58,8 +58,8 @@ class Course:
             wrenches = frozen(self.wrenches, (len(plate), 3), f"{self.name}: wrenches of the plate")
             object.__setattr__(self, "wrenches", wrenches)
 
-    def pieces(self, reach: float, step: float, way: float) -> list[Course]:
-        """Return the course cut into shorter ones, of poses between which something moves.
+    def pieces(self, reach: float, step: float, way: float) -> list[MeasuredPush]:
+        """Return the push cut into shorter ones, of poses between which something moves.
 
         What is predicted over a long way depends on the last bit of where it began; every piece begins anew where
         the objects were seen.
@@ -81,7 +81,7 @@ class Course:
             np.searchsorted(gone[kept], gone[-1] * np.arange(count + 1) / count).clip(max=len(kept) - 1)
         )
         return [
-            Course(
+            MeasuredPush(
                 self.plate_poses[these],
                 self.object_poses[these],
                 self.name,
@@ -95,7 +95,7 @@ class Course:
 STEP = 3e-3
 """How far the fastest corner moves in a simulated step, about, m."""
 WAY = 0.2
-"""How far the fastest corner moves in a piece of a course that is predicted from where it begins, m."""
+"""How far the fastest corner moves in a piece of a push that is predicted from where it begins, m."""
 CLOSING = 0.02
 """How far the fastest corner moves at first, m, before wrenches are compared: contacts that are open by the error of
 their first measured place close, and what the plate feels of that is anything but linear in the error."""
@@ -105,37 +105,37 @@ MOST_COMPARED = 60
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A course made ready to be predicted again and again.
+    """A push made ready to be predicted again and again.
 
     Attributes:
-        course: What was measured.
+        push: What was measured.
         motions: (s, 3) body twists times time of the plate, one for each simulated step.
         marks: (k,) number of steps after which poses are compared; the first is 0.
         samples: (k,) which measured poses those are.
         closed: (k,) whether the plate has gone so far that wrenches are compared.
     """
 
-    course: Course
+    push: MeasuredPush
     motions: FloatArray
     marks: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
     samples: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
     closed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
     @classmethod
-    def of_pieces(cls, course: Course, reach: float) -> list[Comparison]:
-        """Return all pieces of a course; `reach` (m) is how far the farthest corner is from the plate's reference."""
-        return [cls._of_piece(piece, reach) for piece in course.pieces(reach, STEP, WAY)]
+    def of_pieces(cls, push: MeasuredPush, reach: float) -> list[Comparison]:
+        """Return all pieces of a push; `reach` (m) is how far the farthest corner is from the plate's reference."""
+        return [cls._of_piece(piece, reach) for piece in push.pieces(reach, STEP, WAY)]
 
     @classmethod
-    def _of_piece(cls, course: Course, reach: float) -> Comparison:
-        motions = steps_of(course.plate_poses)
+    def _of_piece(cls, push: MeasuredPush, reach: float) -> Comparison:
+        motions = steps_of(push.plate_poses)
         way = np.hypot(motions[:, 0], motions[:, 1]) + reach * np.abs(motions[:, 2])
         counts = np.maximum(1, np.ceil(way / (1.5 * STEP))).astype(np.int64)
         fine = np.repeat(motions / counts[:, None], counts, axis=0)
         ends = np.concatenate([[0], np.cumsum(counts)])
         samples = np.unique(np.linspace(0, len(ends) - 1, min(MOST_COMPARED, len(ends))).astype(np.int64))
         gone = np.concatenate([[0.0], np.cumsum(way)])
-        return cls(course, fine, ends[samples], samples, gone[samples] >= CLOSING)
+        return cls(push, fine, ends[samples], samples, gone[samples] >= CLOSING)
 
     def errors(self, packed: slip.World, shift: FloatArray) -> FloatArray:
         """Return by how much predicted poses, and wrenches where they were measured, are off the measured ones.
@@ -149,21 +149,21 @@ class Comparison:
             (k, n, 3) in the plate's frame: m and rad; with wrenches (k, n + 1, 3), the last row N, N, N m, and zero
             while contacts close.
         """
-        plate = self.course.plate_poses
-        first = se2.relative(plate[0], self.course.object_poses[0]) + shift
+        plate = self.push.plate_poses
+        first = se2.relative(plate[0], self.push.object_poses[0]) + shift
         begin = se2.compose(plate[0], first)
         trace = slip.Simulation(packed, begin, plate[0]).march(self.motions)
         # After a jam nothing moves on; in its step, the last of the trace, nothing has moved.
         poses = np.concatenate([begin[None], trace.poses])
         reached = poses[np.minimum(self.marks, len(trace.end))]
         there = plate[self.samples][:, None]
-        off = se2.relative(there, reached) - se2.relative(there, self.course.object_poses[self.samples])
+        off = se2.relative(there, reached) - se2.relative(there, self.push.object_poses[self.samples])
         off[..., 2] = se2.wrap_angle(off[..., 2])
-        if self.course.wrenches is None:
+        if self.push.wrenches is None:
             return np.asarray(off)
         wrenches = np.zeros((len(self.motions), 3))
         wrenches[: len(trace.end)] = trace.wrenches
-        pushed = at_poses(wrenches)[self.marks] - self.course.wrenches[self.samples]
+        pushed = at_poses(wrenches)[self.marks] - self.push.wrenches[self.samples]
         pushed[~self.closed] = 0.0
         return np.concatenate([off, pushed[:, None]], axis=1)
 

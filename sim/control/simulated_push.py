@@ -150,7 +150,7 @@ class OpenLoop:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class SimulatedPush:
     """What happened in a world, at every step.
 
     Attributes:
@@ -178,7 +178,7 @@ class Course:
     over: bool
 
 
-def course_in(
+def simulate_push(
     world: World,
     driver: Driver,
     rate: float,
@@ -186,8 +186,8 @@ def course_in(
     sensor: Sensor = SENSOR,
     seed: int = 1,
     time_limit: float = TIME_LIMIT,
-    progress: Callable[[Course], None] | None = None,
-) -> Course:
+    progress: Callable[[SimulatedPush], None] | None = None,
+) -> SimulatedPush:
     """Let a driver push in a world until it is over.
 
     Args:
@@ -209,12 +209,14 @@ def course_in(
     rows: list[tuple[float, FloatArray, FloatArray, FloatArray, int]] = []
     wrenches: list[FloatArray] = []
 
-    def so_far() -> Course:
+    def so_far() -> SimulatedPush:
         columns = (np.array(column) for column in zip(*rows, strict=True))
         t, poses, object_poses, twists, segment = columns
         pushed = np.array(wrenches).reshape(-1, 3)
         ended = simulator.jammed, driver.over
-        return Course(world.names, t, poses, object_poses, pushed, twists, segment, seen.measured, *ended)
+        return SimulatedPush(
+            world.names, t, poses, object_poses, pushed, twists, segment, seen.measured, *ended
+        )
 
     for k in range(int(time_limit * rate) + 1):
         now = k / rate
