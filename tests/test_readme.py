@@ -39,7 +39,9 @@ def test_the_first_command_plans_draws_records_and_prints_what_the_readme_shows(
     printed, shown = capsys.readouterr().out.splitlines(), _blocks("text")[0].splitlines()
     assert printed[0] == shown[0]
     assert [line.split("  ")[:2] for line in printed] == [line.split("  ")[:2] for line in shown]
-    contacts = re.compile(r"contact \S+$")
+    contacts = re.compile(
+        r"contact [\w-]+"
+    )  # which one has the least margin depends on how far the search comes
     assert [_shape(contacts.sub("contact", line)) for line in printed] == [
         _shape(contacts.sub("contact", line)) for line in shown
     ]
