@@ -134,10 +134,10 @@ def test_check_tells_and_draws_the_robot_or_that_there_is_none(
 ) -> None:
     assert main(["check", "carts", "--plot", str(tmp_path / "carts.svg")]) == 0
     assert "1.100 x 0.660 m in 1 part, up to 1.200 m behind the plate's front\n" in capsys.readouterr().out
-    assert "<!-- robot -->" in (tmp_path / "carts.svg").read_text()
+    assert ">robot<" in (tmp_path / "carts.svg").read_text()
     assert main(["check", "two-crates", "--plot", str(tmp_path / "crates.svg")]) == 0
     told = capsys.readouterr().out
     assert "no footprint stated: the robot behind the plate is not looked at\n" in told
-    assert "<!-- robot -->" not in (tmp_path / "crates.svg").read_text()
+    assert ">robot<" not in (tmp_path / "crates.svg").read_text()
     assert main(["check", "two-crates", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["robot"] == {"footprint": [], "drive": "omnidirectional"}
