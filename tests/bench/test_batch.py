@@ -29,7 +29,7 @@ ReadRows = Callable[[Path], Rows]
 
 REAL = """\
 format: pushplan-suite/1
-problems: [one-box, {name: random, generate: {objects: 2, obstacles: 5}, count: 2}]
+problems: [one-box, {name: random, generate: {objects: 2, obstacles: 5}, count: 1}]
 planners: [auto, {name: rrt, first: true}]
 seeds: 2
 limits: {time: 20 s, iterations: 3000}
@@ -113,12 +113,12 @@ def test_one_job_and_two_resumed_jobs_give_the_same_costs_and_arcs(tmp_path: Pat
     some = _run(suite, tmp_path / "2", selection=Selection(filters=("problem=one-box", "planner=rrt")))
     assert (some.total, some.done) == (2, 2)
     rest = _run(suite, tmp_path / "2", selection=Selection(resume=True))
-    assert (rest.total, rest.before, rest.done, rest.left) == (12, 2, 10, 0)
+    assert (rest.total, rest.before, rest.done, rest.left) == (8, 2, 6, 0)
     one, two = rows(tmp_path / "1"), rows(tmp_path / "2")
     assert _results(one) == _results(two)
-    assert len(one) == 12
-    assert sum(row["outcome"] == "ok" for row in one) >= 8
-    assert len({row["log"] for row in one}) == 12
+    assert len(one) == 8
+    assert sum(row["outcome"] == "ok" for row in one) >= 5
+    assert len({row["log"] for row in one}) == 8
     assert all((tmp_path / "1" / row["log"]).read_bytes().startswith(b"\x89MCAP0\r\n") for row in one)
     (tmp_path / "1" / one[2]["log"]).unlink()
     tally = _run(suite, tmp_path / "1", selection=Selection(rerun=one[2]["key"][:8]))
@@ -139,7 +139,7 @@ def test_results_are_not_mixed_by_mistake(tmp_path: Path) -> None:
     with folder.locked():
         run_suite(suite, folder, engine, version="test")
         with pytest.raises(
-            StoreError, match="has the results of 12 runs; go on with --resume, or name another"
+            StoreError, match="has the results of 8 runs; go on with --resume, or name another"
         ):
             run_suite(suite, folder, engine, version="test")
         with (
@@ -166,8 +166,8 @@ def test_a_second_outcome_of_a_run_replaces_the_first(tmp_path: Path, rows: Read
     folder = ResultsFolder(tmp_path)
     with folder.locked():
         run_suite(suite_from_text(REAL), folder, engine, version="test")
-    assert [row["solution_length"] for row in rows(tmp_path)] == [2.0] * 12
+    assert [row["solution_length"] for row in rows(tmp_path)] == [2.0] * 8
     database = sqlite3.connect(tmp_path / "results.db")
-    assert database.execute("SELECT COUNT(*) FROM runs").fetchone() == (12,)
+    assert database.execute("SELECT COUNT(*) FROM runs").fetchone() == (8,)
     database.close()
     assert "results.db-wal" not in os.listdir(tmp_path)
