@@ -17,6 +17,8 @@ from PIL.PngImagePlugin import PngInfo
 
 KEY = "Content"
 
+_PLANNED = ("solved", "reason", "arcs", "segments")
+"""What of a plan's document a picture shows."""
 _VOLATILE = ("log", "page", "seconds", "improvements", "progress", "time_of", "worst")
 """Parts of keys whose values differ from run to run."""
 _DIGITS = 4
@@ -24,7 +26,8 @@ _DIGITS = 4
 
 def content_of(scenario: str, document: Mapping[str, Any]) -> str:
     """Return the hash of a scenario's text and of the JSON document of what was made of it."""
-    kept = json.dumps(_kept(document), sort_keys=True)
+    shown = {key: document[key] for key in _PLANNED if key in document} or document
+    kept = json.dumps(_kept(shown), sort_keys=True)
     return hashlib.sha256((scenario + kept).encode()).hexdigest()[:16]
 
 
