@@ -13,8 +13,6 @@ from plain import load_plain, plain
 
 from pushplan.cli.main import main
 from pushplan.errors import EmptyStableSetError
-from pushplan.geometry.se2 import pose_error
-from pushplan.planners.clearance import find_collision
 from pushplan.planners.controls import straight_pushes
 from pushplan.planners.infeasible import diagnosis
 from pushplan.planners.infeasible import pockets as pocket
@@ -27,7 +25,6 @@ from pushplan.scenario.file import example_names, example_text, scenario_from_te
 from pushplan.scenario.model import PolygonObstacle, Scenario
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
-from pushplan.util.names import PLANNERS
 
 ROOM = """
 obstacles:
@@ -188,22 +185,6 @@ def test_a_passage_that_is_proven_too_narrow_ends_the_search_before_its_width_is
 def _monitor(scenario: Scenario, limit: float = math.inf) -> InfeasibilityMonitor:
     stable = stable_set(scenario.chain)
     return InfeasibilityMonitor(scenario, stable, build_problem(scenario, stable), limit)
-
-
-@pytest.mark.parametrize("planner", [*PLANNERS])
-def test_the_path_that_ends_nearest_to_the_goal_is_kept(planner: str) -> None:
-    scenario = gap(1.26)
-    result = short(scenario, planner)
-    assert result.nearest is not None
-    (push,), error = result.nearest.segments, result.nearest.error
-    path = push.contact_path
-    assert result.path is None
-    assert result.trajectory is None
-    np.testing.assert_array_equal(path.start, scenario.start)
-    assert error == pose_error(path.end, scenario.goal.pose_chain)
-    assert error[0] < pose_error(scenario.start, scenario.goal.pose_chain)[0]
-    assert find_collision(scenario, path.sampled(0.01)) is None
-    assert stable_set(scenario.chain).margin(path.twists).min() > 0.0
 
 
 def test_the_command_tells_reason_and_nearest_path(

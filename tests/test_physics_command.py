@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
@@ -90,14 +89,4 @@ def test_unknown_loads_are_refused_before_planning(
     err = capsys.readouterr().err
     assert "the physics engine cannot execute a push of 'box'" in err
     assert "leaves open how the load rests there" in err
-    assert not log.exists()
-
-
-def test_a_missing_engine_is_told_before_planning(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    log = tmp_path / "run.mcap"
-    assert main(["plan", written(tmp_path), "--physics", "-o", str(log)]) == 2
-    assert "pip install 'pushplan[physics]'" in capsys.readouterr().err
     assert not log.exists()

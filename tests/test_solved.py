@@ -68,16 +68,6 @@ def test_the_set_to_plan_in_is_what_both_sets_have_in_common() -> None:
         assert planning_set(scenario, name).name == name
 
 
-def test_a_path_that_loses_a_contact_when_driven_is_not_solved(hurried: None) -> None:
-    scenario = load_scenario("two-crates")
-    result = plan(scenario, time_limit=60.0, iterations=ITERATIONS)
-    assert not result.solved
-    assert result.reason.startswith("the plan does not hold when it is executed: contact ")
-    assert (result.path, result.trajectory, result.execution, result.robustness) == (None, None, None, None)
-    assert result.min_dynamic_margin is None
-    assert result.first_solution_s is not None
-
-
 def test_the_command_says_so_in_words_in_json_in_the_log_and_by_its_exit_code(
     hurried: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -76,14 +76,3 @@ def test_it_is_an_ompl_planner_whose_solution_ends_at_the_goal(problem: Problem)
     end = definition.getSolutionPath().getStates()[-1]
     np.testing.assert_allclose([end.getX(), end.getY()], problem.goal[:2], atol=1e-9)
     assert abs(float(se2.wrap_angle(end.getYaw() - problem.goal[2]))) < 1e-9
-
-
-def test_no_time_is_a_timeout(problem: Problem) -> None:
-    scenario = load_plain("three-boxes-clutter")
-    session = Session(problem, scenario.start, Budget(0.0), seed=3)
-    information, definition = pose_problem(session, sampling_box(scenario), body_reach(scenario))
-    planner = StableSparseRRT(information)
-    planner.setProblemDefinition(definition)
-    status = planner.solve(ob.PlannerTerminationCondition(session.settled))
-    assert status.getStatus() == ob.PlannerStatus.TIMEOUT
-    assert not definition.hasSolution()

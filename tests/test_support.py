@@ -26,17 +26,6 @@ if TYPE_CHECKING:
     from conftest import ChainMaker
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
-L_SHAPE = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.1], [0.1, 0.1], [0.1, 0.2], [0.0, 0.2]])
-
-
-def test_centroid_and_moments_of_a_polygon_that_is_not_convex() -> None:
-    """An L of three squares of side 0.1, by the parallel-axis theorem."""
-    moments = UniformSupport(L_SHAPE).moments
-    assert moments.area == pytest.approx(0.03)
-    np.testing.assert_allclose(moments.centroid, [0.25 / 3, 0.25 / 3])
-    squares = np.array([[0.05, 0.05], [0.15, 0.05], [0.05, 0.15]]) - moments.centroid
-    want = 0.01 * squares.T @ squares + np.eye(2) * 3 * 0.1**4 / 12
-    np.testing.assert_allclose(moments.second, want)
 
 
 def test_affine_pressure_has_its_centre_where_asked() -> None:
@@ -74,16 +63,6 @@ def test_outlines_that_are_no_polygon_are_refused(outline: FloatArray, text: str
         UnknownSupport(outline)
 
 
-def test_feet_with_and_without_loads() -> None:
-    known = FeetSupport(BOX, np.array([0.1, 0.2, 0.3, 0.4]))
-    assert known.known
-    np.testing.assert_allclose(known.center, [0.0, 0.012], atol=1e-15)
-    unknown = FeetSupport(BOX, center_of_mass=np.array([0.01, 0.0]))
-    assert not unknown.known
-    np.testing.assert_array_equal(unknown.center, [0.01, 0.0])
-    assert len(unknown.hull) == 4
-
-
 @pytest.mark.parametrize(
     ("fractions", "center", "text"),
     [
@@ -100,15 +79,6 @@ def test_wrong_feet_are_refused(fractions: FloatArray | None, center: FloatArray
     with pytest.raises(Exception, match=text) as caught:
         FeetSupport(BOX, fractions, center)
     assert type(caught.value).__module__ == "pushplan.errors"
-
-
-def test_unknown_support_has_its_centroid_or_the_given_centre() -> None:
-    np.testing.assert_allclose(UnknownSupport(L_SHAPE).center, [0.25 / 3, 0.25 / 3])
-    assert not UnknownSupport(L_SHAPE).known
-    assert len(UnknownSupport(L_SHAPE).hull) == 5
-    np.testing.assert_array_equal(UnknownSupport(L_SHAPE, np.array([0.1, 0.12])).center, [0.1, 0.12])
-    with pytest.raises(SupportError, match="outside"):
-        UnknownSupport(L_SHAPE, np.array([0.18, 0.18]))
 
 
 def test_pressure_map_from_csv(tmp_path: Path) -> None:

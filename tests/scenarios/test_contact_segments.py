@@ -17,7 +17,6 @@ from pushplan.geometry.polygon import (
     find_flaw,
     find_touch,
     overlap_depth,
-    simple_polygon,
 )
 from pushplan.scenario.layout import box_outline
 from pushplan.util.arrays import FloatArray
@@ -140,13 +139,6 @@ def test_the_depth_of_boxes_pushed_into_each_other_is_the_push(
 def test_a_shape_inside_a_notch_overlaps_nothing() -> None:
     assert overlap_depth(U_SHAPE, moved(box_outline(0.5, 0.5), 0.5, 0.5)) == 0.0
     assert overlap_depth(U_SHAPE, moved(box_outline(0.62, 0.2), 0.5, 0.5)) == pytest.approx(0.6)
-
-
-@given(stars())
-def test_simple_outlines_have_no_flaw_in_either_orientation(outline: FloatArray) -> None:
-    assert find_flaw(outline) is None
-    assert find_flaw(outline[::-1]) is None
-    np.testing.assert_array_equal(simple_polygon(outline[::-1], "outline"), outline)
 
 
 @given(stars(), st.data())

@@ -17,7 +17,7 @@ from pushplan.errors import ScenarioError
 from pushplan.mechanics.support import FeetSupport, PressureMapSupport, UniformSupport, UnknownSupport
 from pushplan.scenario.check import check_scenario
 from pushplan.scenario.file import example_names, example_text, load_scenario, scenario_from_text
-from pushplan.scenario.model import CircleObstacle, PolygonObstacle, StabilitySettings, Workspace
+from pushplan.scenario.model import CircleObstacle, PolygonObstacle, Workspace
 
 SMALLEST = """\
 format: pushplan/1
@@ -139,16 +139,6 @@ def test_a_scenario_cannot_be_changed(valid: Changed) -> None:
         scenario.start[0] = 1.0
     scenario.resolved()["objects"][0]["mass"] = 5.0
     assert scenario.resolved()["objects"][0]["mass"] == 1.2
-
-
-def test_sets_that_need_loads_say_what_to_choose(valid: Changed) -> None:
-    scenario = valid.scenario(("support: uniform", "support: unknown"))
-    for name in ("ecof", "cof", "translation"):
-        chosen = dataclasses.replace(scenario, stability=StabilitySettings(name))
-        assert [finding.text("f.yaml") for finding in check_scenario(chosen)] == [
-            f"f.yaml:31:18: stability.set: '{name}' needs to know how loads rest on the floor, which is not stated "
-            "for 'near'; allowed: stable, robust, or a support with known loads"
-        ]
 
 
 def test_an_empty_stable_set_is_found_at_the_contact_that_makes_it_empty(valid: Changed) -> None:
