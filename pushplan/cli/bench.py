@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     "--jobs",
     type=p.Number("number of jobs", 1, 1024, whole=True),
     metavar="N",
-    help="Runs at a time (default 1: they disturb one another).",
+    help="Runs at a time (default 1: parallel runs slow one another down).",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Do the runs on a Dask cluster, e.g. tcp://HOST:8786.")
 @click.option("--resume", is_flag=True, help="Do what is missing in DIR.")
@@ -41,13 +41,13 @@ if TYPE_CHECKING:
     help="Only runs whose problem, planner, set or seed fits, e.g. problem=gap-*; may be repeated.",
 )
 @click.option("--rerun", metavar="KEY", default="", help="Do the run with this key again, and only that.")
-@click.option("--accept-broken", is_flag=True, help="Exit code 0 also when runs crashed, or took too much.")
+@click.option("--accept-broken", is_flag=True, help="Exit code 0 also when runs crashed or exceeded a limit.")
 @click.option(
     "--compare",
     type=p.PATH,
     nargs=2,
     metavar="OLD NEW",
-    help="Tell what two folders' results differ in.",
+    help="Compare the results of two folders.",
 )
 @click.option(
     "--threshold",
