@@ -151,7 +151,7 @@ def test_the_run_on_the_index_is_played_by_the_present_player() -> None:
 
 def test_the_citation_is_of_the_present_version() -> None:
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
-    assert {"cff-version", "message", "title", "authors"} <= set(cited)
+    assert {"cff-version", "message", "title", "authors", "date-released"} <= set(cited)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     assert (cited["version"], cited["license"]) == (project["version"], project["license"])
 

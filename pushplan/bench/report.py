@@ -105,6 +105,34 @@ class Table:
         columns = zip(*self.rows, strict=True) if self.rows else [("x",)] * len(self.head)
         return [all(_NUMBER.match(word) for word in column) for column in columns]
 
+    @property
+    def latex(self) -> str:
+        """It as a LaTeX table; it takes the package booktabs."""
+        columns = "".join("r" if numeric else "l" for numeric in self.numeric)
+        lines = [" & ".join(map(_latex, row)) + r" \\" for row in (self.head, *self.rows)]
+        rules = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:]]
+        return "\n".join([*rules, r"\bottomrule", r"\end{tabular}", ""])
+
+
+_LATEX = {
+    **{letter: rf"\{letter}" for letter in "&%$#_{}"},
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+}
+
+
+def _latex(text: str) -> str:
+    return "".join(_LATEX.get(letter, letter) for letter in text)
+
+
+def write_latex(results: Results, path: Path) -> None:
+    """Write the tables by planner and by problem, and comparisons, for a paper, in LaTeX."""
+    compared = comparisons(results)
+    tables = {"by planner": by_planner(results), "by problem": by_problem(results)}
+    tables |= {} if compared is None else {"comparisons": compared}
+    write_whole(path, "\n".join(f"% {name}\n{table.latex}" for name, table in tables.items()).encode())
+
 
 def number(value: float, digits: int = 3) -> str:
     """Return a number for people; a dash for none."""

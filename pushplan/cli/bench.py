@@ -185,11 +185,12 @@ def _bench(
 
 def _report(folder: ResultsFolder, console: Console) -> Results:
     with console.working("writing the report"):
-        from pushplan.bench.report import write_report
+        from pushplan.bench.report import write_latex, write_report
         from pushplan.bench.store import read_results, write_tables
 
         results = read_results(folder.path)
         write_tables(results, folder.path)
+        write_latex(results, folder.path / "tables.tex")
         write_report(results, folder.report)
     return results
 

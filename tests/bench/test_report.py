@@ -21,6 +21,7 @@ from pushplan.bench.report import (
     outcomes,
     render,
     worst_runs,
+    write_latex,
     write_report,
 )
 from pushplan.bench.statistics import compare_versions
@@ -108,6 +109,18 @@ def test_a_report_of_nothing_solved_is_a_report(tmp_path: Path) -> None:
     assert "No run has a valid path." in text
     assert "48 timeout" in text
     assert len(worst_runs(results)) == 4
+
+
+def test_tables_for_a_paper_are_latex_with_the_report_s_numbers(tmp_path: Path) -> None:
+    results = make(tmp_path)
+    write_latex(results, tmp_path / "tables.tex")
+    text = (tmp_path / "tables.tex").read_text()
+    assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") >= 2
+    assert not re.search(r"(?<!\\)[%_#$]", re.sub(r"(?m)^%.*$", "", text))
+    for row in by_planner(results).rows:
+        assert row[0].replace("_", r"\_") in text
+    widths = {line.count(" & ") for line in text.partition(r"\end{tabular}")[0].splitlines() if " & " in line}
+    assert widths == {len(by_planner(results).head) - 1}
 
 
 def test_tables_for_other_programs_hold_every_run(tmp_path: Path) -> None:
