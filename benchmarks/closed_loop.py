@@ -11,6 +11,9 @@ objects with walls and obstacles, are executed in worlds in which
 Counted is whether the goal's object (every object, where the goal names none) ends within 5 mm and 1 deg of its goal.
 Loads that are unknown are even in these worlds.
 
+`--plans 40` does so with random plans of several pushes of one load, and of several objects, in place of these. The
+plate is off where it believes to be by up to 5 mm and 2 deg, drawn anew, at every approach.
+
 `--physics 6` asks MuJoCo (extra `physics`) for a second opinion on so many runs that planned on the way and arrive:
 their last plan is executed there, so slowly that inertia does not matter, from where plate and objects really were
 when it was made. MuJoCo knows the contacts of the chain only, so obstacles go.
@@ -22,25 +25,32 @@ import argparse
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pushplan.bench.machine import Machine
 from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters
-from pushplan.geometry.se2 import compose, inverse, relative
+from pushplan.errors import PushplanError
+from pushplan.geometry.se2 import compose, exp, inverse, log, relative
 from pushplan.planners.planner import plan
 from pushplan.plans.events import Replan
-from pushplan.plans.plan import Plan
-from pushplan.scenario.file import example_names, load_scenario
+from pushplan.plans.plan import Load, Plan
+from pushplan.scenario.file import example_names, load_scenario, scenario_from_document
 from pushplan.scenario.model import Scenario
 from pushplan.sim.control.controller import Controller
+from pushplan.sim.control.pushing import Phase
 from pushplan.sim.control.replanner import Aim
 from pushplan.sim.control.simulated_push import Disturbance, OpenLoop, SimulatedPush, simulate_push
 from pushplan.sim.physics.engine import SLIPPING
 from pushplan.sim.physics.simulate import simulate_trajectory
+from pushplan.sim.report import worst_at_goal
 from pushplan.sim.world import World
 from pushplan.util.arrays import FloatArray
 from pushplan.util.wilson import wilson
@@ -84,14 +94,153 @@ def random_scenarios(count: int) -> list[tuple[Scenario, Plan]]:
 def disturbed(scenario: Scenario, duration: float, random: np.random.Generator) -> tuple[World, Disturbance]:
     """Return a world whose friction is off, and a disturbance."""
     world = World.from_scenario(scenario)
-    for obj in scenario.chain.objects:
-        world = world.with_contact_friction(1.0 + OFF * random.choice([-1.0, 1.0]), obj.name)
-        world = world.with_floor_friction(1.0 + OFF * random.choice([-1.0, 1.0]), obj.name)
+    for name in world.names:
+        world = world.with_contact_friction(1.0 + OFF * random.choice([-1.0, 1.0]), name)
+        world = world.with_floor_friction(1.0 + OFF * random.choice([-1.0, 1.0]), name)
     way = random.uniform(-np.pi, np.pi)
     turn = TURNED * random.choice([-1.0, 1.0])
-    index = int(random.integers(len(scenario.chain.objects)))
+    index = int(random.integers(len(world.names)))
     x, y = DISPLACED * np.cos(way), DISPLACED * np.sin(way)
     return world, Disturbance(random.uniform(0.0, duration), index, float(x), float(y), float(turn))
+
+
+SIDES, ROOM = (0.12, 0.3), 3.0
+"""Sides of boxes, and half of the side of the room that they are drawn in, m."""
+APART = 0.65
+"""Distance of boxes, goals and robot from one another, m: with room to drive between them."""
+APPROACH = (5e-3, np.radians(2.0))
+"""By how much the plate is off where it believes to be after it has driven to an object, at most."""
+
+
+def several_pushes(count: int) -> Iterator[tuple[Scenario, Plan]]:
+    """Yield so many random scenarios that have a plan: a load of one or two boxes, or two or three boxes apart."""
+    found = seed = 0
+    while found < count:
+        random = np.random.default_rng([seed, 77])
+        scenario = scenario_from_document(_apart(random, seed) if seed % 2 else _one_load(random, seed))
+        with suppress(PushplanError):
+            result = plan(scenario, seed=1, time_limit=10.0 if seed % 2 else 1.0, first=seed % 2 == 1)
+            if result.solved:
+                found += 1
+                yield scenario, result
+        seed += 1
+
+
+def _spots(random: np.random.Generator, count: int) -> FloatArray:
+    """Return poses (count, 3) in the room that are apart from one another."""
+    spots: list[FloatArray] = []
+    while len(spots) < count:
+        spot = random.uniform(-0.8 * ROOM, 0.8 * ROOM, 3) * [0.6, 0.6, 1.0]
+        if all(np.hypot(*(spot - other)[:2]) > APART for other in spots):
+            spots.append(spot)
+    return np.array(spots)
+
+
+def _room(random: np.random.Generator, name: str, robot: FloatArray) -> dict[str, Any]:
+    drive = [{"differential": {"axle": [-0.2, 0.0, 0.0]}}, "omnidirectional"][int(random.integers(2))]
+    return {
+        "format": "pushplan/1",
+        "name": name,
+        "floor": {"friction": 0.3},
+        "contacts": {"friction": 0.4},
+        "pusher": {"width": 0.28, "friction": 0.5},
+        "robot": {
+            "footprint": {"box": [0.4, 0.285], "pose": [-0.2, 0.0, 0.0]},
+            "drive": drive,
+            "start": robot.tolist(),
+        },
+        "workspace": {"x": [-ROOM, ROOM], "y": [-ROOM, ROOM]},
+    }
+
+
+def _box(random: np.random.Generator, name: str) -> dict[str, Any]:
+    shape = {"box": random.uniform(*SIDES, 2).round(3).tolist()}
+    return {"name": name, "shape": shape, "mass": float(random.uniform(0.5, 3.0))}
+
+
+def _one_load(random: np.random.Generator, seed: int) -> dict[str, Any]:
+    start, goal, robot = _spots(random, 3)
+    boxes = [_box(random, f"box-{k}") for k in range(int(random.integers(1, 3)))]
+    return {
+        **_room(random, f"load-{seed}", robot),
+        "objects": boxes,
+        "start": start.tolist(),
+        "goal": {"pose": goal.tolist(), "of": boxes[-1]["name"]},
+    }
+
+
+def _apart(random: np.random.Generator, seed: int) -> dict[str, Any]:
+    count = int(random.integers(2, 4))
+    spots = _spots(random, 2 * count + 1)
+    boxes = [_box(random, f"box-{k}") | {"pose": spots[k].tolist()} for k in range(count)]
+    goals = {box["name"]: {"pose": spots[count + k].tolist()} for k, box in enumerate(boxes)}
+    return {**_room(random, f"boxes-{seed}", spots[-1]), "objects": boxes, "goals": goals}
+
+
+@dataclass(eq=False)
+class Astray:
+    """A controller whose plate is not where it believes to be when an approach begins; see `simulated_push.Driver`.
+
+    Attributes:
+        controller: What is judged.
+        random: Draws.
+    """
+
+    controller: Controller
+    random: np.random.Generator
+    _approached: object = None
+    _shift: FloatArray | None = None
+
+    @property
+    def load(self) -> Load | None:
+        return self.controller.load
+
+    @property
+    def segment(self) -> int:
+        return self.controller.segment
+
+    @property
+    def over(self) -> bool:
+        return self.controller.over
+
+    def step(
+        self, now: float, object_poses: ArrayLike | None = None, measured_at: float | None = None
+    ) -> FloatArray:
+        twist = self.controller.step(now, object_poses, measured_at)
+        load = self.controller.load
+        approaches = self.controller.phase is Phase.DRIVING and load is not None and load.face != ""
+        if approaches and load is not self._approached and twist[0] > 0.0:
+            way, far = self.random.uniform(-np.pi, np.pi), APPROACH[0] * self.random.random()
+            turn = self.random.uniform(-APPROACH[1], APPROACH[1])
+            self._approached, rate = load, self.controller.settings.rate
+            return np.asarray(
+                log(compose(exp(twist / rate), [far * np.cos(way), far * np.sin(way), turn])) * rate
+            )
+        if not approaches and self.controller.phase is Phase.DRIVING:
+            self._approached = None
+        return twist
+
+
+def carry_out(scenario: Scenario, result: Plan, seed: int, verbose: bool) -> Row:
+    """Carry out a plan of several pushes with errors of approach, a disturbance and noise; and whatever happens."""
+    assert result.trajectory is not None
+    random = np.random.default_rng([seed, *scenario.name.encode()])
+    world, disturbance = disturbed(scenario, result.trajectory.duration, random)
+    controller = Controller(scenario, plan=result)
+    began = time.process_time()
+    course = simulate_push(
+        world, Astray(controller, random), controller.settings.rate, [disturbance], seed=seed
+    )
+    seconds = time.process_time() - began
+    blind = simulate_push(world, OpenLoop(result, 50.0), 50.0, [disturbance])
+    errors = [np.array(worst_at_goal(scenario, run.object_poses[-1])) for run in (course, blind)]
+    closed, opened = (bool((error <= [POSITION, ANGLE]).all()) for error in errors)
+    why = "jammed" if course.jammed else controller.reason or controller.phase.value
+    if verbose and not closed:
+        print(disturbance.event(world.names))
+        for event in controller.events:
+            print(f"    {event.time:7.2f} {event.kind:8} {event.text}")
+    return Row(closed, opened, errors[0], tuple(controller.replans), why, seconds)
 
 
 def judge(scenario: Scenario, object_poses: FloatArray) -> FloatArray:
@@ -147,9 +296,14 @@ def main() -> int:
     parser.add_argument("--random", type=int, default=40, help="random scenarios")
     parser.add_argument("--only", nargs="*", help="names of scenarios")
     parser.add_argument("--physics", type=int, default=0, help="runs that MuJoCo judges, too")
+    parser.add_argument(
+        "--plans", type=int, default=0, help="plans of several pushes, instead of single ones"
+    )
     parser.add_argument("--verbose", action="store_true", help="print every event of runs that miss")
     arguments = parser.parse_args()
     print(Machine.this().words)
+    if arguments.plans:
+        return report([*carried_out(several_pushes(arguments.plans), arguments.only, arguments.verbose)])
     problems = [
         (scenario, plan(scenario, seed=1, time_limit=1.0)) for scenario in map(load_scenario, example_names())
     ]
@@ -172,6 +326,22 @@ def main() -> int:
             if not row.closed:
                 print(f"    {1e3 * row.error[0]:.1f} mm {np.degrees(row.error[1]):.2f} deg: {row.why}")
     return report(rows)
+
+
+def carried_out(
+    problems: Iterator[tuple[Scenario, Plan]], only: list[str] | None, verbose: bool
+) -> Iterator[Row]:
+    """Carry out plans of several pushes, print a line each."""
+    for scenario, result in problems:
+        if only and scenario.name not in only:
+            continue
+        row = carry_out(scenario, result, 1, verbose)
+        planned = f"{len(result.pushes)} pushes of {len(scenario.poses)} objects, {result.cost:.1f} m"
+        rests = sum(replan.result is None or replan.result.path is None for replan in row.replans)
+        how = f"{1e3 * row.error[0]:.1f} mm {np.degrees(row.error[1]):.2f} deg, {rests} plans for the rest"
+        arrived = "arrives" if row.closed else "MISSES "
+        print(f"{scenario.name:12} {arrived} {planned}: {how}, {row.seconds:.0f} s: {row.why}", flush=True)
+        yield row
 
 
 def report(rows: list[Row]) -> int:

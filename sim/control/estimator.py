@@ -42,6 +42,8 @@ COMMON = 7
 """Numbers that all objects share: x, y and theta of C, tau, s_v, c, s_w."""
 OWN = slice(3, COMMON)
 """Those of clock and wheels, which stay the same from one push to the next."""
+DOUBT = 0.2
+"""Share of what is likely of them that is doubted of what a push before has told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ class Estimator:
         self._center = np.zeros(len(self._prior))
         if known is not None:
             self._center[OWN] = known.values[OWN]
-            self._prior[OWN] = np.sqrt(np.diag(known.covariance)[OWN])
+            self._prior[OWN] = np.maximum(np.sqrt(np.diag(known.covariance)[OWN]), DOUBT * self._prior[OWN])
         self.values: FloatArray = self._center.copy()
         self.covariance: FloatArray = np.diag(self._prior**2)
         self.noise = np.array([settings.position_noise, settings.angle_noise])

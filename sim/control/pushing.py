@@ -274,7 +274,9 @@ class PushLoop:
             self._touch(measured)
             estimator = self.estimator
         chain = self._replanner.chain
-        poses = estimator.unbiased(measured, chain.places, self._normals)
+        poses = measured  # where a contact tells where the plate is, goals are where the camera sees them
+        if self._job.settle == 0.0:
+            poses = estimator.unbiased(measured, chain.places, self._normals)
         self.places = places = relative(self.plate, poses)
         contacts = contacts_at(self.scenario.chain, places)
         off = words(*self._replanner.aim.errors(poses))
@@ -282,7 +284,13 @@ class PushLoop:
         self._tell("re-localisation", f"the goal is {off} away; contacts are open by up to {open_by}")
         nearer = self._could_be_nearer(poses, contacts.slide)
         aim = self._replanner.aim
-        flush = contacts.flush(*self._closed()) or self._persists(contacts, open_by)
+        flush = bool(contacts.flush(*self._closed()))
+        if not flush and self._persists(contacts, open_by):
+            flush = True
+            if self._job.settle > 0.0:
+                self._touch(measured)
+                self.places = relative(self.plate, measured)
+                contacts = contacts_at(self.scenario.chain, self.places)
         if aim.reached(poses, CLEARLY) or (aim.reached(poses, 1.0) and not nearer):
             self._end(Phase.ARRIVED, f"{off} off the goal")
         elif self._replans >= self.settings.replans:
@@ -312,7 +320,8 @@ class PushLoop:
         most = [SIGMAS * value for value in self.settings.bias]
         if not (same.all() and contacts.flush(*most)):
             return False
-        self._tell("sensor", f"a push does not change that contacts seem open by {open_by}: cameras err so")
+        cause = "the plate is elsewhere" if self._job.settle > 0.0 else "cameras err so"
+        self._tell("sensor", f"a push does not change that contacts seem open by {open_by}: {cause}")
         return True
 
     def _could_be_nearer(self, poses: FloatArray, slides: FloatArray) -> bool:
@@ -369,6 +378,10 @@ class PushLoop:
         """Take the objects for being in contact at their new places; what they still seem off is the sensor's."""
         places = self._replanner.chain.places
         self.estimator.take_slides(places, self._normals)
+        if self._job.settle > 0.0:  # at rest and closed: with what comes next, they tell the delay
+            self._settled = True
+            for one in self._recent:
+                self.estimator.add(Sample(one.time, one.poses, places))
         (rest,) = self.estimator.residuals([Sample(self._now, measured, places)])
         self.estimator.absorb(rest)
 

@@ -41,8 +41,8 @@ class Standing:
 
     @property
     def by_name(self) -> dict[str, FloatArray]:
-        """Poses (3,) by name."""
-        return dict(zip(self.names, self.poses, strict=True))
+        """Poses (3,) by name, as they are now."""
+        return dict(zip(self.names, self.poses.copy(), strict=True))
 
     def columns(self, names: Iterable[str]) -> list[int]:
         """Return the numbers of some objects."""
