@@ -1,9 +1,11 @@
 """Several objects, each to a goal of its own: in which order, and which of them have to make room first.
 
-A depth-first search over situations. A body is brought to its goal only where every other one that is left keeps a
-plan of its own (or waits for another body to leave its goal); where none can be, one that is in the way is put
+At first the nearest body that has a plan is brought to its goal, then the next one. Where that leaves some without a
+plan, situations are searched depth first: a body is brought to its goal only where every other one that is left keeps
+a plan of its own (or waits for another body to leave its goal); where none can be, one that is in the way is put
 somewhere from where the rest goes on, and has to be brought to its goal afterwards, also where it stood there before.
-As few are moved as possible. What is spent on each transfer grows while there is no order.
+As few are moved as possible. What is spent on each transfer grows while there is no order. With the time that is left
+other orders are tried, and every transfer is searched for again from where the one before ends.
 """
 
 from __future__ import annotations
@@ -55,6 +57,12 @@ MOST_PLACES = 24
 
 ROOM = 0.05
 """What such a place keeps from other bodies and from goals, beside the clearance, m."""
+
+OTHER_ORDERS = 0.5
+"""Share of the time that is left after the first order in which others are tried."""
+
+NOISE = 0.5
+"""Of the ways by which pieces are ordered then, in natural logarithms."""
 
 GAIN = 1e-6
 """Smallest saving that counts, m."""
@@ -217,6 +225,11 @@ class RearrangementSearch:
         if transfers is not None:
             candidates = (self._take(transfers, order.looked_at, improvements),)
             if not settings.first:
+                half = time.perf_counter() + OTHER_ORDERS * max(0.0, until - time.perf_counter())
+                cheaper = order.cheaper(now, transfers, half)
+                if cheaper is not transfers:
+                    transfers = cheaper
+                    candidates = (self._take(transfers, order.looked_at, improvements), *candidates)
                 better = self._better(now, transfers, until, settings)
                 if better is not None:
                     candidates = (self._take(better, order.looked_at, improvements), *candidates)
@@ -347,10 +360,46 @@ class _Order:
         """Return transfers that bring every piece that is left to a goal, None where none were found in time."""
         for self._patience, relocations in STAGES:
             self._known = {key: one for key, one in self._known.items() if one is not None}
-            found = self._go_on(now, relocations)
+            found = self._greedy(now) if relocations == 0 else None
+            if found is None:
+                found = self._go_on(now, relocations)
             if found is not None or self._over():
                 return found
         return None
+
+    def _greedy(
+        self, now: Situation, noise: float = 0.0, below: float = math.inf
+    ) -> tuple[Transfer, ...] | None:
+        """Return transfers, each to the nearest piece that has a plan, None where some are left without one.
+
+        Args:
+            now: Where everything is.
+            noise: Of the ways by which the nearest one is chosen, in natural logarithms.
+            below: They cost less, m.
+        """
+        steps: list[Transfer] = []
+        while now.left:
+            found = (self._delivery(now, piece) for piece in self._nearest_first(now, noise))
+            step = next((one for one in found if one is not None), None)
+            if step is None or self._over():
+                return None
+            steps.append(step)
+            below -= step.cost
+            if below <= 0.0:
+                return None
+            now = _after(self._pieces, step, now)
+        return tuple(steps)
+
+    def cheaper(self, now: Situation, best: tuple[Transfer, ...], until: float) -> tuple[Transfer, ...]:
+        """Return transfers in another order that cost less, the same ones where none was found in time."""
+        self._until, whole = until, self._until
+        cost = sum(step.cost for step in best)
+        while not self._over():
+            found = self._greedy(now, NOISE, cost - GAIN)
+            if found is not None:
+                best, cost = found, sum(step.cost for step in found)
+        self._until = whole
+        return best
 
     def _over(self) -> bool:
         return time.perf_counter() >= self._until or self._cancelled()
@@ -358,20 +407,32 @@ class _Order:
     def _go_on(self, now: Situation, relocations: int) -> tuple[Transfer, ...] | None:
         if not now.left:
             return ()
-        for step in self._deliveries(now):
-            after = _after(self._pieces, step, now)
+        for piece in self._nearest_first(now):
+            step = self._delivery(now, piece)
             if self._over():
                 return None
+            if step is None:
+                continue
+            after = _after(self._pieces, step, now)
             if all(self._is_open(after, k) for k in after.left):
                 rest = self._go_on(after, relocations)
                 if rest is not None:
                     return (step, *rest)
         return self._make_way(now, relocations) if relocations else None
 
-    def _deliveries(self, now: Situation) -> list[Transfer]:
-        """Return the transfers that bring a piece to a goal now, cheapest first."""
-        found = [self._delivery(now, k) for k in sorted(now.left)]
-        return sorted((one for one in found if one is not None), key=lambda one: one.cost)
+    def _nearest_first(self, now: Situation, noise: float = 0.0) -> list[int]:
+        """Return the pieces that are left, those first that the robot drives to and pushes the shortest way."""
+        factors = np.exp(self._random.normal(scale=noise, size=len(self._pieces))) if noise else None
+
+        def way(piece: int) -> float:
+            own = self._pieces[piece]
+            pushes, start = own.search.scenario.pushes, now.poses[piece]
+            assert pushes is not None
+            push = min(math.hypot(*(goal.pose_chain - start)[:2]) for goal in own.goals)
+            length = pushes.transit_weight * math.hypot(*(start - now.plate)[:2]) + push
+            return length if factors is None else length * float(factors[piece])
+
+        return sorted(sorted(now.left), key=way)
 
     def _delivery(self, now: Situation, piece: int) -> Transfer | None:
         key = (piece, now.plate.tobytes(), now.poses.tobytes())

@@ -8,13 +8,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+import numpy as np
+
 from pushplan.planners.multi.graph import Graph, PushSequence, lower_bounds
 from pushplan.planners.multi.room import PushRoom, Question
 from pushplan.planners.multi.samples import Sampler, crossings
-from pushplan.util.arrays import BoolArray
+from pushplan.util.arrays import BoolArray, FloatArray
 
 MOST_POSES = 160
 """More are let go of, those first through which a plan can be least good."""
+
+
+CROSSINGS = 40
+"""So many of the poses where straight pushes cross are tried at first: each adds pushes to and from all others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +98,7 @@ def search(
     sampler = Sampler(room, question, graph.changes, graph.begins & graph.leaves, graph.ends, seed)
     best: PushSequence | None = None
     first: float | None = None
-    batches = 0
+    batches, waiting = 0, question.goals[:0]
     while True:
         below = math.inf if best is None else best.cost - 1e-6  # the smallest saving that counts, m
         found = graph.cheapest(below, partial(limits.over, batches, best is None))
@@ -108,9 +114,19 @@ def search(
         if best is None:
             graph.try_harder()
         below = math.inf if best is None else best.cost - 1e-6
-        poses = crossings(question.load, question.goals, modes) if batches == 0 else sampler.draw(12, best)
+        if batches == 0:
+            poses = _shortest_first(room, question, crossings(question.load, question.goals, modes))
+            poses, waiting = poses[:CROSSINGS], poses[CROSSINGS:]
+        else:
+            poses, waiting = (waiting, waiting[:0]) if len(waiting) else (sampler.draw(12, best), waiting)
         if batches and len(graph.poses) + len(poses) > MOST_POSES:
             graph.forget(MOST_POSES // 2, below)
         graph.add(poses, below)
         batches += 1
     return Found(best, bound, first, graph.looked_at, graph.arrives, graph.begins, graph.leaves, graph.ends)
+
+
+def _shortest_first(room: PushRoom, question: Question, poses: FloatArray) -> FloatArray:
+    """Return poses (k, 3), those first through which a plan may cost least."""
+    to, on = lower_bounds(room, question, poses)
+    return poses[np.argsort(to + on, kind="stable")]
