@@ -131,7 +131,8 @@ class _Beams:
 
     def over(self) -> bool:
         """Whether there is no more time."""
-        return time.perf_counter() >= self._until or self._settings.observer.cancelled()
+        spent = self.steps.floor.looked_at >= (self._settings.iterations or math.inf)
+        return spent or time.perf_counter() >= self._until or self._settings.observer.cancelled()
 
     def search(self, widths: Sequence[int]) -> Segments:
         """Return the best plan of beams of some widths, none where none is better than the best so far."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -219,7 +219,7 @@ class RearrangementSearch:
             raise PlanningError("every object is at a goal already: there is nothing to push")
         now, until = Situation(scenario.pushes.robot_start, poses, left), began + limit
         improvements = Improvements(settings.observer, began)
-        order = _Order(self.pieces, seed, until, settings.observer.cancelled)
+        order = _Order(self.pieces, settings, until)
         transfers = order.find(now)
         candidates: tuple[Segments, ...] = ()
         if transfers is not None:
@@ -339,19 +339,18 @@ class _Order:
 
     Args:
         pieces: All that can be pushed.
-        seed: Of the random numbers.
+        settings: Complete.
         until: `time.perf_counter` at which it is over.
-        cancelled: Asked whether to end at once.
 
     Attributes:
         looked_at: Transfers that were searched for.
     """
 
-    def __init__(
-        self, pieces: tuple[Piece, ...], seed: int, until: float, cancelled: Callable[[], bool]
-    ) -> None:
-        self._pieces, self._seed, self._until, self._cancelled = pieces, seed, until, cancelled
-        self._random = np.random.default_rng(seed)
+    def __init__(self, pieces: tuple[Piece, ...], settings: PlanSettings, until: float) -> None:
+        assert settings.seed is not None
+        self._pieces, self._seed, self._until = pieces, settings.seed, until
+        self._cancelled, self._most = settings.observer.cancelled, settings.iterations or math.inf
+        self._random = np.random.default_rng(self._seed)
         self._patience = STAGES[0][0]
         self._known: dict[tuple[object, ...], Transfer | None] = {}
         self.looked_at = 0
@@ -402,7 +401,8 @@ class _Order:
         return best
 
     def _over(self) -> bool:
-        return time.perf_counter() >= self._until or self._cancelled()
+        spent = self.looked_at >= self._most
+        return spent or time.perf_counter() >= self._until or self._cancelled()
 
     def _go_on(self, now: Situation, relocations: int) -> tuple[Transfer, ...] | None:
         if not now.left:

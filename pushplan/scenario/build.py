@@ -199,8 +199,10 @@ def _pushes(file: RoomFile, goals: tuple[Goal, ...], source: Source) -> Pushes |
         if name in file.planner.model_fields_set and getattr(file.planner, name) != only:
             source.error(("planner", name), f"is for a single push; multi-push plans have {only} only")
     plate, choice = file.pusher, file.pushes or schema.PushChoice()
-    if isinstance(file, RearrangementFile) and "transit_weight" not in choice.model_fields_set:
-        choice = choice.model_copy(update={"transit_weight": 1.0})  # all that the robot drives counts
+    if isinstance(file, GatheringFile) and "transit_weight" not in choice.model_fields_set:
+        choice = choice.model_copy(
+            update={"transit_weight": 1.0}
+        )  # a row is asked for to save the robot's way
     faces = None if plate.faces in (None, "all") else tuple(plate.faces)
     return Pushes(np.array(file.robot.start), goals, faces, plate.offsets or (0.0,), **choice.model_dump())
 
