@@ -105,7 +105,7 @@ def test_an_object_aside_leaves_what_it_carries_and_shortens_both_contacts(chain
 
 
 def test_a_load_that_is_not_known_does_not_lean(make_chain: ChainMaker) -> None:
-    with pytest.raises(SupportError, match="a load that is not known cannot lean"):
+    with pytest.raises(SupportError, match="a load that is not known cannot be shifted"):
         with_leaning_load(make_chain.boxes(1, support=UnknownSupport), [1.0, 0.0], 0.1)
 
 
