@@ -91,7 +91,7 @@ class Family:
 
     def room(self, seed: int) -> Document:
         """Return the document of a room with a row at a wall."""
-        random = np.random.default_rng([seed, zlib(repr(self))])
+        random = np.random.default_rng([seed, number_of(repr(self))])
         sizes = KINDS[self.kind]
         boxes = [sizes[i % len(sizes)] for i in range(self.count)]
         length = sum(size[0] for size in boxes)
@@ -150,7 +150,7 @@ class Family:
         }
 
 
-def zlib(text: str) -> int:
+def number_of(text: str) -> int:
     """Return a number of a text, the same in every process."""
     return int.from_bytes(text.encode()[-8:], "little")
 

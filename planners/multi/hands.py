@@ -22,7 +22,7 @@ from pushplan.geometry import se2
 from pushplan.mechanics.faces import Place, Through, ways_through
 from pushplan.planners.controls import margins_to_try
 from pushplan.planners.multi.contact_modes import ContactMode
-from pushplan.planners.multi.room import packed_mode, reaches, wheels_of
+from pushplan.planners.multi.room import NO_WALLS, packed_mode, reaches, wheels_of
 from pushplan.planners.problem import Posing, sampling_box, walls_of
 from pushplan.planners.scene import bounding_circle, convex_pieces, flatten, scene_of
 from pushplan.plans.plan import Load, Poses, Segment
@@ -354,7 +354,7 @@ class Floor:
         """Return the robot beside one object, which is at a pose (3,)."""
         berth = max(self.scenario.clearance, TRANSIT_CLEARANCE)
         pieces = [se2.transform_points(own, piece) for piece in self._outlines[name]]
-        return scene_of(self._carried, pieces, np.zeros((0, 3)), _NO_WALLS, berth + SLACK, berth)
+        return scene_of(self._carried, pieces, np.zeros((0, 3)), NO_WALLS, berth + SLACK, berth)
 
     def retreats(self, hand: Hand, at: FloatArray, standing: Poses) -> bool:
         """Tell whether the robot can back off from what it has pushed to where the plate is."""
@@ -429,9 +429,6 @@ def _lengths(names: tuple[str, ...], hands: Hands) -> set[float]:
                 own.add(round(float(way.across[0]), 9))
         found = {round(sofar + length, 9) for sofar in found for length in own}
     return found
-
-
-_NO_WALLS = np.array([-math.inf, -math.inf, math.inf, math.inf])
 
 
 def _key(standing: Poses) -> Standing:

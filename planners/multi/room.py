@@ -26,6 +26,9 @@ from pushplan.util.names import TRANSIT_CLEARANCE
 
 NOWHERE = np.zeros(3)
 
+NO_WALLS = np.array([-math.inf, -math.inf, math.inf, math.inf])
+"""Of a room without a workspace: xmin, ymin, xmax, ymax."""
+
 DRIVES = (30, 200, 1000)
 """Poses drawn in search of a way of the robot, one after the other until there is one."""
 
@@ -119,7 +122,7 @@ class PushRoom:
     def _find_transit(self, left: int, taken: int) -> FloatArray | None:
         first, second = self.contacts[left].packed, self.contacts[taken].packed
         start, goal = first.robot_at(NOWHERE, first.retreat), second.robot_at(NOWHERE, second.approach)
-        open_room = self.robot.with_obstacles(flatten([]), np.zeros((0, 3)), np.zeros((0, 9)), _NO_WALLS)
+        open_room = self.robot.with_obstacles(flatten([]), np.zeros((0, 3)), np.zeros((0, 9)), NO_WALLS)
         around = Surroundings(open_room, self.load, NOWHERE)
         reach = 2.0 * (self.scenario.chain.reach + self.wheels.radius)
         box, state = (-reach, -reach, reach, reach), np.zeros(1, dtype=np.uint64)
@@ -184,9 +187,6 @@ def wheels_of(drive: Drive, middle: FloatArray) -> Wheels:
     return Wheels(kind, np.array(drive.axle), max(drive.min_radius, 1e-9))
 
 
-_NO_WALLS = np.array([-math.inf, -math.inf, math.inf, math.inf])
-
-
 def _scenes(scenario: Scenario) -> tuple[Scene, Scene]:
     """The robot among what stands in the room, and among the objects in the load's frame."""
     everything = open_scene(scenario)
@@ -195,7 +195,7 @@ def _scenes(scenario: Scenario) -> tuple[Scene, Scene]:
     room = moving.with_distances(everything.clearance, scenario.clearance)
     objects = list(convex_pieces([obj.outline_chain for obj in scenario.chain.objects]))
     berth = max(scenario.clearance, TRANSIT_CLEARANCE)
-    load = scene_of(robot, objects, np.zeros((0, 3)), _NO_WALLS, berth + SLACK, berth)
+    load = scene_of(robot, objects, np.zeros((0, 3)), NO_WALLS, berth + SLACK, berth)
     return room, load
 
 

@@ -13,6 +13,7 @@ from pushplan.core.driving import shortest_drive
 from pushplan.core.pushes import word_costs
 from pushplan.geometry import se2
 from pushplan.planners.multi.hands import AT_PLACE, SHORT, Floor, Hand, Hands, Pushed, row_places
+from pushplan.planners.multi.multi_push import AHEAD
 from pushplan.planners.outcome import Segments
 from pushplan.plans.path import PushPath
 from pushplan.plans.plan import Poses, Segment
@@ -22,8 +23,6 @@ from pushplan.util.names import APPROACH, CLOSE, PUSH, RETREAT, TRANSIT
 
 AWAY = (0.3, 0.6, 1.0)
 """How far an object is pushed that has to be moved first, m."""
-
-AHEAD = np.array([[1.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,12 +160,7 @@ class Steps:
 
     def _deliveries(self, now: Situation, hand: Hand) -> Iterator[tuple[float, Chance]]:
         members = [m for m in self.members if m[0] in now.left]
-        for place, goal, onto in self._ends(now, hand):
-            short = SHORT if onto else 0.0
-            at = se2.compose(goal, [-short, 0.0, 0.0])
-            cost = float(self._word_costs(hand, now.plate, at[None])[0]) + short
-            if not math.isfinite(cost):
-                continue
+        for place, goal, cost in self._end_costs(now, hand):
             back = se2.compose(goal, [-self.choice.retreat, 0.0, 0.0])
             weight, straight = self.choice.transit_weight, self.choice.retreat + self.choice.approach
             for member in members:
@@ -181,12 +175,18 @@ class Steps:
         if self._stays(now):
             yield now.cost, Chance(now, None, True)
             return
+        for place, goal, cost in self._end_costs(now, hand):
+            if self._fills(place, goal):
+                yield now.cost + cost, Chance(now, None, True, place)
+
+    def _end_costs(self, now: Situation, hand: Hand) -> Iterator[tuple[int, FloatArray, float]]:
+        """Yield places for the row, where the plate is with the hand there (3,), and what the push costs at least."""
         for place, goal, onto in self._ends(now, hand):
             short = SHORT if onto else 0.0
             at = se2.compose(goal, [-short, 0.0, 0.0])
             cost = float(self._word_costs(hand, now.plate, at[None])[0]) + short
-            if math.isfinite(cost) and self._fills(place, goal):
-                yield now.cost + cost, Chance(now, None, True, place)
+            if math.isfinite(cost):
+                yield place, goal, cost
 
     def _stays(self, now: Situation) -> bool:
         """Tell whether the row may stand anywhere, and all of it is in hand."""
@@ -248,7 +248,7 @@ class Steps:
         now = chance.situation
         if now is None:
             assert chance.taken is not None
-            return self._begun(chance.taken)
+            return self._next_taken(self.begin, chance.taken)
         hand = self.hands.hand(now.members)
         assert hand is not None
         if not chance.delivers:
@@ -263,7 +263,6 @@ class Steps:
 
     def _standing(self, left: frozenset[str], delivered: Poses, *without: str) -> dict[str, FloatArray]:
         """Return all that rests: what is no part of the row, or not taken yet, and what was delivered."""
-        assert self.scenario.row is not None
         row = set(self.row.of)
         return {
             name: np.asarray(delivered.get(name, pose))
@@ -271,15 +270,11 @@ class Steps:
             if name not in without and (name in left or name in delivered or name not in row)
         }
 
-    def _begun(self, member: Member) -> Situation | None:
-        """Return the situation in which the robot has come up to the first object."""
-        return self._next_taken(self.begin, member)
-
     def with_one_moved(self) -> Iterator[Steps]:
         """Yield the steps once an object was pushed straight ahead and left: the least accessible ones first."""
         taken: dict[str, list[Situation]] = {name: [] for name in self.row.of}
         for member in self.members:
-            found = self._begun(member)
+            found = self._next_taken(self.begin, member)
             if found is not None:
                 taken[member[0]].append(found)
         for name in sorted(taken, key=lambda name: len(taken[name])):
@@ -360,8 +355,7 @@ class Steps:
 
     def _delivery(self, now: Situation, hand: Hand, place: int, by_way: bool) -> Situation | None:
         """Return the situation in which a hand was left in the row, and the robot has backed off."""
-        found = next((goal, onto) for k, goal, onto in self._ends(now, hand) if k == place)
-        goal, onto = found
+        goal, onto = next((goal, onto) for k, goal, onto in self._ends(now, hand) if k == place)
         short = SHORT if onto else 0.0
         at = se2.compose(goal, [-short, 0.0, 0.0])
         standing = self._standing(now.left, now.delivered)

@@ -11,6 +11,7 @@ import numpy as np
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, inverse, pose_error
 from pushplan.mechanics.chain import PLATE
+from pushplan.planners.multi.multi_push import AHEAD
 from pushplan.planners.multi.room import find_drive
 from pushplan.planners.planner import Planner, time_segments
 from pushplan.plans.events import Replan
@@ -28,7 +29,6 @@ BATCHES = 4
 """Of poses that the search for several pushes of one load draws, at most."""
 SAME = 1e-4, 1e-4
 """Up to so far (m, rad) off its beginning a planned way is driven as it is."""
-AHEAD = np.array([[1.0, 0.0, 0.0]])
 Leg = tuple[int, Segment]
 """Index of a segment of the plan, and how it is driven."""
 
