@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -42,23 +41,3 @@ def test_the_range_of_centres_is_the_hull_of_all_extreme_loads(seed: int) -> Non
     assert shapely.MultiPoint(corners).convex_hull.hausdorff_distance(everything) < 1e-9
     again = shapely.get_coordinates(everything)
     assert all(np.abs(again - corner).max(axis=1).min() < 1e-9 for corner in corners)
-
-
-@pytest.mark.parametrize(
-    ("loads", "centers", "corners"),
-    [
-        ([[1, 3], [1, 1]], [[0, 1], [4, 1]], {(1, 1), (2, 1)}),  # in a row: a segment
-        ([[1, 1], [1, 1]], [[0, 1], [4, 1]], {(2, 1)}),
-        ([[1, 3]], [[4, 1]], {(4, 1)}),
-        ([[0, 3]], [[4, 1]], {(4, 1)}),
-        ([[0, 1], [0, 2], [0, 0.5]], [[0, 0], [1, 0], [0, 4]], {(0, 0), (1, 0), (0, 4)}),  # all may vanish
-        ([[1, 2]] * 2, [[0, 0], [1, 1]], {(1 / 3, 1 / 3), (2 / 3, 2 / 3)}),
-    ],
-)
-def test_ranges_that_are_no_areas(
-    loads: list[list[float]], centers: list[list[float]], corners: set[tuple[float, float]]
-) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        found = center_range(np.array(loads, dtype=float), np.array(centers, dtype=float))
-    np.testing.assert_allclose(sorted(set(map(tuple, found.round(12)))), sorted(corners), atol=1e-9)

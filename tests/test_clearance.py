@@ -78,14 +78,3 @@ def test_a_start_too_near_is_refused_with_what_is_near_and_by_how_much() -> None
     with pytest.raises(PlanningError) as caught:
         plan(near)
     assert str(caught.value) == ("at the start, 'pusher' is 20 mm from obstacles[0]; allowed: at least 30 mm")
-
-
-def test_a_goal_in_collision_is_refused_with_every_body_that_touches() -> None:
-    scenario = load_scenario("free-space")
-    x, y, _ = scenario.goal.pose_chain
-    blocked = replace(scenario, obstacles=(CircleObstacle(np.array([x, y]), 0.02),))
-    with pytest.raises(PlanningError) as caught:
-        plan(blocked)
-    first, second = str(caught.value).split("; ")
-    assert first == "at the goal, 'pusher' overlaps obstacles[0] by 20 mm"
-    assert second.endswith("overlaps obstacles[0] by 20 mm")

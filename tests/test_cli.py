@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -39,17 +38,6 @@ def test_every_example_passes_its_check(name: str, capsys: Captured) -> None:
     assert len(found["objects"]) == len(found["contacts"])
     for place in ("start", "goal"):
         assert found[place]["room"] is None or found[place]["room"] > 0.0
-
-
-def test_examples_are_listed_with_their_first_line_and_printed_whole(capsys: Captured) -> None:
-    assert main(["examples"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == list(example_names())
-    assert all(len(line.split()) > 3 for line in lines)
-    assert main(["examples", "two-crates"]) == 0
-    assert capsys.readouterr().out == example_text("two-crates")
-    assert main(["examples", "no-such"]) == 2
-    assert "no packaged scenario is called 'no-such'" in capsys.readouterr().err
 
 
 def test_stable_set_tells_cones_radii_and_regions(tmp_path: Path, capsys: Captured) -> None:
@@ -113,20 +101,6 @@ def test_wrong_words_end_with_a_message_and_exit_code_2(
     assert "Traceback" not in err
 
 
-def test_version_is_that_of_the_installed_package(capsys: Captured) -> None:
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"pushplan {version('pushplan')}\n"
-
-
-def test_an_interruption_ends_with_130(monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
-    def interrupted(*_: object) -> int:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("pushplan.scenario.file.load_scenario", interrupted)
-    assert main(["check", "two-crates"]) == 130
-    assert capsys.readouterr().err == "interrupted\n"
-
-
 def test_a_reader_that_leaves_early_sees_no_error() -> None:
     reader, writer = os.pipe()
     os.close(reader)
@@ -140,11 +114,6 @@ def test_a_reader_that_leaves_early_sees_no_error() -> None:
     os.close(writer)
     assert done.returncode == 141
     assert done.stderr == b""
-
-
-def test_closed_streams_do_no_harm() -> None:
-    command = f"{sys.executable} -m pushplan examples >&- 2>&-"
-    assert subprocess.run(["sh", "-c", command], timeout=60, check=False).returncode == 0
 
 
 def test_a_full_disk_is_no_defect() -> None:

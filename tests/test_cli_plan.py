@@ -55,10 +55,6 @@ def test_plan_prints_one_json_object_and_nothing_else_on_stdout(planned: Mapping
     assert "two-crates: solved" in planned["err"]
 
 
-def test_the_interpreters_end_writes_nothing(planned: Mapping[str, Any]) -> None:
-    assert "leak" not in planned["err"].lower()
-
-
 def test_plan_tells_all_numbers_and_they_fit_together(planned: Mapping[str, Any]) -> None:
     found = json.loads(planned["out"])
     assert found["solved"] is True
@@ -74,12 +70,6 @@ def test_plan_tells_all_numbers_and_they_fit_together(planned: Mapping[str, Any]
     assert set(found["robustness"]) >= {"contact_friction", "floor_friction", "load", "position", "angle"}
     assert "  robustness      " in planned["err"]
     assert Path(found["log"]) == planned["log"]
-
-
-def test_plan_writes_what_was_asked_for(planned: Mapping[str, Any]) -> None:
-    assert planned["log"].read_bytes().startswith(b"\x89MCAP0")
-    assert ">two-crates: " in planned["plot"].read_text()
-    assert "two-crates" in planned["html"].read_text()
 
 
 def test_replay_verifies_and_exports_a_log(

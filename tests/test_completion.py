@@ -44,8 +44,3 @@ def test_words_are_completed(
     with pytest.raises(SystemExit):
         main([])
     assert set(capsys.readouterr().out.split()) == offered
-
-
-def test_an_unknown_shell_is_refused(capsys: Captured) -> None:
-    assert main(["completion", "dos"]) == 2
-    assert "is not one of" in capsys.readouterr().err

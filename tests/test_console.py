@@ -5,17 +5,13 @@ from __future__ import annotations
 import io
 import time
 from collections.abc import Callable
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 from pushplan.cli import console as console_module
 from pushplan.cli.console import Console, Progress
 from pushplan.cli.main import _failed
-from pushplan.cli.parameters import check_outputs
-from pushplan.drawing import PlotError
-from pushplan.errors import OutputError, PlanningError
+from pushplan.errors import PlanningError
 
 Captured = pytest.CaptureFixture[str]
 
@@ -38,29 +34,6 @@ class Closed(io.StringIO):
         raise BrokenPipeError
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), np.array([np.nan])])
-def test_numbers_that_json_does_not_know_are_refused(value: object) -> None:
-    with pytest.raises(ValueError, match="not JSON compliant"):
-        Console(json=True).emit({"value": value})
-
-
-@pytest.mark.parametrize(
-    ("environment", "coloured"),
-    [({"TERM": "xterm"}, True), ({"TERM": "dumb"}, False), ({"TERM": "xterm", "NO_COLOR": "1"}, False)],
-)
-def test_colour_is_for_terminals_whose_user_wants_it(
-    environment: dict[str, str], coloured: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
-    terminal = Terminal()
-    monkeypatch.setattr("sys.stdout", terminal)
-    Console().say(("name", "bold"), ": ", ("solved", "green"))
-    plain, painted = "name: solved\n", "\x1b[1mname\x1b[0m: \x1b[32msolved\x1b[0m\n"
-    assert terminal.getvalue() == (painted if coloured else plain)
-
-
 @pytest.mark.parametrize("live", [False, True])
 def test_slow_work_shows_a_line_with_the_latest_news(live: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(console_module, "DELAY", 0.02)
@@ -81,13 +54,6 @@ def _wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < end, "nothing happened within a minute"
         time.sleep(0.01)
-
-
-def test_work_goes_on_when_nobody_reads_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console_module, "DELAY", 0.0)
-    monkeypatch.setattr("sys.stderr", Closed())
-    with Progress("thinking"):
-        time.sleep(0.05)
 
 
 @pytest.mark.parametrize(
@@ -126,24 +92,6 @@ def test_a_closed_pipe_ends_quietly(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stderr", Closed())
     assert _failed(BrokenPipeError(), json=False, verbose=False) == 141
     assert _failed(PlanningError("nobody reads this"), json=False, verbose=False) == 141
-
-
-def test_outputs_are_checked_before_the_work(tmp_path: Path) -> None:
-    source = tmp_path / "s.yaml"
-    check_outputs([source], tmp_path / "p.png", tmp_path / "r.mcap", None)
-    check_outputs(["two-crates"], None)
-    with pytest.raises(PlotError, match="a picture ends in"):
-        check_outputs([source], tmp_path / "p.gif")
-    with pytest.raises(OutputError, match=r"nowhere/r.mcap: there is no folder .*nowhere"):
-        check_outputs([source], None, tmp_path / "nowhere" / "r.mcap")
-    with pytest.raises(OutputError, match="this is a folder"):
-        check_outputs([source], None, tmp_path)
-    with pytest.raises(OutputError, match="read or written already"):
-        check_outputs([source], None, source)
-    with pytest.raises(OutputError, match="read or written already"):
-        check_outputs([source], None, tmp_path / "x", tmp_path / "." / "x")
-    with pytest.raises(OutputError, match="read or written already"):
-        check_outputs([tmp_path / "a", source], None, source)
 
 
 def test_what_files_say_never_reaches_the_terminal_as_a_command(

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-import pushplan.core.contacts as contacts
 from pushplan.mechanics.chain import Chain, Contact
 from pushplan.mechanics.contacts import contact_state, friction_wrench
-from pushplan.mechanics.packed import pack_chain
 from pushplan.sets.named import stable_set
 from pushplan.util.arrays import FloatArray
 
@@ -73,22 +71,6 @@ def test_margin_agrees_with_a_linear_program(make_chain: ChainMaker, n: int, tre
     assert not all(outcomes)
 
 
-def test_tree_margin_agrees_with_a_linear_program_where_two_stacks_are_stable(make_chain: ChainMaker) -> None:
-    """One plate pushes two stacks of two boxes side by side."""
-    single = make_chain.boxes(2, pusher_friction=0.8, contact_friction=0.6)
-    shifted = make_chain.moved(single, np.array([0.0, 0.12, 0.0]))
-    second = [
-        replace(c, pushed=c.pushed + 2, pusher=c.pusher + 2 if c.pusher >= 0 else -1)
-        for c in shifted.contacts
-    ]
-    objects = [replace(obj, name=f"left {obj.name}") for obj in shifted.objects]
-    chain = Chain((*single.objects, *objects), (*single.contacts, *second), single.pusher)
-    twists = random_twists(chain, 1, 60) * [1.0, 2.0, 2.0]
-    stable = [slack(chain, twist) > 0.0 for twist in twists]
-    assert stable_set(chain).contains(twists).tolist() == stable
-    assert 10 < sum(stable) < 50
-
-
 def test_contact_state_describes_the_same_forces(make_chain: ChainMaker) -> None:
     """Margins are positive exactly where the force is inside the friction cone and passes through the segment."""
     chain = make_chain.random(11, 3)
@@ -119,20 +101,6 @@ def test_stability_does_not_depend_on_the_frame(make_chain: ChainMaker) -> None:
     np.testing.assert_array_equal(state.margins > 0.0, moved.margins > 0.0)
     np.testing.assert_allclose(moved.friction_margins, state.friction_margins, atol=1e-10)
     np.testing.assert_allclose(moved.lambdas, state.lambdas, rtol=1e-7)
-
-
-@pytest.mark.parametrize("friction", [0.0, 1e9])
-def test_extreme_contact_friction_has_defined_answers(make_chain: ChainMaker, friction: float) -> None:
-    """Without contact friction nothing is strictly stable; with huge friction sideways pushes are, while upright."""
-    chain = make_chain.boxes(2, contact_friction=friction, pusher_friction=friction)
-    twists = np.random.default_rng(0).normal(size=(500, 3)) * [1.0, 1.0, 5.0]
-    margins = stable_set(chain).margin(np.vstack([twists, [[1.0, 0.0, 0.0]]]))
-    assert np.isfinite(margins).all()
-    assert (margins.max() > 0.0) == (friction > 0.0)
-
-
-def test_margin_of_rest_is_zero_in_compiled_code(make_chain: ChainMaker) -> None:
-    assert contacts.margins_of(pack_chain(make_chain.boxes(2)), np.zeros((1, 3))) == 0.0
 
 
 def test_long_narrow_contact_keeps_its_conditions(make_chain: ChainMaker) -> None:

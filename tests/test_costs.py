@@ -11,7 +11,6 @@ from plain import ARC_PRICE, load_plain
 
 from pushplan.core.improve import objective_value
 from pushplan.core.problem import Objective, arc_value, rest_to_rest_time
-from pushplan.errors import PlanningError
 from pushplan.planners.planner import plan
 from pushplan.planners.problem import build_problem
 from pushplan.planners.timing.arc_limits import ArcLimits, arc_limits
@@ -63,12 +62,6 @@ def test_the_rest_to_rest_time_is_ruckigs() -> None:
         profile = rest_to_rest(length, ArcLimits(speed, acceleration, acceleration, jerk))
         found = rest_to_rest_time(length, speed, acceleration, jerk)
         assert found == pytest.approx(profile.duration, rel=1e-9)
-
-
-def test_travel_is_the_length_and_a_little_for_each_arc() -> None:
-    objective, path = prices_of(ranked("travel")), planned("travel").path
-    assert path is not None
-    assert path_price(objective, path) == pytest.approx(path.cost + ARC_PRICE * len(path.lengths))
 
 
 def test_the_price_of_time_is_the_duration_of_the_exact_trajectory() -> None:
@@ -129,11 +122,6 @@ def test_the_lowest_price_is_a_bound(trajectory: str) -> None:
             length = 10.0 ** rng.uniform(-3, 0.5)
             assert rate(problem.objective, unit, length) >= problem.objective.lowest * length
             assert arc_limits(unit, limits).speed <= 1.0 / problem.objective.lowest * (1.0 + 1e-2)
-
-
-def test_an_unknown_cost_is_refused_by_name() -> None:
-    with pytest.raises(PlanningError, match=r"^no cost is called 'fuel'; there are travel, time, margin$"):
-        plan(load_scenario("one-box"), cost="fuel")
 
 
 @pytest.mark.parametrize("name", ["one-box", "two-crates", "asymmetric"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +11,7 @@ import pytest
 from plain import load_plain, plain
 
 from pushplan.cli.main import main
-from pushplan.errors import EmptyStableSetError
 from pushplan.planners.controls import straight_pushes
-from pushplan.planners.infeasible import diagnosis
 from pushplan.planners.infeasible import pockets as pocket
 from pushplan.planners.infeasible.diagnosis import InfeasibilityMonitor, diagnose
 from pushplan.planners.infeasible.passage import passage_faults
@@ -172,21 +169,6 @@ def test_an_end_with_something_just_in_the_way_is_perhaps_boxed_in(
     assert not boxed[0].proven
 
 
-def test_a_passage_that_is_proven_too_narrow_ends_the_search_before_its_width_is_known() -> None:
-    monitor = _monitor(WALLED_IN)
-    assert monitor.settled(diagnosis.FIRST_STEP)
-    (at_once,) = monitor.proven
-    assert "passage" not in at_once.numbers
-    (told,) = diagnose(monitor, 10, (0.1, 0.1))
-    assert (told.cause, told.proven) == ("gap", True)
-    assert told.numbers["passage"] < told.numbers["needed"]
-
-
-def _monitor(scenario: Scenario, limit: float = math.inf) -> InfeasibilityMonitor:
-    stable = stable_set(scenario.chain)
-    return InfeasibilityMonitor(scenario, stable, build_problem(scenario, stable), limit)
-
-
 def test_the_command_tells_reason_and_nearest_path(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -204,10 +186,3 @@ def test_the_command_tells_reason_and_nearest_path(
     line = next(line for line in err.splitlines() if "nearest path" in line)
     assert f"ends {found['nearest']['position']:.3g} m and " in line
     assert "the chain cannot pass" in err
-
-
-def test_a_margin_that_no_push_has_is_told_with_the_largest() -> None:
-    scenario = load_plain("narrow-gap")
-    with pytest.raises(EmptyStableSetError) as caught:
-        plan(replace(scenario, stability=replace(scenario.stability, margin=0.9)))
-    assert str(caught.value).startswith("no push has a margin above 0.9; the largest is 0.")

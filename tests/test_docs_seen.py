@@ -54,26 +54,3 @@ def test_the_index_plays_a_run_that_needs_no_scrolling(width: int, browser: Any)
     room = browser.evaluate("document.querySelector('iframe').getBoundingClientRect().toJSON()")
     show(browser, SITE / "_static" / "two-crates.html", int(room["width"]), height=int(room["height"]))
     assert browser.evaluate("document.documentElement.scrollHeight") <= room["height"]
-
-
-def test_every_class_has_a_page_whose_signature_can_be_read(browser: Any) -> None:
-    show(browser, SITE / "generated" / "pushplan.Chain.html", 1280)
-    told = browser.evaluate("document.querySelector('dt.sig').innerText")
-    assert "tuple[PushedObject" in told
-    for page in (SITE / "generated").glob("*.html"):
-        assert "numpy.ndarray[tuple[" not in page.read_text()
-        assert "ForwardRef" not in page.read_text()
-
-
-def test_code_has_a_button_that_copies_it(browser: Any) -> None:
-    show(browser, SITE / "own-scenario.html", 1280)
-    blocks = browser.evaluate("document.querySelectorAll('div.highlight pre').length")
-    assert browser.evaluate("document.querySelectorAll('button.copybtn').length") == blocks > 10
-    assert browser.evaluate("document.querySelectorAll('article h2').length") >= 12
-
-
-def test_every_page_tells_version_and_holder(browser: Any) -> None:
-    show(browser, SITE / "index.html", 1280)
-    told = browser.evaluate("document.body.innerText")
-    assert "the pushplan authors" in told
-    assert "pushplan 0." in browser.evaluate("document.title") + told

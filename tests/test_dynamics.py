@@ -12,7 +12,6 @@ from scipy.optimize import linprog
 from pushplan.errors import PushplanError, SupportError
 from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain, PushedObject
-from pushplan.mechanics.contacts import contact_state
 from pushplan.mechanics.dynamics import (
     ContactDynamics,
     SpeedWindow,
@@ -130,13 +129,6 @@ def test_inertia_wrenches_are_the_rate_of_momentum_by_differences(make_chain: Ch
         np.testing.assert_allclose(own, np.column_stack([force, about]), atol=2e-5)
 
 
-def test_margins_of_a_slow_motion_are_the_quasi_static_ones(make_chain: ChainMaker) -> None:
-    chain = make_chain.random(3, 3)
-    twists = np.random.default_rng(3).normal(size=(20, 3)) * 1e-7
-    found = dynamic_margins(chain, twists, np.zeros((20, 3)))
-    np.testing.assert_allclose(found, contact_state(chain, twists).margins, atol=1e-9)
-
-
 def test_a_box_pushed_straight_may_brake_at_mu_g_and_gains_speed_without_limit(
     make_chain: ChainMaker,
 ) -> None:
@@ -181,16 +173,6 @@ def test_the_polygon_holds_exactly_where_the_rows_are_positive(make_chain: Chain
             lowest = found.rows.values(np.sqrt(u), a).min()
             if abs(lowest) > 1e-9:
                 assert bool(shape.contains(shapely.Point(u, a))) == (lowest > 0.0)
-
-
-def test_a_box_that_flies_back_is_caught_only_by_hard_braking(make_chain: ChainMaker) -> None:
-    """Floor friction then points forward, so the plate has to push with more than m mu g."""
-    chain = make_chain.boxes(1, floor_friction=0.3)
-    weak = admissible_speeds(chain, [-1.0, 0.0, 0.0], SpeedWindow(1.0, 2.9))
-    assert weak.vertices.shape == (0, 2)
-    assert weak.rows.steady_speed == 0.0
-    strong = admissible_speeds(chain, [-1.0, 0.0, 0.0], SpeedWindow(1.0, 5.0))
-    assert strong.vertices[:, 1].max() == pytest.approx(-0.3 * GRAVITY)
 
 
 def test_wrong_questions_are_refused(make_chain: ChainMaker) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import runpy
 from pathlib import Path
 
@@ -18,14 +17,3 @@ def test_an_example_runs_and_prints(
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(script), run_name="__main__")
     assert capsys.readouterr().out.strip()
-
-
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
-def test_an_example_is_one_screen_with_a_sentence(script: Path) -> None:
-    text = script.read_text("utf-8")
-    assert text.count("\n") <= 45
-    assert (ast.get_docstring(ast.parse(text)) or "").endswith(".")
-
-
-def test_there_are_examples() -> None:
-    assert len(SCRIPTS) >= 5

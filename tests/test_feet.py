@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pushplan.errors import SupportError
-from pushplan.mechanics.chain import Contact, PushedObject
+from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.sphere import twists_about
 from pushplan.mechanics.support import (
@@ -18,7 +18,6 @@ from pushplan.mechanics.support import (
     UnknownSupport,
 )
 from pushplan.sim.feet import DEGREE, feet_of, polygon_rule
-from pushplan.sim.physics.model import edge_extent
 from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -73,22 +72,3 @@ def test_friction_on_the_feet_is_that_of_the_pressure(center: FloatArray | None)
 def test_unknown_loads_are_refused(support: Support) -> None:
     with pytest.raises(SupportError, match="needs to know how the load rests on the floor"):
         feet_of(support)
-
-
-def test_an_edge_reaches_as_far_as_its_outline() -> None:
-    """Cut into pieces, beyond the segment to one side; pieces that only lie on the same line do not count."""
-    contact = Contact(np.array([0.0, -0.01]), np.array([0.0, 0.02]), 0.3, 0, -1)
-    pieces = np.array(
-        [
-            [0.0, -0.01],
-            [0.0, 0.01],
-            [0.0, 0.02],
-            [0.0, 0.05],
-            [0.03, 0.05],
-            [0.03, -0.08],
-            [0.0, -0.08],
-            [0.0, -0.06],
-        ]
-    )
-    outline = np.concatenate([pieces, [[0.01, -0.06], [0.01, -0.01]]])
-    assert edge_extent(contact, outline) == pytest.approx((0.0, 0.06))

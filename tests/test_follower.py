@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from math import radians
 
@@ -11,7 +10,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pushplan
-from pushplan.errors import PushplanError
 from pushplan.geometry import se2
 from pushplan.planners.planner import plan
 from pushplan.plans.plan import Plan
@@ -173,18 +171,6 @@ def test_leaving_the_path_or_losing_an_object_aborts_and_says_so() -> None:
     follower = Follower(run)
     follower.abort("operator")
     assert follower.step().reason == "operator"
-
-
-def test_what_cannot_be_followed_is_told() -> None:
-    run = pushed("differential")
-    with pytest.raises(PushplanError, match="push: there is no plan to follow"):
-        Follower(replace(run, segments=()))
-    with pytest.raises(PushplanError, match="period is 0"):
-        Follower(run, period=0.0)
-    with pytest.raises(PushplanError, match="speed is 2"):
-        Follower(run).speed = 2.0
-    with pytest.raises(PushplanError, match="pose of the base"):
-        Follower(run).step([1.0, 2.0])
 
 
 def test_a_stopped_robot_slows_down_within_its_limits_and_stands_on_the_path() -> None:

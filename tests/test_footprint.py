@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
 from pushplan.bench.validation import clearance
-from pushplan.cli.main import main
 from pushplan.core.collision import sweep_is_free
 from pushplan.geometry import se2
 from pushplan.planners.clearance import find_collision
@@ -127,17 +124,3 @@ def test_plans_keep_the_robot_clear_where_the_plate_alone_would_cut_a_corner() -
     assert with_robot.solved
     assert gap_along(body, without.path.sampled(0.002), post) == 0.0
     assert gap_along(body, with_robot.path.sampled(0.002), post) > 0.9 * scenario.clearance
-
-
-def test_check_tells_and_draws_the_robot_or_that_there_is_none(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["check", "carts", "--plot", str(tmp_path / "carts.svg")]) == 0
-    assert "1.100 x 0.660 m in 1 part, up to 1.200 m behind the plate's front\n" in capsys.readouterr().out
-    assert ">robot<" in (tmp_path / "carts.svg").read_text()
-    assert main(["check", "two-crates", "--plot", str(tmp_path / "crates.svg")]) == 0
-    told = capsys.readouterr().out
-    assert "no footprint stated: the robot behind the plate is not looked at\n" in told
-    assert ">robot<" not in (tmp_path / "crates.svg").read_text()
-    assert main(["check", "two-crates", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["robot"] == {"footprint": [], "drive": "omnidirectional"}

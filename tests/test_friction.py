@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad_vec
 
 import pushplan.core.contacts as contacts
-from pushplan.errors import PushplanError, SupportError, UndefinedEcofError
+from pushplan.errors import SupportError, UndefinedEcofError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import GRAVITY, PushedObject
 from pushplan.mechanics.contacts import cof, ecof, friction_wrench
@@ -155,25 +154,6 @@ def test_feet_sum_exactly(make_chain: ChainMaker) -> None:
     np.testing.assert_allclose(friction_wrench(obj, [twist])[0], want, rtol=1e-12)
 
 
-def test_one_foot_that_turns_about_itself_is_not_held(make_chain: ChainMaker) -> None:
-    obj = PushedObject(
-        "it", make_chain.box(), 2.0, 0.25, FeetSupport(np.zeros((1, 2)), np.ones(1)), np.zeros(3)
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        np.testing.assert_array_equal(friction_wrench(obj, [[0.0, 0.0, -2.0]]), np.zeros((1, 3)))
-    np.testing.assert_allclose(friction_wrench(obj, [[0.0, 1e-9, 1.0]])[0], [0.0, -obj.friction_load, 0.0])
-
-
-def test_two_feet_on_a_line_are_held_where_they_are(make_chain: ChainMaker) -> None:
-    """Their second moments have no inverse."""
-    feet = FeetSupport(np.array([[-0.04, 0.0], [0.04, 0.0]]), np.array([0.75, 0.25]))
-    obj = PushedObject("it", make_chain.box(), 2.0, 0.25, feet, np.zeros(3))
-    found = friction_wrench(obj, [[0.0, 0.0, 1.0], [0.0, 0.0, -3.0]])
-    want = obj.friction_load * np.array([0.0, 0.5, -0.04])
-    np.testing.assert_allclose(found, [want, -want], atol=1e-15)
-
-
 @pytest.mark.parametrize("kind", ["polygon", "affine", "feet", "map"])
 def test_push_height_moves_the_load_by_minus_h_f_over_n(make_chain: ChainMaker, kind: str) -> None:
     """The wrench with a push height is the wrench of the pressure whose centre has moved by -h f / N."""
@@ -256,19 +236,6 @@ def test_ecof_is_undefined_there_whatever_the_weight_and_for_frictionless_object
         ecof(box, cof(box))
     with pytest.raises(UndefinedEcofError):
         ecof(replace(box, floor_friction=0.0), [0.0, 1.0])
-
-
-@pytest.mark.parametrize(
-    ("twists", "text"),
-    [
-        ([[0.0, 0.0, 0.0]], "twist 0 is zero"),
-        ([[1.0, 0.0, np.nan]], "not finite"),
-        ([1.0, 0.0, 0.0], r"shape \(3,\)"),
-    ],
-)
-def test_wrong_twists_are_refused(make_chain: ChainMaker, twists: object, text: str) -> None:
-    with pytest.raises(PushplanError, match=text):
-        friction_wrench(make_chain.boxes(1).objects[0], twists)  # type: ignore[arg-type]
 
 
 @settings(max_examples=60)

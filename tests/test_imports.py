@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from pushplan.errors import ImportedFileError
 from pushplan.scenario.drawings import read_csv_outlines, read_svg_outlines
 from pushplan.scenario.fields import MOST_CORNERS
 from pushplan.scenario.maps import covering, hole_free, read_ros_map
-from pushplan.util.extras import MissingExtraError
 
 SVG = """<svg xmlns="http://www.w3.org/2000/svg" width="200mm" height="100mm" viewBox="0 0 400 200">
 <g transform="translate(20,20)">{}</g></svg>"""
@@ -95,14 +93,6 @@ def test_a_drawing_that_is_no_outlines_is_refused(shapes: str, what: str, tmp_pa
     with pytest.raises(ImportedFileError, match=r"drawing\.svg") as caught:
         read_svg_outlines(_drawing(tmp_path, shapes))
     assert what in str(caught.value)
-
-
-def test_a_missing_package_is_told_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "svgelements", None)
-    with pytest.raises(
-        MissingExtraError, match=r"needs the package svgelements: pip install 'pushplan\[import\]'"
-    ):
-        read_svg_outlines(_drawing(tmp_path, '<rect width="9" height="9"/>'))
 
 
 def test_tables_hold_one_outline_or_several(tmp_path: Path) -> None:
@@ -213,9 +203,3 @@ def test_any_region_is_covered_by_polygons_without_holes(seed: int, share: float
         whole = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
         assert shapely.area(shapely.difference(region, shapely.buffer(whole, 1e-9))) < 1e-9
         assert shapely.area(whole) == pytest.approx(shapely.area(grown), rel=1e-5)
-
-
-def test_polygons_with_too_many_corners_are_cut() -> None:
-    outlines = list(hole_free(shapely.Point(0.0, 0.0).buffer(1.0, quad_segs=2000)))
-    assert len(outlines) > 10
-    assert max(len(outline) for outline in outlines) <= MOST_CORNERS

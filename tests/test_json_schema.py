@@ -18,7 +18,6 @@ from pushplan.scenario.file import example_names, example_text, load_scenario
 from pushplan.scenario.json_schema import scenario_schema, schema_file, schema_text
 from pushplan.scenario.schema import ScenarioFile
 from pushplan.scenario.source import Source
-from pushplan.scenario.template import new_scenario_text
 from pushplan.scenario.validation import validate
 
 VARIED = ("two-crates", "feet", "carts", "hook")
@@ -79,12 +78,6 @@ def test_packaged_and_resolved_scenarios_are_valid(
     checker.validate(load_scenario(name).resolved())
 
 
-def test_a_new_scenario_is_valid_and_names_the_schema(checker: jsonschema.protocols.Validator) -> None:
-    text = new_scenario_text("mine")
-    checker.validate(_document(text))
-    assert text.startswith(f"# yaml-language-server: $schema={schema_file().as_uri()}\n")
-
-
 def test_schema_and_loader_agree_on_mutated_files(checker: jsonschema.protocols.Validator) -> None:
     random = Random(7)
     documents = [load_scenario(name).resolved() for name in VARIED]
@@ -100,18 +93,3 @@ def test_schema_and_loader_agree_on_mutated_files(checker: jsonschema.protocols.
         accepted, refused = accepted + (not faults), refused + bool(errors)
     assert accepted > 8
     assert refused > 120
-
-
-@pytest.mark.parametrize(
-    ("name", "valid"),
-    [
-        *(("a", True), ("Kiste-ä 7.b_c", True), ("日本", True), ("a" * 64, True), ("a" * 65, False)),
-        *(("_a", False), ("", False), ("a/b", False), ("a\tb", False), (" a", False), ("\ud800", False)),
-    ],
-)
-def test_names_are_the_same_for_editors_and_loader(
-    name: str, valid: bool, checker: jsonschema.protocols.Validator
-) -> None:
-    document = _document(example_text("one-box")) | {"name": name}
-    assert checker.is_valid(document) == valid
-    assert (validate(ScenarioFile, Source(json.dumps(document).encode())) is not None) == valid

@@ -111,16 +111,3 @@ def test_the_loss_lies_between_the_samples_around_the_exact_end_of_the_set(stabl
     loss = executed(trajectory, stable).loss
     assert loss is not None
     assert low <= loss.time <= low + 1.0 / trajectory.rate + 1e-9
-
-
-def test_a_sample_just_before_the_final_rest_keeps_its_direction(stable: StableSet) -> None:
-    """The last sample but one lies microseconds before the end: looking ahead would only see rounding."""
-    for tail in np.linspace(0.0, 3e-4, 31):
-        length = 0.2 * (1.0 + tail)
-        trajectory = time_path(_path((1.0, -0.1, 0.8, length)), Bounds(Limits()))
-        rate = 10.0 / (trajectory.duration - 1e-5 * (1.0 + tail))
-        sampled = Trajectory(
-            trajectory.start, trajectory.breaks, trajectory.coefficients, trajectory.arc, float(rate)
-        )
-        assert 0.0 < sampled.t[-1] - sampled.t[-2] < 1e-4
-        assert executed(sampled, stable).loss is None

@@ -11,7 +11,6 @@ from pushplan.errors import SupportError
 from pushplan.geometry.se2 import transform_points
 from pushplan.mechanics.chain import PushedObject
 from pushplan.mechanics.support import (
-    FeetSupport,
     Support,
     UniformSupport,
     UnknownSupport,
@@ -21,7 +20,6 @@ from pushplan.util.arrays import FloatArray
 
 BOX = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
 POSE = np.array([0.5, 0.1, 0.7])
-FEET = [[-0.2, -0.1], [0.2, -0.1], [0.05, 0.02], [0.0, 0.1]]
 
 
 def resting(support: Support, friction: float = 0.5) -> PushedObject:
@@ -41,18 +39,6 @@ def test_a_push_above_the_floor_moves_the_load_until_it_tips() -> None:
         load_area(obj, 0.21)
 
 
-@pytest.mark.parametrize("points", [FEET[:1], FEET[:2]])
-def test_what_stands_on_a_line_or_a_point_may_not_be_pushed_above_the_floor(
-    points: list[list[float]],
-) -> None:
-    obj = resting(FeetSupport(np.array(points), np.full(len(points), 1.0 / len(points))))
-    assert load_area(obj, 0.0).shift == 0.0
-    with pytest.raises(
-        SupportError, match=r"is 0 m inside the support; the contact height must be at most 0 m"
-    ):
-        load_area(obj, 0.01)
-
-
 @pytest.mark.parametrize("center", [None, [0.03, -0.01]])
 def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[float] | None) -> None:
     given: FloatArray | None = None if center is None else np.array(center)
@@ -67,11 +53,3 @@ def test_elements_of_an_affine_pressure_have_its_centre_and_spread(center: list[
     turned = transform_points(-POSE * [0, 0, 1], places - POSE[:2])
     np.testing.assert_allclose(turned.min(axis=0), moved.min(axis=0) + 0.002, atol=1e-12)  # squares of 4 mm
     assert spread == pytest.approx(float(parts @ (turned**2).sum(axis=1)))
-
-
-@pytest.mark.parametrize(
-    "support", [UnknownSupport(BOX), FeetSupport(np.array(FEET), center_of_mass=np.zeros(2))]
-)
-def test_unknown_loads_have_no_elements(support: Support) -> None:
-    with pytest.raises(SupportError, match="the load is not known"):
-        support.elements(10)

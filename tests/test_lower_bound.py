@@ -85,19 +85,6 @@ def test_no_path_beats_the_bound(name: str) -> None:
     assert result.gap < 0.5
 
 
-def test_a_turned_workspace_has_the_same_bound() -> None:
-    """The bound does not depend on where the origin lies: everything moved by a rigid motion."""
-    corners = np.array([[0.9, -0.3], [1.1, -0.3], [1.1, 0.5], [0.9, 0.5]])
-    scenario = blocked_by(corners)
-    moved = replace(
-        scenario,
-        start=np.array([1.0, 2.0, math.pi / 2.0]),
-        goal=replace(scenario.goal, pose_chain=np.array([1.0, 4.0, math.pi / 2.0])),
-        obstacles=(PolygonObstacle(corners @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [1.0, 2.0]),),
-    )
-    assert bound_of(moved) == pytest.approx(bound_of(scenario), abs=1e-6)
-
-
 def test_a_gap_that_is_good_enough_ends_the_search() -> None:
     scenario = load_plain("narrow-gap")
     patient = plan(scenario, time_limit=60.0, iterations=20_000)

@@ -194,12 +194,6 @@ def test_the_output_and_the_json_say_that_the_margin_was_lowered(
     assert result.lowered in " ".join(capsys.readouterr().out.split())
 
 
-def test_other_margins_are_refused_by_plan() -> None:
-    for wrong in (-0.1, 1.0, float("nan")):
-        with pytest.raises(PlanningError, match="allowed: 'auto' or a number from 0 to below 1"):
-            plan(load_plain("free-space"), margin=wrong)
-
-
 def test_a_margin_of_zero_needs_quasi_static_contacts() -> None:
     said = "a margin of 0 leaves the contacts nothing to spare for inertia"
     with pytest.raises(PlanningError, match=said):

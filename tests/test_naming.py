@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import json
 import sys
-from importlib import metadata
-from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pushplan
-from pushplan.bench.suite import suite_from_text
 from pushplan.cli.main import main
-from pushplan.errors import PlanningError, PushplanError
+from pushplan.errors import PushplanError
 from pushplan.planners.search.planners import planner_named
 from pushplan.sets.known_load_sets import EcofSet
 from pushplan.sets.named import add_set, stable_set
-from pushplan.util import naming
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PLANNER, SET = "a_planner_of_your_own:LazyRRT", "a_stable_set_of_your_own:Leaning"
@@ -56,32 +52,6 @@ def test_a_planner_and_a_set_by_their_places(capsys: pytest.CaptureFixture[str])
     assert low < right < left < high
 
 
-def test_a_suite_takes_planners_and_sets_of_the_user() -> None:
-    text = f"""\
-format: pushplan-suite/1
-problems: [one-box]
-planners: [{{name: "{PLANNER}", label: mine, first: true}}]
-sets: ["{SET}"]
-seeds: 1
-limits: {{time: 10 s}}
-"""
-    suite = suite_from_text(text)
-    assert (suite.planners[0].name, suite.sets) == (PLANNER, (SET,))
-
-
-def test_what_installed_packages_add_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    points = EntryPoints(
-        [EntryPoint("lazy", PLANNER, "pushplan.planners"), EntryPoint("leaning-set", SET, "pushplan.sets")]
-    )
-    monkeypatch.setattr(metadata, "entry_points", points.select)
-    name, make = planner_named("lazy")
-    assert (name, make.__name__) == ("lazy", "LazyRRT")
-    assert "lazy" in naming.planner_names()
-    assert "lazy" not in naming.stable_set_names()
-    scenario = pushplan.load_scenario("two-crates")
-    assert stable_set(scenario.chain, add_set("leaning-set")).name == "leaning"
-
-
 @pytest.mark.parametrize(
     ("given", "what"),
     [
@@ -112,7 +82,3 @@ def test_a_log_loads_no_code() -> None:
     with pytest.raises(PushplanError, match="no stable set is called 'this:s'"):
         stable_set(chain, "this:s")
     assert "this" not in sys.modules
-
-
-def test_a_callable_has_a_name() -> None:
-    assert planner_named(PlanningError)[0] == "pushplan.errors:PlanningError"

@@ -43,18 +43,6 @@ def test_a_name_that_no_scenario_can_have_is_refused(name: str, capsys: Captured
     assert not list(Path().iterdir())
 
 
-def test_a_forgotten_suffix_and_a_misspelt_example_are_recognised(capsys: Captured) -> None:
-    main(["new", "mine"])
-    assert main(["check", "mine"]) == 2
-    assert (
-        "mine: cannot read the file: No such file or directory; did you mean 'mine.yaml'?"
-        in capsys.readouterr().err
-    )
-    for command in ("examples", "check"):
-        assert main([command, "two-crate"]) == 2
-        assert "did you mean 'two-crates'? there are asymmetric, " in capsys.readouterr().err
-
-
 MAP = Path(__file__).parents[1] / "examples" / "office"
 
 

@@ -20,7 +20,6 @@ from pushplan.geometry import se2
 from pushplan.ompl import pose, push_path
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.search.form import leave_path, pose_of, state_at
-from pushplan.planners.search.planners import PLANNERS as PLACES
 from pushplan.planners.search.planners import planner_named
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
@@ -189,10 +188,6 @@ def test_stock_planners_are_planned_executed_and_logged_like_ours(planner: str, 
     assert by_class.path is not None
     assert run.plan.path is not None
     np.testing.assert_array_equal(by_class.path.twists, run.plan.path.twists)
-
-
-def test_the_names_are_those_of_the_package() -> None:
-    assert set(PLACES) == set(PLANNERS)
 
 
 @pytest.mark.parametrize("first", [False, True])

@@ -20,14 +20,6 @@ def names(folder: Path) -> list[str]:
     return sorted(found.name for found in folder.iterdir())
 
 
-def test_a_file_written_whole_replaces_the_old_one(tmp_path: Path) -> None:
-    path = tmp_path / "a.csv"
-    write_whole(path, b"one")
-    write_whole(path, b"two")
-    assert path.read_bytes() == b"two"
-    assert names(tmp_path) == ["a.csv"]
-
-
 def test_nothing_is_written_behind_a_hole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a write has failed, later ones must not go on behind the gap."""
     file = Output(tmp_path / "a")
@@ -89,43 +81,10 @@ def test_a_pipe_gets_the_bytes_and_stays_a_pipe(tmp_path: Path) -> None:
     assert names(tmp_path) == ["pipe"]
 
 
-def test_a_pipe_of_a_shell_that_has_no_name_is_streamed_into(tmp_path: Path) -> None:
-    """`-o >(gzip > run.gz)` names /dev/fd/N."""
-    end, begin = os.pipe()
-    os.dup2(begin, 123)
-    try:
-        write_whole(Path("/dev/fd/123"), b"data")
-        assert os.read(end, 10) == b"data"
-    finally:
-        for descriptor in (end, begin, 123):
-            os.close(descriptor)
-
-
 def test_a_pipe_that_nobody_reads_is_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OutputError, match="nobody reads this pipe; begin with its reader"):
         write_whole(tmp_path / "pipe", b"")
-
-
-def test_a_reader_that_goes_away_ends_in_a_clear_error(tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    file = Output(pipe)
-    os.close(reader)
-    with pytest.raises(OutputError, match="pipe: cannot write the file: Broken pipe"):
-        file.write(b"data")
-    file.close()
-
-
-def test_a_terminal_is_refused() -> None:
-    user, terminal = os.openpty()
-    try:
-        with pytest.raises(OutputError, match="this is a terminal; name a file or a pipe"):
-            write_whole(os.ttyname(terminal), b"\x1b]0;owned\x07")
-    finally:
-        os.close(user)
-        os.close(terminal)
 
 
 def _socket(path: Path) -> None:
@@ -162,28 +121,6 @@ def test_the_file_into_which_the_program_talks_is_not_replaced(tmp_path: Path) -
     finally:
         os.dup2(saved, 1)
         os.close(saved)
-
-
-def test_what_takes_the_name_meanwhile_is_not_replaced(tmp_path: Path) -> None:
-    file = Output(tmp_path / "a")
-    file.write(b"data")
-    os.mkfifo(tmp_path / "a")
-    with pytest.raises(OutputError, match="what has this name by now is no file"):
-        file.publish()
-    file.close()
-    assert stat.S_ISFIFO((tmp_path / "a").stat().st_mode)
-    assert file.partial.read_bytes() == b"data"
-
-
-@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to(path.with_name("b")), Path.mkdir])
-def test_what_has_the_name_of_the_part_is_left_alone(make: Callable[[Path], None], tmp_path: Path) -> None:
-    (tmp_path / "b").write_bytes(b"precious")
-    make(tmp_path / "a.partial")
-    before = os.lstat(tmp_path / "a.partial").st_ino
-    with pytest.raises(OutputError, match="cannot create the file"):
-        write_whole(tmp_path / "a", b"data")
-    assert os.lstat(tmp_path / "a.partial").st_ino == before
-    assert (tmp_path / "b").read_bytes() == b"precious"
 
 
 def test_a_new_file_replaces_nothing_not_even_a_link_to_nowhere(tmp_path: Path) -> None:

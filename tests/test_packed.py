@@ -41,13 +41,6 @@ def test_a_pickled_chain_gives_the_same_margins(make_chain: ChainMaker) -> None:
             np.testing.assert_array_equal(one, other, strict=True)
 
 
-def test_what_the_core_holds_cannot_be_written_to(make_chain: ChainMaker) -> None:
-    packed = pack_chain(make_chain.boxes(2))
-    loads = pack_centred(make_chain.boxes(2))
-    for array in (packed.objects, packed.series, packed.links, loads.miss, loads.carried, loads.facets):
-        assert not array.flags.writeable
-
-
 def wrong_links(links: np.ndarray[Any, Any], column: int, value: int) -> np.ndarray[Any, Any]:
     changed = links.copy()
     changed[0, column] = value

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from pushplan.errors import PushplanError, SupportError
-from pushplan.geometry import se2
 from pushplan.mechanics.chain import GRAVITY, Chain, Limits
 from pushplan.mechanics.contacts import friction_wrench
 from pushplan.mechanics.dynamics import ContactDynamics
@@ -22,7 +21,7 @@ from pushplan.planners.timing.exact_timing import time_path
 from pushplan.plans.path import PushPath, cost_rate
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sets.named import stable_set
-from pushplan.sim.physics.agreement import Agreement, compare, sample_pushes, under_objects
+from pushplan.sim.physics.agreement import Agreement, compare, sample_pushes
 from pushplan.sim.physics.engine import MissingEngineError, PhysicsError, PhysicsSettings
 from pushplan.sim.physics.model import LoadTransfer, build_model
 from pushplan.sim.physics.simulate import simulate_trajectory, simulate_twist
@@ -105,19 +104,6 @@ def test_limits_from_the_contacts_keep_inertia_from_moving_them(make_chain: Chai
 
 
 @needs_engine
-def test_a_report_says_where_everything_went_and_what_each_contact_did(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(2)
-    trajectory = straight(chain, [0.0, 0.05, 0.05, 0.0], [0.0, 0.5, 1.0, 1.5])
-    report = simulate_trajectory(chain, trajectory)
-    assert report.kept
-    np.testing.assert_allclose(report.poses[[0, -1]], trajectory.poses_at(np.array([0.0, 1.5])), atol=1e-12)
-    want = se2.compose(report.poses[:, None], np.array([obj.pose_chain for obj in chain.objects]))
-    np.testing.assert_allclose(report.objects, want, atol=1e-5)
-    assert [text.split(":")[0] for text in report.sentences()] == ["pusher-box0 held", "box0-box1 held"]
-    assert np.isinf(report.moved_at).all()
-
-
-@needs_engine
 @pytest.mark.parametrize("height", [0.0, 0.03])
 @pytest.mark.parametrize("cor", [[0.05, 0.25], [1e6, 0.0]])
 def test_the_floor_rubs_as_coulomb_says(make_chain: ChainMaker, height: float, cor: list[float]) -> None:
@@ -167,28 +153,9 @@ def test_a_push_above_the_floor_is_judged_with_the_shifted_load(make_chain: Chai
     assert not compare(high, push[None]).kept.any()
 
 
-def test_centres_of_rotation_under_objects_are_known(make_chain: ChainMaker) -> None:
-    chain = make_chain.boxes(2)
-    twists = np.array(
-        [*twists_about(np.array([[0.05, 0.0], [0.19, 0.04], [0.05, 0.06]]), -1), [1.0, 0.0, 0.0]]
-    )
-    np.testing.assert_array_equal(under_objects(chain, twists), [True, True, False, False])
-
-
 def agreement(angle: FloatArray, inset: FloatArray, displacement: FloatArray) -> Agreement:
     twists = np.tile([1.0, 0.0, 0.0], (len(angle), 1))
     return Agreement(twists, angle, inset, displacement, np.zeros(len(angle), dtype=bool), 1e-3)
-
-
-def test_agreement_is_counted() -> None:
-    """One of each kind; a push is stable only when both force and line of action are inside."""
-    result = agreement(
-        np.array([0.1, 0.1, -0.1, 0.1]), np.array([0.1, 0.2, 0.3, -0.1]), np.array([0.0, 0.1, 0.0, 0.1])
-    )
-    assert result.confusion() == ((1, 1), (1, 1))
-    np.testing.assert_array_equal(result.agreed, [True, False, False, True])
-    np.testing.assert_allclose(result.depth(0.05, 0.1), [1.0, 2.0, -2.0, -1.0])
-    assert len(result.joined(result).agreed) == 8
 
 
 def test_a_missing_engine_is_named_with_its_extra(

@@ -62,31 +62,3 @@ def test_a_push_that_brakes_too_hard_is_a_mismatch(
     assert code == 4, out
     assert "in the physics engine, at full speed: a contact moved" in out
     assert "pusher-box  moved from 0." in out
-
-
-@pytest.mark.usefixtures("_engine")
-def test_without_a_plan_there_is_nothing_to_execute(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = written(tmp_path)
-    with Path(path).open("a") as file:
-        file.write("obstacles: [{polygon: [[0.16, -9], [0.17, -9], [0.17, 9], [0.16, 9]]}]\n")
-    text = Path(path).read_text().replace("[0.2, 0, 0]", "[0.6, 0, 0]")
-    Path(path).write_text(text + "workspace: {x: [-1, 1], y: [-1, 1]}\n")
-    assert main(["plan", path, "--physics", "--time-limit", "0.3", "--json"]) == 3
-    out = capsys.readouterr()
-    assert json.loads(out.out)["physics"] is None
-    assert "nothing to execute in the physics engine: no plan was found" in out.err
-
-
-@pytest.mark.usefixtures("_engine")
-def test_unknown_loads_are_refused_before_planning(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    log = tmp_path / "run.mcap"
-    words = ["plan", written(tmp_path, "support: unknown"), "--set", "stable", "--physics", "-o", str(log)]
-    assert main(words) == 2
-    err = capsys.readouterr().err
-    assert "the physics engine cannot execute a push of 'box'" in err
-    assert "leaves open how the load rests there" in err
-    assert not log.exists()

@@ -10,17 +10,16 @@ import pytest
 import shapely
 from plans_of import push_of
 
-from pushplan.errors import ChainError, SupportError
+from pushplan.errors import ChainError
 from pushplan.geometry.se2 import compose, relative, transform_points
 from pushplan.mechanics.chain import PLATE, Chain
 from pushplan.mechanics.perturb import (
     aside,
-    shifted_places,
     turned,
     turned_places,
     with_leaning_load,
 )
-from pushplan.mechanics.support import FeetSupport, Support, UnknownSupport
+from pushplan.mechanics.support import FeetSupport, Support
 from pushplan.plans.trajectory import Trajectory
 from pushplan.sim.physics import simulate as physics
 from pushplan.sim.physics.simulate import HARD, STEPS, simulate_in_physics, simulate_trajectory
@@ -73,14 +72,6 @@ def test_a_turned_object_touches_with_a_corner_and_overlaps_nothing(
     assert gap == pytest.approx(abs(angle) * own.length, rel=1e-3)
 
 
-def test_what_leans_on_a_shifted_object_follows_it(chain: Chain) -> None:
-    """The face of the middle object leans: its shift to the left brings it ahead, and with it what it carries."""
-    right, normal = chain.contacts[2].right, np.array([np.cos(0.1), np.sin(0.1)])
-    leaning = replace(chain.contacts[2], left=right + 0.05 * np.array([-normal[1], normal[0]]))
-    placed = shifted_places(replace(chain, contacts=(*chain.contacts[:2], leaning)), 1, 0.004)
-    np.testing.assert_allclose(placed[2], [*(0.004 * normal[1] * normal), 0.0], atol=1e-15)
-
-
 @pytest.mark.parametrize("index", [None, 1])
 def test_a_load_leans_by_the_share_at_its_outermost_foot(chain: Chain, index: int | None) -> None:
     leaned = with_leaning_load(chain, [0.0, 1.0], 0.1, index)
@@ -102,11 +93,6 @@ def test_an_object_aside_leaves_what_it_carries_and_shortens_both_contacts(chain
     assert moved.lengths[2, 1] < 0.0
     with pytest.raises(ChainError, match="'box1' has slid off"):
         moved.applied(chain, 2)
-
-
-def test_a_load_that_is_not_known_does_not_lean(make_chain: ChainMaker) -> None:
-    with pytest.raises(SupportError, match="a load that is not known cannot be shifted"):
-        with_leaning_load(make_chain.boxes(1, support=UnknownSupport), [1.0, 0.0], 0.1)
 
 
 def test_a_slanted_face_turns_all_that_is_carried_as_one(chain: Chain) -> None:

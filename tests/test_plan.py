@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from plain import load_plain
 
-from pushplan.errors import PlanningError, ScenarioError
+from pushplan.errors import ScenarioError
 from pushplan.geometry import se2
 from pushplan.planners.clearance import find_collision
 from pushplan.planners.planner import plan
@@ -94,13 +94,6 @@ def test_dynamic_contact_limits_without_a_margin_are_refused_on_reading() -> Non
         scenario_from_text(text, "no-room.yaml")
     (finding,) = caught.value.findings
     assert finding.where == "pusher.limits.contact"
-
-
-def test_a_goal_that_is_the_start_is_refused() -> None:
-    scenario = load_scenario("free-space")
-    still = replace(scenario, start=scenario.goal.pose_chain)
-    with pytest.raises(PlanningError, match="at the goal already"):
-        plan(still)
 
 
 def test_improvements_are_told_as_they_happen() -> None:

@@ -9,7 +9,7 @@ from plain import load_plain, plain
 
 from pushplan.bench.random_problems import generate
 from pushplan.bench.schema import ProblemParameters
-from pushplan.core.infeasible import CLOSED, MET, OPEN, ORIGIN, Steps
+from pushplan.core.infeasible import CLOSED, ORIGIN, Steps
 from pushplan.core.problem import Problem
 from pushplan.geometry import se2
 from pushplan.mechanics.sphere import twists_at
@@ -155,23 +155,3 @@ def _boundary(stable: StableSet, margin: float, count: int) -> FloatArray:
     return np.concatenate(
         [twists_at(meridians.longitude, lat, stable.chain.characteristic_length) for lat in latitudes]
     )
-
-
-def test_without_a_common_direction_nothing_is_proven() -> None:
-    scenario, stable, problem = _random(16)
-    assert scenario.chain.pusher.drive.axle is not None
-    assert _found(scenario, stable, problem) is not None
-    backwards = np.array([[1.0, 0.0, 0.0, -0.5, 1.0, 0.0]])
-    assert [*find_pocket(scenario, stable, problem.with_segments(backwards))] == []
-
-
-def test_a_search_ends_near_the_other_pose_or_without_room() -> None:
-    scenario = load_plain("free-space")
-    problem = build_problem(scenario, scenario.stable_set())
-    hull = push_hull(segment_ends(problem.segments), problem.scene.body_bound[:2])
-    steps = make_steps(problem.scene, hull, LEVELS[0], 0.0, back=False)
-    ahead = se2.compose(scenario.start, np.array([0.5, 0.0, 0.0]))
-    assert reached(problem.scene, scenario.start, ahead, steps, 1 << 20)[0] == MET
-    outcome, cells = reached(problem.scene, scenario.start, np.array([9.0, 0.0, 0.0]), steps, 64)
-    assert outcome == OPEN
-    assert len(cells) <= 32

@@ -58,11 +58,3 @@ def test_the_message_about_a_mistake_is_the_one_that_is_printed(
     file.write_text(file.read_text().replace("  width: ", "  widht: "))
     assert main(["check", "mine.yaml"]) == 2
     assert capsys.readouterr().err == _blocks("text")[1]
-
-
-def test_the_python_code_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
-    monkeypatch.chdir(tmp_path)
-    (code,) = _blocks("python")
-    exec(compile(code, "README.md", "exec"), {})
-    stable, turning = capsys.readouterr().out.splitlines()[0].strip("[]").split()
-    assert float(stable) > 0.0 > float(turning)

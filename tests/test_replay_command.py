@@ -53,13 +53,3 @@ def test_exports_that_are_possible_are_written_whatever_the_others(
     told = capsys.readouterr().err
     assert "written: --html, --ros2, --layout; not written: --csv: " in told
     assert "nothing was executed, so there is no table to write" in told
-
-
-def test_frames_and_epoch_are_for_bags(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("rosbags")
-    bag = ["replay", str(log), "--ros2", str(tmp_path / "bag.mcap")]
-    assert main([*bag, "--frames", "map,base_footprint", "--epoch", "1700000000"]) == 0
-    assert main([*bag, "--frames", "map"]) == 2
-    assert "frames 'map'; allowed: MAP,BASE or MAP,ODOM,BASE" in capsys.readouterr().err
-    assert main([*bag, "--epoch", "0"]) == 2
-    assert "is no time for ROS" in capsys.readouterr().err

@@ -61,14 +61,3 @@ def test_the_node_drives_to_the_goal_with_messages_of_ros_2(
     (footprint,) = messages.sent("footprint")
     corners = np.array([[p.x, p.y] for p in footprint.polygon.points])
     np.testing.assert_allclose(corners, node.follower.footprint, atol=1e-6)  # 32 bits
-
-
-def test_a_robot_that_is_lost_stands_still(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    messages, robot = Messages(), Robot(np.zeros(3))
-    robot.lost = True
-    told = install(monkeypatch, messages, robot)
-    runpy.run_path(str(NODE))["PushFollower"](str(log))
-    told.step()
-    (still,) = messages.sent("cmd_vel")
-    assert (still.twist.linear.x, still.twist.angular.z) == (0.0, 0.0)
-    assert told.lines == ["where the robot is, is not known: no transform"]

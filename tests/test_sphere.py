@@ -21,16 +21,6 @@ def test_angles_and_twists_are_inverse() -> None:
         np.testing.assert_allclose(angles_of(factor * twists, LENGTH), (lon, lat), atol=1e-12)
 
 
-def test_known_directions_have_their_places() -> None:
-    twists = twists_at([0.0, np.pi / 2, 0.0, 0.0], [0.0, 0.0, POLE, -POLE], LENGTH)
-    known = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.5], [0.0, 0.0, -2.5]]
-    np.testing.assert_allclose(twists, known, atol=1e-15)
-    grid = twists_at([[0.0], [1.0]], [0.0, 0.3, 0.5, 1.0], LENGTH)
-    assert grid.shape == (2, 4, 3)
-    np.testing.assert_array_equal(grid[1], twists_at(1.0, [0.0, 0.3, 0.5, 1.0], LENGTH))
-    np.testing.assert_array_equal(twists_at(0.0, 0.0, LENGTH), [1.0, 0.0, 0.0])
-
-
 def test_centres_of_rotation_lie_on_a_line_through_the_origin() -> None:
     """c = L cot(lat) (-sin lon, cos lon), and a turn about it has v = -omega J c."""
     lon, lat = 0.7, np.array([-1.2, -0.3, 0.4, 1.5])

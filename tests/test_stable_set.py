@@ -9,7 +9,6 @@ import pytest
 import shapely
 
 from pushplan.errors import PushplanError
-from pushplan.mechanics.chain import Chain
 from pushplan.mechanics.contacts import cof
 from pushplan.mechanics.sphere import angles_of, twists_about, twists_at
 from pushplan.sets.named import stable_set
@@ -18,13 +17,6 @@ from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
     from conftest import ChainMaker
-
-
-def twists_everywhere(chain: Chain, count: int, seed: int = 0) -> FloatArray:
-    """Return twists spread evenly over the sphere."""
-    v = np.random.default_rng(seed).normal(size=(count, 3))
-    v /= np.linalg.norm(v, axis=1, keepdims=True)
-    return np.asarray(v * [1.0, 1.0, 1.0 / chain.characteristic_length], dtype=np.float64)
 
 
 @pytest.mark.parametrize("minimum", [0.0, 0.05])
@@ -106,30 +98,6 @@ def test_cor_region_holds_exactly_the_stable_cors(make_chain: ChainMaker, seed: 
             assert shapely.distance(region.boundary, shapely.points(cors[wrong])).max() < 1e-5 * size
         found += int(held.sum())
     assert found > 100
-
-
-def test_cor_regions_of_long_chains_are_whole(make_chain: ChainMaker) -> None:
-    """Fifty boxes: a sliver of the sphere, 0.02 rad across."""
-    stable = stable_set(make_chain.boxes(50))
-    length = stable.chain.characteristic_length
-    rng = np.random.default_rng(1)
-    lon, lat = rng.uniform(-0.4, 0.4, 20_000), rng.uniform(-0.4, 0.4, 20_000)
-    twists = twists_at(lon, lat, length)
-    for sense in (-1, 1):
-        mine = twists[twists[:, 2] * sense > 0.02 / length]
-        cors = np.stack([-mine[:, 1], mine[:, 0]], axis=1) / mine[:, 2:]
-        region = stable.cor_region(sense, (-60 * length, -60 * length, 60 * length, 60 * length))
-        held = shapely.contains_xy(region, cors[:, 0], cors[:, 1])
-        np.testing.assert_array_equal(held, stable.contains(mine))
-        assert held.sum() > 20
-
-
-def test_area_agrees_with_random_sampling(make_chain: ChainMaker) -> None:
-    stable = stable_set(make_chain.random(4, 2))
-    share = stable.contains(twists_everywhere(stable.chain, 100_000)).mean()
-    assert stable.area() == pytest.approx(
-        4.0 * np.pi * share, abs=4.0 * 4.0 * np.pi * np.sqrt(share / 100_000)
-    )
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -11,19 +11,13 @@ import pytest
 from pushplan.errors import SupportError
 from pushplan.mechanics.support import (
     FeetSupport,
-    PointLoads,
     PressureMapSupport,
-    Support,
     UniformSupport,
-    UnknownSupport,
 )
-from pushplan.sets.named import stable_set
-from pushplan.sim.feet import feet_of
-from pushplan.sim.robustness import robustness_along
 from pushplan.util.arrays import FloatArray
 
 if TYPE_CHECKING:
-    from conftest import ChainMaker
+    pass
 
 BOX = np.array([[-0.05, -0.03], [0.05, -0.03], [0.05, 0.03], [-0.05, 0.03]])
 
@@ -46,21 +40,6 @@ def test_affine_pressure_is_refused_outside_the_middle_third() -> None:
         UniformSupport(BOX, np.array([0.02, 0.0]))
     with pytest.raises(SupportError, match=r"would be negative at \(0.05, .*-0.2 of the mean"):
         UniformSupport(BOX, np.array([-0.02, 0.0]))
-
-
-@pytest.mark.parametrize(
-    ("outline", "text"),
-    [
-        ([[0, 0], [1, 1], [1, 0], [0, 1]], "Self-intersection"),
-        ([[0, 0], [1, 1], [2, 2]], "simple polygon with an area"),
-        ([[0, 0], [1, 1]], "2 vertices"),
-    ],
-)
-def test_outlines_that_are_no_polygon_are_refused(outline: FloatArray, text: str) -> None:
-    with pytest.raises(SupportError, match=text):
-        UniformSupport(outline)
-    with pytest.raises(SupportError, match=text):
-        UnknownSupport(outline)
 
 
 @pytest.mark.parametrize(
@@ -108,41 +87,3 @@ def test_wrong_pressure_maps_name_file_and_line(tmp_path: Path, text: str, findi
     with pytest.raises(SupportError) as caught:
         PressureMapSupport.from_csv(path)
     assert finding in str(caught.value)
-
-
-class Ring(Support):
-    """A support model of a user: a pipe on end, its weight on its edge."""
-
-    def __init__(self, radius: float, count: int = 24) -> None:
-        angle = 2.0 * np.pi * np.arange(count) / count
-        self._points = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
-    @property
-    def center(self) -> FloatArray:
-        return np.zeros(2)
-
-    @property
-    def hull(self) -> FloatArray:
-        return self._points
-
-    @property
-    def point_loads(self) -> PointLoads:
-        even = np.full(len(self._points), 1.0 / len(self._points))
-        return PointLoads(self._points, even, even)
-
-
-def test_a_support_model_of_a_user_needs_its_points_only(make_chain: ChainMaker) -> None:
-    """Stable sets, robustness, quadrature and simulated feet are those of the same points as a pressure map."""
-    ring = Ring(0.04)
-    chain = make_chain.boxes(2, support=lambda _: ring)
-    mapped = PressureMapSupport(*ring.point_loads[:2])
-    same = make_chain.boxes(2, support=lambda _: mapped)
-    twists = np.random.default_rng(0).normal(size=(50, 3)) * [0.2, 0.2, 1.0] + [1.0, 0.0, 0.0]
-    for name in ("ecof", "robust", "stable"):
-        margins = [stable_set(c, name).margin(twists) for c in (chain, same)]
-        np.testing.assert_allclose(margins[0], margins[1], atol=1e-12)
-    ahead, still = np.array([[0.1, 0.01, 0.0]]), np.zeros((1, 3))
-    found, expected = (robustness_along(c, ahead, still) for c in (chain, same))
-    assert found.load == pytest.approx(expected.load, rel=1e-9)
-    np.testing.assert_allclose(feet_of(ring).positions, feet_of(mapped).positions)
-    np.testing.assert_allclose(ring.elements(100)[0], mapped.elements(100)[0])

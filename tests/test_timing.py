@@ -56,10 +56,3 @@ def test_a_long_straight_push_takes_the_time_of_the_textbook() -> None:
     assert time_path(path, Bounds(Limits())).duration == pytest.approx(
         2.0 / 0.2 + 0.2 / 0.5 + 0.5 / 5.0, abs=1e-9
     )
-
-
-def test_a_path_of_no_arcs_takes_no_time() -> None:
-    path = PushPath(np.ones(3), np.zeros((0, 3)), np.zeros(0))
-    trajectory = time_path(path, Bounds(Limits()))
-    assert trajectory.duration == 0.0
-    np.testing.assert_array_equal(trajectory.poses, np.ones((1, 3)))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pushplan.core.contacts as contacts
-from pushplan.mechanics.contacts import carried_objects, contact_state, ecof, friction_wrench
+from pushplan.mechanics.contacts import carried_objects, contact_state, friction_wrench
 from pushplan.mechanics.packed import pack_chain
 from pushplan.mechanics.support import UniformSupport
 from pushplan.sets.named import stable_set
@@ -48,14 +48,6 @@ def test_every_contact_transmits_the_friction_of_what_it_carries(
     for k, carried in enumerate(carried_objects(chain)):
         together = contact_state(chain, TWISTS).wrenches[:, k]
         np.testing.assert_allclose(together, alone[carried].sum(axis=0), atol=1e-11)
-
-
-def test_the_ecof_of_a_push_above_the_floor_takes_its_height(make_chain: ChainMaker) -> None:
-    (obj,) = make_chain.boxes(1).objects
-    low, high = ecof(obj, (0.05, 0.3)), ecof(obj, (0.05, 0.3), contact_height=0.03)
-    assert np.abs(low - high).max() > 1e-3
-    wrench = friction_wrench(obj, [[0.3, -0.05, 1.0]], contact_height=0.03)[0]
-    assert high[0] * wrench[1] - high[1] * wrench[0] == pytest.approx(wrench[2], abs=1e-12)
 
 
 def test_without_force_a_contact_is_at_its_friction_angle_outside(make_chain: ChainMaker) -> None:

@@ -49,16 +49,6 @@ def test_no_stable_motion_of_the_axle_turns_tighter(carts: Scenario, drive: Driv
     assert radii.right >= of_set.right * (1.0 - 1e-9)
 
 
-def test_an_omnidirectional_pusher_turns_as_tightly_as_the_set(carts: Scenario) -> None:
-    stable = stable_set(carts.chain)
-    assert drive_radii(stable, Drive(), 0.01) == stable.turning_radii(0.01)
-
-
-def test_a_drive_that_cannot_push_at_all_has_no_radius(carts: Scenario) -> None:
-    sideways = Drive("differential", np.array([-0.45, 0.0, np.radians(80.0)]))
-    assert drive_radii(stable_set(carts.chain), sideways) == (np.inf, np.inf)
-
-
 def test_reasons_of_a_failure_name_both_radii(carts: Scenario) -> None:
     stable, drive = stable_set(carts.chain), carts.chain.pusher.drive
     assert carts.workspace is not None

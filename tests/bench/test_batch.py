@@ -6,7 +6,6 @@ import os
 import random
 import shutil
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -153,21 +152,3 @@ def test_results_are_not_mixed_by_mistake(tmp_path: Path) -> None:
         ResultsFolder(tmp_path / "file").locked(),
     ):
         pass
-
-
-def test_a_second_outcome_of_a_run_replaces_the_first(tmp_path: Path, rows: ReadRows) -> None:
-    """As when a cluster has lost sight of a worker and did a run twice."""
-
-    def engine(specs: Iterable[RunSpec]) -> Generator[Outcome]:
-        for spec in specs:
-            for length in (1.0, 2.0):
-                yield Outcome(spec.key, "ok", "", {"solution_length": length})
-
-    folder = ResultsFolder(tmp_path)
-    with folder.locked():
-        run_suite(suite_from_text(REAL), folder, engine, version="test")
-    assert [row["solution_length"] for row in rows(tmp_path)] == [2.0] * 8
-    database = sqlite3.connect(tmp_path / "results.db")
-    assert database.execute("SELECT COUNT(*) FROM runs").fetchone() == (8,)
-    database.close()
-    assert "results.db-wal" not in os.listdir(tmp_path)

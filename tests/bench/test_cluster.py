@@ -101,15 +101,6 @@ def _run(text: str, path: Path, engine: Any, **more: Any) -> Tally:
         return run_suite(suite_from_text(text), folder, engine, **more)
 
 
-def test_workers_of_another_version_do_nothing(cluster: Cluster, planted: Any) -> None:
-    suite = suite_from_text(planted.suite_text([0]))
-    with (
-        cluster_engine(cluster.address, planted.work) as engine,
-        pytest.raises(ExecutorError, match=r"a worker has pushplan .*, the benchmark 0\.0; install the same"),
-    ):
-        list(engine(suite.runs("0.0")))
-
-
 def test_a_cluster_gives_the_same_rows_also_when_a_worker_is_killed(
     cluster: Cluster, planted: Any, tmp_path: Path, rows: ReadRows
 ) -> None:

@@ -65,16 +65,6 @@ def test_a_wall_with_a_gap_parts_start_from_goal(seed: int) -> None:
     assert way.intersects(shapely.union_all(sides).convex_hull)
 
 
-def test_obstacles_stop_where_they_cover_enough() -> None:
-    parameters = ProblemParameters(obstacles=(1000, 1000), density=(0.1, 0.1), obstacle_shapes=("box",))
-    scenario = _scenario(parameters, 2)
-    assert scenario.workspace is not None
-    area = (scenario.workspace.xmax - scenario.workspace.xmin) ** 2
-    covered = [shapely.Polygon(box.outline) for box in scenario.obstacles]  # type: ignore[union-attr]
-    assert shapely.union_all(covered).area >= 0.1 * area
-    assert shapely.union_all(covered[:-1]).area < 0.1 * area
-
-
 def test_parameters_without_room_are_refused() -> None:
     with pytest.raises(GeneratorError, match="start and goal find no place in a workspace"):
         generate(ProblemParameters(workspace=(0.5, 0.5)), 1)

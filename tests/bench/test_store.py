@@ -139,26 +139,6 @@ def test_only_what_differs_within_a_family_is_a_parameter(database: Path) -> Non
     ours.close()
 
 
-def test_other_programs_do_not_disturb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that looks on keeps the write-ahead log from being folded into the file, which then reads the same."""
-    path = tmp_path / "results.db"
-    store = Store(path)
-    onlooker = sqlite3.connect(path)
-    onlooker.execute("SELECT * FROM enums").fetchall()
-    store.spent(1.0)
-    store.close()
-    assert path.with_name("results.db-wal").exists()
-    onlooker.close()
-    Store(path).close()
-    assert not path.with_name("results.db-wal").exists()
-    monkeypatch.setattr("pushplan.bench.store.BUSY", 0.1)
-    other = sqlite3.connect(path, isolation_level=None)
-    other.execute("BEGIN EXCLUSIVE")
-    with pytest.raises(StoreError, match=r"^another program has .*results\.db locked; close it there$"):
-        Store(path)
-    other.close()
-
-
 def test_what_is_no_file_of_results_is_refused(tmp_path: Path, database: Path) -> None:
     other = tmp_path / "other.db"
     other.write_text("this is no database, and long enough to be taken for one by its size " * 20)

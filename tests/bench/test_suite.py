@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
 
-import pushplan
 from pushplan.bench.batch import Selection, run_suite
 from pushplan.bench.executor import local_engine
 from pushplan.bench.store import ResultsFolder
@@ -150,14 +148,6 @@ def test_wrong_values_are_told_as_in_scenarios(wrong: str, message: str) -> None
     assert message in str(caught.value)
 
 
-def test_a_suite_that_is_nowhere_is_told_with_those_there_are() -> None:
-    with pytest.raises(
-        SuiteError, match="no packaged suite is called so either; did you mean 'smoke'"
-    ) as caught:
-        load_suite("smokes")
-    assert all(name in str(caught.value) for name in suite_names())
-
-
 def test_filters_choose_by_patterns_that_must_all_fit() -> None:
     runs = _runs(suite_from_text(SMALL))
     some = select(runs, ["problem=gaps-*", "planner=auto", "seed=7"])
@@ -214,11 +204,3 @@ def test_a_part_of_every_packaged_suite_can_be_run(name: str, tmp_path: Path) ->
         selection = Selection(filters=(last, "planner=auto", "set=ecof", "seed=1"))
         tally = run_suite(suite, folder, engine, selection)
     assert tally.counts == {"ok": 1}
-
-
-def test_every_file_of_the_packaged_suites_is_in_the_wheel() -> None:
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-    globs = settings["tool"]["setuptools"]["package-data"]["pushplan"]
-    package = Path(pushplan.__file__).parent
-    packed = {path for glob in globs for path in package.glob(glob)}
-    assert {path for path in (package / "suites").rglob("*") if path.is_file()} <= packed

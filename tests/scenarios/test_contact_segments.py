@@ -89,19 +89,6 @@ def test_a_box_laid_on_any_edge_touches_along_that_edge(
     np.testing.assert_allclose(normal, [math.cos(heading), math.sin(heading)], atol=1e-5)
 
 
-def test_pieces_on_one_line_count_as_one_segment() -> None:
-    block = moved(box_outline(1.0, 0.4), 0.5, 1.2)
-    touch = find_touch(U_SHAPE, block)
-    assert touch is not None
-    np.testing.assert_allclose(touch, [[[1.0, 1.0], [0.0, 1.0]]], atol=1e-12)
-
-
-def test_an_object_in_a_corner_touches_along_two_lines() -> None:
-    touch = find_touch(U_SHAPE, moved(box_outline(0.2, 0.2), 0.7, 0.3))
-    assert touch is not None
-    assert len(touch) == 2
-
-
 def test_corner_contact_has_no_segment_and_distance_no_contact() -> None:
     first = box_outline(1.0, 1.0)
     corner = find_touch(first, moved(first, 1.0, 1.0))

@@ -17,7 +17,7 @@ from pushplan.mechanics.support import FeetSupport
 from pushplan.planners.planner import plan
 from pushplan.run import run
 from pushplan.scenario.check import check_scenario
-from pushplan.scenario.file import scenario_from_document, scenario_from_text
+from pushplan.scenario.file import scenario_from_text
 from pushplan.scenario.model import Scenario
 from pushplan.verification import verify_log
 
@@ -147,20 +147,3 @@ def test_sets_that_cannot_take_intervals_say_so() -> None:
         scenario().stable_set("cof")
     assert check_scenario(scenario_from_text(TEXT + "stability: {set: robust}\n")) == ()
     assert check_scenario(scenario()) == ()
-
-
-def test_a_chain_of_many_objects_is_refused_with_intervals_only() -> None:
-    row = [{"name": f"o{k}", "shape": {"box": [0.02, 0.08]}, "mass": 0.1} for k in range(17)]
-    document = {
-        "format": "pushplan/1",
-        "floor": {"friction": 0.3},
-        "objects": row,
-        "contacts": {"friction": 0.4},
-        "pusher": {"width": 0.2, "friction": 0.5},
-        "goal": {"pose": [1.0, 0.0, 0.0]},
-    }
-    assert len(scenario_from_document(document).chain.objects) == 17
-    with pytest.raises(
-        ScenarioError, match="objects: are 17, with intervals or an uncertainty; allowed: 16 then"
-    ):
-        scenario_from_document({**document, "floor": {"friction": [0.2, 0.4]}})

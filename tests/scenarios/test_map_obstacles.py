@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import os
 from pathlib import Path
@@ -95,15 +94,6 @@ def test_each_mode_reads_grey_values_as_map_server_does() -> None:
     assert _cells([255, 245, 215, 180, 155, 154, 0], "raw") == "..?##??"
 
 
-@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
-def test_a_transparent_cell_is_unknown_in_every_mode(mode: str) -> None:
-    pixels = np.full((1, 2, 4), 255, np.uint8)
-    pixels[0, 1, 3] = 0
-    found = cells_of(_bytes(Image.fromarray(pixels), "PNG"), "map.png", mode, False, 0.65, 0.25)
-    assert found.unknown.tolist() == [[False, True]]
-    assert not found.occupied.any()
-
-
 def test_a_scenario_names_a_map_in_its_folder(tmp_path: Path) -> None:
     scenario = pushplan.load_scenario(_write(tmp_path))
     assert scenario.workspace == Workspace(-1.0, 6.0, -2.0, 3.0)
@@ -175,41 +165,6 @@ def test_a_map_that_cannot_be_had_is_told_with_its_place(obstacle: str, what: st
     assert what in str(caught.value)
 
 
-EPS = b"""\
-%!PS-Adobe-3.0 EPSF-3.0
-%%BoundingBox: 0 0 10 10
-%%EndComments
-showpage
-"""
-
-
-@pytest.fixture
-def started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where a `gs` that stands in for Ghostscript leaves a mark; Pillow starts it for an EPS picture."""
-    mark, folder = tmp_path / "started", tmp_path / "programs"
-    folder.mkdir()
-    (folder / "gs").write_text(f"#!/bin/sh\ntouch '{mark}'\n")
-    (folder / "gs").chmod(0o755)
-    monkeypatch.setenv("PATH", str(folder), prepend=os.pathsep)
-    monkeypatch.setattr("PIL.EpsImagePlugin.gs_binary", None)
-    with contextlib.suppress(OSError), Image.open(io.BytesIO(EPS)) as image:
-        image.load()
-    assert mark.exists()
-    mark.unlink()
-    return mark
-
-
-def test_no_map_starts_a_program(tmp_path: Path, started: Path) -> None:
-    file = _write(tmp_path)
-    (tmp_path / "maps" / "office.pgm").write_bytes(EPS)
-    told = r"obstacles\[1\].map: maps/office.pgm: is no PGM, PPM, PNG or BMP picture"
-    with pytest.raises(ScenarioError, match=told):
-        pushplan.load_scenario(file)
-    with pytest.raises(ImportedFileError, match="is no PGM"):
-        read_ros_map(tmp_path / "maps" / "office.yaml")
-    assert not started.exists()
-
-
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 @pytest.mark.parametrize("pipe", ["maps/office.pgm", "maps/office.yaml"])
 def test_a_pipe_is_no_map(tmp_path: Path, pipe: str) -> None:
@@ -220,12 +175,6 @@ def test_a_pipe_is_no_map(tmp_path: Path, pipe: str) -> None:
         pushplan.load_scenario(file)
     with pytest.raises(ImportedFileError, match="this is no regular file"):
         read_ros_map(tmp_path / "maps" / "office.yaml")
-
-
-def test_a_picture_is_bounded_before_it_is_decoded() -> None:
-    header = b"P5 9000 9000 255\n"
-    with pytest.raises(ImportedFileError, match="9000 x 9000 cells"):
-        cells_of(header, "huge.pgm", "trinary", False, 0.65, 0.25)
 
 
 def _of(cells: npt.NDArray[np.uint8], folder: Path) -> Path:
@@ -251,12 +200,3 @@ def test_a_map_of_specks_is_refused_with_their_number(
 ) -> None:
     with pytest.raises(ImportedFileError, match=f"{told}; allowed: .* smooth the picture"):
         read_ros_map(_of(np.where(blocked, OCCUPIED, FREE).astype(np.uint8), tmp_path))
-
-
-def test_grey_and_coloured_pictures_of_the_same_cells_are_the_same_map(tmp_path: Path) -> None:
-    grey = _room()
-    found = [
-        [obstacle.outline.tolist() for obstacle in read_ros_map(_of(cells, tmp_path)).obstacles]
-        for cells in (grey, np.stack([grey] * 3, axis=2), np.dstack([grey] * 3 + [np.full_like(grey, 255)]))
-    ]
-    assert found[0] == found[1] == found[2] != []

@@ -9,8 +9,6 @@ import pytest
 from pydantic import BaseModel
 
 from pushplan.scenario import schema
-from pushplan.util import names
-from pushplan.util.names import CLEARANCE_ROOM
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenario-file.md"
 SECTIONS: dict[str, type[BaseModel]] = {
@@ -49,20 +47,3 @@ def test_every_key_is_described_with_its_default(section: str) -> None:
         assert ("required" in last) == field.is_required(), key
         if isinstance(field.default, str | float | int):
             assert re.search(rf"(^|[\s`]){re.escape(str(field.default))}($|[\s`])", last), key
-
-
-def test_the_words_are_all_named() -> None:
-    for word in (
-        *names.PLANNERS,
-        *names.STABLE_SETS,
-        *names.TRAJECTORIES,
-        *names.COSTS,
-        *names.RESERVED_NAMES,
-    ):
-        assert f"`{word}`" in PAGE.read_text(encoding="utf-8")
-
-
-def test_limits_and_clearance_are_the_real_ones() -> None:
-    text = PAGE.read_text(encoding="utf-8")
-    assert f"may come nearer by {1e3 * CLEARANCE_ROOM:g} mm" in text
-    assert "1 MiB, 32 levels and 100,000 values" in text

@@ -98,12 +98,3 @@ def test_what_is_resolved_is_the_same_scenario(valid: Changed, stated: str) -> N
 ])  # fmt: skip
 def test_findings_name_the_place_and_what_helps(valid: Changed, stated: str, finding: str) -> None:
     assert finding in valid.findings(with_robot(stated))
-
-
-def test_an_object_may_be_called_robot_as_long_as_there_is_no_other(valid: Changed) -> None:
-    named = ("name: far", "name: robot"), ("[near, far]", "[near, robot]"), ("of: far", "of: robot")
-    assert valid.scenario(*named).chain.index_of("robot") == 1
-    found = valid.findings(*named, with_robot("{footprint: {box: [0.2, 0.1], pose: [-0.13, 0, 0]}}"))
-    assert found == [
-        "f.yaml:9:11: objects[1].name: 'robot' is reserved; allowed: any name but world, chain, pusher, robot"
-    ]

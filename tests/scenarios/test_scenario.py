@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import pickle
 from pathlib import Path
 from random import Random
 
@@ -120,25 +118,6 @@ def test_a_text_and_its_attachments_give_the_scenario_back(valid: Changed, tmp_p
     assert scenario_from_text(scenario.source, "f.yaml", scenario.attachments) == scenario
     other = {"map.csv": b"x,y,pressure\n0.01,0,1\n"}
     assert scenario_from_text(scenario.source, "f.yaml", other) != scenario
-
-
-def test_equal_scenarios_hash_alike_and_travel_between_processes(valid: Changed) -> None:
-    scenario = valid.scenario()
-    copy = pickle.loads(pickle.dumps(scenario))
-    assert copy == scenario
-    assert hash(copy) == hash(scenario)
-    assert scenario != valid.scenario(("mass: 0.8", "mass: 0.9"))
-    assert scenario != "two-crates"
-
-
-def test_a_scenario_cannot_be_changed(valid: Changed) -> None:
-    scenario = valid.scenario()
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        scenario.name = "other"  # type: ignore[misc]
-    with pytest.raises(ValueError, match="read-only"):
-        scenario.start[0] = 1.0
-    scenario.resolved()["objects"][0]["mass"] = 5.0
-    assert scenario.resolved()["objects"][0]["mass"] == 1.2
 
 
 def test_an_empty_stable_set_is_found_at_the_contact_that_makes_it_empty(valid: Changed) -> None:

@@ -67,12 +67,6 @@ def test_symmetry_turns_the_goal_about_the_object_that_it_is_for() -> None:
         np.testing.assert_allclose(goal.pose_chain[:2] + ahead, [2.0, 1.0], atol=1e-12)
 
 
-def test_the_robot_starts_where_its_plate_is() -> None:
-    """The chain frame lies where the contact is: where the box stands aside, that is beside the plate's frame."""
-    aside = read(("mass: 1.0}", "mass: 1.0, offset: 0.1}"))
-    np.testing.assert_allclose(aside.robot_start - read().robot_start, [0.0, 0.0625, 0.0], atol=1e-12)
-
-
 ROBOT = "{footprint: {box: [0.1, 0.1], pose: [-0.1, 0, 0]}, drive: {differential: {axle: [-0.1, 0, 0]}}, "
 
 
@@ -152,8 +146,3 @@ WRONG: dict[str, tuple[Any, str]] = {
 def test_what_is_wrong_is_told_with_its_place(what: str) -> None:
     changes, expected = WRONG[what]
     assert any(finding.endswith(expected) for finding in findings(*changes)), findings(*changes)
-
-
-def test_one_free_goal_of_several_is_enough() -> None:
-    goals = "[{pose: [3, 1, 0], of: box}, {pose: [2, 2, 0], of: box}]"
-    assert read(("{pose: [2.0, 1.0, 0.0], of: box}", goals)).pushes is not None

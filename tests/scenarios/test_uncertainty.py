@@ -100,39 +100,6 @@ def test_the_set_holds_in_random_worlds(name: str) -> None:
         assert inside.sum() < stable_set(scenario().chain).contains(at).sum()
 
 
-def test_the_set_is_reached_by_a_vertex_on_feet() -> None:
-    """On feet the line is exact: what is outside is unstable in one of the worlds at the ends of the intervals."""
-    text = TEXT.replace("mass: 1.2}", f"mass: 1.2, {FEET}}}")
-    found = scenario_from_text("uncertainty: {load: 20 %}\n" + text)
-    at, rng = twists(4, 200), np.random.default_rng(5)
-    exact = found.stable_set().contains(at)
-    feet = found.chain.objects[0].support
-    assert isinstance(feet, FeetSupport)
-    assert feet.fractions is not None
-    vertices = []
-    for signs in np.array(np.meshgrid(*[[-1.0, 1.0]] * 4)).reshape(4, -1).T:
-        for free in range(4):
-            loads = feet.fractions * (1.0 + 0.2 * signs)
-            loads[free] += 1.0 - loads.sum()
-            if abs(loads[free] / feet.fractions[free] - 1.0) <= 0.2 + 1e-12:
-                vertices.append(loads)
-    least = np.full(len(at), np.inf)
-    pairs = [(a, b) for a in vertices for b in vertices]
-    for k in rng.permutation(len(pairs)):
-        objects = tuple(
-            replace(obj, support=FeetSupport(feet.positions, loads))
-            for obj, loads in zip(found.chain.objects, pairs[k], strict=True)
-        )
-        least = np.minimum(least, stable_set(replace(found.chain, objects=objects)).margin(at))
-    assert ((least > 0.0) == exact).all()
-
-
-def test_cof_refuses_the_line() -> None:
-    (finding,) = check_scenario(scenario_from_text(LINE + TEXT + "stability: {set: cof}\n"))
-    assert finding.where == "stability.set"
-    assert "'cof' is not linear in the loads" in finding.what
-
-
 @pytest.mark.parametrize(
     ("line", "name", "needed"),
     [

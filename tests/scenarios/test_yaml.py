@@ -60,19 +60,9 @@ def test_scalars_follow_the_core_schema_of_yaml_1_2(text: str, value: object) ->
     assert type(found) is type(value)
 
 
-def test_nan_is_a_number_that_is_not_finite() -> None:
-    found = resolve(".nan")
-    assert isinstance(found, float)
-    assert math.isnan(found)
-
-
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_every_float_that_python_prints_is_read_back(value: float) -> None:
     assert resolve(repr(value)) == value
-
-
-def test_quoted_scalars_are_text() -> None:
-    assert Source(b"a: '1'\nb: \"true\"\nc: |\n  1\n").root.plain() == {"a": "1", "b": "true", "c": "1\n"}
 
 
 def test_findings_know_their_place() -> None:
@@ -139,20 +129,6 @@ def test_size_depth_and_number_of_values_are_limited() -> None:
     assert refusal(many).endswith(f"the file holds more than the {MOST_NODES} values allowed")
 
 
-def test_an_empty_file_is_an_empty_value() -> None:
-    assert Source(b"").root.plain() is None
-    assert Source(b"# nothing\n").root.plain() is None
-
-
-def test_a_byte_order_mark_is_dropped() -> None:
-    assert Source("\ufeffa: 1".encode()).root.plain() == {"a": 1}
-
-
 @given(st.text(alphabet="\t\n :-[]{}&*!|>'\"%@`#,?.~<=\\0a1é\x85", max_size=30))
 def test_any_text_is_read_or_refused_with_a_place(text: str) -> None:
     assert all(finding.line is not None for finding in findings_of(text.encode()))
-
-
-@given(st.binary(max_size=30))
-def test_any_bytes_are_read_or_refused_with_a_place(data: bytes) -> None:
-    assert all(finding.line is not None for finding in findings_of(data))

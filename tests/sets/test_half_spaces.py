@@ -166,21 +166,3 @@ def test_a_push_that_could_tip_is_refused(make_chain: ChainMaker, name: str) -> 
     chain = make_chain.boxes(1, support=UnknownSupport, contact_height=0.2)
     with pytest.raises(SupportError, match=r"could tip 'box0': .* by up to 0\.06 m .* at most 0\.166667 m"):
         stable_set(chain, name)
-
-
-def test_squares_have_the_stated_smallest_turns(make_chain: ChainMaker) -> None:
-    """Squares of side 1, friction 0.5: left turns about (x, R) and right turns about (x, -R) for the best x.
-
-    Looked for in steps of a quarter these radii are 1.50, 2.50, 4.25, 6.50.
-    """
-    radii = []
-    for n in (1, 2, 3, 4):
-        stable = stable_set(
-            make_chain.boxes(n, (1.0, 1.0), contact_friction=0.5, pusher_friction=0.5), "stable"
-        )
-        region = stable.cor_region(+1, (-20.0, -20.0, 20.0, 20.0))
-        mirrored = shapely.affinity.scale(
-            stable.cor_region(-1, (-20.0, -20.0, 20.0, 20.0)), yfact=-1, origin=(0, 0)
-        )
-        radii.append(region.intersection(mirrored).bounds[1])
-    assert radii == pytest.approx([1.5, 2.5, 4.1, 6.375])

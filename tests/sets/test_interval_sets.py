@@ -119,26 +119,6 @@ def on_feet(chain: Chain, feet: FloatArray, fractions: FloatArray) -> Chain:
     return replace(chain, objects=(chain.objects[0], standing))
 
 
-def test_vertices_do_not_suffice_for_cof(make_chain: ChainMaker) -> None:
-    """Both vertices stable, something between them not: Algorithm 2's centre moves past the COR's circle.
-
-    So the set `cof` is refused for intervals, and `ecof`, whose rows are linear in the loads, is offered.
-    """
-    rng, found = np.random.default_rng(0), 0
-    for seed in range(40):
-        chain = make_chain.random(seed, 2)
-        loads = [(0.02, 1.0), (1.0, 0.02), (0.5, 0.5), (0.2, 0.8), (0.8, 0.2)]
-        interval = IntervalChain.from_ranges(chain)
-        cors = rng.uniform(-1.0, 1.0, size=(400, 2)) * chain.characteristic_length
-        for sense in (1.0, -1.0):
-            twists = np.stack([sense * cors[:, 1], -sense * cors[:, 0], np.full(400, sense)], axis=1)
-            inside = [stable_set(with_loads(interval, np.array(v)), "cof").contains(twists) for v in loads]
-            found += int((inside[0] & inside[1] & ~np.logical_and.reduce(inside[2:])).sum())
-    assert found > 0
-    with pytest.raises(PushplanError, match="'cof' is not linear in the loads"):
-        stable_set_over(interval, "cof")
-
-
 def test_heights_need_floor_friction_as_a_number(make_chain: ChainMaker) -> None:
     chain = make_chain.boxes(2, contact_height=0.01)
     interval = IntervalChain.from_ranges(chain, floor_friction={"box1": (0.2, 0.3)})

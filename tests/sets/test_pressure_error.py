@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import pushplan.core.uncertain as uncertain
-from pushplan.errors import SupportError
 from pushplan.mechanics import support as supports
 from pushplan.mechanics.chain import Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.intervals import IntervalChain
@@ -15,7 +14,6 @@ from pushplan.mechanics.support import (
     PressureMapSupport,
     Support,
     UniformSupport,
-    UnknownSupport,
 )
 from pushplan.mechanics.uncertain import pack_intervals
 from pushplan.util.arrays import FloatArray
@@ -95,11 +93,6 @@ def test_cells_have_the_load_and_the_centre_of_the_pressure() -> None:
     assert len(parts) < 250
     assert parts @ points == pytest.approx(many.center)
     assert FeetSupport(SQUARE, np.full(4, 0.25)).cells()[0].tolist() == SQUARE.tolist()
-
-
-def test_cells_need_a_known_load() -> None:
-    with pytest.raises(SupportError, match="the load is not known"):
-        UnknownSupport(SQUARE).cells()
 
 
 def test_translations_lose_force_nowhere_but_for_what_cells_may_miss() -> None:

@@ -13,7 +13,6 @@ import shapely.affinity
 from scipy.optimize import linprog
 
 import pushplan.core.uncertain as uncertain
-from pushplan.errors import PushplanError
 from pushplan.geometry.polygon import convex_hull
 from pushplan.mechanics.chain import GRAVITY, Chain, Contact, PushedObject, Pusher
 from pushplan.mechanics.intervals import IntervalChain
@@ -210,9 +209,3 @@ def test_intervals_of_load_fractions_hold_for_every_load_in_them(make_chain: Cha
         )
         exact = stable_set(replace(chain, objects=objects)).margin(twists)
         assert (found <= exact + 1e-9)[found > 0.0].all()
-
-
-def test_bad_twists_are_refused(make_chain: ChainMaker) -> None:
-    robust = RobustSet(make_chain.boxes(1))
-    with pytest.raises(PushplanError, match="twist 0 is zero"):
-        robust.worst_case([0.0, 0.0, 0.0])

@@ -139,23 +139,6 @@ def test_a_box_driven_square_into_a_wall_is_a_jam() -> None:
     assert len(simulator.move([-0.1, 0.0, 0.0], 1.0).end) == 0
 
 
-def test_a_gap_closes_and_the_contact_holds_from_then_on() -> None:
-    world = World.from_chain(make.boxes(1, support=on_feet)).with_offset((0.01, 0.0, 0.0))
-    report = pushed(world, (0.1, 0.0, 0.0), way=0.05)
-    assert (report.modes[:10, 0] == Mode.OPEN).all()
-    assert (report.modes[13:, 0] == Mode.STICK).all()
-    assert report.loss is None
-    assert report.objects[-1, 0, 0] == pytest.approx(0.1, abs=1e-9)
-
-
-def test_objects_that_are_not_convex_stick_and_slip() -> None:
-    scenario = pushplan.load_scenario("hook")
-    world = World.from_scenario(scenario)
-    held = pushed(world, (0.1, 0.0, 0.0), way=0.2)
-    assert held.object_errors.max() < 1e-9
-    assert not pushed(world.with_contact_friction(0.1), (0.1, 0.05, 0.0), way=0.2).kept
-
-
 def test_loads_that_are_not_known_and_other_arguments_are_refused() -> None:
     chain = make.boxes(1, support=UnknownSupport)
     with pytest.raises(SupportError, match="the load under 'box0' is unknown"):

@@ -166,19 +166,6 @@ def test_the_command_tells_rates_draws_and_writes_the_worst(
     assert recorded.fields["pushplan.trial"]["sample"] == str(told["worst"]["sample"])
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("frction=0.2", "a NAME of contact_friction, floor_friction, mass, load, position, angle"),
-        ("load=2", "it must be from 0 to below 1"),
-        ("position=3deg", "position is '3deg'; allowed: a number"),
-    ],
-)
-def test_wrong_uncertainties_are_told(words: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["trial", "two-crates", "--uncertainty", words]) == 2
-    assert message in capsys.readouterr().err
-
-
 def test_what_cannot_be_tried_is_refused(planned: Plan) -> None:
     with pytest.raises(PushplanError, match="it must be a whole number from 1"):
         execute_trials(planned, 0)

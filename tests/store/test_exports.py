@@ -19,7 +19,7 @@ from pushplan.drawing.palette import NEAREST, red_green_blue
 from pushplan.drawing.scene import Scene
 from pushplan.errors import PushplanError
 from pushplan.geometry.se2 import compose, transform_points
-from pushplan.logging.bag import FrameNamesError, Frames, write_ros2
+from pushplan.logging.bag import Frames, write_ros2
 from pushplan.logging.film import Film, Still, write_mp4
 from pushplan.logging.layout import layout
 from pushplan.logging.page import render
@@ -175,12 +175,6 @@ def test_rosbags_reads_the_bag_and_rviz_finds_its_topics(
 def _last(run: RecordedRun) -> dict[str, Any]:
     assert run.execution is not None
     return dict(zip(run.execution.names, run.execution.objects[-1], strict=True))
-
-
-@pytest.mark.parametrize("text", ["map", "map,map", "a,b,c,d", "map,/base", "map,,base_link"])
-def test_frames_that_make_no_tree_are_refused(text: str) -> None:
-    with pytest.raises(FrameNamesError, match="allowed: MAP,BASE or MAP,ODOM,BASE, all different"):
-        Frames.from_text(text)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from store.conftest import Case
 
-from pushplan.errors import OutputError, PlanningError
-from pushplan.logging.reader import load_run
+from pushplan.errors import OutputError
 from pushplan.logging.recording import IncompleteLogError, Recording
 from pushplan.logging.runs import runs_of
 from pushplan.verification import verify_log
@@ -26,17 +25,6 @@ def test_a_recorded_run_is_found_in_the_folder_and_verified(cases: dict[str, Cas
     assert verify_log(run.log).matches
     (entry,) = runs_of(tmp_path)
     assert (entry.outcome, entry.seed, entry.cost) == ("solved", "7", plan.cost)
-
-
-def test_what_is_refused_or_fails_says_so_in_its_log(cases: dict[str, Case], tmp_path: Path) -> None:
-    scenario, settings = cases["push"].plan.scenario, {"seed": 1}
-    with pytest.raises(PlanningError), Recording(scenario, settings, tmp_path / "a.mcap"):
-        raise PlanningError("no margin is 2")
-    run = load_run(tmp_path / "a.mcap")
-    assert (run.outcome, run.lines[-1].text) == ("refused", "no margin is 2")
-    with pytest.raises(KeyboardInterrupt), Recording(scenario, settings, tmp_path / "b.mcap"):
-        raise KeyboardInterrupt
-    assert load_run(tmp_path / "b.mcap.partial").outcome == "interrupted"
 
 
 def test_a_log_that_cannot_be_written_is_an_error_only_where_it_was_named(

@@ -50,24 +50,6 @@ def test_the_rectangle_of_speeds_lies_inside_the_polygon(make_chain: ChainMaker,
         assert polygon.contains(_box(found))
 
 
-def test_every_bound_is_at_a_limit_of_the_pusher_or_of_a_contact(make_chain: ChainMaker) -> None:
-    contacts = ContactDynamics(make_chain.boxes(2))
-    held = 0
-    for twist in _stable_twists(contacts, 2, 20):
-        found = contact_limits(twist, 1.0, Bounds(FAST, contacts))
-        alone, rows = arc_limits(twist, FAST, found.speed), contacts.rows(twist)
-        for bound, usual, sign in (
-            (found.acceleration, alone.acceleration, 1.0),
-            (found.deceleration, alone.deceleration, -1.0),
-        ):
-            worst = np.minimum(rows.gamma, 0.0) * found.speed**2 + rows.beta * sign * bound
-            left = float((ROOM * rows.alpha + worst).min())
-            assert left > -1e-9
-            assert bound == usual or left == pytest.approx(0.0, abs=1e-9)
-            held += bound < usual
-    assert held > 10
-
-
 def test_no_other_split_between_speed_and_acceleration_is_much_faster(make_chain: ChainMaker) -> None:
     contacts = ContactDynamics(make_chain.boxes(2))
     for twist in _stable_twists(contacts, 7, 10):

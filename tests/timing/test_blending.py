@@ -125,22 +125,6 @@ def test_the_twist_moves_straight_from_one_arc_to_the_next(make_chain: ChainMake
     assert away.max() < 1e-9
 
 
-def test_two_arcs_cannot_be_blended_onto_the_goal_and_keep_their_stop(
-    make_chain: ChainMaker, planned: Planned
-) -> None:
-    scenario, path = _free(make_chain, planned("one-box")[0], *TURNS[:2])
-    blend = _blend(scenario, path)
-    assert blend.stops == {0}
-    assert blend.trajectory.duration == time_path(path, Bounds(Limits())).duration
-
-
-def test_translations_commute_and_need_no_third_arc(make_chain: ChainMaker, planned: Planned) -> None:
-    scenario, path = _free(make_chain, planned("one-box")[0], (1.0, 0.1, 0.0, 0.4), (1.0, -0.1, 0.0, 0.4))
-    blend = _blend(scenario, path)
-    assert not blend.stops
-    _check(scenario, path, _set(scenario), blend)
-
-
 def _blended(scenario: Scenario, path: PushPath) -> Trajectory:
     return _blend(scenario, path).trajectory
 
@@ -179,15 +163,6 @@ def test_short_arcs_are_passed_as_fast_as_long_ones_with_dynamic_limits(
     a, b = (_blend(scenario, path, contacts) for path in (whole, cut))
     assert not a.stops | b.stops
     assert b.trajectory.duration == pytest.approx(a.trajectory.duration, abs=0.01)
-
-
-def test_a_path_without_corners_is_timed_exactly(make_chain: ChainMaker, planned: Planned) -> None:
-    scenario, path = _free(make_chain, planned("one-box")[0], TURNS[0])
-    blend = _blend(scenario, path)
-    assert blend.stops == frozenset()
-    assert blend.trajectory.duration == time_path(path, Bounds(Limits())).duration
-    empty = PushPath(path.start, np.zeros((0, 3)), np.zeros(0))
-    assert _blend(scenario, empty).trajectory.duration == 0.0
 
 
 def test_needles_in_the_way_of_the_cut_corners_move_the_way_or_make_a_stop(

@@ -10,12 +10,9 @@ import pytest
 from plans_of import timed
 
 from pushplan.errors import TimingError
-from pushplan.mechanics.dynamics import ContactDynamics
-from pushplan.planners.planner import plan
 from pushplan.planners.timing.arc_limits import Bounds
 from pushplan.planners.timing.blending import blend_path
 from pushplan.planners.timing.exact_timing import time_path
-from pushplan.plans.judge import contact_dynamics
 from pushplan.plans.path import PushPath
 from pushplan.scenario.model import Scenario
 from pushplan.sets.named import stable_set
@@ -48,25 +45,3 @@ def test_without_a_margin_dynamic_limits_are_refused(planned: Planned) -> None:
     scenario, path = planned("one-box")
     with pytest.raises(TimingError, match=r"raise stability\.margin"):
         timed(_with(scenario, contact="dynamic"), path, "ecof")
-
-
-@pytest.mark.parametrize(
-    ("name", "worst"), [("ecof", False), ("robust", True), ("stable", True), ("of my own", False)]
-)
-def test_a_set_for_unknown_loads_asks_for_the_worst_case(planned: Planned, name: str, worst: bool) -> None:
-    scenario, _ = planned("two-crates")
-    assert contact_dynamics(scenario, name).worst_case == worst
-
-
-def test_dynamic_limits_of_unknown_loads_hold_for_known_ones(planned: Planned) -> None:
-    scenario, _ = planned("two-crates")
-    settings = replace(scenario.stability, set="robust", margin=0.05)
-    scenario = _with(replace(scenario, stability=settings), contact="dynamic", acceleration=3.0, jerk=60.0)
-    path = plan(scenario, seed=1, time_limit=60.0, iterations=20_000).path
-    assert path is not None
-    trajectory = timed(scenario, path, "robust")
-    times = np.linspace(1e-3, trajectory.duration - 1e-3, 3000)
-    rates = (trajectory.twists_at(times + 1e-6) - trajectory.twists_at(times - 1e-6)) / 2e-6
-    moving = np.abs(trajectory.twists_at(times)).max(axis=1) > 1e-6
-    margins = ContactDynamics(scenario.chain).margins(trajectory.twists_at(times)[moving], rates[moving])
-    assert margins.min() > 0.0
